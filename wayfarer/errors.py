@@ -1,0 +1,78 @@
+"""Every error that wayfarer raises on purpose, on one page.
+
+::
+
+    WayfarerError                 the base: its text is meant for the person holding the wires
+    ├── BadInput                  the user gave something that cannot be used (exit code 2)
+    │   ├── BadConfig             a configuration file: names file and key
+    │   ├── BadForest             a forest file: names file, line and reason
+    │   └── UnknownName           no such algorithm, driver or rover: offers the nearest names
+    ├── DriverError               a part did not do what was asked
+    │   ├── NotResponding         no answer from the part
+    │   ├── WrongPart             something answered, but it is another part
+    │   └── BadReading            an answer that cannot be true (range, NaN, checksum)
+    ├── MissingPart               an algorithm needs a part that this rover does not have
+    └── NothingScheduled          virtual time cannot go on: every task waits for something that cannot come
+
+Texts say what happened, where, the likely cause and what to do, in one line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class WayfarerError(Exception):
+    """Base of all errors raised on purpose."""
+
+
+class BadInput(WayfarerError):
+    """The user gave something that cannot be used; the command ends with exit code 2."""
+
+
+class BadConfig(BadInput):
+    """A configuration that cannot be used; the text names the file and the key."""
+
+
+class BadForest(BadInput):
+    """A forest that cannot be used; the text names the file, the line and the reason."""
+
+
+class UnknownName(BadInput):
+    """No such algorithm, driver or rover."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        known = sorted(known)
+        near = get_close_matches(name, known, n=3, cutoff=0.4)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(known)}"
+        super().__init__(f"unknown {kind} '{name}': {hint}")
+
+
+class DriverError(WayfarerError):
+    """A part did not do what was asked of it."""
+
+
+class NotResponding(DriverError):
+    """No answer from the part: wiring, power or address."""
+
+
+class WrongPart(DriverError):
+    """Something answered, but it is not the part that was expected."""
+
+    def __init__(self, where: str, expected: str, got: str) -> None:
+        super().__init__(f"{where}: expected {expected}, got {got}; another part at this address, or bad wiring")
+        self.expected = expected
+        self.got = got
+
+
+class BadReading(DriverError):
+    """The part answered with a value that cannot be true; the sample is dropped."""
+
+
+class MissingPart(WayfarerError):
+    """An algorithm needs a part that this rover's configuration does not give."""
+
+
+class NothingScheduled(WayfarerError):
+    """Virtual time cannot go on: every task waits for something that nothing can bring."""
