@@ -1,0 +1,18 @@
+"""Fixtures shared by the whole suite."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+REFERENCE_FOLDER = Path(__file__).resolve().parents[2] / "shared" / "reference"
+
+
+@pytest.fixture(scope="session")
+def reference_forests_path() -> Path:
+    """The reference forests beside the checkout; the test skips where they are absent."""
+    path = REFERENCE_FOLDER / "forests.jsonl"
+    if not path.is_file():
+        pytest.skip(f"the reference forests are not at {path}")
+    return path

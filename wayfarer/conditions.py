@@ -1,0 +1,56 @@
+"""Conditions of the rover's own health, and what each demands: one table, the most severe wins.
+
+These are not anomalies. An anomaly (``escape.api.Anomaly``) says that the forest is in the way and is answered by a
+manoeuvre; a condition says that the rover cannot trust itself and is answered by the safety gate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from enum import Enum, IntEnum
+
+
+class Level(IntEnum):
+    """How severe: 0 is well; the motor board's own deadman (S4) acts without us and is not listed."""
+
+    WELL = -1
+    NOTE = 0  # S0: written to the log
+    DEGRADE = 1  # S1: go on with less
+    HOLD = 2  # S2: wheels zero, resumes when the condition clears
+    FAULT = 3  # S3: wheels zero, latched until armed anew
+
+
+class Condition(Enum):
+    """What can be wrong with the rover itself."""
+
+    COMPASS_STALE = "compass_stale"
+    COMPASS_LOST = "compass_lost"
+    COMPASS_IMPLAUSIBLE = "compass_implausible"
+    MOTION_STALE = "motion_stale"
+    MOTION_UNKNOWN = "motion_unknown"
+    MOTION_LOST = "motion_lost"
+    MOTION_IMPLAUSIBLE = "motion_implausible"
+    CONTACT_STALE = "contact_stale"
+    OVERTURNED = "overturned"
+    MOTORS_FAILED = "motors_failed"
+    TICK_LATE = "tick_late"
+
+
+LEVELS: Mapping[Condition, Level] = {
+    Condition.COMPASS_STALE: Level.HOLD,
+    Condition.COMPASS_LOST: Level.FAULT,
+    Condition.COMPASS_IMPLAUSIBLE: Level.HOLD,
+    Condition.MOTION_STALE: Level.HOLD,
+    Condition.MOTION_UNKNOWN: Level.DEGRADE,
+    Condition.MOTION_LOST: Level.HOLD,
+    Condition.MOTION_IMPLAUSIBLE: Level.NOTE,
+    Condition.CONTACT_STALE: Level.HOLD,
+    Condition.OVERTURNED: Level.FAULT,
+    Condition.MOTORS_FAILED: Level.FAULT,
+    Condition.TICK_LATE: Level.HOLD,
+}
+
+
+def worst(conditions: Iterable[Condition]) -> Condition | None:
+    """Return the most severe condition, the first of equals, or None."""
+    return max(conditions, key=LEVELS.__getitem__, default=None)

@@ -1,0 +1,114 @@
+"""Rover files: everything that makes one rover, in TOML, checked before anything moves.
+
+A file is complete in itself: body, rates, drivers and every threshold, with the unit in each key's name. Unknown keys
+are refused by name, values outside their range with the range. The shipped files are in ``wayfarer/rovers``.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from difflib import get_close_matches
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails
+
+from wayfarer.bounds import Hertz
+from wayfarer.detector import DetectorSettings
+from wayfarer.errors import BadConfig, UnknownName
+from wayfarer.escape.api import EscapeSettings, Vehicle
+from wayfarer.safety import SafetySettings
+
+_STRICT = ConfigDict(extra="forbid", frozen=True)
+
+
+class Rates(BaseModel):
+    """How often each sensor is read."""
+
+    model_config = _STRICT
+
+    compass_hz: Hertz = 20.0
+    motion_hz: Hertz = 20.0
+    contact_hz: Hertz = 20.0
+    position_hz: Hertz = 1.0
+
+
+class RoverConfig(BaseModel):
+    """One rover, as its file describes it."""
+
+    model_config = _STRICT
+
+    name: str = Field(min_length=1, max_length=40)
+    control_hz: Hertz = 20.0
+    anomaly_source: Literal["motion", "contact"] = "motion"
+    vehicle: Vehicle
+    rates: Rates = Rates()
+    escape: EscapeSettings = EscapeSettings()
+    detector: DetectorSettings = DetectorSettings()
+    safety: SafetySettings = SafetySettings()
+
+    def with_anomaly_source(self, source: Literal["motion", "contact"]) -> Self:
+        """Return the same rover, noticing obstacles by another sense."""
+        return self.model_copy(update={"anomaly_source": source})
+
+
+def rover_names() -> list[str]:
+    """Return the names of the shipped rovers."""
+    return sorted(path.name.removesuffix(".toml") for path in _shipped().iterdir() if path.name.endswith(".toml"))
+
+
+def load_rover(name_or_path: str) -> RoverConfig:
+    """Return a shipped rover by name, or one from a TOML file (anything with a slash or ending in ``.toml``).
+
+    Raises:
+        UnknownName: no shipped rover of that name.
+        BadConfig: the file cannot be read or is not right; the text names file, key and what is allowed.
+    """
+    if "/" in name_or_path or name_or_path.endswith(".toml"):
+        return _parse(name_or_path, _read(Path(name_or_path)))
+    if name_or_path not in rover_names():
+        raise UnknownName("rover", name_or_path, rover_names())
+    resource = _shipped() / f"{name_or_path}.toml"
+    return _parse(f"{name_or_path}.toml", resource.read_text(encoding="utf-8"))
+
+
+def _shipped() -> Any:
+    return files("wayfarer") / "rovers"
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise BadConfig(f"{path}: no such file; shipped rovers are {', '.join(rover_names())}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadConfig(f"{path}: cannot be read: {error}") from None
+
+
+def _parse(where: str, text: str) -> RoverConfig:
+    try:
+        return RoverConfig.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise BadConfig(f"{where}: not valid TOML: {error}") from None
+    except ValidationError as error:
+        raise BadConfig(f"{where}: {_explain(error.errors()[0])}") from None
+
+
+def _explain(problem: ErrorDetails) -> str:
+    """Say what is wrong with one key in one line: the key, what was found, what is allowed."""
+    *section, key = (str(part) for part in problem["loc"])
+    dotted = ".".join([*section, key])
+    if problem["type"] in {"extra_forbidden", "unexpected_keyword_argument"}:
+        near = get_close_matches(key, _known_keys(section), n=1)
+        return f"unknown key '{dotted}'" + (f"; did you mean '{near[0]}'?" if near else "")
+    if problem["type"] in {"missing", "missing_argument"}:
+        return f"key '{dotted}' is missing"
+    return f"key '{dotted}' = {problem['input']!r}: {problem['msg'].lower()}"
+
+
+def _known_keys(section: list[str]) -> list[str]:
+    model: Any = RoverConfig.model_fields[section[0]].annotation if section else RoverConfig
+    fields = getattr(model, "model_fields", None) or getattr(model, "__dataclass_fields__", {})
+    return list(fields)

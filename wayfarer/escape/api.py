@@ -1,0 +1,126 @@
+"""What goes into an escape algorithm, what comes out, and what it must promise.
+
+An algorithm is pure: no clock, no I/O, no asyncio, no global randomness. Time comes in as ``Observation.t_s``, chance
+as the ``random.Random`` it was made with. The same observations give the same decisions, on a rover, in a simulated
+forest and in a replay of last week's log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple, Protocol
+
+from wayfarer.bounds import Degrees, DegreesPerSecond, Gain, Metres, MetresPerSecond
+from wayfarer.hal import ContactReading, WheelCommand
+
+
+class Anomaly(Enum):
+    """What tells a blind rover that it met something; the order is that of the log, not of severity."""
+
+    IMMOBILISED = "immobilised"
+    NOSE_UP = "nose_up"
+    NOSE_DOWN = "nose_down"
+    RIGHT_DOWN = "right_down"
+    LEFT_DOWN = "left_down"
+    TOUCHED = "touched"
+
+
+class Phase(Enum):
+    """What the rover is doing."""
+
+    FOLLOW = "follow"
+    BACK_OFF = "back_off"
+    TURN_AWAY = "turn_away"
+    PROBE = "probe"
+    STRIDE = "stride"
+    HALT = "halt"
+
+
+class Observation(NamedTuple):
+    """What an algorithm sees in one control tick.
+
+    ``travelled_m`` is the distance commanded so far, forwards and backwards both counted up: dead reckoning from
+    commands, not a measurement. ``contact`` is None on a rover without a contact sensor.
+    """
+
+    t_s: float
+    heading_deg: float
+    pitch_deg: float
+    roll_deg: float
+    anomalies: tuple[Anomaly, ...]
+    contact: ContactReading | None
+    goal_heading_deg: float
+    travelled_m: float
+
+
+class Decision(NamedTuple):
+    """What an algorithm wants. ``why`` is a fixed event name such as ``probe.unwound``, or the phase when nothing new."""
+
+    wheels: WheelCommand
+    phase: Phase
+    why: str
+
+
+class EscapeHandler(Protocol):
+    """One algorithm at work in one run."""
+
+    def decide(self, observation: Observation) -> Decision:
+        """Return the decision for this tick. Called once a tick with strictly increasing ``t_s``; never raises."""
+
+    def memory(self) -> Mapping[str, float | str]:
+        """Return the inner state for the log and for replay: at least ``counter_deg`` and ``episodes``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """What the decision logic knows of the body.
+
+    ``track_m`` is the effective track for turning, as found by calibration: a skid-steered rover slips sideways and
+    turns as if its wheels stood further apart than they do.
+    """
+
+    length_m: Metres
+    width_m: Metres
+    track_m: Metres
+    max_speed_m_s: MetresPerSecond
+
+    def mix(self, speed_m_s: float, turn_rad_s: float) -> WheelCommand:
+        """Return the wheel duties for a forward speed and a clockwise turn rate.
+
+        Where that asks for more than full duty, both sides are scaled down together: the curve keeps its shape.
+        """
+        lead_m_s = turn_rad_s * self.track_m / 2
+        left_m_s, right_m_s = speed_m_s + lead_m_s, speed_m_s - lead_m_s
+        full_m_s = max(self.max_speed_m_s, abs(left_m_s), abs(right_m_s))
+        return WheelCommand(left_m_s / full_m_s, right_m_s / full_m_s)
+
+
+@dataclass(frozen=True, slots=True)
+class EscapeSettings:
+    """The numbers of the manoeuvres.
+
+    The distances are those of the paper's released simulator, so that its results can be compared: reverse 0.15 m,
+    straight 0.6 m, then an arc of 5 degrees every 0.1 m (radius 1.15 m), strides of the Lévy walk 0.6 to 10 m.
+    The turn angle, the 5 degree reset and the 20 degree compatibility are from the paper, section III.
+    """
+
+    cruise_m_s: MetresPerSecond = 1.0
+    reverse_m_s: MetresPerSecond = 0.6
+    turn_deg_s: DegreesPerSecond = 180.0
+    back_off_m: Metres = 0.15
+    turn_angle_deg: Degrees = 30.0
+    probe_straight_m: Metres = 0.6
+    probe_radius_m: Metres = 1.15
+    reset_within_deg: Degrees = 5.0
+    compatible_within_deg: Degrees = 20.0
+    react_stride_m: Metres = 0.6
+    levy_stride_min_m: Metres = 0.6
+    levy_stride_max_m: Metres = 10.0
+    levy_turn_min_deg: Degrees = 10.0
+    levy_turn_max_deg: Degrees = 50.0
+    heading_p: Gain = 3.0
+    heading_i: Gain = 0.2
+    heading_d: Gain = 0.0
+    pivot_beyond_deg: Degrees = 60.0

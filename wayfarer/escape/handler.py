@@ -1,0 +1,104 @@
+"""The escape handler: runs the manoeuvres of one algorithm over the phase table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from random import Random
+
+from wayfarer.escape import policies
+from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
+from wayfarer.escape.manoeuvres import MANOEUVRES, Course
+from wayfarer.escape.phases import WHY, Event, Transitions
+
+# After this many blocked turns in a row the next one goes to the other side: repeating what does not work is how
+# mowers dig themselves in.
+BLOCKED_TURNS_BEFORE_FLIP = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """What makes one algorithm out of the common handler.
+
+    ``keeps_side`` holds the turn direction for a whole episode, as Pledge must; otherwise each anomaly chooses anew.
+    """
+
+    transitions: Transitions
+    side: policies.TurnSide
+    angle: policies.TurnAngle
+    stride: policies.StrideLength = policies.short_stride
+    resets: bool = False
+    keeps_side: bool = False
+
+
+class PhasedHandler:
+    """Decides one tick at a time; implements ``EscapeHandler``."""
+
+    def __init__(self, recipe: Recipe, settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> None:
+        self._recipe = recipe
+        self._settings = settings
+        self._rng = rng
+        self._course = Course(resets=recipe.resets)
+        self._manoeuvres = {kind.phase: kind(settings, vehicle, self._course) for kind in MANOEUVRES}
+        self._manoeuvre = self._manoeuvres[Phase.FOLLOW]
+        self._phase_name = Phase.FOLLOW.value
+        self._last_heading_deg: float | None = None
+        self._episodes = 0
+        self._blocked_turns = 0
+
+    def decide(self, observation: Observation) -> Decision:
+        """Return the decision for this tick; see ``EscapeHandler``."""
+        self._count_turn(observation)
+        manoeuvre = self._manoeuvre
+        event = manoeuvre.event(observation)
+        if event is None:
+            return Decision(manoeuvre.wheels(observation), manoeuvre.phase, self._phase_name)
+        why = WHY[manoeuvre.phase, event]
+        self._enter(self._recipe.transitions[manoeuvre.phase, event], event, observation)
+        return Decision(self._manoeuvre.wheels(observation), self._manoeuvre.phase, why)
+
+    def memory(self) -> Mapping[str, float | str]:
+        """Return the inner state for the log and for replay."""
+        course = self._course
+        return {
+            "counter_deg": round(course.counter_deg, 3),
+            "side": course.side,
+            "turn_deg": round(course.turn_deg, 3),
+            "episodes": self._episodes,
+            "blocked_turns": self._blocked_turns,
+        }
+
+    def _count_turn(self, observation: Observation) -> None:
+        """Let the counter follow the compass, through wrap-around and however the turn came about."""
+        heading_deg = observation.heading_deg
+        if self._last_heading_deg is None:
+            self._manoeuvre.begin(observation)
+        else:
+            self._course.counter_deg += (heading_deg - self._last_heading_deg + 180.0) % 360.0 - 180.0
+        self._last_heading_deg = heading_deg
+
+    def _enter(self, phase: Phase, event: Event, observation: Observation) -> None:
+        if phase is Phase.BACK_OFF:
+            self._plan(observation, new_episode=self._manoeuvre.phase is Phase.FOLLOW)
+        elif self._manoeuvre.phase is Phase.TURN_AWAY:
+            self._end_turn(event)
+        self._manoeuvre = self._manoeuvres[phase]
+        self._phase_name = phase.value
+        self._manoeuvre.begin(observation)
+
+    def _plan(self, observation: Observation, *, new_episode: bool) -> None:
+        """Choose side, angle and stride for the anomaly that was just met."""
+        recipe, course = self._recipe, self._course
+        if new_episode:
+            self._episodes += 1
+            course.counter_deg = 0.0
+        if new_episode or not recipe.keeps_side:
+            self._side = recipe.side(observation, self._settings, self._rng)
+        flip = self._blocked_turns >= BLOCKED_TURNS_BEFORE_FLIP
+        course.side = -self._side if flip else self._side
+        course.turn_deg = recipe.angle(observation, self._settings, self._rng)
+        course.stride_m = recipe.stride(self._settings, self._rng)
+
+    def _end_turn(self, event: Event) -> None:
+        self._blocked_turns = self._blocked_turns + 1 if event is Event.EXHAUSTED else 0
+        self._course.side = self._side

@@ -1,0 +1,240 @@
+"""The manoeuvres: one for each phase, what the wheels do in it and which event ends it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from math import inf, radians
+from typing import ClassVar
+
+from wayfarer.angles import wrap180
+from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Phase, Vehicle
+from wayfarer.escape.phases import Event
+from wayfarer.escape.steering import HeadingHold
+from wayfarer.hal import Side, WheelCommand
+
+# A manoeuvre may take this much longer, in time and in distance, than its plan before it counts as failed: lag, mud
+# and turn slip are part of a normal day. The constant second covers the start from standstill.
+SLACK = 3.0
+SLACK_S = 1.0
+
+
+@dataclass(slots=True)
+class Course:
+    """What an episode carries from one manoeuvre to the next.
+
+    ``counter_deg`` is the paper's C: the heading gained since the episode began, clockwise positive, any number of
+    turns. ``side`` is the turn direction tau (+1 clockwise), ``turn_deg`` the turn angle theta.
+    """
+
+    side: int = 1
+    turn_deg: float = 0.0
+    stride_m: float = 0.0
+    counter_deg: float = 0.0
+    resets: bool = False
+
+
+_NOTHING: frozenset[Anomaly] = frozenset()
+
+
+class Manoeuvre(ABC):
+    """One phase at work: ``begin``, then ``event`` and ``wheels`` once a tick until ``event`` returns one."""
+
+    phase: ClassVar[Phase]
+
+    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
+        self._settings = settings
+        self._vehicle = vehicle
+        self._course = course
+        self._limit_t_s = inf
+        self._limit_m = inf
+        self._known = _NOTHING
+
+    @abstractmethod
+    def begin(self, observation: Observation) -> None:
+        """Start at this observation."""
+
+    @abstractmethod
+    def event(self, observation: Observation) -> Event | None:
+        """Return what ends the manoeuvre now, or None to go on."""
+
+    @abstractmethod
+    def wheels(self, observation: Observation) -> WheelCommand:
+        """Return the wheels for this tick."""
+
+    def _bound(self, observation: Observation, time_s: float, distance_m: float = inf) -> None:
+        """Bound the manoeuvre: the planned time and commanded distance, with slack, from this observation on."""
+        self._limit_t_s = observation.t_s + time_s * SLACK + SLACK_S
+        self._limit_m = observation.travelled_m + distance_m * SLACK
+
+    def _exhausted(self, observation: Observation) -> bool:
+        return observation.t_s >= self._limit_t_s or observation.travelled_m >= self._limit_m
+
+    def _fresh(self, observation: Observation) -> tuple[Anomaly, ...]:
+        """Return the anomalies that were not there when the manoeuvre began; one that has cleared may come again."""
+        if not observation.anomalies:
+            self._known = _NOTHING
+            return ()
+        self._known &= frozenset(observation.anomalies)
+        return tuple(anomaly for anomaly in observation.anomalies if anomaly not in self._known)
+
+
+class Follow(Manoeuvre):
+    """Hold the goal heading. Runs out when turning towards the goal takes too long: something holds the body."""
+
+    phase = Phase.FOLLOW
+
+    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
+        super().__init__(settings, vehicle, course)
+        self._hold = HeadingHold(settings, vehicle)
+        self._pivot_s = 180.0 / settings.turn_deg_s
+
+    def begin(self, observation: Observation) -> None:
+        self._hold.reset()
+        self._bound(observation, self._pivot_s)
+
+    def event(self, observation: Observation) -> Event | None:
+        if observation.anomalies:
+            return Event.ANOMALY
+        if observation.t_s >= self._limit_t_s:
+            return self._check_alignment(observation)
+        return None
+
+    def wheels(self, observation: Observation) -> WheelCommand:
+        error_deg = (observation.goal_heading_deg - observation.heading_deg + 180.0) % 360.0 - 180.0
+        return self._hold.wheels(observation.t_s, error_deg)
+
+    def _check_alignment(self, observation: Observation) -> Event | None:
+        error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
+        if abs(error_deg) >= self._settings.pivot_beyond_deg:
+            return Event.EXHAUSTED
+        self._bound(observation, self._pivot_s)
+        return None
+
+
+class BackOff(Manoeuvre):
+    """Reverse straight. What was wrong at its start is not news; being blocked behind is."""
+
+    phase = Phase.BACK_OFF
+
+    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
+        super().__init__(settings, vehicle, course)
+        self._reverse = vehicle.mix(-settings.reverse_m_s, 0.0)
+        self._time_s = settings.back_off_m / settings.reverse_m_s
+
+    def begin(self, observation: Observation) -> None:
+        self._known = frozenset(observation.anomalies)
+        self._until_m = observation.travelled_m + self._settings.back_off_m
+        self._bound(observation, self._time_s, self._settings.back_off_m)
+
+    def event(self, observation: Observation) -> Event | None:
+        if observation.travelled_m >= self._until_m:
+            return Event.DONE
+        if self._blocked_behind(observation):
+            return Event.ANOMALY
+        return Event.EXHAUSTED if self._exhausted(observation) else None
+
+    def wheels(self, _observation: Observation) -> WheelCommand:
+        return self._reverse
+
+    def _blocked_behind(self, observation: Observation) -> bool:
+        """Tell whether reversing met something; a touch counts only behind, the front may still be clearing."""
+        if observation.contact is not None and Side.REAR in observation.contact.sides:
+            return Anomaly.TOUCHED in observation.anomalies
+        return any(anomaly is not Anomaly.TOUCHED for anomaly in self._fresh(observation))
+
+
+class TurnAway(Manoeuvre):
+    """Turn on the spot by the course's angle to its side. Being blocked shows as running out of time."""
+
+    phase = Phase.TURN_AWAY
+
+    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
+        super().__init__(settings, vehicle, course)
+        turn_rad_s = radians(settings.turn_deg_s)
+        self._pivot = {side: vehicle.mix(0.0, side * turn_rad_s) for side in (1, -1)}
+
+    def begin(self, observation: Observation) -> None:
+        course = self._course
+        self._known = frozenset(observation.anomalies)
+        self._until_deg = course.counter_deg + course.side * course.turn_deg
+        self._bound(observation, course.turn_deg / self._settings.turn_deg_s)
+
+    def event(self, observation: Observation) -> Event | None:
+        course = self._course
+        if (course.counter_deg - self._until_deg) * course.side >= 0.0:
+            return Event.DONE
+        if self._fresh(observation):
+            return Event.ANOMALY
+        return Event.EXHAUSTED if self._exhausted(observation) else None
+
+    def wheels(self, _observation: Observation) -> WheelCommand:
+        return self._pivot[self._course.side]
+
+
+class Probe(Manoeuvre):
+    """Drive straight for a body length or so, then curve back against the turn until the counter is unwound."""
+
+    phase = Phase.PROBE
+
+    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
+        super().__init__(settings, vehicle, course)
+        cruise_m_s, radius_m = settings.cruise_m_s, settings.probe_radius_m
+        self._ahead = vehicle.mix(cruise_m_s, 0.0)
+        self._curve = {side: vehicle.mix(cruise_m_s, -side * cruise_m_s / radius_m) for side in (1, -1)}
+
+    def begin(self, observation: Observation) -> None:
+        settings = self._settings
+        arc_m = radians(abs(self._course.counter_deg)) * settings.probe_radius_m
+        distance_m = settings.probe_straight_m + arc_m
+        self._curve_from_m = observation.travelled_m + settings.probe_straight_m
+        self._bound(observation, distance_m / settings.cruise_m_s, distance_m)
+
+    def event(self, observation: Observation) -> Event | None:
+        if observation.anomalies:
+            return Event.ANOMALY
+        course = self._course
+        if course.counter_deg * course.side <= 0.0:
+            return Event.UNWOUND
+        if course.resets and self._realigned(observation):
+            return Event.REALIGNED
+        return Event.EXHAUSTED if self._exhausted(observation) else None
+
+    def wheels(self, observation: Observation) -> WheelCommand:
+        if observation.travelled_m < self._curve_from_m:
+            return self._ahead
+        return self._curve[self._course.side]
+
+    def _realigned(self, observation: Observation) -> bool:
+        error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
+        return abs(error_deg) <= self._settings.reset_within_deg
+
+
+class Stride(Manoeuvre):
+    """Drive straight for the course's stride, on the heading at which it began."""
+
+    phase = Phase.STRIDE
+
+    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
+        super().__init__(settings, vehicle, course)
+        self._hold = HeadingHold(settings, vehicle)
+
+    def begin(self, observation: Observation) -> None:
+        stride_m = self._course.stride_m
+        self._hold.reset()
+        self._heading_deg = observation.heading_deg
+        self._until_m = observation.travelled_m + stride_m
+        self._bound(observation, stride_m / self._settings.cruise_m_s, stride_m)
+
+    def event(self, observation: Observation) -> Event | None:
+        if observation.anomalies:
+            return Event.ANOMALY
+        if observation.travelled_m >= self._until_m:
+            return Event.DONE
+        return Event.EXHAUSTED if self._exhausted(observation) else None
+
+    def wheels(self, observation: Observation) -> WheelCommand:
+        return self._hold.wheels(observation.t_s, wrap180(self._heading_deg - observation.heading_deg))
+
+
+MANOEUVRES: tuple[type[Manoeuvre], ...] = (Follow, BackOff, TurnAway, Probe, Stride)

@@ -1,0 +1,49 @@
+"""Holding a heading: a PID controller from heading error to turn rate (paper, section III-A)."""
+
+from __future__ import annotations
+
+from math import cos, radians
+
+from wayfarer.escape.api import EscapeSettings, Vehicle
+from wayfarer.hal import WheelCommand
+
+
+class HeadingHold:
+    """Drives along a heading; beyond ``pivot_beyond_deg`` of error it turns on the spot instead."""
+
+    def __init__(self, settings: EscapeSettings, vehicle: Vehicle) -> None:
+        self._gains = (settings.heading_p, settings.heading_i, settings.heading_d)
+        self._cruise_m_s = settings.cruise_m_s
+        self._turn_limit_rad_s = radians(settings.turn_deg_s)
+        self._pivot_beyond_deg = settings.pivot_beyond_deg
+        self._mix = vehicle.mix
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past: the next error is the first."""
+        self._integral = 0.0
+        self._last_error: float | None = None
+        self._last_t_s = 0.0
+
+    def wheels(self, t_s: float, error_deg: float) -> WheelCommand:
+        """Return the wheels for a heading error in [-180, 180), positive when the goal lies clockwise."""
+        error = radians(error_deg)
+        turn_rad_s = self._turn_rad_s(t_s, error)
+        if -self._pivot_beyond_deg < error_deg < self._pivot_beyond_deg:
+            return self._mix(self._cruise_m_s * cos(error), turn_rad_s)
+        self._integral = 0.0  # a pivot is not a steady offset to be learnt
+        return self._mix(0.0, turn_rad_s)
+
+    def _turn_rad_s(self, t_s: float, error: float) -> float:
+        p, i, d = self._gains
+        turn = p * error
+        if self._last_error is not None:
+            dt_s = t_s - self._last_t_s
+            self._integral += error * dt_s
+            turn += i * self._integral
+            if d and dt_s > 0:
+                turn += d * (error - self._last_error) / dt_s
+        self._last_error = error
+        self._last_t_s = t_s
+        limit = self._turn_limit_rad_s
+        return limit if turn > limit else -limit if turn < -limit else turn

@@ -1,0 +1,76 @@
+"""One-slot cells between the sensor tasks, which write at their own rates, and the control tick, which reads all."""
+
+from __future__ import annotations
+
+from typing import Generic, NamedTuple, TypeVar
+
+from wayfarer.hal import CompassReading, ContactReading, MotionReading
+
+R = TypeVar("R")
+
+
+class Cell(Generic[R]):
+    """Holds the newest reading; an unread older one is overwritten."""
+
+    __slots__ = ("reading",)
+
+    def __init__(self) -> None:
+        self.reading: R | None = None
+
+    def write(self, reading: R) -> None:
+        """Replace the reading."""
+        self.reading = reading
+
+
+class MotionCell:
+    """Adds up displacements until the tick takes them, so that no sensor rate loses ground.
+
+    The quality of the sum is that of its worst part: half a displacement is not a displacement.
+    """
+
+    __slots__ = ("_pending",)
+
+    def __init__(self) -> None:
+        self._pending: MotionReading | None = None
+
+    def write(self, reading: MotionReading) -> None:
+        """Add a reading to what is pending."""
+        pending = self._pending
+        if pending is not None:
+            reading = MotionReading(
+                reading.t_s,
+                pending.forward_m + reading.forward_m,
+                pending.right_m + reading.right_m,
+                min(pending.quality, reading.quality),
+            )
+        self._pending = reading
+
+    def take(self) -> MotionReading | None:
+        """Return the displacement since the last take, or None where nothing was read since."""
+        pending = self._pending
+        self._pending = None
+        return pending
+
+
+class Snapshot(NamedTuple):
+    """What all sensors say at one control tick; None where a sensor has not spoken (motion: since the last tick)."""
+
+    t_s: float
+    compass: CompassReading | None
+    motion: MotionReading | None
+    contact: ContactReading | None
+
+
+class Cells:
+    """The cells of one rover."""
+
+    __slots__ = ("compass", "contact", "motion")
+
+    def __init__(self) -> None:
+        self.compass: Cell[CompassReading] = Cell()
+        self.motion = MotionCell()
+        self.contact: Cell[ContactReading] = Cell()
+
+    def snapshot(self, t_s: float) -> Snapshot:
+        """Return what all sensors say now."""
+        return Snapshot(t_s, self.compass.reading, self.motion.take(), self.contact.reading)

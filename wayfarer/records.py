@@ -1,0 +1,42 @@
+"""What a run tells its log, and the interface of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple, Protocol
+
+from wayfarer.conditions import Condition, Level
+from wayfarer.escape.api import Decision, Observation
+from wayfarer.hal import PositionFix, WheelCommand
+
+
+class TickRecord(NamedTuple):
+    """One control tick: what was seen, decided and applied, and what the safety gate thought of it.
+
+    ``observation`` is None before the first believable heading. ``memory`` gives the handler's inner state and is only
+    good until the next tick: a log that keeps it calls it at once.
+    """
+
+    t_s: float
+    observation: Observation | None
+    decision: Decision
+    applied: WheelCommand
+    level: Level
+    cause: Condition | None
+    memory: Callable[[], Mapping[str, float | str]]
+
+
+class RunLog(Protocol):
+    """Where a run writes. No method may raise or wait: logging never reaches into control."""
+
+    def tick(self, record: TickRecord) -> None:
+        """Take the record of one control tick."""
+
+    def event(self, name: str, t_s: float, **details: object) -> None:
+        """Take something that happened at ``t_s`` on the loop's clock."""
+
+    def position(self, fix: PositionFix | None) -> None:
+        """Take a position."""
+
+    def close(self, reason: str, text: str) -> None:
+        """Write the outcome and end the log."""

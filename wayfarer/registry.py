@@ -1,0 +1,85 @@
+"""Finding algorithms and drivers by name: built in, from an installed package, or from ``"module:attribute"``.
+
+A third party adds an algorithm with an entry point in the group ``wayfarer.algorithms`` and a driver with one in
+``wayfarer.drivers``; no file of wayfarer is touched.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from wayfarer.errors import BadInput, UnknownName
+from wayfarer.escape.catalogue import CATALOGUE, Algorithm
+
+ALGORITHM_GROUP = "wayfarer.algorithms"
+DRIVER_GROUP = "wayfarer.drivers"
+
+# Built-in drivers, by the name that a rover file uses. The module is imported when the part is chosen, never before.
+BUILT_IN_DRIVERS: Mapping[str, str] = {}
+
+
+def algorithm_names() -> list[str]:
+    """Return the names of all algorithms: the paper's ten in the catalogue's order, then installed ones by name."""
+    return [*CATALOGUE, *sorted(set(_installed(ALGORITHM_GROUP)) - set(CATALOGUE))]
+
+
+def find_algorithm(name: str) -> Algorithm:
+    """Return an algorithm by name or ``"module:attribute"``.
+
+    Raises:
+        UnknownName: nothing of that name; the text offers the nearest ones.
+        BadInput: the module cannot be imported, or what it gives is no ``Algorithm``.
+    """
+    if name in CATALOGUE:
+        return CATALOGUE[name]
+    found, origin = _find("algorithm", name, _installed(ALGORITHM_GROUP), algorithm_names())
+    if not isinstance(found, Algorithm):
+        raise BadInput(f"algorithm '{name}': {origin} is not a wayfarer.escape.catalogue.Algorithm")
+    return replace(found, origin=origin)
+
+
+def driver_names() -> list[str]:
+    """Return the names of all drivers, built in and installed."""
+    return sorted({*BUILT_IN_DRIVERS, *_installed(DRIVER_GROUP)})
+
+
+def find_driver(name: str) -> Any:
+    """Return a driver class by name or ``"module:attribute"``; its bus adapter is imported only now.
+
+    Raises:
+        UnknownName: nothing of that name; the text offers the nearest ones.
+        BadInput: the module cannot be imported.
+    """
+    if name in BUILT_IN_DRIVERS:
+        return _load_path("driver", BUILT_IN_DRIVERS[name])
+    return _find("driver", name, _installed(DRIVER_GROUP), driver_names())[0]
+
+
+def _installed(group: str) -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=group)}
+
+
+def _find(kind: str, name: str, installed: Mapping[str, EntryPoint], known: list[str]) -> tuple[Any, str]:
+    if name in installed:
+        point = installed[name]
+        return _load_path(kind, point.value), point.dist.name if point.dist else point.value
+    if ":" in name:
+        return _load_path(kind, name), name
+    raise UnknownName(kind, name, known)
+
+
+def _load_path(kind: str, path: str) -> Any:
+    """Import ``"module:attribute"``."""
+    module_name, _, attribute = path.partition(":")
+    try:
+        module = importlib.import_module(module_name)
+    except ImportError as error:
+        raise BadInput(f"{kind} '{path}': cannot import {module_name} ({error}); is it installed?") from error
+    try:
+        return getattr(module, attribute)
+    except AttributeError as error:
+        raise BadInput(f"{kind} '{path}': module {module_name} has no '{attribute}'") from error

@@ -1,0 +1,85 @@
+"""The last gate before the wheels. Pure: the supervisor asks it once a tick and obeys.
+
+Whatever the decision wants, the wheels get zero unless the rover is armed and nothing demands a hold; a fault stays
+until the rover is armed anew. What passes is limited in duty and in how fast it may grow. Stopping is never limited.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Annotated, NamedTuple
+
+from annotated_types import Interval
+
+from wayfarer.bounds import Seconds
+from wayfarer.conditions import LEVELS, Condition, Level, worst
+from wayfarer.hal import STOP, WheelCommand
+
+
+@dataclass(frozen=True, slots=True)
+class SafetySettings:
+    """Limits at the gate.
+
+    ``slew_per_s`` bounds how fast a duty may grow: a motor start that resets the computer is the commonest trouble of
+    such rovers. ``mission_*`` end a run normally.
+    """
+
+    duty_max: Annotated[float, Interval(gt=0, le=1)] = 1.0
+    slew_per_s: Annotated[float, Interval(gt=0, le=1000)] = 8.0
+    tick_late_s: Seconds = 0.2
+    mission_time_s: Seconds = 3600.0
+    mission_distance_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 2000.0
+    start_delay_s: Annotated[float, Interval(ge=0, le=600)] = 10.0
+    settle_s: Seconds = 1.0
+    settle_spread_deg: Annotated[float, Interval(gt=0, le=180)] = 3.0
+
+
+class Verdict(NamedTuple):
+    """What the wheels get, how severe the worst condition is, and which one it is (None: nothing is wrong)."""
+
+    wheels: WheelCommand
+    level: Level
+    cause: Condition | None
+
+
+class Gate:
+    """Limits commands and holds or latches on conditions."""
+
+    def __init__(self, settings: SafetySettings, control_hz: float) -> None:
+        self._duty_max = settings.duty_max
+        self._step = settings.slew_per_s / control_hz
+        self._left = self._right = 0.0
+        self._fault: Condition | None = None
+
+    @property
+    def fault(self) -> Condition | None:
+        """The latched fault, None while there is none."""
+        return self._fault
+
+    def clear_fault(self) -> None:
+        """Forget the latched fault; only arming does this."""
+        self._fault = None
+
+    def update(self, wanted: WheelCommand, conditions: Sequence[Condition], *, armed: bool) -> Verdict:
+        """Return what the wheels may get for one tick."""
+        cause, level = self._fault, Level.FAULT
+        if cause is None:
+            cause = worst(conditions) if conditions else None
+            level = LEVELS[cause] if cause is not None else Level.WELL
+            if level is Level.FAULT:
+                self._fault = cause
+        if not armed or level >= Level.HOLD or not (isfinite(wanted.left) and isfinite(wanted.right)):
+            self._left = self._right = 0.0
+            return Verdict(STOP, level, cause)
+        self._left = self._limit(wanted.left, self._left)
+        self._right = self._limit(wanted.right, self._right)
+        return Verdict(WheelCommand(self._left, self._right), level, cause)
+
+    def _limit(self, wanted: float, last: float) -> float:
+        """Limit one side in duty and growth; less duty of the same sign, and zero, are given at once."""
+        step, most = self._step, self._duty_max
+        if wanted > 0.0:
+            return min(wanted, (last if last > 0.0 else 0.0) + step, most)
+        return max(wanted, (last if last < 0.0 else 0.0) - step, -most)

@@ -1,0 +1,270 @@
+"""An asyncio event loop whose clock is virtual.
+
+When nothing is ready to run, the clock jumps to the next timer instead of waiting for it: simulated hours pass as fast
+as the code in them runs, in an order that depends on nothing but the code. Field code cannot tell the difference::
+
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        runner.run(main())
+
+The loop keeps a deque of ready callbacks and a heap of timers under asyncio's own (C) ``Task`` and ``Future``, and
+nothing else: no selector, no sockets, no subprocesses. A wake-up from ``asyncio.sleep`` costs a third of what it does
+on the stock loop, and a control tick has three of them.
+
+Order: callbacks run in the order in which they became ready; timers in the order of their time, and of their creation
+where the times are equal.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from asyncio import events
+from collections import deque
+from collections.abc import Callable, Coroutine, Generator
+from concurrent.futures import Executor
+from contextvars import Context, copy_context
+from heapq import heappop, heappush
+from typing import Any, TypeVar, TypeVarTuple, Unpack
+
+from wayfarer.errors import NothingScheduled
+
+T = TypeVar("T")
+Ts = TypeVarTuple("Ts")
+
+
+class _Handle(list[Any]):
+    """A callback to run, or not, if it is cancelled before its turn. Stands in for ``asyncio.TimerHandle``.
+
+    It is its own heap entry ``[when_s, number, callback, args, context]``: a list because lists are made and compared
+    in C, and the number because no two may compare equal.
+    """
+
+    __slots__ = ()
+
+    def cancel(self) -> None:
+        self[_CALLBACK] = None
+
+    def cancelled(self) -> bool:
+        return self[_CALLBACK] is None
+
+    def when(self) -> float:
+        when_s: float = self[_WHEN]
+        return when_s
+
+
+_WHEN, _CALLBACK = 0, 2
+
+
+class VirtualLoop(asyncio.AbstractEventLoop):
+    """Virtual time in seconds, starting at 0. Single-threaded; ``asyncio.to_thread`` runs its function inline."""
+
+    def __init__(self) -> None:
+        self._now_s = 0.0
+        self._ready: deque[_Handle] = deque()
+        self._timers: list[_Handle] = []
+        self._count = 0
+        self._running = False
+        self._closed = False
+        self._stopping = False
+        self._debug = False
+        self._asyncgens: set[Any] = set()
+        self._exception_handler: Callable[[asyncio.AbstractEventLoop, dict[str, Any]], object] | None = None
+
+    # -- time and scheduling -------------------------------------------------------------------------------------
+
+    def time(self) -> float:
+        """Return the virtual time in seconds."""
+        return self._now_s
+
+    def call_soon(  # type: ignore[override]
+        self, callback: Callable[[Unpack[Ts]], object], *args: Unpack[Ts], context: Context | None = None
+    ) -> _Handle:
+        """Run the callback when its turn comes, at the present time."""
+        handle = _Handle((0.0, 0, callback, args, copy_context() if context is None else context))
+        self._ready.append(handle)
+        return handle
+
+    def call_soon_threadsafe(  # type: ignore[override]
+        self, callback: Callable[[Unpack[Ts]], object], *args: Unpack[Ts], context: Context | None = None
+    ) -> _Handle:
+        """Same as ``call_soon``: also what a signal handler uses to wake the loop."""
+        return self.call_soon(callback, *args, context=context)
+
+    def call_later(  # type: ignore[override]
+        self,
+        delay: float,
+        callback: Callable[[Unpack[Ts]], object],
+        *args: Unpack[Ts],
+        context: Context | None = None,
+    ) -> _Handle:
+        """Run the callback ``delay`` seconds from now."""
+        self._count = count = self._count + 1
+        handle = _Handle((self._now_s + delay, count, callback, args, copy_context() if context is None else context))
+        heappush(self._timers, handle)
+        return handle
+
+    def call_at(  # type: ignore[override]
+        self,
+        when: float,
+        callback: Callable[[Unpack[Ts]], object],
+        *args: Unpack[Ts],
+        context: Context | None = None,
+    ) -> _Handle:
+        """Run the callback at a time; at once, but never earlier than now, where that is past."""
+        return self.call_later(when - self._now_s, callback, *args, context=context)
+
+    # -- running -------------------------------------------------------------------------------------------------
+
+    def run_forever(self) -> None:
+        """Run until ``stop`` is called.
+
+        Raises:
+            NothingScheduled: nothing is ready and no timer is set, so nothing can ever happen again.
+        """
+        if self._running or self._closed:
+            raise RuntimeError("this event loop is closed" if self._closed else "this event loop is already running")
+        self._running = True
+        self._stopping = False
+        events._set_running_loop(self)
+        try:
+            while not self._stopping:
+                self._run_ready()
+                if not self._ready and not self._stopping:
+                    self._jump()
+        finally:
+            events._set_running_loop(None)
+            self._running = False
+
+    def _run_ready(self) -> None:
+        ready, take = self._ready, self._ready.popleft
+        while ready:
+            _, _, callback, args, context = take()
+            if callback is None:
+                continue
+            try:
+                context.run(callback, *args)
+            except (SystemExit, KeyboardInterrupt):
+                raise
+            except BaseException as error:
+                self.call_exception_handler({"message": f"exception in callback {callback!r}", "exception": error})
+            if self._stopping:
+                return
+
+    def _jump(self) -> None:
+        """Move the clock to the next timer and make every timer of that moment ready."""
+        timers = self._timers
+        while timers and timers[0].cancelled():
+            heappop(timers)
+        if not timers:
+            raise NothingScheduled(
+                f"virtual time stands at {self._now_s:.3f} s: every task waits for something that nothing can bring "
+                f"({self._describe_tasks()})"
+            )
+        now_s = self._now_s = max(self._now_s, timers[0][_WHEN])
+        while timers and timers[0][_WHEN] <= now_s:
+            self._ready.append(heappop(timers))
+
+    def run_until_complete(self, future: Generator[Any, None, T] | Coroutine[Any, Any, T] | Any) -> T:
+        """Run until the future is done and return its result."""
+        made_here = not asyncio.isfuture(future)
+        task = asyncio.ensure_future(future, loop=self)
+        task.add_done_callback(self._stop_when_done)
+        try:
+            self.run_forever()
+        except BaseException:
+            if made_here and task.done() and not task.cancelled():
+                task.exception()  # it is this error that is on its way; do not report it a second time
+            raise
+        finally:
+            task.remove_done_callback(self._stop_when_done)
+        if not task.done():
+            raise RuntimeError("the event loop was stopped before the future was done")
+        result: T = task.result()
+        return result
+
+    def _stop_when_done(self, _future: object) -> None:
+        self._stopping = True
+
+    def stop(self) -> None:
+        """Stop after the callback that runs now."""
+        self._stopping = True
+
+    def is_running(self) -> bool:
+        """Tell whether the loop runs."""
+        return self._running
+
+    def is_closed(self) -> bool:
+        """Tell whether the loop was closed."""
+        return self._closed
+
+    def close(self) -> None:
+        """Drop everything that is scheduled."""
+        if self._running:
+            raise RuntimeError("cannot close a running event loop")
+        self._closed = True
+        self._ready.clear()
+        self._timers.clear()
+
+    # -- tasks, futures, threads ---------------------------------------------------------------------------------
+
+    def create_future(self) -> asyncio.Future[Any]:
+        """Return a future of this loop."""
+        return asyncio.Future(loop=self)
+
+    def create_task(self, coro: Any, *, name: str | None = None, context: Context | None = None, **kwargs: Any) -> Any:
+        """Return a task of this loop."""
+        if self._closed:
+            raise RuntimeError("this event loop is closed")
+        return asyncio.Task(coro, loop=self, name=name, context=context, **kwargs)
+
+    def run_in_executor(
+        self, executor: Executor | None, func: Callable[[Unpack[Ts]], T], *args: Unpack[Ts]
+    ) -> asyncio.Future[T]:
+        """Run the function inline: a thread would bring real time, and with it chance, into virtual time."""
+        future: asyncio.Future[T] = self.create_future()
+        try:
+            future.set_result(func(*args))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    async def shutdown_asyncgens(self) -> None:
+        """Nothing to do: generators are closed when they are collected."""
+
+    async def shutdown_default_executor(self, timeout: float | None = None) -> None:
+        """Nothing to do: there is no executor."""
+
+    # -- errors and debugging ------------------------------------------------------------------------------------
+
+    def get_debug(self) -> bool:
+        """Tell whether asyncio's debug mode is on."""
+        return self._debug
+
+    def set_debug(self, enabled: bool) -> None:
+        """Turn asyncio's debug mode on or off."""
+        self._debug = enabled
+
+    def set_exception_handler(
+        self, handler: Callable[[asyncio.AbstractEventLoop, dict[str, Any]], object] | None
+    ) -> None:
+        """Set what is called for errors that no task awaits."""
+        self._exception_handler = handler
+
+    def get_exception_handler(self) -> Callable[[asyncio.AbstractEventLoop, dict[str, Any]], object] | None:
+        """Return what is called for errors that no task awaits."""
+        return self._exception_handler
+
+    def default_exception_handler(self, context: dict[str, Any]) -> None:
+        """Report through asyncio's logger, as the stock loop does."""
+        error = context.get("exception")
+        asyncio.log.logger.error(context["message"], exc_info=error if error is not None else False)
+
+    def call_exception_handler(self, context: dict[str, Any]) -> None:
+        """Report an error that no task awaits."""
+        if self._exception_handler is not None:
+            self._exception_handler(self, context)
+        else:
+            self.default_exception_handler(context)
+
+    def _describe_tasks(self) -> str:
+        names = sorted(task.get_name() for task in asyncio.all_tasks(self))
+        return "waiting: " + ", ".join(names) if names else "no task left"

@@ -1,0 +1,154 @@
+"""Obstacles as the rover's body meets them: exact contact tests, and a grid that says where there is nothing to test.
+
+A trunk is a capsule around its centre line, a tree a circle (a capsule of no length). The body is a rectangle.
+"""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.angles import wrap360
+from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
+
+CELL_M = 1.0
+_CELLS = int(WORLD_SIZE_M / CELL_M)
+
+
+class Obstacle(NamedTuple):
+    """A capsule: centre line from (x0, y0) to (x1, y1), radius; ``axis_deg`` is its bearing, None for a tree."""
+
+    x0_m: float
+    y0_m: float
+    x1_m: float
+    y1_m: float
+    radius_m: float
+    axis_deg: float | None
+
+    def nearest(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """Return the point of the centre line that is nearest to a point."""
+        along_x, along_y = self.x1_m - self.x0_m, self.y1_m - self.y0_m
+        length_sq = along_x * along_x + along_y * along_y
+        if length_sq == 0.0:
+            return self.x0_m, self.y0_m
+        share = ((x_m - self.x0_m) * along_x + (y_m - self.y0_m) * along_y) / length_sq
+        share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
+        return self.x0_m + share * along_x, self.y0_m + share * along_y
+
+
+def obstacles_of(forest: Forest) -> list[Obstacle]:
+    """Return every trunk and tree of a forest."""
+    radius_m = forest.trunk_diameter_m / 2
+    trunks = [
+        Obstacle(t.x0_m, t.y0_m, t.x1_m, t.y1_m, radius_m, _axis_deg(t.x1_m - t.x0_m, t.y1_m - t.y0_m))
+        for t in forest.trunks
+    ]
+    return trunks + [Obstacle(x_m, y_m, x_m, y_m, forest.tree_radius_m, None) for x_m, y_m in forest.trees_m]
+
+
+def _axis_deg(east_m: float, north_m: float) -> float:
+    """Return the compass bearing of an undirected line, in [0, 180)."""
+    return wrap360(float(np.degrees(np.arctan2(east_m, north_m)))) % 180.0
+
+
+class Body:
+    """The rover's rectangular outline and its contact test."""
+
+    def __init__(self, length_m: float, width_m: float) -> None:
+        self.half_length_m = length_m / 2
+        self.half_width_m = width_m / 2
+        self.reach_m = hypot(self.half_length_m, self.half_width_m)
+        self._inner_m = min(self.half_length_m, self.half_width_m)
+
+    def overlaps(self, obstacle: Obstacle, x_m: float, y_m: float, sin_h: float, cos_h: float) -> bool:
+        """Tell whether the body, centred at (x, y) and heading where (sin, cos) says, overlaps the obstacle."""
+        near_x, near_y = obstacle.nearest(x_m, y_m)
+        dx, dy = near_x - x_m, near_y - y_m
+        distance_sq = dx * dx + dy * dy
+        radius_m = obstacle.radius_m
+        if distance_sq > (self.reach_m + radius_m) ** 2:
+            return False
+        if distance_sq < (self._inner_m + radius_m) ** 2:
+            return True
+        ends = (
+            (obstacle.x0_m - x_m, obstacle.y0_m - y_m),
+            (obstacle.x1_m - x_m, obstacle.y1_m - y_m),
+        )
+        # In the body's frame: forward along the heading, right across it.
+        (f0, r0), (f1, r1) = ((e * sin_h + n * cos_h, e * cos_h - n * sin_h) for e, n in ends)
+        return self._distance_sq(f0, r0, f1, r1) < radius_m * radius_m
+
+    def _distance_sq(self, f0: float, r0: float, f1: float, r1: float) -> float:
+        """Return the squared distance from the body's rectangle to a segment in its own frame, 0 where they cross.
+
+        The nearest pair has an end of the segment or a corner of the rectangle in it, unless they cross.
+        """
+        if self._crosses(f0, r0, f1, r1):
+            return 0.0
+        best = min(self._end_distance_sq(f0, r0), self._end_distance_sq(f1, r1))
+        df, dr = f1 - f0, r1 - r0
+        length_sq = df * df + dr * dr
+        if length_sq == 0.0:
+            return best
+        for cf in (self.half_length_m, -self.half_length_m):
+            for cr in (self.half_width_m, -self.half_width_m):
+                share = ((cf - f0) * df + (cr - r0) * dr) / length_sq
+                if 0.0 < share < 1.0:
+                    gap_f, gap_r = f0 + share * df - cf, r0 + share * dr - cr
+                    best = min(best, gap_f * gap_f + gap_r * gap_r)
+        return best
+
+    def _end_distance_sq(self, f: float, r: float) -> float:
+        gap_f = max(abs(f) - self.half_length_m, 0.0)
+        gap_r = max(abs(r) - self.half_width_m, 0.0)
+        return gap_f * gap_f + gap_r * gap_r
+
+    def _crosses(self, f0: float, r0: float, f1: float, r1: float) -> bool:
+        """Clip the segment to the rectangle (Liang-Barsky); tell whether anything is left of it."""
+        low, high = 0.0, 1.0
+        for start, end, half in ((f0, f1, self.half_length_m), (r0, r1, self.half_width_m)):
+            delta = end - start
+            if delta == 0.0:
+                if abs(start) > half:
+                    return False
+                continue
+            a, b = (-half - start) / delta, (half - start) / delta
+            low, high = max(low, min(a, b)), min(high, max(a, b))
+            if low > high:
+                return False
+        return True
+
+
+Near = tuple[Obstacle, ...]
+
+
+def grid(obstacles: list[Obstacle], reach_m: float) -> list[Near]:
+    """Return, for each 1 m cell of the world (row by row from the south-west), the obstacles a body in it may touch.
+
+    ``reach_m`` is the body's largest half extent.
+    """
+    cells: list[list[Obstacle]] = [[] for _ in range(_CELLS * _CELLS)]
+    if obstacles:
+        for index, cell in zip(*np.nonzero(_touching(obstacles, reach_m)), strict=True):
+            cells[cell].append(obstacles[index])
+    return [tuple(cell) for cell in cells]
+
+
+def _touching(obstacles: list[Obstacle], reach_m: float) -> NDArray[np.bool_]:
+    """Return which obstacle (rows) comes within reach of which cell (columns)."""
+    ends = np.array([obstacle[:4] for obstacle in obstacles])[:, :, None]
+    x0, y0, x1, y1 = ends[:, 0], ends[:, 1], ends[:, 2], ends[:, 3]
+    radius = np.array([obstacle.radius_m for obstacle in obstacles])[:, None]
+    centres = (np.arange(_CELLS) + 0.5) * CELL_M
+    x, y = np.tile(centres, _CELLS)[None, :], np.repeat(centres, _CELLS)[None, :]
+    dx, dy = x1 - x0, y1 - y0
+    length_sq = dx * dx + dy * dy
+    share = ((x - x0) * dx + (y - y0) * dy) / np.where(length_sq > 0.0, length_sq, 1.0)
+    np.clip(share, 0.0, 1.0, out=share)
+    gap_sq = (x0 + share * dx - x) ** 2 + (y0 + share * dy - y) ** 2
+    within_m = radius + reach_m + CELL_M * 0.70711
+    result: NDArray[np.bool_] = gap_sq <= within_m * within_m
+    return result

@@ -1,0 +1,49 @@
+"""The referee of a trial: it alone sees ground truth, and says when and how the trial ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
+from wayfarer.simhal.world import World
+
+Outcome = Literal["escaped", "left_bounds", "entrapped", "tipped", "fault"]
+
+# A rover that is pinned covers no distance; its budget then runs out in time: four times what the whole path budget
+# takes at the cruising speed of the abstract forest, 1 m/s.
+TIME_PER_BUDGET_S_PER_M = 4.0
+
+
+class Referee:
+    """Watches a world; ``call_off`` is called once, when the outcome is known."""
+
+    def __init__(self, forest: Forest, budget_m: float, tip_deg: float, call_off: Callable[[str], None]) -> None:
+        self._goal_y_m = forest.goal_y_m
+        self._budget_m = budget_m
+        self._budget_s = budget_m * TIME_PER_BUDGET_S_PER_M
+        self._tip_deg = tip_deg
+        self._call_off = call_off
+        self.outcome: Outcome | None = None
+
+    def watch(self, world: World, t_s: float) -> None:
+        """Look at the world after a step."""
+        if self.outcome is not None:
+            return
+        if world.y_m >= self._goal_y_m:
+            self._end("escaped")
+        elif not (0.0 <= world.x_m <= WORLD_SIZE_M and world.y_m >= 0.0):
+            self._end("left_bounds")
+        elif world.path_m >= self._budget_m or t_s >= self._budget_s:
+            self._end("entrapped")
+        elif abs(world.pitch_deg) >= self._tip_deg:
+            self._end("tipped")
+
+    def path_m(self, world: World) -> float:
+        """Return the path: what was driven, reversing included, and for ``left_bounds`` the way that remains north."""
+        remaining_m = max(0.0, self._goal_y_m - world.y_m) if self.outcome == "left_bounds" else 0.0
+        return world.path_m + remaining_m
+
+    def _end(self, outcome: Outcome) -> None:
+        self.outcome = outcome
+        self._call_off(outcome)

@@ -1,0 +1,39 @@
+"""Random streams: one for each consumer, derived from the trial's seed and the consumer's name.
+
+A consumer that draws more, or less, or not at all changes nothing for the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from random import Random
+from zlib import crc32
+
+from numpy.random import PCG64, Generator, SeedSequence
+
+# Drawn at once: a normal number costs 0.1 µs from a block and 0.6 µs by itself.
+BLOCK = 256
+
+
+class Streams:
+    """The random streams of one trial."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+
+    def generator(self, name: str) -> Generator:
+        """Return numpy's generator of that name."""
+        return Generator(PCG64(SeedSequence(self._seed, spawn_key=(crc32(name.encode()),))))
+
+    def normal(self, name: str, sd: float) -> Callable[[], float]:
+        """Return a function that draws from a normal distribution with mean 0."""
+        return _normal(self.generator(name), sd).__next__
+
+    def random(self, name: str) -> Random:
+        """Return Python's generator of that name, for field code, which does not need numpy."""
+        return Random(f"{self._seed}/{name}")
+
+
+def _normal(generator: Generator, sd: float) -> Iterator[float]:
+    while True:
+        yield from (generator.standard_normal(BLOCK) * sd).tolist()

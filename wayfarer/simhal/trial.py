@@ -1,0 +1,137 @@
+"""One trial: the daemon's own supervisor on a simulated rover in one forest, watched by a referee."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from wayfarer.config import RoverConfig
+from wayfarer.escape.api import Phase
+from wayfarer.hal import PositionFix
+from wayfarer.records import RunLog, TickRecord
+from wayfarer.registry import find_algorithm
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.referee import Outcome, Referee
+from wayfarer.simhal.rig import device_depth
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+from wayfarer.supervisor import Supervisor
+
+
+@dataclass(frozen=True, slots=True)
+class TrialSpec:
+    """Everything that decides a trial: the same spec gives the same result, on any worker."""
+
+    trial: int
+    algorithm: str
+    forest: Forest
+    seed: int
+    rover: RoverConfig
+    slip_mean_m: float = 10.0
+    budget_m: float = 1000.0
+
+
+class TrialResult(NamedTuple):
+    """What the referee says of one trial."""
+
+    trial: int
+    algorithm: str
+    forest: int
+    noise: int
+    seed: int
+    outcome: Outcome
+    path_m: float
+    reverse_m: float
+    time_s: float
+    anomalies: int
+    episodes: int
+    shortest_path_m: float | None
+    spl: float | None
+    ticks: int
+
+
+class Tally:
+    """A run log that counts and keeps nothing."""
+
+    def __init__(self) -> None:
+        self.ticks = 0
+        self.anomalies = 0
+        self.episodes = 0
+        self._phase = Phase.HALT
+
+    def tick(self, record: TickRecord) -> None:
+        """Count the tick, and each phase that an anomaly began."""
+        self.ticks += 1
+        phase = record.decision.phase
+        if phase is not self._phase:
+            if phase is Phase.BACK_OFF:
+                self.anomalies += 1
+                self.episodes += self._phase is Phase.FOLLOW
+            self._phase = phase
+
+    def event(self, name: str, t_s: float, **details: object) -> None:
+        """Events are not counted."""
+
+    def position(self, fix: PositionFix | None) -> None:
+        """Positions are not counted."""
+
+    def close(self, reason: str, text: str) -> None:
+        """There is nothing to close."""
+
+
+def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
+    """Run one trial; with ``log_dir`` the full field log is written there."""
+    tally = Tally()
+    streams = Streams(spec.seed)
+    algorithm = find_algorithm(spec.algorithm)
+    handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
+    physics = replace(Physics(), slip_mean_m=spec.slip_mean_m)
+
+    def watch() -> None:
+        referee.watch(world, loop.time())
+
+    world = World(spec.forest, spec.rover.vehicle, physics, streams, watch)
+    supervisor = Supervisor(device_depth(world, streams), spec.rover, algorithm, handler, tally)
+    referee = Referee(
+        spec.forest, spec.budget_m, physics.tip_deg, lambda outcome: supervisor.finish(outcome, "the referee's call")
+    )
+
+    async def run() -> None:
+        supervisor.arm(spec.forest.heading_deg)
+        await supervisor.run()
+
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        loop = runner.get_loop()
+        runner.run(run())
+        time_s = loop.time()
+    return _result(spec, referee, world, tally, time_s)
+
+
+def _result(spec: TrialSpec, referee: Referee, world: World, tally: Tally, time_s: float) -> TrialResult:
+    forest = spec.forest
+    outcome = referee.outcome or "fault"
+    path_m = referee.path_m(world)
+    shortest_m = forest.shortest_path_m
+    succeeded = outcome in ("escaped", "left_bounds")
+    spl = None if shortest_m is None else shortest_m / max(shortest_m, path_m) if succeeded else 0.0
+    return TrialResult(
+        spec.trial,
+        spec.algorithm,
+        forest.forest,
+        forest.noise,
+        spec.seed,
+        outcome,
+        path_m,
+        world.reverse_m,
+        time_s,
+        tally.anomalies,
+        tally.episodes,
+        shortest_m,
+        spl,
+        tally.ticks,
+    )
