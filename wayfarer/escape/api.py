@@ -109,6 +109,9 @@ class EscapeSettings:
     cruise_m_s: MetresPerSecond = 1.0
     reverse_m_s: MetresPerSecond = 0.6
     turn_deg_s: DegreesPerSecond = 180.0
+    turn_min_deg_s: DegreesPerSecond = 30.0
+    turn_p: Gain = 6.0
+    turn_within_deg: Degrees = 3.0
     back_off_m: Metres = 0.15
     turn_angle_deg: Degrees = 30.0
     probe_straight_m: Metres = 0.6

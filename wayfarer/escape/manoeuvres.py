@@ -145,14 +145,12 @@ class BackOff(Manoeuvre):
 
 
 class TurnAway(Manoeuvre):
-    """Turn on the spot by the course's angle to its side. Being blocked shows as running out of time."""
+    """Turn on the spot by the course's angle to its side. Being blocked shows as running out of time.
+
+    The rate falls with the angle that is left, because a skid-steered body does not stop turning at once.
+    """
 
     phase = Phase.TURN_AWAY
-
-    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
-        super().__init__(settings, vehicle, course)
-        turn_rad_s = radians(settings.turn_deg_s)
-        self._pivot = {side: vehicle.mix(0.0, side * turn_rad_s) for side in (1, -1)}
 
     def begin(self, observation: Observation) -> None:
         course = self._course
@@ -161,15 +159,20 @@ class TurnAway(Manoeuvre):
         self._bound(observation, course.turn_deg / self._settings.turn_deg_s)
 
     def event(self, observation: Observation) -> Event | None:
-        course = self._course
-        if (course.counter_deg - self._until_deg) * course.side >= 0.0:
+        if self._left_deg <= self._settings.turn_within_deg:
             return Event.DONE
         if self._fresh(observation):
             return Event.ANOMALY
         return Event.EXHAUSTED if self._exhausted(observation) else None
 
     def wheels(self, _observation: Observation) -> WheelCommand:
-        return self._pivot[self._course.side]
+        settings = self._settings
+        rate_deg_s = min(max(self._left_deg * settings.turn_p, settings.turn_min_deg_s), settings.turn_deg_s)
+        return self._vehicle.mix(0.0, self._course.side * radians(rate_deg_s))
+
+    @property
+    def _left_deg(self) -> float:
+        return (self._until_deg - self._course.counter_deg) * self._course.side
 
 
 class Probe(Manoeuvre):
