@@ -34,6 +34,7 @@ class Condition(Enum):
     OVERTURNED = "overturned"
     MOTORS_FAILED = "motors_failed"
     TICK_LATE = "tick_late"
+    DECISION_INVALID = "decision_invalid"
 
 
 LEVELS: Mapping[Condition, Level] = {
@@ -48,6 +49,7 @@ LEVELS: Mapping[Condition, Level] = {
     Condition.OVERTURNED: Level.FAULT,
     Condition.MOTORS_FAILED: Level.FAULT,
     Condition.TICK_LATE: Level.HOLD,
+    Condition.DECISION_INVALID: Level.FAULT,
 }
 
 

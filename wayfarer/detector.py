@@ -15,7 +15,6 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from wayfarer.angles import wrap180
 from wayfarer.bounds import Degrees, DegreesPerSecond, Fraction, MetresPerSecond, Seconds, SecondsOrNone
 from wayfarer.conditions import Condition
 from wayfarer.escape.api import Anomaly
@@ -53,15 +52,17 @@ class DetectorSettings:
 
 
 class Detection(NamedTuple):
-    """What one update found. ``compass`` is the newest reading that can be true, None before the first."""
+    """What one update found."""
 
     anomalies: tuple[Anomaly, ...]
     conditions: tuple[Condition, ...]
-    compass: CompassReading | None
+
+
+ALL_WELL = Detection((), ())
 
 
 class Stall:
-    """Finds commanded driving that does not move the ground."""
+    """Finds commanded driving that does not move the ground; ``found`` says whether a whole window of it did not."""
 
     def __init__(self, settings: DetectorSettings) -> None:
         self._window_s = settings.immobilised_s - 1e-6  # sums of periods fall a rounding error short
@@ -75,9 +76,10 @@ class Stall:
         self._intervals.clear()
         self._span_s = self._commanded_m = self._moved_m = 0.0
         self._ahead = True
+        self.found = False
 
     def add(self, dt_s: float, commanded_m: float, moved_m: float) -> None:
-        """Add an interval: how long, how far the wheels were told to go (signed), how far the ground went."""
+        """Add an interval: how long, how far the wheels were told to go, how far the ground went (both signed)."""
         if abs(commanded_m) < self._from_m_s * dt_s:
             self.clear()
             return
@@ -93,14 +95,10 @@ class Stall:
             self._span_s -= dt_s
             self._commanded_m -= commanded_m
             self._moved_m -= moved_m
-
-    @property
-    def found(self) -> bool:
-        """Whether a whole window of commanded driving hardly moved the ground, or moved it the other way."""
-        if self._span_s < self._window_s:
-            return False
-        moved_m = self._moved_m if self._ahead else -self._moved_m
-        return moved_m < self._share * abs(self._commanded_m)
+        # Moving the other way (rolling back down a slope) is not moving either.
+        share_m = self._share * self._commanded_m
+        too_little = self._moved_m < share_m if self._ahead else self._moved_m > share_m
+        self.found = too_little and self._span_s >= self._window_s
 
 
 class Persistent:
@@ -126,7 +124,8 @@ class Detector:
     """Turns snapshots and applied commands into anomalies and conditions, one control tick at a time.
 
     ``max_speed_m_s`` is the ground speed at full duty; ``watches_contact`` says whether a touch is an anomaly and a
-    silent contact sensor a condition; ``watches_motion`` likewise for the motion sensor.
+    silent contact sensor a condition; ``watches_motion`` likewise for the motion sensor. ``compass`` is the newest
+    reading that can be true, None before the first: what fails the plausibility check never reaches a decision.
     """
 
     def __init__(
@@ -138,80 +137,86 @@ class Detector:
         watches_contact: bool = False,
     ) -> None:
         self._settings = settings
-        self._max_speed_m_s = max_speed_m_s
+        self._half_speed_m_s = max_speed_m_s / 2
         self._watches_motion = watches_motion
         self._watches_contact = watches_contact
-        self._compass: CompassReading | None = None
+        self.compass: CompassReading | None = None
         self._stall = Stall(settings)
         self._tilts = {tilt: Persistent(settings.tilt_s) for tilt in _TILTS}
         self._tilted = False
         self._touched = Persistent(settings.touch_s)
         self._implausible = Persistent(settings.implausible_s)
         self._commanded_m = 0.0
-        self._last_t_s: float | None = None
-        self._last_motion_t_s = self._last_known_t_s = 0.0
+        self._started_t_s: float | None = None
+        self._last_t_s = self._compass_t_s = self._motion_t_s = self._moved_t_s = 0.0
 
     def update(self, snapshot: Snapshot, applied: WheelCommand) -> Detection:
         """Take in one tick: what the sensors say now and what the wheels were told since the previous tick."""
-        t_s = snapshot.t_s
-        if self._last_t_s is None:
-            self._last_motion_t_s = self._last_known_t_s = self._started_t_s = self._last_t_s = t_s
-        self._commanded_m += (applied.left + applied.right) * 0.5 * self._max_speed_m_s * (t_s - self._last_t_s)
+        t_s, compass, motion, contact = snapshot
+        if self._started_t_s is None:
+            self._start(t_s)
+        self._commanded_m += (applied.left + applied.right) * self._half_speed_m_s * (t_s - self._last_t_s)
         self._last_t_s = t_s
-        conditions = self._check_compass(t_s, snapshot.compass)
-        if snapshot.motion is not None:
-            self._add_motion(snapshot.motion, conditions)
-        if self._watches_motion:
-            self._check_motion_age(t_s, conditions)
         anomalies: list[Anomaly] = []
+        conditions: list[Condition] = []
+        if compass is not None and compass is not self.compass:
+            self._take_compass(compass, conditions)
+        if motion is not None:
+            self._take_motion(motion, conditions)
         if self._stall.found:
             anomalies.append(Anomaly.IMMOBILISED)
+        self._check_ages(t_s, conditions)
         self._check_tilt(t_s, anomalies, conditions)
         if self._watches_contact:
-            self._check_contact(t_s, snapshot.contact, anomalies, conditions)
-        return Detection(tuple(anomalies), tuple(conditions), self._compass)
+            self._check_contact(t_s, contact, anomalies, conditions)
+        return Detection(tuple(anomalies), tuple(conditions)) if anomalies or conditions else ALL_WELL
 
-    def _check_compass(self, t_s: float, reading: CompassReading | None) -> list[Condition]:
-        settings = self._settings
-        last = self._compass
-        if reading is not None and reading is not last:
-            if last is None or self._plausible(last, reading):
-                self._implausible.update(t_s, False)
-                self._compass = last = reading
-            elif self._implausible.update(t_s, True):
-                # It insists: the world may have turned under us. Believe it again, but not before a stop.
-                self._compass = reading
-                return [Condition.COMPASS_IMPLAUSIBLE]
-        age_s = t_s - (last.t_s if last is not None else self._started_t_s)
-        if age_s <= settings.compass_stale_s and last is not None:
-            return []
-        return [Condition.COMPASS_LOST if age_s > settings.compass_lost_s else Condition.COMPASS_STALE]
+    def _start(self, t_s: float) -> None:
+        """Begin all ages now: what has not spoken yet is as old as the run."""
+        self._started_t_s = self._last_t_s = self._compass_t_s = self._motion_t_s = self._moved_t_s = t_s
+
+    def _take_compass(self, reading: CompassReading, conditions: list[Condition]) -> None:
+        last = self.compass
+        if last is not None and not self._plausible(last, reading):
+            if not self._implausible.update(reading.t_s, True):
+                return
+            # It insists: the rover may have been turned by hand. Believe it again, but not without a stop.
+            conditions.append(Condition.COMPASS_IMPLAUSIBLE)
+        self._implausible.update(reading.t_s, False)
+        self.compass = reading
+        self._compass_t_s = reading.t_s
 
     def _plausible(self, last: CompassReading, reading: CompassReading) -> bool:
-        allowed_deg = self._settings.heading_jump_deg + self._settings.heading_rate_max_deg_s * (
-            reading.t_s - last.t_s
-        )
-        return abs(wrap180(reading.heading_deg - last.heading_deg)) <= allowed_deg
+        turned_deg = abs((reading.heading_deg - last.heading_deg + 180.0) % 360.0 - 180.0)
+        allowed_deg = self._settings.heading_jump_deg
+        return turned_deg <= allowed_deg + self._settings.heading_rate_max_deg_s * (reading.t_s - last.t_s)
 
-    def _add_motion(self, reading: MotionReading, conditions: list[Condition]) -> None:
-        dt_s = reading.t_s - self._last_motion_t_s
+    def _take_motion(self, reading: MotionReading, conditions: list[Condition]) -> None:
+        t_s, forward_m, right_m, quality = reading
+        dt_s, self._motion_t_s = t_s - self._motion_t_s, t_s
         commanded_m, self._commanded_m = self._commanded_m, 0.0
-        self._last_motion_t_s = reading.t_s
         limit_m = self._settings.motion_speed_max_m_s * dt_s
-        if abs(reading.forward_m) > limit_m or abs(reading.right_m) > limit_m:
+        if not (-limit_m <= forward_m <= limit_m and -limit_m <= right_m <= limit_m):
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
-        elif reading.quality >= self._settings.quality_min:
-            self._last_known_t_s = reading.t_s
-            self._stall.add(dt_s, commanded_m, reading.forward_m)
+        elif quality >= self._settings.quality_min:
+            self._moved_t_s = t_s
+            self._stall.add(dt_s, commanded_m, forward_m)
             return
         self._stall.clear()
 
+    def _check_ages(self, t_s: float, conditions: list[Condition]) -> None:
+        settings = self._settings
+        compass_age_s = t_s - self._compass_t_s
+        if compass_age_s > settings.compass_stale_s or self.compass is None:
+            lost = compass_age_s > settings.compass_lost_s
+            conditions.append(Condition.COMPASS_LOST if lost else Condition.COMPASS_STALE)
+        if self._watches_motion and t_s - self._moved_t_s > settings.motion_stale_s:
+            self._check_motion_age(t_s, conditions)
+
     def _check_motion_age(self, t_s: float, conditions: list[Condition]) -> None:
         settings = self._settings
-        unknown_s = t_s - self._last_known_t_s
-        if unknown_s <= settings.motion_stale_s:
-            return
-        if t_s - self._last_motion_t_s > settings.motion_stale_s:
+        unknown_s = t_s - self._moved_t_s
+        if t_s - self._motion_t_s > settings.motion_stale_s:
             self._stall.clear()
             conditions.append(Condition.MOTION_STALE)
         elif unknown_s > settings.motion_lost_s:
@@ -220,9 +225,10 @@ class Detector:
             conditions.append(Condition.MOTION_UNKNOWN)
 
     def _check_tilt(self, t_s: float, anomalies: list[Anomaly], conditions: list[Condition]) -> None:
-        if self._compass is None:
+        if self.compass is None:
             return
-        pitch_deg, roll_deg, limit_deg = self._compass.pitch_deg, self._compass.roll_deg, self._settings.tilt_deg
+        _, _, pitch_deg, roll_deg, _ = self.compass
+        limit_deg = self._settings.tilt_deg
         if -limit_deg < pitch_deg < limit_deg and -limit_deg < roll_deg < limit_deg and not self._tilted:
             return
         self._tilted = False
@@ -241,8 +247,8 @@ class Detector:
         anomalies: list[Anomaly],
         conditions: list[Condition],
     ) -> None:
-        last_t_s = reading.t_s if reading is not None else self._started_t_s
-        if t_s - last_t_s > self._settings.contact_stale_s:
+        spoken_t_s = reading.t_s if reading is not None else self._started_t_s
+        if spoken_t_s is None or t_s - spoken_t_s > self._settings.contact_stale_s:
             self._touched.update(t_s, False)
             conditions.append(Condition.CONTACT_STALE)
         elif self._touched.update(t_s, reading is not None and bool(reading.sides)):

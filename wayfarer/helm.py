@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from math import inf
 
 from wayfarer.arming import Arming
 from wayfarer.conditions import Condition, Level
 from wayfarer.config import RoverConfig
-from wayfarer.detector import Detection, Detector
+from wayfarer.detector import Detector
 from wayfarer.errors import DriverError
-from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
+from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
 from wayfarer.hal import STOP, DriveMotors
 from wayfarer.latest import Cells, Snapshot
 from wayfarer.records import RunLog, TickRecord
@@ -50,7 +51,8 @@ class Helm:
         self._motors = motors
         self._cells = cells
         self._safety = config.safety
-        self._max_speed_m_s = config.vehicle.max_speed_m_s
+        self._late_s = config.safety.tick_late_s
+        self._half_speed_m_s = config.vehicle.max_speed_m_s / 2
         self._detector = detector
         self._handler = handler
         self._log = log
@@ -58,7 +60,7 @@ class Helm:
         self.mode = Mode.DISARMED
         self.end: RunEnd | None = None
         self._arming: Arming | None = None
-        self._armed_at_s = 0.0
+        self._ends_s = self._ends_m = inf
         self._goal_heading_deg = 0.0
         self._travelled_m = 0.0
         self._applied = STOP
@@ -79,6 +81,8 @@ class Helm:
     def disarm(self, t_s: float, reason: str) -> None:
         """Stop the wheels from the next tick on, until armed anew."""
         self.mode = Mode.DISARMED
+        self._arming = None
+        self._ends_s = self._ends_m = inf
         self._log.event("disarmed", t_s, reason=reason)
 
     def finish(self, reason: str, text: str) -> None:
@@ -90,70 +94,77 @@ class Helm:
 
     async def tick(self, t_s: float) -> None:
         """Do one control tick at time ``t_s``."""
-        dt_s = t_s - self._last_t_s if self._last_t_s is not None else 0.0
-        self._last_t_s = t_s
+        if self._last_t_s is None:
+            self._last_t_s = t_s
+        dt_s, self._last_t_s = t_s - self._last_t_s, t_s
         snapshot = self._cells.snapshot(t_s)
-        detection = self._detector.update(snapshot, self._applied)
+        anomalies, conditions = self._detector.update(snapshot, self._applied)
+        if dt_s > self._late_s or self._motors_failed:
+            conditions = self._own_conditions(conditions, dt_s)
         if self._arming is not None:
-            self._continue_arming(t_s, self._arming, detection)
-        observation = self._observe(snapshot, detection, dt_s)
+            self._continue_arming(t_s, self._arming, conditions)
+        observation = self._observe(snapshot, anomalies, dt_s)
         armed = self.mode is Mode.ARMED
         decision = self._handler.decide(observation) if armed and observation is not None else _STAND
-        verdict = self._gate.update(decision.wheels, self._conditions(detection, dt_s), armed=armed)
+        gate = self._gate
+        wheels = gate.update(decision.wheels, conditions, armed=armed)
         try:
-            self._applied = await self._motors.drive(verdict.wheels)
+            self._applied = await self._motors.drive(wheels)
         except DriverError as error:
             self._lose_motors(t_s, error)
         self._log.tick(
-            TickRecord(
-                t_s, observation, decision, self._applied, verdict.level, verdict.cause, self._handler.memory
-            )
+            TickRecord(t_s, observation, decision, self._applied, gate.level, gate.cause, self._handler.memory)
         )
-        if verdict.cause is not self._last_cause:
-            self._note_health(t_s, verdict.level, verdict.cause)
-        if armed:
-            self._check_mission(t_s)
+        if gate.cause is not self._last_cause:
+            self._note_health(t_s, gate.level, gate.cause)
+        if t_s >= self._ends_s or self._travelled_m >= self._ends_m:
+            self._end_mission(t_s)
 
-    def _observe(self, snapshot: Snapshot, detection: Detection, dt_s: float) -> Observation | None:
+    def _observe(
+        self, snapshot: Snapshot, anomalies: tuple[Anomaly, ...], dt_s: float
+    ) -> Observation | None:
         """Return what the handler may see, or None before the first believable heading."""
         left, right = self._applied
-        self._travelled_m += abs(left + right) * 0.5 * self._max_speed_m_s * dt_s
-        compass = detection.compass
+        self._travelled_m += abs(left + right) * self._half_speed_m_s * dt_s
+        compass = self._detector.compass
         if compass is None:
             return None
+        _, heading_deg, pitch_deg, roll_deg, _ = compass
         return Observation(
             snapshot.t_s,
-            compass.heading_deg,
-            compass.pitch_deg,
-            compass.roll_deg,
-            detection.anomalies,
+            heading_deg,
+            pitch_deg,
+            roll_deg,
+            anomalies,
             snapshot.contact,
             self._goal_heading_deg,
             self._travelled_m,
         )
 
-    def _conditions(self, detection: Detection, dt_s: float) -> tuple[Condition, ...]:
-        """Add what the tick itself knows to what the detector found."""
-        conditions = detection.conditions
-        if dt_s > self._safety.tick_late_s:
+    def _own_conditions(self, conditions: tuple[Condition, ...], dt_s: float) -> tuple[Condition, ...]:
+        """Add what the helm itself knows to what the detector found."""
+        if dt_s > self._late_s:
             conditions += (Condition.TICK_LATE,)
         if self._motors_failed:
             conditions += (Condition.MOTORS_FAILED,)
         return conditions
 
-    def _continue_arming(self, t_s: float, arming: Arming, detection: Detection) -> None:
-        goal_heading_deg = arming.update(detection.compass) if detection.compass is not None else None
-        if goal_heading_deg is not None and not detection.conditions:
-            self._arming = None
-            self._goal_heading_deg = goal_heading_deg
-            self._armed_at_s = t_s
-            self._armed_at_m = self._travelled_m
-            self.mode = Mode.ARMED
-            self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
+    def _continue_arming(self, t_s: float, arming: Arming, conditions: tuple[Condition, ...]) -> None:
+        compass = self._detector.compass
+        goal_heading_deg = arming.update(compass) if compass is not None else None
+        if goal_heading_deg is not None and not conditions:
+            self._begin_mission(t_s, goal_heading_deg)
         elif arming.too_late(t_s):
-            self._arming = None
-            causes = ", ".join(condition.value for condition in detection.conditions) or "the heading did not settle"
+            causes = ", ".join(condition.value for condition in conditions) or "the heading did not settle"
             self.disarm(t_s, f"not armed: {causes}")
+
+    def _begin_mission(self, t_s: float, goal_heading_deg: float) -> None:
+        self._arming = None
+        self._goal_heading_deg = goal_heading_deg
+        self._ends_s = t_s + self._safety.mission_time_s
+        self._ends_m = self._travelled_m + self._safety.mission_distance_m
+        self.mode = Mode.ARMED
+        self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
 
     def _lose_motors(self, t_s: float, error: DriverError) -> None:
         """Without an acknowledgement nobody knows what the wheels do: latch a fault; the board's deadman stops them."""
@@ -165,12 +176,11 @@ class Helm:
         self._last_cause = cause
         self._log.event("health", t_s, level=level.name.lower(), cause=cause.value if cause is not None else None)
         if level is Level.FAULT and self.mode is not Mode.DISARMED:
-            self._arming = None
             self.disarm(t_s, f"fault: {cause.value if cause is not None else 'unknown'}")
 
-    def _check_mission(self, t_s: float) -> None:
+    def _end_mission(self, t_s: float) -> None:
         safety = self._safety
-        if t_s - self._armed_at_s >= safety.mission_time_s:
+        if t_s >= self._ends_s:
             self.finish("mission_time", f"the mission limit of {safety.mission_time_s:g} s was reached")
-        elif self._travelled_m - self._armed_at_m >= safety.mission_distance_m:
+        else:
             self.finish("mission_distance", f"the mission limit of {safety.mission_distance_m:g} m was reached")

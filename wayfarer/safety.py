@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 from annotated_types import Interval
 
@@ -36,50 +36,50 @@ class SafetySettings:
     settle_spread_deg: Annotated[float, Interval(gt=0, le=180)] = 3.0
 
 
-class Verdict(NamedTuple):
-    """What the wheels get, how severe the worst condition is, and which one it is (None: nothing is wrong)."""
-
-    wheels: WheelCommand
-    level: Level
-    cause: Condition | None
-
-
 class Gate:
-    """Limits commands and holds or latches on conditions."""
+    """Limits commands, holds and latches; ``level`` and ``cause`` say how severe the worst condition is and which."""
 
     def __init__(self, settings: SafetySettings, control_hz: float) -> None:
-        self._duty_max = settings.duty_max
+        self._most = settings.duty_max
         self._step = settings.slew_per_s / control_hz
         self._left = self._right = 0.0
         self._fault: Condition | None = None
-
-    @property
-    def fault(self) -> Condition | None:
-        """The latched fault, None while there is none."""
-        return self._fault
+        self.level = Level.WELL
+        self.cause: Condition | None = None
 
     def clear_fault(self) -> None:
         """Forget the latched fault; only arming does this."""
         self._fault = None
 
-    def update(self, wanted: WheelCommand, conditions: Sequence[Condition], *, armed: bool) -> Verdict:
+    def update(self, wanted: WheelCommand, conditions: Sequence[Condition], *, armed: bool) -> WheelCommand:
         """Return what the wheels may get for one tick."""
-        cause, level = self._fault, Level.FAULT
-        if cause is None:
-            cause = worst(conditions) if conditions else None
-            level = LEVELS[cause] if cause is not None else Level.WELL
-            if level is Level.FAULT:
-                self._fault = cause
-        if not armed or level >= Level.HOLD or not (isfinite(wanted.left) and isfinite(wanted.right)):
+        if conditions or self._fault is not None or self.cause is not None:
+            self._judge(conditions)
+        if not armed or self.level >= Level.HOLD:
             self._left = self._right = 0.0
-            return Verdict(STOP, level, cause)
-        self._left = self._limit(wanted.left, self._left)
-        self._right = self._limit(wanted.right, self._right)
-        return Verdict(WheelCommand(self._left, self._right), level, cause)
+            return STOP
+        left, right = wanted
+        step, most = self._step, self._most
+        small = -step <= left - self._left <= step and -step <= right - self._right <= step
+        if small and -most <= left <= most and -most <= right <= most:
+            self._left, self._right = left, right
+            return wanted
+        if not (isfinite(left) and isfinite(right)):
+            return self.update(STOP, (*conditions, Condition.DECISION_INVALID), armed=armed)
+        self._left = self._limit(left, self._left)
+        self._right = self._limit(right, self._right)
+        return WheelCommand(self._left, self._right)
+
+    def _judge(self, conditions: Sequence[Condition]) -> None:
+        """Find the worst condition; a fault stays."""
+        self.cause = self._fault or worst(conditions)
+        self.level = LEVELS[self.cause] if self.cause is not None else Level.WELL
+        if self.level is Level.FAULT:
+            self._fault = self.cause
 
     def _limit(self, wanted: float, last: float) -> float:
         """Limit one side in duty and growth; less duty of the same sign, and zero, are given at once."""
-        step, most = self._step, self._duty_max
+        step, most = self._step, self._most
         if wanted > 0.0:
             return min(wanted, (last if last > 0.0 else 0.0) + step, most)
         return max(wanted, (last if last < 0.0 else 0.0) - step, -most)

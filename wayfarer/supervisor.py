@@ -123,10 +123,12 @@ class Supervisor:
         time = asyncio.get_running_loop().time
         due_s = time()
         while helm.end is None:
-            t_s = time()
-            await helm.tick(t_s)
-            due_s = max(due_s + period_s, t_s)
-            await sleep(due_s - time())
+            await helm.tick(time())
+            due_s += period_s
+            late_s = time() - due_s
+            if late_s > 0.0:
+                due_s += late_s
+            await sleep(-late_s)
         return helm.end
 
     def _sensor_tasks(self, config: RoverConfig, needs: frozenset[str]) -> tuple[SensorTask, ...]:
@@ -172,8 +174,11 @@ class Supervisor:
         due_s = time()
         while True:
             write(await read())
-            due_s = max(due_s + period_s, time())  # what was missed is skipped: an old sample is worth nothing
-            await sleep(due_s - time())
+            due_s += period_s
+            late_s = time() - due_s
+            if late_s > 0.0:
+                due_s += late_s  # what was missed is skipped: an old sample is worth nothing
+            await sleep(-late_s)
 
 
 def _check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> frozenset[str]:

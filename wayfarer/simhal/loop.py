@@ -18,11 +18,14 @@ from __future__ import annotations
 
 import asyncio
 from asyncio import events
+from asyncio.futures import _set_result_unless_cancelled as wake_sleeper  # type: ignore[attr-defined]
 from collections import deque
 from collections.abc import Callable, Coroutine, Generator
 from concurrent.futures import Executor
 from contextvars import Context, copy_context
+from functools import partial
 from heapq import heappop, heappush
+from itertools import count
 from typing import Any, TypeVar, TypeVarTuple, Unpack
 
 from wayfarer.errors import NothingScheduled
@@ -51,7 +54,7 @@ class _Handle(list[Any]):
         return when_s
 
 
-_WHEN, _CALLBACK = 0, 2
+_WHEN, _CALLBACK, _ARGS = 0, 2, 3
 
 
 class VirtualLoop(asyncio.AbstractEventLoop):
@@ -61,11 +64,12 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         self._now_s = 0.0
         self._ready: deque[_Handle] = deque()
         self._timers: list[_Handle] = []
-        self._count = 0
+        self._number = count(1).__next__
         self._running = False
         self._closed = False
         self._stopping = False
         self._debug = False
+        self.create_future = partial(asyncio.Future, loop=self)  # type: ignore[method-assign]
         self._asyncgens: set[Any] = set()
         self._exception_handler: Callable[[asyncio.AbstractEventLoop, dict[str, Any]], object] | None = None
 
@@ -97,8 +101,9 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         context: Context | None = None,
     ) -> _Handle:
         """Run the callback ``delay`` seconds from now."""
-        self._count = count = self._count + 1
-        handle = _Handle((self._now_s + delay, count, callback, args, copy_context() if context is None else context))
+        if context is None:
+            context = copy_context()
+        handle = _Handle((self._now_s + delay, self._number(), callback, args, context))
         heappush(self._timers, handle)
         return handle
 
@@ -150,18 +155,31 @@ class VirtualLoop(asyncio.AbstractEventLoop):
                 return
 
     def _jump(self) -> None:
-        """Move the clock to the next timer and make every timer of that moment ready."""
+        """Move the clock to the next timer and make every timer of that moment ready.
+
+        What ``asyncio.sleep`` waits for is done here and now instead of one turn later: it only makes a task ready.
+        """
         timers = self._timers
-        while timers and timers[0].cancelled():
+        while timers and timers[0][_CALLBACK] is None:
             heappop(timers)
         if not timers:
             raise NothingScheduled(
                 f"virtual time stands at {self._now_s:.3f} s: every task waits for something that nothing can bring "
                 f"({self._describe_tasks()})"
             )
-        now_s = self._now_s = max(self._now_s, timers[0][_WHEN])
+        now_s = timers[0][_WHEN]
+        if now_s > self._now_s:
+            self._now_s = now_s
         while timers and timers[0][_WHEN] <= now_s:
-            self._ready.append(heappop(timers))
+            timer = heappop(timers)
+            if timer[_CALLBACK] is not wake_sleeper:
+                self._ready.append(timer)
+                continue
+            sleeper, result = timer[_ARGS]
+            try:
+                sleeper.set_result(result)
+            except asyncio.InvalidStateError:
+                continue  # cancelled, and its task has not run since
 
     def run_until_complete(self, future: Generator[Any, None, T] | Coroutine[Any, Any, T] | Any) -> T:
         """Run until the future is done and return its result."""
@@ -205,10 +223,6 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         self._timers.clear()
 
     # -- tasks, futures, threads ---------------------------------------------------------------------------------
-
-    def create_future(self) -> asyncio.Future[Any]:
-        """Return a future of this loop."""
-        return asyncio.Future(loop=self)
 
     def create_task(self, coro: Any, *, name: str | None = None, context: Context | None = None, **kwargs: Any) -> Any:
         """Return a task of this loop."""

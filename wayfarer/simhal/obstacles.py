@@ -1,21 +1,20 @@
-"""Obstacles as the rover's body meets them: exact contact tests, and a grid that says where there is nothing to test.
+"""Obstacles as the rover's body meets them: exact contact tests, and a map that says which obstacles are near.
 
 A trunk is a capsule around its centre line, a tree a circle (a capsule of no length). The body is a rectangle.
 """
 
 from __future__ import annotations
 
-from math import hypot
+from math import atan2, ceil, degrees, hypot
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from wayfarer.angles import wrap360
-from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
+from wayfarer.simhal.forest import Forest
 
 CELL_M = 1.0
-_CELLS = int(WORLD_SIZE_M / CELL_M)
+# An obstacle is listed in every cell within this distance of it; farther ones need no test.
+NEAR_M = 1.5
+# Spacing of the points along a trunk from which its cells are found.
+_SPACING_M = 1.0
 
 
 class Obstacle(NamedTuple):
@@ -51,7 +50,7 @@ def obstacles_of(forest: Forest) -> list[Obstacle]:
 
 def _axis_deg(east_m: float, north_m: float) -> float:
     """Return the compass bearing of an undirected line, in [0, 180)."""
-    return wrap360(float(np.degrees(np.arctan2(east_m, north_m)))) % 180.0
+    return degrees(atan2(east_m, north_m)) % 180.0
 
 
 class Body:
@@ -122,33 +121,31 @@ class Body:
         return True
 
 
-Near = tuple[Obstacle, ...]
+class Map:
+    """Which obstacles are near a place."""
+
+    def __init__(self, obstacles: list[Obstacle]) -> None:
+        self._cells: dict[tuple[int, int], list[Obstacle]] = {}
+        for obstacle in obstacles:
+            self._enter(obstacle)
+
+    def _enter(self, obstacle: Obstacle) -> None:
+        """List the obstacle in every cell that has a point within ``NEAR_M`` of its surface, and in a few more."""
+        x0, y0, x1, y1, radius_m, _ = obstacle
+        count = max(ceil(hypot(x1 - x0, y1 - y0) / _SPACING_M), 1)
+        reach_m = radius_m + NEAR_M + _SPACING_M / 2
+        cells: set[tuple[int, int]] = set()
+        for point in range(count + 1):
+            x, y = x0 + (x1 - x0) * point / count, y0 + (y1 - y0) * point / count
+            rows = range(int((y - reach_m) // CELL_M), int((y + reach_m) // CELL_M) + 1)
+            for column in range(int((x - reach_m) // CELL_M), int((x + reach_m) // CELL_M) + 1):
+                cells.update((column, row) for row in rows)
+        for cell in cells:
+            self._cells.setdefault(cell, []).append(obstacle)
+
+    def near(self, x_m: float, y_m: float) -> list[Obstacle]:
+        """Return every obstacle whose surface is within ``NEAR_M`` of a point."""
+        return self._cells.get((int(x_m // CELL_M), int(y_m // CELL_M)), _NOTHING)
 
 
-def grid(obstacles: list[Obstacle], reach_m: float) -> list[Near]:
-    """Return, for each 1 m cell of the world (row by row from the south-west), the obstacles a body in it may touch.
-
-    ``reach_m`` is the body's largest half extent.
-    """
-    cells: list[list[Obstacle]] = [[] for _ in range(_CELLS * _CELLS)]
-    if obstacles:
-        for index, cell in zip(*np.nonzero(_touching(obstacles, reach_m)), strict=True):
-            cells[cell].append(obstacles[index])
-    return [tuple(cell) for cell in cells]
-
-
-def _touching(obstacles: list[Obstacle], reach_m: float) -> NDArray[np.bool_]:
-    """Return which obstacle (rows) comes within reach of which cell (columns)."""
-    ends = np.array([obstacle[:4] for obstacle in obstacles])[:, :, None]
-    x0, y0, x1, y1 = ends[:, 0], ends[:, 1], ends[:, 2], ends[:, 3]
-    radius = np.array([obstacle.radius_m for obstacle in obstacles])[:, None]
-    centres = (np.arange(_CELLS) + 0.5) * CELL_M
-    x, y = np.tile(centres, _CELLS)[None, :], np.repeat(centres, _CELLS)[None, :]
-    dx, dy = x1 - x0, y1 - y0
-    length_sq = dx * dx + dy * dy
-    share = ((x - x0) * dx + (y - y0) * dy) / np.where(length_sq > 0.0, length_sq, 1.0)
-    np.clip(share, 0.0, 1.0, out=share)
-    gap_sq = (x0 + share * dx - x) ** 2 + (y0 + share * dy - y) ** 2
-    within_m = radius + reach_m + CELL_M * 0.70711
-    result: NDArray[np.bool_] = gap_sq <= within_m * within_m
-    return result
+_NOTHING: list[Obstacle] = []

@@ -18,7 +18,7 @@ TIME_PER_BUDGET_S_PER_M = 4.0
 class Referee:
     """Watches a world; ``call_off`` is called once, when the outcome is known."""
 
-    def __init__(self, forest: Forest, budget_m: float, tip_deg: float, call_off: Callable[[str], None]) -> None:
+    def __init__(self, forest: Forest, budget_m: float, tip_deg: float, call_off: Callable[[str, str], None]) -> None:
         self._goal_y_m = forest.goal_y_m
         self._budget_m = budget_m
         self._budget_s = budget_m * TIME_PER_BUDGET_S_PER_M
@@ -26,24 +26,29 @@ class Referee:
         self._call_off = call_off
         self.outcome: Outcome | None = None
 
-    def watch(self, world: World, t_s: float) -> None:
+    def watch(self, world: World) -> None:
         """Look at the world after a step."""
-        if self.outcome is not None:
+        x_m, y_m = world.x_m, world.y_m
+        if (
+            0.0 <= y_m < self._goal_y_m
+            and 0.0 <= x_m <= WORLD_SIZE_M
+            and world.forward_m + world.reverse_m < self._budget_m
+            and world.t_s < self._budget_s
+            and abs(world.pitch_deg) < self._tip_deg
+        ):
             return
+        if self.outcome is None:
+            self.outcome = self._judge(world)
+            self._call_off(self.outcome, "the referee's call")
+
+    def _judge(self, world: World) -> Outcome:
         if world.y_m >= self._goal_y_m:
-            self._end("escaped")
-        elif not (0.0 <= world.x_m <= WORLD_SIZE_M and world.y_m >= 0.0):
-            self._end("left_bounds")
-        elif world.path_m >= self._budget_m or t_s >= self._budget_s:
-            self._end("entrapped")
-        elif abs(world.pitch_deg) >= self._tip_deg:
-            self._end("tipped")
+            return "escaped"
+        if not (0.0 <= world.x_m <= WORLD_SIZE_M and world.y_m >= 0.0):
+            return "left_bounds"
+        return "tipped" if abs(world.pitch_deg) >= self._tip_deg else "entrapped"
 
     def path_m(self, world: World) -> float:
         """Return the path: what was driven, reversing included, and for ``left_bounds`` the way that remains north."""
         remaining_m = max(0.0, self._goal_y_m - world.y_m) if self.outcome == "left_bounds" else 0.0
         return world.path_m + remaining_m
-
-    def _end(self, outcome: Outcome) -> None:
-        self.outcome = outcome
-        self._call_off(outcome)

@@ -92,27 +92,21 @@ def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
     handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
     physics = replace(Physics(), slip_mean_m=spec.slip_mean_m)
 
-    def watch() -> None:
-        referee.watch(world, loop.time())
-
-    world = World(spec.forest, spec.rover.vehicle, physics, streams, watch)
+    world = World(spec.forest, spec.rover.vehicle, physics, streams)
     supervisor = Supervisor(device_depth(world, streams), spec.rover, algorithm, handler, tally)
-    referee = Referee(
-        spec.forest, spec.budget_m, physics.tip_deg, lambda outcome: supervisor.finish(outcome, "the referee's call")
-    )
+    referee = Referee(spec.forest, spec.budget_m, physics.tip_deg, supervisor.finish)
+    world.after_step = referee.watch
 
     async def run() -> None:
         supervisor.arm(spec.forest.heading_deg)
         await supervisor.run()
 
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        loop = runner.get_loop()
         runner.run(run())
-        time_s = loop.time()
-    return _result(spec, referee, world, tally, time_s)
+    return _result(spec, referee, world, tally)
 
 
-def _result(spec: TrialSpec, referee: Referee, world: World, tally: Tally, time_s: float) -> TrialResult:
+def _result(spec: TrialSpec, referee: Referee, world: World, tally: Tally) -> TrialResult:
     forest = spec.forest
     outcome = referee.outcome or "fault"
     path_m = referee.path_m(world)
@@ -128,7 +122,7 @@ def _result(spec: TrialSpec, referee: Referee, world: World, tally: Tally, time_
         outcome,
         path_m,
         world.reverse_m,
-        time_s,
+        world.t_s,
         tally.anomalies,
         tally.episodes,
         shortest_m,

@@ -10,13 +10,13 @@ Positions are metres east (x) and north (y); headings degrees clockwise from nor
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import atan2, ceil, cos, degrees, exp, radians, sin
+from math import atan2, ceil, cos, degrees, exp, hypot, radians, sin
 from typing import NamedTuple
 
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import Side
-from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
-from wayfarer.simhal.obstacles import Body, Near, Obstacle, grid, obstacles_of
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.obstacles import NEAR_M, Body, Map, Obstacle, obstacles_of
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.streams import Streams
 
@@ -25,6 +25,8 @@ PIECE_M = 0.1
 PIECE_RAD = 0.4
 # A blocked move is halved this often to find where it touches: 2 mm of 0.1 m.
 HALVINGS = 5
+# Below this a move is none: it takes no noise.
+STILL_M = 1e-6
 # Contacts within this angle of straight ahead are head-on.
 HEAD_ON_DEG = 10.0
 
@@ -44,7 +46,8 @@ class World:
         vehicle: the body; ``track_m`` and ``max_speed_m_s`` are what the field code believes of it.
         physics: how it moves.
         streams: where its chance comes from.
-        after_step: called after each step, for the referee.
+
+    ``after_step`` is called with the world after each step; the referee sits there.
     """
 
     def __init__(
@@ -53,24 +56,25 @@ class World:
         vehicle: Vehicle,
         physics: Physics,
         streams: Streams,
-        after_step: Callable[[], None],
     ) -> None:
         self.x_m, self.y_m = forest.start_m
         self.heading_rad = radians(forest.heading_deg)
         self.pitch_deg = 0.0
         self.roll_deg = 0.0
-        self.path_m = 0.0
-        self.reverse_m = 0.0
         self.forward_m = 0.0
+        self.reverse_m = 0.0
         self.touch: Touch | None = None
         self.slipping = False
-        self.slips = 0
         self.steps = 0
+        self.t_s = 0.0
         self._step_s = physics.step_s
+        self._half_step_s = physics.step_s / 2
+        self._next_step_s = physics.step_s - 1e-9
         self._physics = physics
-        self._after_step = after_step
+        self.after_step: Callable[[World], None] = _nobody_watches
         self._body = Body(vehicle.length_m, vehicle.width_m)
-        self._cells = grid(obstacles_of(forest), self._body.reach_m)
+        self._map = Map(obstacles_of(forest))
+        self._free_m = 0.0
         self._lag = 1.0 - exp(-physics.step_s / physics.motor_lag_s)
         self._settling = exp(-physics.step_s / physics.settle_s)
         per_root_m = physics.noise_per_m**-0.5
@@ -88,11 +92,17 @@ class World:
         self._full_left_m_s, self._full_right_m_s = (
             vehicle.max_speed_m_s * build.normal(1.0, self._physics.side_gain_sd, 2)
         ).tolist()
-        self._track_m = vehicle.track_m * exp(build.normal(0.0, self._physics.track_sd))
+        track_m = vehicle.track_m * exp(build.normal(0.0, self._physics.track_sd))
+        self._turn_per_m_s = self._step_s / track_m
 
     def _next_slip_m(self) -> float:
         """Return the forward distance at which the ground gives way next."""
         return self.forward_m + self._physics.slip_free_m + float(self._slip_after(self._physics.slip_mean_m))
+
+    @property
+    def path_m(self) -> float:
+        """Distance driven, forwards and backwards."""
+        return self.forward_m + self.reverse_m
 
     def command(self, left: float, right: float) -> None:
         """Set the duty of both sides, each in -1..1, from the next step on."""
@@ -101,26 +111,29 @@ class World:
 
     def advance_to(self, t_s: float) -> None:
         """Take whole steps up to a time; nothing happens where the world is there already."""
-        due = int(t_s / self._step_s + 1e-6)
-        while self.steps < due:
+        while t_s >= self._next_step_s:
             self.steps += 1
+            self.t_s = self.steps * self._step_s
+            self._next_step_s = self.t_s + self._step_s - 1e-9
             self._step()
-            self._after_step()
+            self.after_step(self)
 
     def _step(self) -> None:
         self._left_m_s += (self._left_target_m_s - self._left_m_s) * self._lag
         self._right_m_s += (self._right_target_m_s - self._right_m_s) * self._lag
         if self.slipping and not self._break_free():
             return
-        forward_m = (self._left_m_s + self._right_m_s) * 0.5 * self._step_s
-        turn_rad = (self._left_m_s - self._right_m_s) / self._track_m * self._step_s
         if self.pitch_deg:
             self.pitch_deg = self.pitch_deg * self._settling if abs(self.pitch_deg) > 0.01 else 0.0
-        if -1e-6 < forward_m < 1e-6 and -1e-6 < turn_rad < 1e-6:
+        forward_m = (self._left_m_s + self._right_m_s) * self._half_step_s
+        turn_rad = (self._left_m_s - self._right_m_s) * self._turn_per_m_s
+        if -PIECE_M <= forward_m <= PIECE_M and -PIECE_RAD <= turn_rad <= PIECE_RAD:
+            self._move(forward_m, turn_rad)
             return
         pieces = max(ceil(abs(forward_m) / PIECE_M), ceil(abs(turn_rad) / PIECE_RAD))
-        while pieces and self._move(forward_m / pieces, turn_rad / pieces):
-            pieces -= 1
+        for _ in range(pieces):
+            if not self._move(forward_m / pieces, turn_rad / pieces):
+                return
 
     def _break_free(self) -> bool:
         """Tell whether the wheels, which turn without grip, have begun to pull back: that frees them."""
@@ -134,37 +147,55 @@ class World:
     def _move(self, forward_m: float, turn_rad: float) -> bool:
         """Move the body by a piece, up to the first contact; return whether nothing was in the way."""
         length_m = abs(forward_m)
-        turn_rad += self._wander() * length_m**0.5
+        if length_m > STILL_M:
+            turn_rad += self._wander() * length_m**0.5
         course = self.heading_rad + turn_rad + self._steer_noise()
         dx, dy = forward_m * sin(course), forward_m * cos(course)
-        near = self._near(self.x_m + dx, self.y_m + dy)
-        hit = self._hit(near, dx, dy, turn_rad) if near else None
-        if hit is not None:
-            share = self._free_share(near, dx, dy, turn_rad)
-            forward_m *= share
-            length_m *= share
-            self._press(hit, dx, dy, turn_rad, share)
-        else:
+        # The clearance known from earlier is used up before it is measured again.
+        self._free_m -= length_m
+        if self._free_m > 0.0:
             self.touch = None
-            self.x_m += dx
-            self.y_m += dy
-            self.heading_rad += turn_rad
-        self.path_m += length_m
+        elif (share := self._feel(dx, dy, turn_rad)) < 1.0:
+            dx, dy, turn_rad, forward_m = dx * share, dy * share, turn_rad * share, forward_m * share
+        self.x_m += dx
+        self.y_m += dy
+        self.heading_rad += turn_rad
         if forward_m < 0.0:
-            self.reverse_m += length_m
+            self.reverse_m -= forward_m
         else:
-            self.forward_m += length_m
+            self.forward_m += forward_m
             if self.forward_m >= self._slip_at_m:
                 self.slipping = True
-                self.slips += 1
-        return hit is None
+        return self.touch is None
 
-    def _near(self, x_m: float, y_m: float) -> Near:
-        if 0.0 <= x_m < WORLD_SIZE_M and 0.0 <= y_m < WORLD_SIZE_M:
-            return self._cells[int(y_m) * 50 + int(x_m)]
-        return ()
+    def _feel(self, dx: float, dy: float, turn_rad: float) -> float:
+        """Return how much of a move is free, 1 for all of it; press against what stops it."""
+        self.touch = None
+        within_reach = self._measure(hypot(dx, dy) + self._body.reach_m)
+        if not within_reach:
+            return 1.0
+        hit = self._hit(within_reach, dx, dy, turn_rad)
+        if hit is None:
+            return 1.0
+        self._press(hit)
+        return self._free_share(within_reach, dx, dy, turn_rad)
 
-    def _hit(self, near: Near, dx: float, dy: float, turn_rad: float) -> Obstacle | None:
+    def _measure(self, reach_m: float) -> list[Obstacle]:
+        """Return the obstacles within reach, and remember how far it is beyond that to the nearest one."""
+        x_m, y_m = self.x_m, self.y_m
+        free_m = NEAR_M - reach_m
+        within_reach = []
+        for obstacle in self._map.near(x_m, y_m):
+            near_x, near_y = obstacle.nearest(x_m, y_m)
+            gap_m = hypot(near_x - x_m, near_y - y_m) - obstacle.radius_m - reach_m
+            if gap_m <= 0.0:
+                within_reach.append(obstacle)
+            if gap_m < free_m:
+                free_m = gap_m
+        self._free_m = free_m
+        return within_reach
+
+    def _hit(self, near: list[Obstacle], dx: float, dy: float, turn_rad: float) -> Obstacle | None:
         """Return the first obstacle that the body would overlap after a move, None where it would not."""
         x_m, y_m, heading_rad = self.x_m + dx, self.y_m + dy, self.heading_rad + turn_rad
         sin_h, cos_h = sin(heading_rad), cos(heading_rad)
@@ -173,7 +204,7 @@ class World:
                 return obstacle
         return None
 
-    def _free_share(self, near: Near, dx: float, dy: float, turn_rad: float) -> float:
+    def _free_share(self, near: list[Obstacle], dx: float, dy: float, turn_rad: float) -> float:
         """Return how much of a blocked move is free, by halving; always a pose that was tested."""
         free, share = 0.0, 0.5
         for halving in range(2, HALVINGS + 2):
@@ -184,17 +215,13 @@ class World:
                 share -= 0.5**halving
         return free
 
-    def _press(self, hit: Obstacle, dx: float, dy: float, turn_rad: float, share: float) -> None:
-        """Stop at an obstacle; the body rears up on a trunk while its wheels go on pushing."""
-        self.x_m += dx * share
-        self.y_m += dy * share
-        self.heading_rad += turn_rad * share
+    def _press(self, hit: Obstacle) -> None:
+        """Stall at an obstacle; the body rears up on a trunk while its wheels push on."""
         self.touch = Touch(hit, self._sides(hit))
-        push_m_s = (self._left_m_s + self._right_m_s) * 0.5
         if hit.axis_deg is not None:
-            duty = push_m_s / self._full_left_m_s
+            duty = (self._left_m_s + self._right_m_s) * 0.5 / self._full_left_m_s
             self.pitch_deg = self.pitch_deg / self._settling + duty * self._physics.climb_deg_s * self._step_s
-        self._left_m_s = self._right_m_s = 0.0  # stalled
+        self._left_m_s = self._right_m_s = 0.0
 
     def _sides(self, hit: Obstacle) -> tuple[Side, ...]:
         """Return the side of the body at which an obstacle lies, by the bearing of its nearest point."""
@@ -206,3 +233,7 @@ class World:
         if abs(off_deg) >= 135.0:
             return (Side.REAR,)
         return (Side.RIGHT,) if off_deg > 0.0 else (Side.LEFT,)
+
+
+def _nobody_watches(_world: World) -> None:
+    """Stand in for the referee."""

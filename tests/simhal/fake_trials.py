@@ -1,0 +1,73 @@
+"""Trials that need no simulator; at module level, so that spawned workers can import them.
+
+Run as a module it is a campaign of slow trials, for tests that send real signals: ``FOLDER JOBS``.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from threading import Event
+from typing import cast
+
+from wayfarer.config import load_rover
+from wayfarer.simhal import command
+from wayfarer.simhal.plan import Campaign
+from wayfarer.simhal.referee import Outcome
+from wayfarer.simhal.rows import OUTCOMES
+from wayfarer.simhal.trial import TrialResult, TrialSpec
+
+SLOW_S = 0.05
+MANY = 100
+
+
+def campaign_of(trials: int, *algorithms: str) -> Campaign:
+    return Campaign(algorithms or ("forest-pledge",), trials, load_rover("sim"))
+
+
+def quick(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+    """All that a result says follows from the seed and the algorithm."""
+    path_m = 40.0 + spec.seed % 100_000 / 7 + len(spec.algorithm)
+    return TrialResult(
+        spec.trial,
+        spec.algorithm,
+        spec.forest.forest,
+        spec.forest.noise,
+        spec.seed,
+        cast(Outcome, OUTCOMES[spec.seed % 4]),
+        path_m=path_m,
+        reverse_m=path_m / 20,
+        time_s=path_m * 1.2,
+        anomalies=spec.seed % 50,
+        episodes=spec.seed % 9,
+        shortest_path_m=37.5,
+        spl=37.5 / path_m,
+        ticks=100,
+    )
+
+
+def slow(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+    Event().wait(SLOW_S)
+    return quick(spec)
+
+
+def early_ones_last(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+    Event().wait(0.02 if spec.trial % 8 == 0 else 0)
+    return quick(spec)
+
+
+def third_fails(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+    if spec.trial == 3:
+        raise KeyError("no such\nphase")
+    return quick(spec)
+
+
+def third_kills_its_worker(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+    if spec.trial == 3:
+        os._exit(9)
+    return quick(spec)
+
+
+if __name__ == "__main__":
+    sys.exit(command.run_all(campaign_of(MANY), Path(sys.argv[1]), jobs=int(sys.argv[2]), run_trial=slow))

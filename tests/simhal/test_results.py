@@ -1,0 +1,167 @@
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.simhal.results import PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder
+from wayfarer.simhal.rows import COLUMNS, OUTCOMES, Row, csv_line, parse_row, row_of
+from wayfarer.simhal.trial import TrialResult
+
+SETTINGS_HERE: dict[str, Any] = {
+    "version": "1",
+    "trials": 3,
+    "rover": {"name": "sim", "rates": {"compass_hz": 20.0}},
+}
+ROWS = [
+    Row(n, "pledge", n // 2, n % 2, 77 + n, "escaped", 80.125, 1.5, 90.0, 3, 2, ticks=9) for n in range(3)
+]
+numbers = st.floats(-1e6, 1e6)
+maybe = st.none() | numbers
+
+
+@st.composite
+def results(draw: st.DrawFn) -> TrialResult:
+    counts = [draw(st.integers(0, 10**6)) for _ in range(4)]
+    outcome: Any = draw(st.sampled_from(OUTCOMES))
+    return TrialResult(
+        counts[0], "pkg.rules:spiral", counts[1], counts[2], draw(st.integers(0, 2**63 - 1)), outcome,
+        draw(numbers), draw(numbers), draw(numbers), counts[3], 4, draw(maybe), draw(maybe), 5,
+    )  # fmt: skip
+
+
+@given(results())
+def test_row_holds_what_its_line_holds(result: TrialResult) -> None:
+    row = row_of(result)
+    again = parse_row(csv_line(row), Row._fields, "here")
+    assert again == row
+    assert csv_line(again) == csv_line(row)
+
+
+def test_row_reads_as_the_issue_asks() -> None:
+    assert csv_line(COLUMNS) == (
+        "trial,algorithm,forest,noise,seed,outcome,path_m,reverse_m,time_s,anomalies,episodes,shortest_path_m,spl\n"
+    )
+    result = TrialResult(7, "pledge", 3, 1, 99, "escaped", 81.3, 4.25, 95.05, 12, 5, 39.9, 0.49077, 1900)
+    assert csv_line(row_of(result)[:-1]) == "7,pledge,3,1,99,escaped,81.300,4.250,95.050,12,5,39.900,0.4908\n"
+    assert csv_line(Row(7, "pledge", 3, 1, 99, "fault")[:-1]) == "7,pledge,3,1,99,fault,,,,,,,\n"
+
+
+def test_row_never_holds_nan_or_a_negative_zero() -> None:
+    result = TrialResult(
+        0, "pledge", 0, 0, 1, "tipped", float("nan"), -0.0, -1e-9, 0, 0, float("inf"), None, 0
+    )
+    assert csv_line(row_of(result)[:-1]) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,\n"
+
+
+@pytest.mark.parametrize("line", ["", "1,pledge", csv_line(ROWS[0]).replace("escaped", "vanished"), "x" * 99])
+def test_line_that_is_no_row_is_refused_with_its_place(line: str) -> None:
+    with pytest.raises(BadInput, match=r"^trials.csv, line 9 is not a row"):
+        parse_row(line, Row._fields, "trials.csv, line 9")
+
+
+def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path / "new" / "run", SETTINGS_HERE) as folder:
+        for row in ROWS:
+            folder.append(row)
+        folder.finish(ROWS, {"ticks": 27})
+        assert folder.complete
+    assert {path.name for path in folder.path.iterdir()} == {SETTINGS, TRIALS, SUMMARY}
+    assert (folder.path / TRIALS).read_text() == csv_line(COLUMNS) + "".join(
+        csv_line(row[:-1]) for row in ROWS
+    )
+    assert json.loads((folder.path / SUMMARY).read_text()) == {"ticks": 27}
+
+
+def test_row_is_on_disk_as_soon_as_it_is_kept(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        folder.append(ROWS[1])
+        assert (tmp_path / PARTIAL).read_text() == csv_line(Row._fields) + csv_line(ROWS[1])
+
+
+def test_resuming_after_a_cut_anywhere_keeps_exactly_the_whole_lines(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        for row in ROWS[:2]:
+            folder.append(row)
+    whole = (tmp_path / PARTIAL).read_bytes()
+    for length in range(len(whole) + 1):
+        (tmp_path / PARTIAL).write_bytes(whole[:length])
+        with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
+            assert folder.kept == ROWS[: max(0, whole[:length].count(b"\n") - 1)]
+            for row in ROWS[len(folder.kept) : 2]:
+                folder.append(row)
+        assert (tmp_path / PARTIAL).read_bytes() == whole
+
+
+def test_complete_folder_resumes_to_what_it_holds(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        folder.append(ROWS[0])
+        folder.finish(ROWS, {})
+    with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
+        assert folder.complete
+        assert folder.kept == [row._replace(ticks=None) for row in ROWS]
+
+
+def test_damaged_row_in_the_middle_is_named(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        folder.append(ROWS[0])
+    with (tmp_path / PARTIAL).open("a") as partial:
+        partial.write("\0\0\0\n")
+    with pytest.raises(BadInput, match=r"trials\.partial\.csv, line 3 is not a row"):
+        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+
+
+def test_another_campaigns_folder_is_refused_by_its_first_difference(tmp_path: Path) -> None:
+    ResultsFolder(tmp_path, SETTINGS_HERE).close()
+    faster = {**SETTINGS_HERE, "rover": {"name": "sim", "rates": {"compass_hz": 50.0}}}
+    with pytest.raises(BadInput, match=r"rover\.rates\.compass_hz is 20\.0 there and 50\.0 here"):
+        ResultsFolder(tmp_path, faster, resume=True)
+
+
+def test_folder_that_is_in_use_is_refused(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE), pytest.raises(BadInput, match="in use"):
+        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+    ResultsFolder(tmp_path, SETTINGS_HERE, resume=True).close()
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_folder_with_something_else_in_it_is_refused_and_left_alone(tmp_path: Path, resume: bool) -> None:
+    (tmp_path / "holiday.jpg").touch()
+    with pytest.raises(BadInput, match="holds no campaign" if resume else "not empty"):
+        ResultsFolder(tmp_path, SETTINGS_HERE, resume=resume)
+    assert [path.name for path in tmp_path.iterdir()] == ["holiday.jpg"]
+
+
+def test_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "out").touch()
+    with pytest.raises(BadInput, match="is a file"):
+        ResultsFolder(tmp_path / "out", SETTINGS_HERE)
+    with pytest.raises(BadInput, match="cannot be used for the output: Not a directory"):
+        ResultsFolder(tmp_path / "out" / "run", SETTINGS_HERE)
+
+
+def test_folder_that_cannot_be_made_leaves_nothing_behind(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="name too long"):
+        ResultsFolder(tmp_path / "a" / "b" / ("c" * 300), SETTINGS_HERE)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_folder_without_write_permission_is_refused(tmp_path: Path) -> None:
+    tmp_path.chmod(0o555)
+    with pytest.raises(BadInput, match="Permission denied"):
+        ResultsFolder(tmp_path, SETTINGS_HERE)
+
+
+def test_full_disk_ends_in_one_line_that_says_what_to_do(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        (tmp_path / PARTIAL).unlink()
+        (tmp_path / PARTIAL).symlink_to("/dev/full")
+        with pytest.raises(WayfarerError, match=r"cannot be written any more: No space left.*--resume"):
+            folder.append(ROWS[0])

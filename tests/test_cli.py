@@ -1,0 +1,284 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from tests.simhal import fake_trials
+from wayfarer import __version__, cli
+from wayfarer.errors import BadReading, MissingPart
+from wayfarer.simhal.trial import TrialResult, TrialSpec
+
+Run = Callable[..., tuple[int, str, str]]
+
+FOREST = {
+    "forest": 0, "noise": 1, "start_m": [25.0, 12.5], "heading_deg": 0.0, "goal_y_m": 50.0,
+    "trunk_diameter_m": 0.3, "tree_radius_m": 0.25, "trunks_m": [],
+    "trees_m": [[10.0, 10.0]], "shortest_path_m": 37.5,
+}  # fmt: skip
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run the command in this process, on a terminal of 140 columns."""
+    monkeypatch.setenv("COLUMNS", "140")
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        code = cli.run([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run
+
+
+@pytest.fixture
+def quick_trials(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let this process's trials end at once; only for ``--jobs 1``."""
+    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", fake_trials.quick)
+
+
+# --- what every command promises
+
+
+def test_version_imports_nothing_heavy() -> None:
+    script = (
+        "import sys; from wayfarer.cli import run; code = run(['--version']);"
+        "heavy = {'numpy', 'scipy', 'pydantic', 'rich', 'asyncio', 'structlog', 'wayfarer.simhal'};"
+        "print(code, sorted(heavy & set(sys.modules)))"
+    )
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert told.stdout == f"wayfarer {__version__}\n0 []\n"
+
+
+def test_help_shows_examples(run: Run) -> None:
+    code, out, _ = run("sim", "--help")
+    assert code == 0
+    assert "wayfarer sim --trials 1000 --out results" in out
+    assert "--anomaly-source" in out
+
+
+def test_no_arguments_show_the_help_and_no_error_line(run: Run) -> None:
+    _, out, err = run()
+    assert "Usage: wayfarer" in out
+    assert "wayfarer:" not in err
+
+
+@pytest.mark.parametrize(("error", "code"), [(MissingPart("no contact"), 2), (BadReading("no\nsense"), 1)])
+def test_error_raised_on_purpose_is_one_line(
+    run: Run, monkeypatch: pytest.MonkeyPatch, error: Exception, code: int
+) -> None:
+    def fail(name: str) -> None:
+        raise error
+
+    monkeypatch.setattr("wayfarer.config.load_rover", fail)
+    text = str(error).replace("\n", " ")
+    assert run("sim") == (code, "", f"wayfarer: {text}\n")
+
+
+def test_missing_extra_says_how_to_get_it(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli, "find_spec", lambda name: None if name == "numpy" else object())
+    code, out, err = run("sim", "--trials", "1")
+    assert (code, out) == (1, "")
+    assert err == "wayfarer: simulating needs numpy, which is not installed: pip install 'wayfarer[sim]'\n"
+
+
+# --- list
+
+
+def test_list_names_algorithms_rovers_and_their_needs(run: Run) -> None:
+    code, out, _ = run("list")
+    assert code == 0
+    assert [line.split()[:2] for line in out.splitlines() if " pledge " in line][:2] == [
+        ["pledge", "pledge"],
+        ["forest-pledge", "pledge"],
+    ]
+    assert "contact" in next(line for line in out.splitlines() if "oo-react" in line)
+    assert "sim" in next(line for line in out.splitlines() if line.startswith("rovers:"))
+
+
+def test_list_says_where_third_party_algorithms_come_from_and_survives_broken_ones(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    group = "wayfarer.algorithms"
+    points = [
+        EntryPoint("spiral", "tests.fake_plugins:spiral", group),
+        EntryPoint("broken", "no_such_module:x", group),
+    ]
+    monkeypatch.setattr(
+        "wayfarer.registry.entry_points", lambda group: points if "algorithms" in group else []
+    )
+    code, out, _ = run("list")
+    assert code == 0
+    assert "(from tests.fake_plugins:spiral)" in " ".join(out.split())
+    assert "cannot be loaded" in out
+
+
+# --- bad input
+
+BAD_INPUT = {
+    "no such command": (["smi"], "sim"),
+    "no such option": (["sim", "--trails", "3"], "--trails"),
+    "no trials": (["sim", "--trials", "0"], "--trials"),
+    "negative trials": (["sim", "--trials", "-5"], "--trials"),
+    "trials that are no number": (["sim", "--trials", "many"], "--trials"),
+    "no jobs": (["sim", "--jobs", "0"], "--jobs"),
+    "negative seed": (["sim", "--seed", "-1"], "--seed"),
+    "slip mean 0": (["sim", "--slip-mean-m", "0"], "--slip-mean-m"),
+    "slip mean nan": (["sim", "--slip-mean-m", "nan"], "finite number above 0"),
+    "negative budget": (["sim", "--budget-m", "-1"], "--budget-m"),
+    "endless budget": (["sim", "--budget-m", "inf"], "finite number above 0"),
+    "unknown source": (["sim", "--anomaly-source", "smell"], "--anomaly-source"),
+    "unknown algorithm": (["sim", "--algorithm", "pledge,forest-plege"], "did you mean forest-pledge"),
+    "empty name": (["sim", "--algorithm", "pledge,"], "unknown algorithm"),
+    "unloadable algorithm": (["sim", "--algorithm", "no_such_module:x"], "cannot import no_such_module"),
+    "unknown rover": (["sim", "--rover", "simm"], "did you mean sim"),
+    "missing rover file": (["sim", "--rover", "no/such.toml"], "no/such.toml"),
+    "missing forest file": (["sim", "--forests", "no/such.jsonl"], "no/such.jsonl"),
+    "trial too high": (["sim", "--trials", "5", "--trial", "5"], "0 to 4"),
+    "negative trial": (["sim", "--trial", "-1"], "--trial"),
+    "one trial of two": (
+        ["sim", "--trial", "1", "--algorithm", "pledge,oo-react"],
+        "one of pledge, oo-react",
+    ),
+    "log of all": (["sim", "--log", "logs"], "--trial"),
+    "resume of nothing": (["sim", "--resume"], "--out"),
+}
+
+
+@pytest.mark.parametrize("arguments, says", BAD_INPUT.values(), ids=BAD_INPUT)
+def test_bad_input_is_one_line_and_exit_code_2(run: Run, arguments: list[str], says: str) -> None:
+    code, out, err = run(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("wayfarer: ")
+    assert err.count("\n") == 1
+    assert says in err
+
+
+@pytest.mark.parametrize("arguments, says", BAD_INPUT.values(), ids=BAD_INPUT)
+def test_bad_input_leaves_no_output_folder(run: Run, tmp_path: Path, arguments: list[str], says: str) -> None:
+    if arguments != ["sim", "--resume"] and "--log" not in arguments:
+        assert run(*arguments, "--out", tmp_path / "out")[0] == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+BROKEN_FORESTS = {
+    "broken line": ("{nonsense", "line 2"),
+    "trunk outside the world": (
+        json.dumps(FOREST | {"noise": 2, "trunks_m": [[1, 1, 60, 1, "across"]]}),
+        "line 2",
+    ),
+    "start inside a tree": (json.dumps(FOREST | {"noise": 2, "trees_m": [[25.0, 12.5]]}), "line 2"),
+}
+
+
+@pytest.mark.parametrize("line, says", BROKEN_FORESTS.values(), ids=BROKEN_FORESTS)
+def test_bad_forest_is_named_by_file_and_line(run: Run, tmp_path: Path, line: str, says: str) -> None:
+    file = tmp_path / "forests.jsonl"
+    file.write_text(json.dumps(FOREST) + "\n" + line + "\n")
+    code, out, err = run("sim", "--forests", file, "--out", tmp_path / "out")
+    assert (code, out) == (2, "")
+    assert err.startswith(f"wayfarer: {file}, {says}: ")
+    assert err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.usefixtures("quick_trials")
+@pytest.mark.parametrize("option", [("--out",), ("--trial", "0", "--log")])
+def test_folder_that_cannot_be_used_is_found_out_before_any_trial(
+    run: Run, tmp_path: Path, option: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", lambda *_: pytest.fail("a trial was run"))
+    (tmp_path / "file").touch()
+    for folder in (tmp_path, tmp_path / "file", tmp_path / "file" / "below", Path("/proc/wayfarer")):
+        code, out, err = run("sim", "--trials", 2, "--jobs", 1, *option, folder)
+        assert (code, out) == (2, "")
+        assert err.startswith(f"wayfarer: {folder} ")
+        assert err.count("\n") == 1
+
+
+# --- campaigns
+
+
+@pytest.mark.usefixtures("quick_trials")
+def test_paper_stands_for_its_ten_and_a_name_twice_runs_once(run: Run) -> None:
+    code, out, _ = run("sim", "--trials", 2, "--jobs", 1, "--algorithm", "oo-react,paper,pledge")
+    names = [
+        line.split()[0] for line in out.splitlines() if line.startswith(" ") and "[" in line and "]" in line
+    ]
+    assert code == 0
+    assert names[1:] == [
+        "oo-react", "pledge", "forest-pledge", "rand-pledge", "cv-pledge", "oo-pledge", "levy-pledge",
+        "levy-walk", "cv-levy", "cv-react",
+    ]  # fmt: skip
+
+
+@pytest.mark.usefixtures("quick_trials")
+def test_settings_reach_every_trial(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    specs: list[TrialSpec] = []
+
+    def remembering(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
+        specs.append(spec)
+        return fake_trials.quick(spec)
+
+    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", remembering)
+    forests = tmp_path / "forests.jsonl"
+    forests.write_text(json.dumps(FOREST))
+    options = ["--slip-mean-m", 2, "--budget-m", 50, "--anomaly-source", "contact", "--forests", forests]
+    assert run("sim", "--trials", 3, "--jobs", 1, "--algorithm", "pledge", *options)[0] == 0
+    assert [(spec.trial, spec.forest.noise) for spec in specs] == [(0, 1), (1, 2), (2, 3)]
+    assert {(spec.algorithm, spec.slip_mean_m, spec.budget_m) for spec in specs} == {("pledge", 2.0, 50.0)}
+    assert {spec.rover.anomaly_source for spec in specs} == {"contact"}
+
+
+@pytest.mark.usefixtures("quick_trials")
+def test_progress_goes_to_stderr_in_plain_lines_and_the_table_to_stdout(run: Run, tmp_path: Path) -> None:
+    code, out, err = run("sim", "--trials", 40, "--jobs", 1, "--out", tmp_path / "out")
+    assert code == 0
+    assert err.splitlines() == [
+        *(f"{n} of 40 trials" for n in range(4, 41, 4)), f"the results are in {tmp_path / 'out'}",
+    ]  # fmt: skip
+    assert "forest-pledge" in out
+    assert "81.3 ± 29.3" in out
+
+
+@pytest.mark.usefixtures("quick_trials")
+def test_resuming_a_complete_campaign_shows_its_table_and_changes_nothing(run: Run, tmp_path: Path) -> None:
+    command = ("sim", "--trials", 10, "--jobs", 1, "--out", tmp_path / "out")
+    _, table, _ = run(*command)
+    before = {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    code, again, _ = run(*command, "--resume")
+    assert code == 0
+    assert again.splitlines()[:4] == table.splitlines()[:4]
+    assert {path: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+
+
+def test_faults_are_told_with_how_to_look_into_them(
+    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", fake_trials.third_fails)
+    code, out, err = run("sim", "--trials", 5, "--jobs", 1)
+    assert code == 0
+    (line,) = [line for line in err.splitlines() if "fault" in line]
+    assert line.startswith("trial 3 of forest-pledge ended in a fault: KeyError")
+    assert line.endswith("look into it with --algorithm forest-pledge --trial 3 --log DIR")
+    assert "faults" in out
+    code, out, err = run("sim", "--trials", 5, "--trial", 3, "--log", tmp_path / "log")
+    assert (code, out.splitlines()[1][:17]) == (1, "3,forest-pledge,1")
+    assert "third_fails" in (tmp_path / "log" / "fault.txt").read_text()
+
+
+def test_real_trials_are_the_same_alone_and_on_any_number_of_workers(run: Run, tmp_path: Path) -> None:
+    command = ("sim", "--trials", 4, "--budget-m", 15, "--algorithm", "forest-pledge")
+    assert run(*command, "--jobs", 1, "--out", tmp_path / "1")[0] == 0
+    assert run(*command, "--jobs", 2, "--out", tmp_path / "2")[0] == 0
+    trials = (tmp_path / "1" / "trials.csv").read_text()
+    assert (tmp_path / "2" / "trials.csv").read_text() == trials
+    header, *rows = trials.splitlines()
+    assert len(rows) == 4
+    assert run(*command, "--trial", 2) == (0, f"{header}\n{rows[2]}\n", "")
+    assert "fault" not in trials

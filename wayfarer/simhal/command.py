@@ -1,0 +1,135 @@
+"""What ``wayfarer sim`` does once its options are read: all trials of a campaign, or one of them alone."""
+
+from __future__ import annotations
+
+import os
+from contextlib import nullcontext
+from pathlib import Path
+
+from rich.console import Console
+
+from wayfarer.errors import BadInput
+from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.registry import find_algorithm
+from wayfarer.simhal import campaign as campaigns
+from wayfarer.simhal.campaign import Finished
+from wayfarer.simhal.plan import Campaign, Task
+from wayfarer.simhal.progress import fault_line, say, shown_progress
+from wayfarer.simhal.report_table import print_table
+from wayfarer.simhal.results import ResultsFolder
+from wayfarer.simhal.rows import COLUMNS, csv_line
+from wayfarer.simhal.workers import RunTrial, TrialRunner, field_trial
+
+PAPER = "paper"  # stands for the ten of the paper, which are the catalogue
+INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
+FAULT_FILE = "fault.txt"
+LEGEND = "success: escaped or left bounds; path: of the successes; time, anomalies: mean a trial"
+
+
+def algorithms(names: str) -> tuple[str, ...]:
+    """Return the algorithms that a comma-separated list names, each once, in the order asked.
+
+    Raises:
+        UnknownName: no such algorithm; the text offers the nearest names.
+        BadInput: a third party's algorithm cannot be loaded.
+    """
+    asked = [name.strip() for name in names.split(",")]
+    unfolded = dict.fromkeys(name for item in asked for name in (CATALOGUE if item == PAPER else [item]))
+    for name in unfolded:
+        find_algorithm(name)
+    return tuple(unfolded)
+
+
+def run_all(
+    campaign: Campaign,
+    out: Path | None,
+    *,
+    resume: bool = False,
+    jobs: int | None = None,
+    run_trial: RunTrial = field_trial,
+) -> int:
+    """Run a campaign, show it, print its table, and return the exit code.
+
+    Raises:
+        BadInput: ``out`` cannot be used; nothing is left behind then.
+        WayfarerError: a worker died, or ``out`` cannot be written any more; finished trials are kept.
+    """
+    aside = Console(stderr=True)
+    total = len(campaign.algorithms) * campaign.trials
+    with ResultsFolder(out, campaign.settings(), resume=resume) if out else nullcontext() as folder:
+        kept = len(folder.kept) if folder else 0
+        if kept:
+            say(aside, f"{kept} of {total} trials are in {out} already")
+        with shown_progress(aside, kept, total) as progress:
+            finished = campaigns.run(
+                campaign, folder, jobs=jobs or _cores(), progress=progress, run_trial=run_trial
+            )
+    if finished.interrupted:
+        say(aside, _interruption(finished, total, out))
+        return INTERRUPTED
+    console = Console()
+    print_table(console, finished.summaries())
+    say(console, LEGEND)
+    say(console, _effort(finished))
+    if out:
+        say(aside, f"the results are in {out}")
+    return 0
+
+
+def run_alone(campaign: Campaign, trial: int, log: Path | None, run_trial: RunTrial = field_trial) -> int:
+    """Run one trial, print its row as in ``trials.csv``, and return the exit code: 1 after a fault.
+
+    With ``log`` the full field log goes there, and after a fault the traceback.
+
+    Raises:
+        BadInput: the campaign has no such trial or several algorithms, or ``log`` is not new or empty.
+    """
+    if trial >= campaign.trials:
+        raise BadInput(
+            f"--trial {trial}: the trials of this campaign are 0 to {campaign.trials - 1} (see --trials)"
+        )
+    if len(campaign.algorithms) > 1:
+        raise BadInput(
+            f"--trial runs one trial of one algorithm; choose one of {', '.join(campaign.algorithms)}"
+        )
+    if log:
+        _make_empty_folder(log)
+    done = TrialRunner(campaign, run_trial).run(Task(campaign.algorithms[0], trial), log)
+    print(csv_line(COLUMNS) + csv_line(done.row[:-1]), end="")
+    if done.fault is None:
+        return 0
+    say(Console(stderr=True), fault_line(done))
+    if log:
+        (log / FAULT_FILE).write_text(done.fault.traceback, encoding="utf-8")
+    return 1
+
+
+def _cores() -> int:
+    """Count the cores that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def _interruption(finished: Finished, total: int, out: Path | None) -> str:
+    count = f"interrupted: {len(finished.rows)} of {total} trials are"
+    return (
+        f"{count} kept in {out}; add --resume to go on"
+        if out
+        else f"{count} done; with --out DIR they are kept"
+    )
+
+
+def _effort(finished: Finished) -> str:
+    effort = finished.effort
+    simulated_h = sum(row.time_s or 0.0 for row in finished.rows) / 3600
+    per_tick = f", {effort.cpu_us_per_tick:.1f} us of CPU a control tick" if effort.cpu_us_per_tick else ""
+    return f"{simulated_h:.1f} h simulated; this run took {effort.wall_s:.1f} s{per_tick}"
+
+
+def _make_empty_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        empty = not any(path.iterdir())
+    except OSError as error:
+        raise BadInput(f"{path} cannot be used for the log: {error.strerror}") from error
+    if not empty:
+        raise BadInput(f"{path} is not empty; the log needs a new or empty folder")

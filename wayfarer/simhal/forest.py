@@ -1,0 +1,174 @@
+"""What a simulated forest is made of: fallen trunks, standing trees, a start and a goal line.
+
+x points east and y north, in metres; headings are degrees clockwise from north.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import atan2, cos, degrees, hypot, radians
+from typing import Literal, NamedTuple, get_args
+
+from wayfarer.angles import axis_offset_deg
+from wayfarer.errors import BadForest
+
+WORLD_SIZE_M = 50.0  # paper, section IV-A: 50 x 50 m
+ROVER_WIDTH_M = 0.4  # paper, section IV-A: the footprint is a square of 0.4 m
+ROVER_REACH_M = (
+    hypot(ROVER_WIDTH_M, ROVER_WIDTH_M) / 2.0
+)  # 0.283 m, centre to corner: room to turn on the spot
+ALONG_GOAL_DEG = 20.0  # paper, OO-Pledge: a trunk within 20 degrees of the goal heading can be followed
+
+Lean = Literal["right", "left", "across"]
+LEANS: tuple[Lean, ...] = get_args(Lean)
+
+# Files give whole millimetres: both ends of a short trunk may be off by half of one in x and in y.
+_ROUNDING_M = 0.002
+
+
+class Trunk(NamedTuple):
+    """The centre line of a fallen branch.
+
+    ``lean`` is the orientation class that the OO algorithms of the paper see: ``right`` or ``left`` within 20
+    degrees of the goal heading (clockwise or counter-clockwise of it), ``across`` otherwise.
+    """
+
+    x0_m: float
+    y0_m: float
+    x1_m: float
+    y1_m: float
+    lean: Lean
+
+    @property
+    def length_m(self) -> float:
+        """Return the length of the centre line, metres."""
+        return hypot(self.x1_m - self.x0_m, self.y1_m - self.y0_m)
+
+    def distance_m(self, x_m: float, y_m: float) -> float:
+        """Return the distance from a point to the centre line, metres; a trunk of no length has none."""
+        dx_m, dy_m = self.x1_m - self.x0_m, self.y1_m - self.y0_m
+        along = ((x_m - self.x0_m) * dx_m + (y_m - self.y0_m) * dy_m) / (dx_m * dx_m + dy_m * dy_m)
+        along = min(1.0, max(0.0, along))
+        return hypot(x_m - self.x0_m - along * dx_m, y_m - self.y0_m - along * dy_m)
+
+
+@dataclass(frozen=True, slots=True)
+class Forest:
+    """One forest: the geometry of a trial, without the noise that happens in it.
+
+    ``forest`` numbers the layout of fallen trunks, ``noise`` the draw of standing trees (and of all noise) in
+    it. A trunk reaches half of ``trunk_diameter_m`` from its centre line, around its ends too.
+    ``shortest_path_m`` is the geodesic for a rover 0.4 m wide, None where it was not computed.
+    """
+
+    forest: int
+    noise: int
+    start_m: tuple[float, float]
+    heading_deg: float
+    goal_y_m: float
+    trunk_diameter_m: float
+    tree_radius_m: float
+    trunks: tuple[Trunk, ...]
+    trees_m: tuple[tuple[float, float], ...]
+    shortest_path_m: float | None = None
+
+
+def check_forest(forest: Forest) -> None:
+    """Refuse a forest in which no trial can be run; numbers are taken to be finite.
+
+    Raises:
+        BadForest: the text names the key, what is wrong and what was expected.
+    """
+    _check_sizes(forest)
+    _check_mission(forest)
+    for index, trunk in enumerate(forest.trunks):
+        _check_trunk(f"trunks_m[{index}]", trunk, forest.heading_deg)
+    for index, tree_m in enumerate(forest.trees_m):
+        _check_inside(f"trees_m[{index}]", tree_m)
+    _check_start_is_free(forest)
+
+
+def _check_sizes(forest: Forest) -> None:
+    """Refuse sizes that are not positive and numbers that cannot seed a random stream."""
+    for key in ("trunk_diameter_m", "tree_radius_m", "shortest_path_m"):
+        size_m = getattr(forest, key)
+        if size_m is not None and size_m <= 0.0:
+            raise BadForest(f"{key}: is {size_m:g}, expected more than 0 m")
+    for key in ("forest", "noise"):
+        if getattr(forest, key) < 0:
+            raise BadForest(f"{key}: is {getattr(forest, key)}, expected a whole number from 0 up")
+
+
+def _check_mission(forest: Forest) -> None:
+    """Refuse a start outside the world and a goal line that the start heading does not lead to."""
+    _check_inside("start_m", forest.start_m)
+    start_y_m = forest.start_m[1]
+    if not start_y_m < forest.goal_y_m <= WORLD_SIZE_M:
+        raise BadForest(
+            f"goal_y_m: is {forest.goal_y_m:g}, expected north of the start at {start_y_m:g} "
+            f"and at most {WORLD_SIZE_M:g} m"
+        )
+    if not 0.0 <= forest.heading_deg < 360.0 or cos(radians(forest.heading_deg)) <= 1e-9:
+        raise BadForest(
+            f"heading_deg: is {forest.heading_deg:g}, expected 0 to below 90, or above 270 to below 360: "
+            "the goal line lies north"
+        )
+
+
+def _check_inside(key: str, point_m: tuple[float, float]) -> None:
+    """Refuse a point outside the world."""
+    if not (0.0 <= point_m[0] <= WORLD_SIZE_M and 0.0 <= point_m[1] <= WORLD_SIZE_M):
+        raise BadForest(
+            f"{key}: ({point_m[0]:g}, {point_m[1]:g}) is outside the world, expected 0 to {WORLD_SIZE_M:g} m"
+        )
+
+
+def _check_trunk(key: str, trunk: Trunk, heading_deg: float) -> None:
+    """Refuse a trunk outside the world, of no length, or whose lean is not that of its centre line."""
+    _check_inside(key, (trunk.x0_m, trunk.y0_m))
+    _check_inside(key, (trunk.x1_m, trunk.y1_m))
+    if trunk.length_m == 0.0:
+        raise BadForest(
+            f"{key}: has no length, both ends are ({trunk.x0_m:g}, {trunk.y0_m:g}); expected two ends"
+        )
+    axis_deg = degrees(atan2(trunk.x1_m - trunk.x0_m, trunk.y1_m - trunk.y0_m))
+    offset_deg = axis_offset_deg(axis_deg, heading_deg)
+    possible = _leans_of(offset_deg, degrees(atan2(_ROUNDING_M, trunk.length_m)))
+    if trunk.lean not in possible:
+        raise BadForest(
+            f"{key}: lean is '{trunk.lean}', but the trunk lies {abs(offset_deg):.1f} degrees "
+            f"{'clockwise' if offset_deg > 0.0 else 'counter-clockwise'} of the goal heading; expected "
+            + " or ".join(f"'{lean}'" for lean in LEANS if lean in possible)
+        )
+
+
+def _leans_of(offset_deg: float, tolerance_deg: float) -> set[Lean]:
+    """Return the leans possible at this angle from the goal heading, given the rounding of the ends."""
+    return {lean_of(offset_deg + shift_deg) for shift_deg in (-tolerance_deg, 0.0, tolerance_deg)}
+
+
+def lean_of(offset_deg: float) -> Lean:
+    """Return the lean of a trunk at a signed angle in [-90, 90) from the goal heading, clockwise positive."""
+    if abs(offset_deg) > ALONG_GOAL_DEG:
+        return "across"
+    return "right" if offset_deg > 0.0 else "left"
+
+
+def _check_start_is_free(forest: Forest) -> None:
+    """Refuse a start where a rover turning on the spot would hit something."""
+    for name, gap_m in _gaps_at_start_m(forest):
+        if gap_m <= ROVER_REACH_M:
+            raise BadForest(
+                f"start_m: {name} is {gap_m:.3f} m from the centre of the rover, expected more than "
+                f"{ROVER_REACH_M:.3f} m (its corners); it lacks {ROVER_REACH_M - gap_m:.3f} m"
+            )
+
+
+def _gaps_at_start_m(forest: Forest) -> Iterator[tuple[str, float]]:
+    """Yield each obstacle's name and the distance from the start point to its surface, negative inside it."""
+    x_m, y_m = forest.start_m
+    for index, trunk in enumerate(forest.trunks):
+        yield f"trunks_m[{index}]", trunk.distance_m(x_m, y_m) - forest.trunk_diameter_m / 2.0
+    for index, (tree_x_m, tree_y_m) in enumerate(forest.trees_m):
+        yield f"trees_m[{index}]", hypot(x_m - tree_x_m, y_m - tree_y_m) - forest.tree_radius_m

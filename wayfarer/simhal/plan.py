@@ -1,0 +1,136 @@
+"""A campaign as a plan: which forest, noise and seed each of its trials gets.
+
+Everything here follows from the settings alone, so a trial is the same whoever runs it, in whatever order,
+and every algorithm meets the same forests with the same noise: comparisons are paired.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from hashlib import blake2b
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from wayfarer import __version__
+from wayfarer.simhal.forest import Forest
+
+if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
+    from wayfarer.config import RoverConfig
+    from wayfarer.simhal.trial import TrialSpec
+
+NOISES_PER_LAYOUT = 2  # the paper's 1,000 trials are 500 layouts x 2 noise seeds
+
+
+class Task(NamedTuple):
+    """One trial of one algorithm; ``trial`` counts from 0 within the algorithm."""
+
+    algorithm: str
+    trial: int
+
+
+@dataclass(frozen=True, slots=True)
+class ForestFile:
+    """The forests of a file, in its order, and what identifies its content."""
+
+    name: str
+    blake2b: str
+    forests: tuple[Forest, ...]
+
+    @property
+    def noise_span(self) -> int:
+        """How far apart the noise numbers of two passes through the file are."""
+        noises = [forest.noise for forest in self.forests]
+        return max(noises) - min(noises) + 1
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """All that decides the results of a campaign.
+
+    ``slip_mean_m`` is the mean distance between slip events and ``budget_m`` the path after which a rover
+    counts as entrapped. Without ``forests`` the layouts are generated; with ``spl`` missing shortest paths
+    are computed.
+    """
+
+    algorithms: tuple[str, ...]
+    trials: int
+    rover: RoverConfig
+    seed: int = 0
+    slip_mean_m: float = 10.0
+    budget_m: float = 1000.0
+    spl: bool = False
+    forests: ForestFile | None = None
+
+    def tasks(self) -> list[Task]:
+        """Return every trial in the order of ``trials.csv``."""
+        return [Task(algorithm, trial) for algorithm in self.algorithms for trial in range(self.trials)]
+
+    def tasks_by_forest(self) -> Iterator[Task]:
+        """Yield every trial in the order of running: a forest serves all algorithms, then comes the next."""
+        return (Task(algorithm, trial) for trial in range(self.trials) for algorithm in self.algorithms)
+
+    def forest_and_noise(self, trial: int) -> tuple[int, int]:
+        """Return the numbers of a trial's layout and noise."""
+        if self.forests is None:
+            return divmod(trial, NOISES_PER_LAYOUT)
+        passes, index = divmod(trial, len(self.forests.forests))
+        forest = self.forests.forests[index]
+        return forest.forest, forest.noise + passes * self.forests.noise_span
+
+    def trial_seed(self, trial: int) -> int:
+        """Return the seed of a trial: 63 bits from the campaign's seed, the layout and the noise."""
+        numbers = (self.seed, *self.forest_and_noise(trial))
+        return int.from_bytes(blake2b(repr(numbers).encode(), digest_size=8).digest()) >> 1
+
+    def make_forest(self, trial: int) -> Forest:
+        """Return a trial's forest: generated, or from the file with this pass's noise number."""
+        number, noise = self.forest_and_noise(trial)
+        if self.forests is None:
+            from wayfarer.simhal.generate import generate_forest
+
+            forest = generate_forest(number, noise, self.seed)
+        else:
+            forest = replace(self.forests.forests[trial % len(self.forests.forests)], noise=noise)
+        return self._with_shortest_path(forest) if self.spl and forest.shortest_path_m is None else forest
+
+    def spec(self, task: Task, forest: Forest) -> TrialSpec:
+        """Return everything that decides one trial."""
+        from wayfarer.simhal.trial import TrialSpec
+
+        seed = self.trial_seed(task.trial)
+        return TrialSpec(
+            task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m
+        )
+
+    def settings(self) -> dict[str, Any]:
+        """Return the settings as JSON can hold them: what makes two campaigns the same one."""
+        return {
+            "version": __version__,
+            "algorithms": list(self.algorithms),
+            "trials": self.trials,
+            "seed": self.seed,
+            "slip_mean_m": self.slip_mean_m,
+            "budget_m": self.budget_m,
+            "spl": self.spl,
+            "forests": self.forests and {"file": self.forests.name, "blake2b": self.forests.blake2b},
+            "rover": self.rover.model_dump(mode="json"),
+        }
+
+    def _with_shortest_path(self, forest: Forest) -> Forest:
+        from wayfarer.simhal.geodesic import shortest_path_m
+
+        return replace(forest, shortest_path_m=shortest_path_m(forest, self.rover.vehicle.width_m))
+
+
+def read_forest_file(path: Path) -> ForestFile:
+    """Read a file of forests.
+
+    Raises:
+        BadForest: no such file, nothing in it, or a forest that cannot be used; the text names file, line and
+            reason.
+    """
+    from wayfarer.simhal.forest_file import read_forests
+
+    forests = tuple(read_forests(path))
+    return ForestFile(path.name, blake2b(path.read_bytes(), digest_size=16).hexdigest(), forests)

@@ -1,0 +1,100 @@
+"""One trial as a row of ``trials.csv``.
+
+A row holds exactly what its line of text holds: numbers are rounded when the row is made, so figures computed
+from rows are the figures that anyone gets from the file, and a row that was read back writes the same bytes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from wayfarer.errors import BadInput
+
+if TYPE_CHECKING:
+    from wayfarer.simhal.trial import TrialResult
+
+SUCCESSES = ("escaped", "left_bounds")  # paper, section IV-B: leaving by another edge counts as an escape
+OUTCOMES = (*SUCCESSES, "entrapped", "tipped", "fault")
+
+TEXT_COLUMNS = ("algorithm", "outcome")
+DECIMALS: Mapping[str, int] = {"path_m": 3, "reverse_m": 3, "time_s": 3, "shortest_path_m": 3, "spl": 4}
+
+
+class Row(NamedTuple):
+    """What is kept of one trial; None where a value is not known, as in a trial that ended in a fault.
+
+    ``ticks``, the control ticks, has no column in ``trials.csv``.
+    """
+
+    trial: int
+    algorithm: str
+    forest: int
+    noise: int
+    seed: int
+    outcome: str
+    path_m: float | None = None
+    reverse_m: float | None = None
+    time_s: float | None = None
+    anomalies: int | None = None
+    episodes: int | None = None
+    shortest_path_m: float | None = None
+    spl: float | None = None
+    ticks: int | None = None
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """Algorithm and trial, which name a row within its campaign."""
+        return self.algorithm, self.trial
+
+
+COLUMNS = Row._fields[:-1]
+
+
+def row_of(result: TrialResult) -> Row:
+    """Return a trial's result as its row."""
+    return Row(**{name: _kept(name, value) for name, value in result._asdict().items()})
+
+
+def csv_line(values: tuple[Any, ...]) -> str:
+    """Return a line of CSV for a row, for ``row[:-1]`` without its ticks, or for the column names."""
+    return ",".join(map(_text, Row._fields, values)) + "\n"
+
+
+def parse_row(line: str, fields: tuple[str, ...], where: str) -> Row:
+    """Return the row that ``csv_line`` wrote.
+
+    Raises:
+        BadInput: the line is no such row; the text names ``where``.
+    """
+    texts = line.rstrip("\n").split(",")
+    try:
+        row = Row(**{name: _value(name, text) for name, text in zip(fields, texts, strict=True)})
+        if row.outcome not in OUTCOMES:
+            raise ValueError(f"unknown outcome '{row.outcome}'")
+    except ValueError as error:
+        raise BadInput(
+            f"{where} is not a row of a campaign ({error}); remove the line or the folder"
+        ) from error
+    return row
+
+
+def _kept(name: str, value: Any) -> Any:
+    if value is None or name not in DECIMALS:
+        return value
+    return round(value, DECIMALS[name]) + 0.0 if math.isfinite(value) else None  # + 0.0 turns -0.0 into 0.0
+
+
+def _text(name: str, value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.{DECIMALS[name]}f}"
+    return "" if value is None else str(value)
+
+
+def _value(name: str, text: str) -> Any:
+    if name in TEXT_COLUMNS:
+        return text
+    if name in DECIMALS:
+        return float(text) if text else None
+    return int(text) if text else None
