@@ -119,6 +119,10 @@ def test_missing_key_is_named(path: Path, key: str) -> None:
         (line_with(trunks_m=[[1, 2, -3, 4, "left"]]), "trunks_m[0]: (-3, 4) is outside the world"),
         (line_with(trunks_m=[[1, 2, 1, 2, "left"]]), "trunks_m[0]: has no length, both ends are (1, 2)"),
         (
+            line_with(trunks_m=[[0, 2, 1e-170, 2, "across"]]),
+            "trunks_m[0]: has no length, both ends are (0, 2)",
+        ),
+        (
             line_with(trunks_m=[[1, 2, 3, 4, "up"]]),
             "trunks_m[0]: is 'up', expected a lean: 'right', 'left', 'across'",
         ),

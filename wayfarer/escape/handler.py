@@ -11,9 +11,9 @@ from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Ve
 from wayfarer.escape.manoeuvres import MANOEUVRES, Course
 from wayfarer.escape.phases import WHY, Event, Transitions
 
-# After this many blocked turns in a row the next one goes to the other side: repeating what does not work is how
-# mowers dig themselves in.
-BLOCKED_TURNS_BEFORE_FLIP = 3
+# After this many blocked turns in a row they alternate between the sides, beginning with the other one: a body that is
+# wedged can still turn back the way it came, and repeating what does not work is how mowers dig themselves in.
+BLOCKED_TURNS_BEFORE_ALTERNATING = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,8 @@ class PhasedHandler:
             course.counter_deg = 0.0
         if new_episode or not recipe.keeps_side:
             self._side = recipe.side(observation, self._settings, self._rng)
-        flip = self._blocked_turns >= BLOCKED_TURNS_BEFORE_FLIP
+        too_often = self._blocked_turns - BLOCKED_TURNS_BEFORE_ALTERNATING
+        flip = too_often >= 0 and too_often % 2 == 0
         course.side = -self._side if flip else self._side
         course.turn_deg = recipe.angle(observation, self._settings, self._rng)
         course.stride_m = recipe.stride(self._settings, self._rng)

@@ -23,12 +23,16 @@ FLOW_QUALITY = 0.8
 
 
 class SimPart:
-    """Life cycle shared by all simulated parts: nothing to open, nothing to close."""
+    """Life cycle shared by all simulated parts: opening one takes the clock of the running loop."""
 
     name = "simulated part"
 
+    def __init__(self, world: World) -> None:
+        self._world = world
+
     async def open(self) -> None:
-        """Nothing to speak to."""
+        """Take the clock."""
+        self._time = get_running_loop().time
 
     async def close(self) -> None:
         """Nothing to release."""
@@ -40,14 +44,14 @@ class SimCompass(SimPart):
     name = "simulated compass"
 
     def __init__(self, world: World, streams: Streams) -> None:
-        self._world = world
+        super().__init__(world)
         self._noise = streams.normal("compass.heading", COMPASS_NOISE_DEG)
         self._tilt_noise = streams.normal("compass.tilt", TILT_NOISE_DEG)
 
     async def read(self) -> CompassReading:
         """Return heading and tilt now."""
         world = self._world
-        t_s = get_running_loop().time()
+        t_s = self._time()
         world.advance_to(t_s)
         tilt_noise = self._tilt_noise
         return CompassReading(
@@ -65,14 +69,14 @@ class SimFlow(SimPart):
     name = "simulated optical flow"
 
     def __init__(self, world: World, streams: Streams) -> None:
-        self._world = world
+        super().__init__(world)
         self._noise = streams.normal("flow", 1.0)
         self._last_m = 0.0
 
     async def read(self) -> MotionReading:
         """Return the displacement since the previous read."""
         world = self._world
-        t_s = get_running_loop().time()
+        t_s = self._time()
         world.advance_to(t_s)
         signed_m = world.forward_m - world.reverse_m
         moved_m, self._last_m = signed_m - self._last_m, signed_m
@@ -87,12 +91,9 @@ class SimBumper(SimPart):
 
     name = "simulated bumper"
 
-    def __init__(self, world: World) -> None:
-        self._world = world
-
     async def read(self) -> ContactReading:
         """Return what touches the body now."""
-        t_s = get_running_loop().time()
+        t_s = self._time()
         self._world.advance_to(t_s)
         touch = self._world.touch
         if touch is None:
@@ -105,18 +106,15 @@ class SimMotors(SimPart):
 
     name = "simulated motors"
 
-    def __init__(self, world: World) -> None:
-        self._world = world
-
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Apply a command."""
-        self._world.advance_to(get_running_loop().time())
+        self._world.advance_to(self._time())
         self._world.command(command.left, command.right)
         return command
 
     async def stop(self) -> None:
         """Stop both sides."""
-        await self.drive(STOP)
+        self._world.command(*STOP)
 
     async def health(self) -> MotorHealth:
         """Return a full battery and no faults."""

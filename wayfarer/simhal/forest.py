@@ -14,6 +14,7 @@ from wayfarer.angles import axis_offset_deg
 from wayfarer.errors import BadForest
 
 WORLD_SIZE_M = 50.0  # paper, section IV-A: 50 x 50 m
+SHORTEST_TRUNK_M = 0.0005  # half of the millimetre that files are rounded to
 ROVER_WIDTH_M = 0.4  # paper, section IV-A: the footprint is a square of 0.4 m
 ROVER_REACH_M = (
     hypot(ROVER_WIDTH_M, ROVER_WIDTH_M) / 2.0
@@ -128,24 +129,27 @@ def _check_trunk(key: str, trunk: Trunk, heading_deg: float) -> None:
     """Refuse a trunk outside the world, of no length, or whose lean is not that of its centre line."""
     _check_inside(key, (trunk.x0_m, trunk.y0_m))
     _check_inside(key, (trunk.x1_m, trunk.y1_m))
-    if trunk.length_m == 0.0:
+    if trunk.length_m < SHORTEST_TRUNK_M:
         raise BadForest(
-            f"{key}: has no length, both ends are ({trunk.x0_m:g}, {trunk.y0_m:g}); expected two ends"
+            f"{key}: has no length, both ends are ({trunk.x0_m:g}, {trunk.y0_m:g}), "
+            "expected two ends at least 1 mm apart"
         )
     axis_deg = degrees(atan2(trunk.x1_m - trunk.x0_m, trunk.y1_m - trunk.y0_m))
     offset_deg = axis_offset_deg(axis_deg, heading_deg)
-    possible = _leans_of(offset_deg, degrees(atan2(_ROUNDING_M, trunk.length_m)))
-    if trunk.lean not in possible:
+    if _lean_error_deg(trunk.lean, offset_deg) > degrees(atan2(_ROUNDING_M, trunk.length_m)):
+        side = "clockwise" if offset_deg > 0.0 else "counter-clockwise"
         raise BadForest(
-            f"{key}: lean is '{trunk.lean}', but the trunk lies {abs(offset_deg):.1f} degrees "
-            f"{'clockwise' if offset_deg > 0.0 else 'counter-clockwise'} of the goal heading; expected "
-            + " or ".join(f"'{lean}'" for lean in LEANS if lean in possible)
+            f"{key}: lean is '{trunk.lean}', but the trunk lies {abs(offset_deg):.1f} degrees {side} "
+            f"of the goal heading; expected '{lean_of(offset_deg)}'"
         )
 
 
-def _leans_of(offset_deg: float, tolerance_deg: float) -> set[Lean]:
-    """Return the leans possible at this angle from the goal heading, given the rounding of the ends."""
-    return {lean_of(offset_deg + shift_deg) for shift_deg in (-tolerance_deg, 0.0, tolerance_deg)}
+def _lean_error_deg(lean: Lean, offset_deg: float) -> float:
+    """Return how far a trunk would have to turn for its lean to be true; 0 or less where it is."""
+    if lean == "across":
+        return ALONG_GOAL_DEG - abs(offset_deg)
+    to_its_side_deg = offset_deg if lean == "right" else -offset_deg
+    return max(-to_its_side_deg, to_its_side_deg - ALONG_GOAL_DEG)
 
 
 def lean_of(offset_deg: float) -> Lean:

@@ -170,15 +170,13 @@ class World:
 
     def _feel(self, dx: float, dy: float, turn_rad: float) -> float:
         """Return how much of a move is free, 1 for all of it; press against what stops it."""
-        self.touch = None
+        touched, self.touch = self.touch, None
         within_reach = self._measure(hypot(dx, dy) + self._body.reach_m)
-        if not within_reach:
-            return 1.0
-        hit = self._hit(within_reach, dx, dy, turn_rad)
+        hit = self._hit(within_reach, dx, dy, turn_rad) if within_reach else None
         if hit is None:
             return 1.0
         self._press(hit)
-        return self._free_share(within_reach, dx, dy, turn_rad)
+        return 0.0 if touched is not None else self._free_share(within_reach, dx, dy, turn_rad)
 
     def _measure(self, reach_m: float) -> list[Obstacle]:
         """Return the obstacles within reach, and remember how far it is beyond that to the nearest one."""
@@ -216,10 +214,10 @@ class World:
         return free
 
     def _press(self, hit: Obstacle) -> None:
-        """Stall at an obstacle; the body rears up on a trunk while its wheels push on."""
+        """Stall at an obstacle; the body rears up on a trunk while its wheels push."""
         self.touch = Touch(hit, self._sides(hit))
         if hit.axis_deg is not None:
-            duty = (self._left_m_s + self._right_m_s) * 0.5 / self._full_left_m_s
+            duty = (self._left_target_m_s + self._right_target_m_s) / (2.0 * self._full_left_m_s)
             self.pitch_deg = self.pitch_deg / self._settling + duty * self._physics.climb_deg_s * self._step_s
         self._left_m_s = self._right_m_s = 0.0
 
