@@ -143,9 +143,7 @@ def _described(name: str) -> tuple[str, str, str]:
 @app.command(epilog=SIM_EXAMPLES)
 def sim(
     *,
-    trials: Annotated[
-        int, typer.Option(min=1, max=1_000_000, metavar="N", help="Trials of each algorithm.")
-    ] = 1000,
+    trials: Annotated[int, typer.Option(min=1, max=1_000_000, metavar="N", help="Trials of each algorithm.")] = 1000,
     algorithm: Annotated[
         str,
         typer.Option(
@@ -155,17 +153,13 @@ def sim(
     ] = "forest-pledge",
     forests: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Forests to use, in file order; without it two noises on generated layouts."
-        ),
+        typer.Option(metavar="FILE", help="Forests to use, in file order; without it two noises on generated layouts."),
     ] = None,
     rover: Annotated[str, typer.Option(metavar="NAME|FILE", help="A shipped rover or a TOML file.")] = "sim",
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Another seed is another campaign.")] = 0,
     jobs: Annotated[
         int | None,
-        typer.Option(
-            min=1, metavar="N", help="Processes; without it one for each core.", rich_help_panel=RUNNING
-        ),
+        typer.Option(min=1, metavar="N", help="Processes; without it one for each core.", rich_help_panel=RUNNING),
     ] = None,
     slip_mean_m: Annotated[
         float, typer.Option(callback=_positive, metavar="M", help="Mean distance between slip events.")
@@ -176,9 +170,7 @@ def sim(
     ] = 1000.0,
     anomaly_source: Annotated[
         AnomalySource | None,
-        typer.Option(
-            help="Notice an obstacle by not moving, or at once by touch. (default: as the rover file says)"
-        ),
+        typer.Option(help="Notice an obstacle by not moving, or at once by touch. (default: as the rover file says)"),
     ] = None,
     spl: Annotated[
         bool, typer.Option("--spl", help="Compute the shortest paths that are not known, for SPL; slower.")
@@ -193,21 +185,15 @@ def sim(
     ] = None,
     resume: Annotated[
         bool,
-        typer.Option(
-            "--resume", help="Go on with the interrupted campaign in --out.", rich_help_panel=RUNNING
-        ),
+        typer.Option("--resume", help="Go on with the interrupted campaign in --out.", rich_help_panel=RUNNING),
     ] = False,
     trial: Annotated[
         int | None,
-        typer.Option(
-            min=0, metavar="N", help="Run this one trial and print its row.", rich_help_panel=ONE_TRIAL
-        ),
+        typer.Option(min=0, metavar="N", help="Run this one trial and print its row.", rich_help_panel=ONE_TRIAL),
     ] = None,
     log: Annotated[
         Path | None,
-        typer.Option(
-            metavar="DIR", help="New or empty folder for its full field log.", rich_help_panel=ONE_TRIAL
-        ),
+        typer.Option(metavar="DIR", help="New or empty folder for its full field log.", rich_help_panel=ONE_TRIAL),
     ] = None,
 ) -> None:
     """Run the rover's own code in simulated forests, and count how often it gets out and how far it goes."""
@@ -245,6 +231,4 @@ def _refuse_odd_pairs(out: Path | None, resume: bool, trial: int | None, log: Pa
 def _require_sim_extra() -> None:
     missing = [name for name in ("numpy", "scipy", "skfmm") if find_spec(name) is None]
     if missing:
-        raise WayfarerError(
-            f"simulating needs {missing[0]}, which is not installed: pip install 'wayfarer[sim]'"
-        )
+        raise WayfarerError(f"simulating needs {missing[0]}, which is not installed: pip install 'wayfarer[sim]'")

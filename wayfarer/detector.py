@@ -144,8 +144,10 @@ class Detector:
         self._stall = Stall(settings)
         self._tilts = {tilt: Persistent(settings.tilt_s) for tilt in _TILTS}
         self._tilted = False
+        self._tilt_deg = settings.tilt_deg
         self._touched = Persistent(settings.touch_s)
         self._implausible = Persistent(settings.implausible_s)
+        self._jumped = False
         self._commanded_m = 0.0
         self._started_t_s: float | None = None
         self._last_t_s = self._compass_t_s = self._motion_t_s = self._moved_t_s = 0.0
@@ -178,25 +180,29 @@ class Detector:
     def _take_compass(self, reading: CompassReading, conditions: list[Condition]) -> None:
         last = self.compass
         if last is not None and not self._plausible(last, reading):
+            self._jumped = True
             if not self._implausible.update(reading.t_s, True):
                 return
             # It insists: the rover may have been turned by hand. Believe it again, but not without a stop.
             conditions.append(Condition.COMPASS_IMPLAUSIBLE)
-        self._implausible.update(reading.t_s, False)
+        if self._jumped:
+            self._jumped = self._implausible.update(reading.t_s, False)
         self.compass = reading
         self._compass_t_s = reading.t_s
 
     def _plausible(self, last: CompassReading, reading: CompassReading) -> bool:
         turned_deg = abs((reading.heading_deg - last.heading_deg + 180.0) % 360.0 - 180.0)
-        allowed_deg = self._settings.heading_jump_deg
-        return turned_deg <= allowed_deg + self._settings.heading_rate_max_deg_s * (reading.t_s - last.t_s)
+        if turned_deg <= self._settings.heading_jump_deg:
+            return True
+        explained_deg = self._settings.heading_rate_max_deg_s * (reading.t_s - last.t_s)
+        return turned_deg <= self._settings.heading_jump_deg + explained_deg
 
     def _take_motion(self, reading: MotionReading, conditions: list[Condition]) -> None:
         t_s, forward_m, right_m, quality = reading
         dt_s, self._motion_t_s = t_s - self._motion_t_s, t_s
         commanded_m, self._commanded_m = self._commanded_m, 0.0
         limit_m = self._settings.motion_speed_max_m_s * dt_s
-        if not (-limit_m <= forward_m <= limit_m and -limit_m <= right_m <= limit_m):
+        if not abs(forward_m) <= limit_m >= abs(right_m):
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
         elif quality >= self._settings.quality_min:
             self._moved_t_s = t_s
@@ -228,8 +234,8 @@ class Detector:
         if self.compass is None:
             return
         _, _, pitch_deg, roll_deg, _ = self.compass
-        limit_deg = self._settings.tilt_deg
-        if -limit_deg < pitch_deg < limit_deg and -limit_deg < roll_deg < limit_deg and not self._tilted:
+        limit_deg = self._tilt_deg
+        if abs(pitch_deg) < limit_deg > abs(roll_deg) and not self._tilted:
             return
         self._tilted = False
         for tilt, angle_deg in zip(_TILTS, (pitch_deg, -pitch_deg, roll_deg, -roll_deg), strict=True):

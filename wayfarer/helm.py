@@ -17,7 +17,7 @@ from wayfarer.config import RoverConfig
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
-from wayfarer.hal import STOP, DriveMotors
+from wayfarer.hal import STOP, DriveMotors, WheelCommand
 from wayfarer.latest import Cells, Snapshot
 from wayfarer.records import RunLog, TickRecord
 from wayfarer.safety import Gate
@@ -39,6 +39,10 @@ class RunEnd:
 
     reason: str
     text: str
+
+
+# Members of an Enum are found slowly through its class, and the tick asks 20 times a second.
+_ARMED = Mode.ARMED
 
 
 class Helm:
@@ -97,35 +101,31 @@ class Helm:
         if self._last_t_s is None:
             self._last_t_s = t_s
         dt_s, self._last_t_s = t_s - self._last_t_s, t_s
+        applied = self._applied
+        self._travelled_m += abs(applied.left + applied.right) * self._half_speed_m_s * dt_s
         snapshot = self._cells.snapshot(t_s)
-        anomalies, conditions = self._detector.update(snapshot, self._applied)
+        anomalies, conditions = self._detector.update(snapshot, applied)
         if dt_s > self._late_s or self._motors_failed:
             conditions = self._own_conditions(conditions, dt_s)
         if self._arming is not None:
             self._continue_arming(t_s, self._arming, conditions)
-        observation = self._observe(snapshot, anomalies, dt_s)
-        armed = self.mode is Mode.ARMED
+        observation = self._observe(snapshot, anomalies)
+        armed = self.mode is _ARMED
         decision = self._handler.decide(observation) if armed and observation is not None else _STAND
         gate = self._gate
         wheels = gate.update(decision.wheels, conditions, armed=armed)
         try:
-            self._applied = await self._motors.drive(wheels)
+            self._applied = applied = await self._motors.drive(wheels)
         except DriverError as error:
-            self._lose_motors(t_s, error)
-        self._log.tick(
-            TickRecord(t_s, observation, decision, self._applied, gate.level, gate.cause, self._handler.memory)
-        )
+            self._applied = applied = self._lose_motors(t_s, error)
+        self._log.tick(TickRecord(t_s, observation, decision, applied, gate.level, gate.cause, self._handler.memory))
         if gate.cause is not self._last_cause:
             self._note_health(t_s, gate.level, gate.cause)
         if t_s >= self._ends_s or self._travelled_m >= self._ends_m:
             self._end_mission(t_s)
 
-    def _observe(
-        self, snapshot: Snapshot, anomalies: tuple[Anomaly, ...], dt_s: float
-    ) -> Observation | None:
+    def _observe(self, snapshot: Snapshot, anomalies: tuple[Anomaly, ...]) -> Observation | None:
         """Return what the handler may see, or None before the first believable heading."""
-        left, right = self._applied
-        self._travelled_m += abs(left + right) * self._half_speed_m_s * dt_s
         compass = self._detector.compass
         if compass is None:
             return None
@@ -166,11 +166,11 @@ class Helm:
         self.mode = Mode.ARMED
         self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
 
-    def _lose_motors(self, t_s: float, error: DriverError) -> None:
+    def _lose_motors(self, t_s: float, error: DriverError) -> WheelCommand:
         """Without an acknowledgement nobody knows what the wheels do: latch a fault; the board's deadman stops them."""
         self._motors_failed = True
-        self._applied = STOP
         self._log.event("motors_failed", t_s, error=str(error))
+        return STOP
 
     def _note_health(self, t_s: float, level: Level, cause: Condition | None) -> None:
         self._last_cause = cause

@@ -46,22 +46,23 @@ class Gate:
         self._fault: Condition | None = None
         self.level = Level.WELL
         self.cause: Condition | None = None
+        self._holds = False
 
     def clear_fault(self) -> None:
         """Forget the latched fault; only arming does this."""
         self._fault = None
+        self._judge(())
 
     def update(self, wanted: WheelCommand, conditions: Sequence[Condition], *, armed: bool) -> WheelCommand:
         """Return what the wheels may get for one tick."""
-        if conditions or self._fault is not None or self.cause is not None:
+        if conditions or self.cause is not None:
             self._judge(conditions)
-        if not armed or self.level >= Level.HOLD:
+        if self._holds or not armed:
             self._left = self._right = 0.0
             return STOP
         left, right = wanted
         step, most = self._step, self._most
-        small = -step <= left - self._left <= step and -step <= right - self._right <= step
-        if small and -most <= left <= most and -most <= right <= most:
+        if abs(left - self._left) <= step and abs(right - self._right) <= step and abs(left) <= most >= abs(right):
             self._left, self._right = left, right
             return wanted
         if not (isfinite(left) and isfinite(right)):
@@ -74,6 +75,7 @@ class Gate:
         """Find the worst condition; a fault stays."""
         self.cause = self._fault or worst(conditions)
         self.level = LEVELS[self.cause] if self.cause is not None else Level.WELL
+        self._holds = self.level >= Level.HOLD
         if self.level is Level.FAULT:
             self._fault = self.cause
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +21,7 @@ from wayfarer.escape.catalogue import Algorithm
 from wayfarer.hal import Driver, Rover
 from wayfarer.helm import Helm, Mode, RunEnd
 from wayfarer.latest import Cells
+from wayfarer.pace import Pace
 from wayfarer.records import RunLog
 
 RETRY_PAUSE_S = 0.05  # a single missed answer is asked again within one control period (field.md, fault 1)
@@ -50,7 +50,7 @@ class Supervisor:
         self, rover: Rover, config: RoverConfig, algorithm: Algorithm, handler: EscapeHandler, log: RunLog
     ) -> None:
         self._rover = rover
-        self._control_period_s = 1.0 / config.control_hz
+        self._control_hz = config.control_hz
         self._log = log
         self._cells = Cells()
         needs = _check_parts(rover, algorithm, config)
@@ -119,16 +119,10 @@ class Supervisor:
 
     async def _control(self) -> RunEnd:
         """Tick at the control rate until something ends the run; return what did."""
-        helm, period_s, sleep = self._helm, self._control_period_s, asyncio.sleep
-        time = asyncio.get_running_loop().time
-        due_s = time()
+        helm, pace, time = self._helm, Pace(self._control_hz), asyncio.get_running_loop().time
         while helm.end is None:
             await helm.tick(time())
-            due_s += period_s
-            late_s = time() - due_s
-            if late_s > 0.0:
-                due_s += late_s
-            await sleep(-late_s)
+            await pace.wait()
         return helm.end
 
     def _sensor_tasks(self, config: RoverConfig, needs: frozenset[str]) -> tuple[SensorTask, ...]:
@@ -137,9 +131,7 @@ class Supervisor:
         if rover.motion is not None:
             rows.append(SensorTask("motion", rover.motion, rates.motion_hz, rover.motion.read, cells.motion.write))
         if rover.contact is not None and "contact" in needs:
-            rows.append(
-                SensorTask("contact", rover.contact, rates.contact_hz, rover.contact.read, cells.contact.write)
-            )
+            rows.append(SensorTask("contact", rover.contact, rates.contact_hz, rover.contact.read, cells.contact.write))
         if rover.position is not None:
             rows.append(
                 SensorTask("position", rover.position, rates.position_hz, rover.position.read, self._log.position)
@@ -169,16 +161,10 @@ class Supervisor:
                 await asyncio.sleep(pause_s)
 
     async def _sample(self, row: SensorTask, write: Callable[[Any], None]) -> None:
-        read, period_s, sleep = row.read, 1.0 / row.rate_hz, asyncio.sleep
-        time = asyncio.get_running_loop().time
-        due_s = time()
+        read, pace = row.read, Pace(row.rate_hz)
         while True:
             write(await read())
-            due_s += period_s
-            late_s = time() - due_s
-            if late_s > 0.0:
-                due_s += late_s  # what was missed is skipped: an old sample is worth nothing
-            await sleep(-late_s)
+            await pace.wait()
 
 
 def _check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> frozenset[str]:

@@ -14,6 +14,8 @@ from wayfarer.escape.phases import WHY, Event, Transitions
 # After this many blocked turns in a row they alternate between the sides, beginning with the other one: a body that is
 # wedged can still turn back the way it came, and repeating what does not work is how mowers dig themselves in.
 BLOCKED_TURNS_BEFORE_ALTERNATING = 2
+# Shares of the back-off distance, by the number of blocked turns: between two trunks a body turns best in the middle.
+BACK_OFF_SHARES = (1.0, 0.5, 0.25)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,18 +72,20 @@ class PhasedHandler:
 
     def _count_turn(self, observation: Observation) -> None:
         """Let the counter follow the compass, through wrap-around and however the turn came about."""
-        heading_deg = observation.heading_deg
-        if self._last_heading_deg is None:
+        heading_deg, last_deg = observation.heading_deg, self._last_heading_deg
+        self._last_heading_deg = heading_deg
+        if last_deg is None:
             self._manoeuvre.begin(observation)
         else:
-            self._course.counter_deg += (heading_deg - self._last_heading_deg + 180.0) % 360.0 - 180.0
-        self._last_heading_deg = heading_deg
+            self._course.counter_deg += (heading_deg - last_deg + 180.0) % 360.0 - 180.0
 
     def _enter(self, phase: Phase, event: Event, observation: Observation) -> None:
+        left = self._manoeuvre.phase
+        if left is Phase.TURN_AWAY:
+            self._blocked_turns = 0 if event is Event.DONE else self._blocked_turns + 1
+            self._course.side = self._side
         if phase is Phase.BACK_OFF:
-            self._plan(observation, new_episode=self._manoeuvre.phase is Phase.FOLLOW)
-        elif self._manoeuvre.phase is Phase.TURN_AWAY:
-            self._end_turn(event)
+            self._plan(observation, new_episode=left is Phase.FOLLOW)
         self._manoeuvre = self._manoeuvres[phase]
         self._phase_name = phase.value
         self._manoeuvre.begin(observation)
@@ -97,9 +101,6 @@ class PhasedHandler:
         too_often = self._blocked_turns - BLOCKED_TURNS_BEFORE_ALTERNATING
         flip = too_often >= 0 and too_often % 2 == 0
         course.side = -self._side if flip else self._side
+        course.back_off_m = self._settings.back_off_m * BACK_OFF_SHARES[self._blocked_turns % len(BACK_OFF_SHARES)]
         course.turn_deg = recipe.angle(observation, self._settings, self._rng)
         course.stride_m = recipe.stride(self._settings, self._rng)
-
-    def _end_turn(self, event: Event) -> None:
-        self._blocked_turns = self._blocked_turns + 1 if event is Event.EXHAUSTED else 0
-        self._course.side = self._side

@@ -29,6 +29,7 @@ class Course:
 
     side: int = 1
     turn_deg: float = 0.0
+    back_off_m: float = 0.0
     stride_m: float = 0.0
     counter_deg: float = 0.0
     resets: bool = False
@@ -79,6 +80,18 @@ class Manoeuvre(ABC):
         return tuple(anomaly for anomaly in observation.anomalies if anomaly not in self._known)
 
 
+def _ahead(observation: Observation) -> bool:
+    """Tell whether what is wrong concerns driving on: a touch behind alone, left over from backing off, does not."""
+    contact = observation.contact
+    if contact is None or contact.sides != _BEHIND:
+        return True
+    return observation.anomalies != _ONLY_TOUCHED
+
+
+_BEHIND = (Side.REAR,)
+_ONLY_TOUCHED = (Anomaly.TOUCHED,)
+
+
 class Follow(Manoeuvre):
     """Hold the goal heading. Runs out when turning towards the goal takes too long: something holds the body."""
 
@@ -94,7 +107,7 @@ class Follow(Manoeuvre):
         self._bound(observation, self._pivot_s)
 
     def event(self, observation: Observation) -> Event | None:
-        if observation.anomalies:
+        if observation.anomalies and _ahead(observation):
             return Event.ANOMALY
         if observation.t_s >= self._limit_t_s:
             return self._check_alignment(observation)
@@ -120,12 +133,12 @@ class BackOff(Manoeuvre):
     def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
         super().__init__(settings, vehicle, course)
         self._reverse = vehicle.mix(-settings.reverse_m_s, 0.0)
-        self._time_s = settings.back_off_m / settings.reverse_m_s
 
     def begin(self, observation: Observation) -> None:
+        distance_m = self._course.back_off_m
         self._known = frozenset(observation.anomalies)
-        self._until_m = observation.travelled_m + self._settings.back_off_m
-        self._bound(observation, self._time_s, self._settings.back_off_m)
+        self._until_m = observation.travelled_m + distance_m
+        self._bound(observation, distance_m / self._settings.reverse_m_s, distance_m)
 
     def event(self, observation: Observation) -> Event | None:
         if observation.travelled_m >= self._until_m:
@@ -162,7 +175,8 @@ class TurnAway(Manoeuvre):
         if self._left_deg <= self._settings.turn_within_deg:
             return Event.DONE
         if self._fresh(observation):
-            return Event.ANOMALY
+            # Backing off once more does not help against what is behind: that turn is over.
+            return Event.ANOMALY if _ahead(observation) else Event.EXHAUSTED
         return Event.EXHAUSTED if self._exhausted(observation) else None
 
     def wheels(self, _observation: Observation) -> WheelCommand:
@@ -194,7 +208,7 @@ class Probe(Manoeuvre):
         self._bound(observation, distance_m / settings.cruise_m_s, distance_m)
 
     def event(self, observation: Observation) -> Event | None:
-        if observation.anomalies:
+        if observation.anomalies and _ahead(observation):
             return Event.ANOMALY
         course = self._course
         if course.counter_deg * course.side <= 0.0:
@@ -230,7 +244,7 @@ class Stride(Manoeuvre):
         self._bound(observation, stride_m / self._settings.cruise_m_s, stride_m)
 
     def event(self, observation: Observation) -> Event | None:
-        if observation.anomalies:
+        if observation.anomalies and _ahead(observation):
             return Event.ANOMALY
         if observation.travelled_m >= self._until_m:
             return Event.DONE

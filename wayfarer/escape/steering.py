@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, radians
+from math import copysign, cos, radians
 
 from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.hal import WheelCommand
@@ -12,7 +12,7 @@ class HeadingHold:
     """Drives along a heading; beyond ``pivot_beyond_deg`` of error it turns on the spot instead."""
 
     def __init__(self, settings: EscapeSettings, vehicle: Vehicle) -> None:
-        self._gains = (settings.heading_p, settings.heading_i, settings.heading_d)
+        self._p, self._i, self._d = settings.heading_p, settings.heading_i, settings.heading_d
         self._cruise_m_s = settings.cruise_m_s
         self._turn_limit_rad_s = radians(settings.turn_deg_s)
         self._pivot_beyond_deg = settings.pivot_beyond_deg
@@ -29,21 +29,22 @@ class HeadingHold:
         """Return the wheels for a heading error in [-180, 180), positive when the goal lies clockwise."""
         error = radians(error_deg)
         turn_rad_s = self._turn_rad_s(t_s, error)
-        if -self._pivot_beyond_deg < error_deg < self._pivot_beyond_deg:
+        if abs(error_deg) < self._pivot_beyond_deg:
             return self._mix(self._cruise_m_s * cos(error), turn_rad_s)
         self._integral = 0.0  # a pivot is not a steady offset to be learnt
         return self._mix(0.0, turn_rad_s)
 
     def _turn_rad_s(self, t_s: float, error: float) -> float:
-        p, i, d = self._gains
-        turn = p * error
-        if self._last_error is not None:
+        """Return the PID controller's turn rate, limited."""
+        turn = self._p * error
+        last_error = self._last_error
+        if last_error is not None:
             dt_s = t_s - self._last_t_s
             self._integral += error * dt_s
-            turn += i * self._integral
-            if d and dt_s > 0:
-                turn += d * (error - self._last_error) / dt_s
+            turn += self._i * self._integral
+            if self._d and dt_s > 0.0:
+                turn += self._d * (error - last_error) / dt_s
         self._last_error = error
         self._last_t_s = t_s
         limit = self._turn_limit_rad_s
-        return limit if turn > limit else -limit if turn < -limit else turn
+        return turn if abs(turn) <= limit else copysign(limit, turn)

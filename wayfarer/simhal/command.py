@@ -61,9 +61,7 @@ def run_all(
         if kept:
             say(aside, f"{kept} of {total} trials are in {out} already")
         with shown_progress(aside, kept, total) as progress:
-            finished = campaigns.run(
-                campaign, folder, jobs=jobs or _cores(), progress=progress, run_trial=run_trial
-            )
+            finished = campaigns.run(campaign, folder, jobs=jobs or _cores(), progress=progress, run_trial=run_trial)
     if finished.interrupted:
         say(aside, _interruption(finished, total, out))
         return INTERRUPTED
@@ -85,13 +83,9 @@ def run_alone(campaign: Campaign, trial: int, log: Path | None, run_trial: RunTr
         BadInput: the campaign has no such trial or several algorithms, or ``log`` is not new or empty.
     """
     if trial >= campaign.trials:
-        raise BadInput(
-            f"--trial {trial}: the trials of this campaign are 0 to {campaign.trials - 1} (see --trials)"
-        )
+        raise BadInput(f"--trial {trial}: the trials of this campaign are 0 to {campaign.trials - 1} (see --trials)")
     if len(campaign.algorithms) > 1:
-        raise BadInput(
-            f"--trial runs one trial of one algorithm; choose one of {', '.join(campaign.algorithms)}"
-        )
+        raise BadInput(f"--trial runs one trial of one algorithm; choose one of {', '.join(campaign.algorithms)}")
     if log:
         _make_empty_folder(log)
     done = TrialRunner(campaign, run_trial).run(Task(campaign.algorithms[0], trial), log)
@@ -111,11 +105,7 @@ def _cores() -> int:
 
 def _interruption(finished: Finished, total: int, out: Path | None) -> str:
     count = f"interrupted: {len(finished.rows)} of {total} trials are"
-    return (
-        f"{count} kept in {out}; add --resume to go on"
-        if out
-        else f"{count} done; with --out DIR they are kept"
-    )
+    return f"{count} kept in {out}; add --resume to go on" if out else f"{count} done; with --out DIR they are kept"
 
 
 def _effort(finished: Finished) -> str:

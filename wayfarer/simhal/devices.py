@@ -20,6 +20,7 @@ FLOW_M_PER_COUNT = 0.000213
 FLOW_NOISE_COUNTS = 2.0
 FLOW_NOISE_SHARE = 0.03
 FLOW_QUALITY = 0.8
+TENTHS_PER_RAD = degrees(10.0)
 
 
 class SimPart:
@@ -45,20 +46,19 @@ class SimCompass(SimPart):
 
     def __init__(self, world: World, streams: Streams) -> None:
         super().__init__(world)
-        self._noise = streams.normal("compass.heading", COMPASS_NOISE_DEG)
-        self._tilt_noise = streams.normal("compass.tilt", TILT_NOISE_DEG)
+        self._noise_tenths = streams.normal("compass.heading", COMPASS_NOISE_DEG * 10.0)
+        self._tilt_noise_tenths = streams.normal("compass.tilt", TILT_NOISE_DEG * 10.0)
 
     async def read(self) -> CompassReading:
         """Return heading and tilt now."""
-        world = self._world
+        world, tilt_noise_tenths = self._world, self._tilt_noise_tenths
         t_s = self._time()
         world.advance_to(t_s)
-        tilt_noise = self._tilt_noise
         return CompassReading(
             t_s,
-            round((degrees(world.heading_rad) + self._noise()) * 10.0) % 3600 / 10.0,
-            round((world.pitch_deg + tilt_noise()) * 10.0) / 10.0,
-            round((world.roll_deg + tilt_noise()) * 10.0) / 10.0,
+            round(world.heading_rad * TENTHS_PER_RAD + self._noise_tenths()) % 3600 / 10.0,
+            round(world.pitch_deg * 10.0 + tilt_noise_tenths()) / 10.0,
+            round(world.roll_deg * 10.0 + tilt_noise_tenths()) / 10.0,
             3,
         )
 
@@ -75,14 +75,13 @@ class SimFlow(SimPart):
 
     async def read(self) -> MotionReading:
         """Return the displacement since the previous read."""
-        world = self._world
+        world, noise = self._world, self._noise
         t_s = self._time()
         world.advance_to(t_s)
         signed_m = world.forward_m - world.reverse_m
-        moved_m, self._last_m = signed_m - self._last_m, signed_m
-        counts = moved_m / FLOW_M_PER_COUNT
-        forward = round(counts + (FLOW_NOISE_COUNTS + FLOW_NOISE_SHARE * abs(counts)) * self._noise())
-        right = round(FLOW_NOISE_COUNTS * self._noise())
+        counts, self._last_m = (signed_m - self._last_m) / FLOW_M_PER_COUNT, signed_m
+        forward = round(counts + (FLOW_NOISE_COUNTS + FLOW_NOISE_SHARE * abs(counts)) * noise())
+        right = round(FLOW_NOISE_COUNTS * noise())
         return MotionReading(t_s, forward * FLOW_M_PER_COUNT, right * FLOW_M_PER_COUNT, FLOW_QUALITY)
 
 

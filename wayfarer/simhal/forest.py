@@ -16,9 +16,7 @@ from wayfarer.errors import BadForest
 WORLD_SIZE_M = 50.0  # paper, section IV-A: 50 x 50 m
 SHORTEST_TRUNK_M = 0.0005  # half of the millimetre that files are rounded to
 ROVER_WIDTH_M = 0.4  # paper, section IV-A: the footprint is a square of 0.4 m
-ROVER_REACH_M = (
-    hypot(ROVER_WIDTH_M, ROVER_WIDTH_M) / 2.0
-)  # 0.283 m, centre to corner: room to turn on the spot
+ROVER_REACH_M = hypot(ROVER_WIDTH_M, ROVER_WIDTH_M) / 2.0  # 0.283 m, centre to corner: room to turn on the spot
 ALONG_GOAL_DEG = 20.0  # paper, OO-Pledge: a trunk within 20 degrees of the goal heading can be followed
 
 Lean = Literal["right", "left", "across"]

@@ -68,9 +68,7 @@ def write_forests(path: Path, forests: Iterable[Forest]) -> None:
         finally:
             partial.unlink(missing_ok=True)
     except OSError as error:
-        raise BadForest(
-            f"{path}: cannot be written ({error.strerror}); check the folder and its rights"
-        ) from None
+        raise BadForest(f"{path}: cannot be written ({error.strerror}); check the folder and its rights") from None
 
 
 def _forests_of(path: Path, content: bytes) -> list[Forest]:
@@ -136,9 +134,7 @@ def _object_of(line: bytes) -> dict[str, object]:
             raise BadForest(f"{key}: missing, expected each of {', '.join(REQUIRED_KEYS)}")
     for key in row:
         if key not in REQUIRED_KEYS and key != OPTIONAL_KEY:
-            raise BadForest(
-                f"{_brief.repr(key)}: unknown key, expected {', '.join(REQUIRED_KEYS)} or {OPTIONAL_KEY}"
-            )
+            raise BadForest(f"{_brief.repr(key)}: unknown key, expected {', '.join(REQUIRED_KEYS)} or {OPTIONAL_KEY}")
     return row
 
 

@@ -179,8 +179,6 @@ def _has_room(x_m: float, y_m: float, trunks: tuple[Trunk, ...], trees_m: list[t
     from_start_m = max(abs(x_m - START_M[0]), abs(y_m - START_M[1]))
     return (
         from_start_m > TREELESS_START_M
-        and all(
-            hypot(x_m - other_x_m, y_m - other_y_m) > 2.0 * TREE_RADIUS_M for other_x_m, other_y_m in trees_m
-        )
+        and all(hypot(x_m - other_x_m, y_m - other_y_m) > 2.0 * TREE_RADIUS_M for other_x_m, other_y_m in trees_m)
         and all(trunk.distance_m(x_m, y_m) > TREE_RADIUS_M + TRUNK_DIAMETER_M / 2.0 for trunk in trunks)
     )

@@ -18,9 +18,9 @@ from __future__ import annotations
 
 import asyncio
 from asyncio import events
-from asyncio.futures import _set_result_unless_cancelled as wake_sleeper  # type: ignore[attr-defined]
+from asyncio.log import logger
 from collections import deque
-from collections.abc import Callable, Coroutine, Generator
+from collections.abc import Awaitable, Callable, Generator
 from concurrent.futures import Executor
 from contextvars import Context, copy_context
 from functools import partial
@@ -54,7 +54,7 @@ class _Handle(list[Any]):
         return when_s
 
 
-_WHEN, _CALLBACK, _ARGS = 0, 2, 3
+_WHEN, _CALLBACK = 0, 2
 
 
 class VirtualLoop(asyncio.AbstractEventLoop):
@@ -101,11 +101,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         context: Context | None = None,
     ) -> _Handle:
         """Run the callback ``delay`` seconds from now."""
-        if context is None:
-            context = copy_context()
-        handle = _Handle((self._now_s + delay, self._number(), callback, args, context))
-        heappush(self._timers, handle)
-        return handle
+        return self.call_at(self._now_s + delay, callback, *args, context=context)
 
     def call_at(  # type: ignore[override]
         self,
@@ -115,7 +111,11 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         context: Context | None = None,
     ) -> _Handle:
         """Run the callback at a time; at once, but never earlier than now, where that is past."""
-        return self.call_later(when - self._now_s, callback, *args, context=context)
+        if context is None:
+            context = copy_context()
+        handle = _Handle((when, self._number(), callback, args, context))
+        heappush(self._timers, handle)
+        return handle
 
     # -- running -------------------------------------------------------------------------------------------------
 
@@ -131,17 +131,17 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         self._stopping = False
         events._set_running_loop(self)
         try:
-            while not self._stopping:
-                self._run_ready()
-                if not self._ready and not self._stopping:
-                    self._jump()
+            self._run()
         finally:
             events._set_running_loop(None)
             self._running = False
 
-    def _run_ready(self) -> None:
-        ready, take = self._ready, self._ready.popleft
-        while ready:
+    def _run(self) -> None:
+        """Run what is ready, in turn; when nothing is, jump to the next timer."""
+        ready, take, jump = self._ready, self._ready.popleft, self._jump
+        while not self._stopping:
+            if not ready:
+                jump()
             _, _, callback, args, context = take()
             if callback is None:
                 continue
@@ -151,14 +151,9 @@ class VirtualLoop(asyncio.AbstractEventLoop):
                 raise
             except BaseException as error:
                 self.call_exception_handler({"message": f"exception in callback {callback!r}", "exception": error})
-            if self._stopping:
-                return
 
     def _jump(self) -> None:
-        """Move the clock to the next timer and make every timer of that moment ready.
-
-        What ``asyncio.sleep`` waits for is done here and now instead of one turn later: it only makes a task ready.
-        """
+        """Move the clock to the next timer and make every timer of that moment ready, in order of creation."""
         timers = self._timers
         while timers and timers[0][_CALLBACK] is None:
             heappop(timers)
@@ -168,23 +163,14 @@ class VirtualLoop(asyncio.AbstractEventLoop):
                 f"({self._describe_tasks()})"
             )
         now_s = timers[0][_WHEN]
-        if now_s > self._now_s:
-            self._now_s = now_s
+        self._now_s = max(self._now_s, now_s)
         while timers and timers[0][_WHEN] <= now_s:
-            timer = heappop(timers)
-            if timer[_CALLBACK] is not wake_sleeper:
-                self._ready.append(timer)
-                continue
-            sleeper, result = timer[_ARGS]
-            try:
-                sleeper.set_result(result)
-            except asyncio.InvalidStateError:
-                continue  # cancelled, and its task has not run since
+            self._ready.append(heappop(timers))
 
-    def run_until_complete(self, future: Generator[Any, None, T] | Coroutine[Any, Any, T] | Any) -> T:
+    def run_until_complete(self, future: Generator[Any, None, T] | Awaitable[T]) -> T:
         """Run until the future is done and return its result."""
         made_here = not asyncio.isfuture(future)
-        task = asyncio.ensure_future(future, loop=self)
+        task: asyncio.Future[T] = asyncio.ensure_future(future, loop=self)
         task.add_done_callback(self._stop_when_done)
         try:
             self.run_forever()
@@ -196,8 +182,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
             task.remove_done_callback(self._stop_when_done)
         if not task.done():
             raise RuntimeError("the event loop was stopped before the future was done")
-        result: T = task.result()
-        return result
+        return task.result()
 
     def _stop_when_done(self, _future: object) -> None:
         self._stopping = True
@@ -270,7 +255,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
     def default_exception_handler(self, context: dict[str, Any]) -> None:
         """Report through asyncio's logger, as the stock loop does."""
         error = context.get("exception")
-        asyncio.log.logger.error(context["message"], exc_info=error if error is not None else False)
+        logger.error(context["message"], exc_info=error if error is not None else False)
 
     def call_exception_handler(self, context: dict[str, Any]) -> None:
         """Report an error that no task awaits."""

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 from wayfarer.simhal.forest import Forest
 
-CELL_M = 1.0
+CELL_M = 2.0
 # An obstacle is listed in every cell within this distance of it; farther ones need no test.
 NEAR_M = 1.5
 # Spacing of the points along a trunk from which its cells are found.
-_SPACING_M = 1.0
+_SPACING_M = 2.0
 
 
 class Obstacle(NamedTuple):

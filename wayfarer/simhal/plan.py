@@ -99,9 +99,7 @@ class Campaign:
         from wayfarer.simhal.trial import TrialSpec
 
         seed = self.trial_seed(task.trial)
-        return TrialSpec(
-            task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m
-        )
+        return TrialSpec(task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m)
 
     def settings(self) -> dict[str, Any]:
         """Return the settings as JSON can hold them: what makes two campaigns the same one."""

@@ -73,9 +73,7 @@ def shown_progress(console: Console, kept: int, total: int) -> Iterator[Progress
         yield Lines(console, kept, total)
         return
     count = TextColumn("{task.completed} of {task.total} trials")
-    with RichProgress(
-        BarColumn(), count, Rate(), TimeRemainingColumn(), console=console, transient=True
-    ) as bar:
+    with RichProgress(BarColumn(), count, Rate(), TimeRemainingColumn(), console=console, transient=True) as bar:
         yield Bar(bar, kept, total)
 
 

@@ -86,9 +86,7 @@ class ResultsFolder:
         if not any(self.path.iterdir()):
             _write_whole(self.path / SETTINGS, _json(settings))
         elif not resume:
-            raise BadInput(
-                f"{self.path} is not empty; give a new folder, or add --resume to go on with what is in it"
-            )
+            raise BadInput(f"{self.path} is not empty; give a new folder, or add --resume to go on with what is in it")
         else:
             _refuse_another_campaign(self.path, settings)
         if self.complete:
@@ -142,9 +140,7 @@ def _refuse_another_campaign(path: Path, settings: Mapping[str, Any]) -> None:
     try:
         there = _flat(json.loads((path / SETTINGS).read_text(encoding="utf-8")))
     except (OSError, ValueError):
-        raise BadInput(
-            f"{path} cannot be resumed: it holds no campaign ({SETTINGS} is missing or damaged)"
-        ) from None
+        raise BadInput(f"{path} cannot be resumed: it holds no campaign ({SETTINGS} is missing or damaged)") from None
     here = _flat(json.loads(_json(settings)))
     for name in [*here, *there]:
         if here.get(name) != there.get(name):
@@ -158,9 +154,7 @@ def _flat(value: Any, name: str = "") -> dict[str, Any]:
     """Return nested settings by their dotted names."""
     if not isinstance(value, dict):
         return {name: value}
-    return {
-        key: leaf for k, v in value.items() for key, leaf in _flat(v, f"{name}.{k}" if name else k).items()
-    }
+    return {key: leaf for k, v in value.items() for key, leaf in _flat(v, f"{name}.{k}" if name else k).items()}
 
 
 def _drop_torn_line(path: Path) -> None:

@@ -74,9 +74,7 @@ def parse_row(line: str, fields: tuple[str, ...], where: str) -> Row:
         if row.outcome not in OUTCOMES:
             raise ValueError(f"unknown outcome '{row.outcome}'")
     except ValueError as error:
-        raise BadInput(
-            f"{where} is not a row of a campaign ({error}); remove the line or the folder"
-        ) from error
+        raise BadInput(f"{where} is not a row of a campaign ({error}); remove the line or the folder") from error
     return row
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +10,7 @@ from typing import NamedTuple
 from wayfarer.config import RoverConfig
 from wayfarer.escape.api import Phase
 from wayfarer.hal import PositionFix
-from wayfarer.records import RunLog, TickRecord
+from wayfarer.records import TickRecord
 from wayfarer.registry import find_algorithm
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.loop import VirtualLoop
@@ -69,10 +68,13 @@ class Tally:
         self.ticks += 1
         phase = record.decision.phase
         if phase is not self._phase:
-            if phase is Phase.BACK_OFF:
-                self.anomalies += 1
-                self.episodes += self._phase is Phase.FOLLOW
-            self._phase = phase
+            self._count(phase)
+
+    def _count(self, phase: Phase) -> None:
+        if phase is Phase.BACK_OFF:
+            self.anomalies += 1
+            self.episodes += self._phase is Phase.FOLLOW
+        self._phase = phase
 
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Events are not counted."""

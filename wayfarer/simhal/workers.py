@@ -210,6 +210,4 @@ def _end_with_parent() -> None:
 def _fault(error: Exception) -> Fault:
     frame = traceback.extract_tb(error.__traceback__)[-1]
     text = " ".join(f"{type(error).__name__}: {error}".split())
-    return Fault(
-        f"{text} ({Path(frame.filename).name}:{frame.lineno})", "".join(traceback.format_exception(error))
-    )
+    return Fault(f"{text} ({Path(frame.filename).name}:{frame.lineno})", "".join(traceback.format_exception(error)))

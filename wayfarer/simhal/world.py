@@ -10,7 +10,7 @@ Positions are metres east (x) and north (y); headings degrees clockwise from nor
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import atan2, ceil, cos, degrees, exp, hypot, radians, sin
+from math import atan2, ceil, cos, degrees, exp, hypot, radians, sin, sqrt
 from typing import NamedTuple
 
 from wayfarer.escape.api import Vehicle
@@ -25,8 +25,12 @@ PIECE_M = 0.1
 PIECE_RAD = 0.4
 # A blocked move is halved this often to find where it touches: 2 mm of 0.1 m.
 HALVINGS = 5
+# A task that wakes on the grid of steps may read a clock that is a rounding error short of it.
+ROUNDING_S = 1e-9
 # Below this a move is none: it takes no noise.
 STILL_M = 1e-6
+# Less pitch than this is level.
+LEVEL_DEG = 0.01
 # Contacts within this angle of straight ahead are head-on.
 HEAD_ON_DEG = 10.0
 
@@ -69,7 +73,7 @@ class World:
         self.t_s = 0.0
         self._step_s = physics.step_s
         self._half_step_s = physics.step_s / 2
-        self._next_step_s = physics.step_s - 1e-9
+        self._next_step_s = physics.step_s - ROUNDING_S
         self._physics = physics
         self.after_step: Callable[[World], None] = _nobody_watches
         self._body = Body(vehicle.length_m, vehicle.width_m)
@@ -113,21 +117,21 @@ class World:
         """Take whole steps up to a time; nothing happens where the world is there already."""
         while t_s >= self._next_step_s:
             self.steps += 1
-            self.t_s = self.steps * self._step_s
-            self._next_step_s = self.t_s + self._step_s - 1e-9
+            now_s = self.t_s = self.steps * self._step_s
+            self._next_step_s = now_s + self._step_s - ROUNDING_S
             self._step()
             self.after_step(self)
 
     def _step(self) -> None:
-        self._left_m_s += (self._left_target_m_s - self._left_m_s) * self._lag
-        self._right_m_s += (self._right_target_m_s - self._right_m_s) * self._lag
+        left_m_s = self._left_m_s = self._left_m_s + (self._left_target_m_s - self._left_m_s) * self._lag
+        right_m_s = self._right_m_s = self._right_m_s + (self._right_target_m_s - self._right_m_s) * self._lag
         if self.slipping and not self._break_free():
             return
         if self.pitch_deg:
-            self.pitch_deg = self.pitch_deg * self._settling if abs(self.pitch_deg) > 0.01 else 0.0
-        forward_m = (self._left_m_s + self._right_m_s) * self._half_step_s
-        turn_rad = (self._left_m_s - self._right_m_s) * self._turn_per_m_s
-        if -PIECE_M <= forward_m <= PIECE_M and -PIECE_RAD <= turn_rad <= PIECE_RAD:
+            self.pitch_deg = self.pitch_deg * self._settling if abs(self.pitch_deg) > LEVEL_DEG else 0.0
+        forward_m = (left_m_s + right_m_s) * self._half_step_s
+        turn_rad = (left_m_s - right_m_s) * self._turn_per_m_s
+        if abs(forward_m) <= PIECE_M and abs(turn_rad) <= PIECE_RAD:
             self._move(forward_m, turn_rad)
             return
         pieces = max(ceil(abs(forward_m) / PIECE_M), ceil(abs(turn_rad) / PIECE_RAD))
@@ -148,23 +152,25 @@ class World:
         """Move the body by a piece, up to the first contact; return whether nothing was in the way."""
         length_m = abs(forward_m)
         if length_m > STILL_M:
-            turn_rad += self._wander() * length_m**0.5
-        course = self.heading_rad + turn_rad + self._steer_noise()
-        dx, dy = forward_m * sin(course), forward_m * cos(course)
+            turn_rad += self._wander() * sqrt(length_m)
+        heading_rad = self.heading_rad + turn_rad
+        course_rad = heading_rad + self._steer_noise()
+        dx, dy = forward_m * sin(course_rad), forward_m * cos(course_rad)
         # The clearance known from earlier is used up before it is measured again.
-        self._free_m -= length_m
-        if self._free_m > 0.0:
+        free_m = self._free_m = self._free_m - length_m
+        if free_m > 0.0:
             self.touch = None
         elif (share := self._feel(dx, dy, turn_rad)) < 1.0:
-            dx, dy, turn_rad, forward_m = dx * share, dy * share, turn_rad * share, forward_m * share
+            dx, dy, forward_m = dx * share, dy * share, forward_m * share
+            heading_rad = self.heading_rad + turn_rad * share
         self.x_m += dx
         self.y_m += dy
-        self.heading_rad += turn_rad
+        self.heading_rad = heading_rad
         if forward_m < 0.0:
             self.reverse_m -= forward_m
         else:
-            self.forward_m += forward_m
-            if self.forward_m >= self._slip_at_m:
+            ahead_m = self.forward_m = self.forward_m + forward_m
+            if ahead_m >= self._slip_at_m:
                 self.slipping = True
         return self.touch is None
 
@@ -188,8 +194,7 @@ class World:
             gap_m = hypot(near_x - x_m, near_y - y_m) - obstacle.radius_m - reach_m
             if gap_m <= 0.0:
                 within_reach.append(obstacle)
-            if gap_m < free_m:
-                free_m = gap_m
+            free_m = min(free_m, gap_m)
         self._free_m = free_m
         return within_reach
 

@@ -1,0 +1,1 @@
+"""How fast wayfarer is: ``python -m benchmarks`` from the checkout."""

@@ -1,0 +1,160 @@
+"""The counter C, episodes, and the side that they keep."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.escape.walk import STUCK, Walk, make, observation
+from wayfarer.escape.api import Anomaly, Phase
+from wayfarer.escape.catalogue import CATALOGUE
+
+
+def in_episode(name: str = "pledge", heading_deg: float = 0.0, goal_heading_deg: float = 0.0) -> Walk:
+    """A walk whose heading only moves as the test says, at the first anomaly of an episode."""
+    walk = Walk(name, heading_deg=heading_deg, goal_heading_deg=goal_heading_deg)
+    walk.turns = False
+    walk.tick(*STUCK)
+    return walk
+
+
+@given(st.lists(st.integers(-179 * 64, 179 * 64).map(lambda n: n / 64), max_size=30))
+def test_counter_is_the_sum_of_all_turns_however_they_come_about(turns_deg: list[float]) -> None:
+    walk = in_episode()
+    for turn_deg in turns_deg:
+        # Something new each tick keeps the episode open: no probe can end it.
+        walk.tick(Anomaly.NOSE_UP if walk.decision.phase is Phase.BACK_OFF else STUCK[0], turn_deg=turn_deg)
+    assert walk.counter_deg == pytest.approx(sum(turns_deg), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("before_deg", "after_deg", "counted_deg"), [(359.0, 1.0, 2.0), (1.0, 359.0, -2.0), (350.0, 20.0, 30.0)]
+)
+def test_counter_follows_the_compass_through_north(before_deg: float, after_deg: float, counted_deg: float) -> None:
+    walk = in_episode(heading_deg=before_deg)
+    walk.tick(turn_deg=after_deg - before_deg)
+    assert walk.counter_deg == counted_deg
+
+
+def test_counter_counts_whole_turns() -> None:
+    walk = in_episode()
+    for _ in range(10):
+        walk.tick(*STUCK, turn_deg=90.0)
+    assert walk.counter_deg == 900.0
+
+
+def test_blocked_turn_counts_what_was_turned() -> None:
+    walk = in_episode()
+    walk.to(Phase.TURN_AWAY)
+    walk.tick(turn_deg=12.0)
+    walk.go_on(lambda decision: decision.why == "turn_away.exhausted")
+    assert walk.counter_deg == 12.0
+    assert walk.handler.memory()["blocked_turns"] == 1
+
+
+def test_full_turn_clears_the_count_of_blocked_turns() -> None:
+    walk = in_episode()
+    walk.go_on(lambda decision: decision.why == "turn_away.exhausted")
+    walk.turns = True
+    walk.tick(*STUCK)
+    walk.go_on(lambda decision: decision.why == "turn_away.done")
+    assert walk.handler.memory()["blocked_turns"] == 0
+
+
+def test_turn_away_is_30_degrees_and_clockwise() -> None:
+    walk = Walk("pledge")
+    walk.to(Phase.PROBE)
+    assert walk.counter_deg == pytest.approx(30.0, abs=4.0)  # within turn_within_deg and one tick
+
+
+@pytest.mark.parametrize(("name", "ends"), [("pledge", False), ("forest-pledge", True)])
+@pytest.mark.parametrize("off_deg", [5.0, -5.0])
+def test_whole_turn_is_forgiven_within_5_degrees_by_forest_pledge_alone(name: str, ends: bool, off_deg: float) -> None:
+    walk = in_episode(name)
+    for _ in range(4):
+        walk.tick(*STUCK, turn_deg=90.0)
+    walk.to(Phase.TURN_AWAY)
+    walk.tick(turn_deg=35.0)
+    assert walk.tick().phase is Phase.PROBE
+    walk.tick(turn_deg=off_deg - 35.0)
+    assert walk.counter_deg == 360.0 + off_deg
+    assert (walk.decision.why == "probe.realigned") is ends
+    assert (walk.decision.phase is Phase.FOLLOW) is ends
+
+
+def test_forest_pledge_goes_on_just_outside_5_degrees() -> None:
+    walk = in_episode("forest-pledge")
+    walk.to(Phase.TURN_AWAY)
+    walk.tick(turn_deg=30.0)
+    walk.to(Phase.PROBE)
+    assert walk.tick(turn_deg=-24.75).phase is Phase.PROBE
+    assert walk.tick(turn_deg=-0.25).why == "probe.realigned"
+
+
+def test_pledge_unwinds_every_degree() -> None:
+    walk = in_episode("pledge")
+    walk.to(Phase.TURN_AWAY)
+    walk.tick(turn_deg=30.0)
+    walk.to(Phase.PROBE)
+    assert walk.tick(turn_deg=-29.75).phase is Phase.PROBE
+    assert walk.tick(turn_deg=-0.25).why == "probe.unwound"
+
+
+def test_episode_starts_at_the_first_anomaly_in_follow_and_ends_with_it() -> None:
+    walk = Walk("pledge")
+    assert walk.handler.memory()["episodes"] == 0
+    walk.to(Phase.PROBE)
+    walk.tick(*STUCK)
+    assert walk.handler.memory()["episodes"] == 1, "an anomaly while probing belongs to the same episode"
+    walk.to(Phase.FOLLOW)
+    walk.tick(*STUCK)
+    assert walk.handler.memory()["episodes"] == 2
+    assert walk.counter_deg == 0.0
+
+
+def test_rand_pledge_keeps_its_side_for_an_episode_and_draws_a_new_one_for_the_next() -> None:
+    walk = Walk("rand-pledge")
+    sides = []
+    for _ in range(12):
+        walk.to(Phase.PROBE)
+        side = walk.handler.memory()["side"]
+        for _ in range(3):
+            walk.tick(*STUCK)
+            walk.to(Phase.PROBE)
+            assert walk.handler.memory()["side"] == side
+        sides.append(side)
+        walk.to(Phase.FOLLOW)
+    assert set(sides) == {1, -1}
+
+
+def test_blocked_turns_alternate_between_the_sides_from_the_third_on() -> None:
+    walk = Walk("pledge")
+    walk.turns = False
+    sides = []
+    for _ in range(6):
+        walk.to(Phase.FOLLOW)
+        walk.to(Phase.TURN_AWAY)
+        sides.append(1 if walk.decision.wheels.left > 0.0 else -1)
+    assert sides == [1, 1, -1, 1, -1, 1]
+
+
+def test_angle_of_levy_pledge_stays_within_10_to_50_degrees() -> None:
+    turns_deg = set()
+    for seed in range(200):
+        handler = make("levy-pledge", seed)
+        handler.decide(observation())
+        handler.decide(observation(t_s=0.05, anomalies=STUCK))
+        turns_deg.add(float(handler.memory()["turn_deg"]))
+    assert min(turns_deg) == 10.0
+    assert max(turns_deg) == 50.0
+    assert len(turns_deg) > 10
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_same_seed_gives_the_same_decisions(name: str) -> None:
+    def run() -> list[object]:
+        walk = Walk(name, seed=7)
+        return [walk.tick(*(STUCK if n % 40 == 0 else ())) for n in range(400)]
+
+    assert run() == run()

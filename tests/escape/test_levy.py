@@ -1,0 +1,74 @@
+"""The heavy-tailed draws against the closed form."""
+
+from __future__ import annotations
+
+from random import Random
+from statistics import NormalDist
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.escape.walk import observation
+from wayfarer.escape.api import EscapeSettings
+from wayfarer.escape.levy import clipped_levy, levy
+from wayfarer.escape.policies import levy_stride, uniform_angle
+
+
+def quantile(share: float, scale: float) -> float:
+    """Levy(0, scale) has the distribution function 2 - 2 Phi(sqrt(scale / x))."""
+    return scale / NormalDist().inv_cdf(1.0 - share / 2.0) ** 2
+
+
+class Drawing(Random):
+    """Draws one given number for ever."""
+
+    def __init__(self, drawn: float) -> None:
+        super().__init__(0)
+        self.drawn = drawn
+
+    def random(self) -> float:
+        return self.drawn
+
+
+def test_median_is_the_closed_form() -> None:
+    assert levy(Drawing(0.5), 3.0) == pytest.approx(3.0 / NormalDist().inv_cdf(0.75) ** 2)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.25, 0.5, 0.75, 0.95])
+@pytest.mark.parametrize("scale", [0.05, 1.0])
+def test_quantiles_of_many_draws(share: float, scale: float) -> None:
+    rng = Random(42)
+    below = sum(levy(rng, scale) <= quantile(share, scale) for _ in range(10_000))
+    assert below / 10_000 == pytest.approx(share, abs=0.02)
+
+
+@pytest.mark.parametrize("drawn", [0.0, 2.0**-53, 2.0**-52, 0.5, 1.0 - 2.0**-53], ids=str)
+def test_no_draw_of_the_generator_raises(drawn: float) -> None:
+    assert levy(Drawing(drawn), 1.0) > 0.0
+
+
+@given(st.integers(0, 2**32), st.floats(0.01, 10.0))
+def test_draws_are_clipped(seed: int, scale: float) -> None:
+    assert 0.5 <= clipped_levy(Random(seed), scale, 0.5, 2.0) <= 2.0
+
+
+@given(st.integers(0, 2**32))
+def test_strides_stay_within_the_settings(seed: int) -> None:
+    settings = EscapeSettings(levy_stride_min_m=0.3, levy_stride_max_m=4.0)
+    assert 0.3 <= levy_stride(settings, Random(seed)) <= 4.0
+
+
+def test_most_strides_are_short_and_some_are_long() -> None:
+    rng, settings = Random(3), EscapeSettings()
+    strides_m = [levy_stride(settings, rng) for _ in range(2000)]
+    assert sorted(strides_m)[1000] < 1.0
+    assert max(strides_m) == settings.levy_stride_max_m
+
+
+def test_new_headings_of_the_stochastic_family_reach_all_around() -> None:
+    rng = Random(5)
+    angles_deg = [uniform_angle(observation(), EscapeSettings(), rng) for _ in range(2000)]
+    assert min(angles_deg) < 2.0
+    assert max(angles_deg) > 178.0
+    assert sum(angles_deg) / 2000 == pytest.approx(90.0, abs=4.0)

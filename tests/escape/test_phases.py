@@ -1,0 +1,218 @@
+"""Every phase x every event and anomaly x every algorithm: what comes next, and that nothing lasts for ever."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from itertools import cycle, groupby, product, repeat
+from math import isfinite, radians
+
+import pytest
+
+from tests.escape.walk import SETTINGS, STUCK, TICK_S, Walk, touch
+from wayfarer.escape.api import Anomaly, Decision, Phase
+from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.escape.manoeuvres import SLACK, SLACK_S
+from wayfarer.escape.phases import PLEDGE, STRIDES, WHY, Event
+from wayfarer.hal import Side
+
+PLEDGE_FAMILY = [name for name, row in CATALOGUE.items() if row.family == "pledge"]
+FIXED_WHYS = {*WHY.values(), *(phase.value for phase in Phase)}
+
+
+def travels_on(name: str) -> Phase:
+    return Phase.PROBE if name in PLEDGE_FAMILY else Phase.STRIDE
+
+
+def assert_sound(decision: Decision) -> None:
+    assert all(isfinite(duty) and -1.0 <= duty <= 1.0 for duty in decision.wheels)
+    assert decision.why in FIXED_WHYS
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("anomaly", Anomaly)
+def test_anomaly_backs_off_wherever_the_rover_drives_or_turns(name: str, anomaly: Anomaly) -> None:
+    for phase in (Phase.FOLLOW, Phase.TURN_AWAY, travels_on(name)):
+        walk = Walk(name)
+        walk.to(phase)
+        decision = walk.tick(anomaly)
+        assert decision.phase is Phase.BACK_OFF
+        assert decision.why == f"{phase.value}.anomaly"
+        assert decision.wheels.left == decision.wheels.right < 0.0
+        assert_sound(decision)
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("anomaly", [each for each in Anomaly if each is not Anomaly.TOUCHED])
+def test_new_anomaly_while_reversing_means_blocked_behind(name: str, anomaly: Anomaly) -> None:
+    walk = Walk(name)
+    other = Anomaly.NOSE_UP if anomaly is not Anomaly.NOSE_UP else Anomaly.IMMOBILISED
+    walk.to(Phase.BACK_OFF, other)
+    assert walk.tick(other).phase is Phase.BACK_OFF, "what was wrong when reversing began is not news"
+    decision = walk.tick(other, anomaly)
+    assert (decision.phase, decision.why) == (Phase.TURN_AWAY, "back_off.anomaly")
+    assert_sound(decision)
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize(
+    ("sides", "expected"),
+    [((Side.REAR,), Phase.TURN_AWAY), ((Side.FRONT,), Phase.BACK_OFF), ((Side.LEFT,), Phase.BACK_OFF)],
+)
+def test_touch_while_reversing_counts_only_behind(name: str, sides: tuple[Side, ...], expected: Phase) -> None:
+    walk = Walk(name)
+    walk.to(Phase.BACK_OFF)
+    assert walk.tick(Anomaly.TOUCHED, contact=touch(*sides)).phase is expected
+
+
+@pytest.mark.parametrize("phase", [Phase.BACK_OFF, Phase.TURN_AWAY])
+def test_anomaly_that_cleared_may_come_again(phase: Phase) -> None:
+    walk = Walk("pledge")
+    walk.to(phase)
+    walk.tick(*STUCK)
+    walk.to(phase)
+    walk.tick()
+    assert walk.tick(*STUCK).phase is not phase
+
+
+def blocked_turn(walk: Walk) -> None:
+    walk.to(Phase.TURN_AWAY)
+    walk.turns = False
+
+
+def stuck_curve(walk: Walk) -> None:
+    walk.to(Phase.PROBE)
+    walk.turns = False
+
+
+def spinning(phase: Phase) -> Callable[[Walk], None]:
+    """In a phase, and the commanded distance does not grow, as under a safety hold."""
+
+    def prepare(walk: Walk) -> None:
+        walk.to(phase)
+        walk.travels = False
+
+    return prepare
+
+
+def met_something(phase: Phase) -> Callable[[Walk], None]:
+    def prepare(walk: Walk) -> None:
+        walk.to(phase)
+        walk.tick(Anomaly.NOSE_DOWN)
+
+    return prepare
+
+
+def held_tail(walk: Walk) -> None:
+    walk.turns = False
+    walk.seen = walk.seen._replace(heading_deg=120.0)
+
+
+def free(phase: Phase) -> Callable[[Walk], None]:
+    def prepare(walk: Walk) -> None:
+        walk.to(phase)
+
+    return prepare
+
+
+# How to bring about each event of the transition table.
+ROUTES: Mapping[tuple[Phase, Event], Callable[[Walk], None]] = {
+    (Phase.FOLLOW, Event.ANOMALY): met_something(Phase.FOLLOW),
+    (Phase.FOLLOW, Event.EXHAUSTED): held_tail,
+    (Phase.BACK_OFF, Event.DONE): free(Phase.BACK_OFF),
+    (Phase.BACK_OFF, Event.ANOMALY): met_something(Phase.BACK_OFF),
+    (Phase.BACK_OFF, Event.EXHAUSTED): spinning(Phase.BACK_OFF),
+    (Phase.TURN_AWAY, Event.DONE): free(Phase.TURN_AWAY),
+    (Phase.TURN_AWAY, Event.ANOMALY): met_something(Phase.TURN_AWAY),
+    (Phase.TURN_AWAY, Event.EXHAUSTED): blocked_turn,
+    (Phase.PROBE, Event.ANOMALY): met_something(Phase.PROBE),
+    (Phase.PROBE, Event.UNWOUND): free(Phase.PROBE),
+    (Phase.PROBE, Event.REALIGNED): free(Phase.PROBE),
+    (Phase.PROBE, Event.EXHAUSTED): stuck_curve,
+    (Phase.STRIDE, Event.ANOMALY): met_something(Phase.STRIDE),
+    (Phase.STRIDE, Event.DONE): free(Phase.STRIDE),
+    (Phase.STRIDE, Event.EXHAUSTED): spinning(Phase.STRIDE),
+}
+
+
+def test_every_row_of_the_table_has_a_route() -> None:
+    assert set(ROUTES) == {*PLEDGE, *STRIDES}
+
+
+def routes() -> Iterable[tuple[str, Phase, Event]]:
+    for name in CATALOGUE:
+        never = Event.REALIGNED if name == "pledge" else Event.UNWOUND  # Forest-Pledge realigns before it unwinds
+        for phase, event in PLEDGE if name in PLEDGE_FAMILY else STRIDES:
+            if event is not never:
+                yield name, phase, event
+
+
+@pytest.mark.parametrize(("name", "phase", "event"), list(routes()))
+def test_each_row_of_the_table_is_taken(name: str, phase: Phase, event: Event) -> None:
+    walk = Walk(name)
+    ROUTES[phase, event](walk)
+    decision = walk.go_on(lambda decision: decision.why == WHY[phase, event])
+    assert decision.phase is (PLEDGE if name in PLEDGE_FAMILY else STRIDES)[phase, event]
+    assert_sound(decision)
+
+
+def test_forest_pledge_unwinds_too_when_the_goal_lies_elsewhere() -> None:
+    """An episode that began askew comes back to its own beginning, outside the 5 degrees around the goal."""
+    walk = Walk("forest-pledge", heading_deg=20.0)
+    walk.tick(*STUCK)
+    assert walk.go_on(lambda decision: decision.phase is Phase.PROBE)
+    assert walk.go_on(lambda decision: decision.phase is Phase.FOLLOW).why == "probe.unwound"
+
+
+def longest_s(phase: Phase) -> float:
+    """The bound of a phase when the heading does not leave a half turn: its plan, with slack."""
+    arc_m = radians(180.0) * SETTINGS.probe_radius_m
+    plan_s = {
+        Phase.FOLLOW: 180.0 / SETTINGS.turn_deg_s,
+        Phase.BACK_OFF: SETTINGS.back_off_m / SETTINGS.reverse_m_s,
+        Phase.TURN_AWAY: 180.0 / SETTINGS.turn_deg_s,
+        Phase.PROBE: (SETTINGS.probe_straight_m + arc_m) / SETTINGS.cruise_m_s,
+        Phase.STRIDE: SETTINGS.levy_stride_max_m / SETTINGS.cruise_m_s,
+    }[phase]
+    return plan_s * SLACK + SLACK_S + TICK_S
+
+
+NEVER: tuple[Anomaly, ...] = ()
+PATTERNS: Mapping[str, Callable[[], Iterable[tuple[Anomaly, ...]]]] = {
+    "quiet": lambda: repeat(NEVER),
+    "held": lambda: repeat(STUCK),
+    "every tick another": lambda: cycle((anomaly,) for anomaly in Anomaly),
+    "on and off": lambda: cycle([NEVER, STUCK]),
+    "now and then": lambda: cycle([*repeat(NEVER, 30), (Anomaly.NOSE_UP,)]),
+}
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("travels", [True, False], ids=["wheels turn", "wheels held"])
+def test_every_phase_ends_though_the_heading_never_moves(name: str, pattern: str, travels: bool) -> None:
+    walk = Walk(name, heading_deg=120.0)
+    walk.turns, walk.travels = False, travels
+    decisions = [walk.tick(*anomalies) for anomalies, _ in zip(PATTERNS[pattern](), range(2400), strict=False)]
+    for decision in set(decisions):
+        assert_sound(decision)
+    for phase, stay in groupby(decisions, key=lambda decision: decision.phase):
+        assert sum(1 for _ in stay) * TICK_S <= longest_s(phase), f"{phase} did not end"
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_follow_goes_on_while_nothing_is_wrong(name: str) -> None:
+    walk = Walk(name, goal_heading_deg=170.0)
+    assert {walk.tick().phase for _ in range(1200)} == {Phase.FOLLOW}
+    assert abs(walk.seen.heading_deg - 170.0) < 0.1
+
+
+def test_every_event_that_a_phase_can_raise_has_a_row() -> None:
+    """The pairs without a row are those that cannot happen; each is named here so that a new one is noticed."""
+    driving = {Phase.FOLLOW, Phase.BACK_OFF, Phase.TURN_AWAY}
+    for table, last in ((PLEDGE, Phase.PROBE), (STRIDES, Phase.STRIDE)):
+        cannot = {pair for pair in product({*driving, last}, Event) if pair not in table}
+        assert cannot == {
+            (Phase.FOLLOW, Event.DONE),
+            *product(driving, (Event.UNWOUND, Event.REALIGNED)),
+            *([(last, Event.DONE)] if last is Phase.PROBE else product([last], (Event.UNWOUND, Event.REALIGNED))),
+        }

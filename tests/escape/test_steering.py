@@ -1,0 +1,83 @@
+"""Wheel mixing and heading hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, pi, radians
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.escape.walk import SETTINGS, VEHICLE
+from wayfarer.escape.steering import HeadingHold
+
+
+@given(st.floats(-10.0, 10.0), st.floats(-20.0, 20.0))
+def test_mixed_duties_never_leave_the_range(speed_m_s: float, turn_rad_s: float) -> None:
+    assert all(-1.0 <= duty <= 1.0 for duty in VEHICLE.mix(speed_m_s, turn_rad_s))
+
+
+@given(st.floats(0.5, 10.0), st.floats(-20.0, 20.0))
+def test_mixing_beyond_full_duty_keeps_the_curve(speed_m_s: float, turn_rad_s: float) -> None:
+    left, right = VEHICLE.mix(speed_m_s, turn_rad_s)
+    radius_per_track = (left + right) / 2.0
+    assert (left - right) / VEHICLE.track_m * speed_m_s == pytest.approx(radius_per_track * turn_rad_s, abs=1e-9)
+
+
+def test_full_speed_ahead_is_full_duty() -> None:
+    assert VEHICLE.mix(VEHICLE.max_speed_m_s, 0.0) == (1.0, 1.0)
+    assert VEHICLE.mix(0.0, 0.0) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("error_deg", [5.0, 40.0, 59.0, 61.0, 179.0])
+def test_wheels_turn_towards_the_goal(error_deg: float) -> None:
+    left, right = HeadingHold(SETTINGS, VEHICLE).wheels(0.0, error_deg)
+    assert left > right, "a goal that lies clockwise needs the left wheels to be faster"
+    assert HeadingHold(SETTINGS, VEHICLE).wheels(0.0, -error_deg) == (right, left)
+
+
+@pytest.mark.parametrize(("error_deg", "pivots"), [(59.5, False), (60.0, True), (120.0, True), (-180.0, True)])
+def test_beyond_60_degrees_it_turns_on_the_spot(error_deg: float, pivots: bool) -> None:
+    left, right = HeadingHold(SETTINGS, VEHICLE).wheels(0.0, error_deg)
+    assert (left == -right) is pivots
+
+
+def test_speed_falls_with_the_cosine_of_the_error() -> None:
+    left, right = HeadingHold(SETTINGS, VEHICLE).wheels(0.0, 20.0)
+    assert (left + right) / 2 * VEHICLE.max_speed_m_s == pytest.approx(SETTINGS.cruise_m_s * cos(radians(20.0)))
+
+
+def turn(wheels: tuple[float, float]) -> float:
+    return wheels[0] - wheels[1]
+
+
+def test_steady_error_is_learnt_and_forgotten_by_a_reset() -> None:
+    hold = HeadingHold(SETTINGS, VEHICLE)
+    first = turn(hold.wheels(0.0, 5.0))
+    for tick in range(1, 41):
+        learnt = turn(hold.wheels(tick * 0.05, 5.0))
+    # 2 s of error under the integral gain, over the proportional part.
+    assert learnt / first == pytest.approx(1.0 + SETTINGS.heading_i * 2.0 / SETTINGS.heading_p)
+    hold.reset()
+    assert turn(hold.wheels(9.0, 5.0)) == first
+
+
+def test_pivot_is_not_learnt() -> None:
+    hold = HeadingHold(SETTINGS, VEHICLE)
+    for tick in range(40):
+        hold.wheels(tick * 0.05, 90.0)
+    assert turn(hold.wheels(2.0, 0.0)) == 0.0
+
+
+def test_turn_rate_is_limited() -> None:
+    slow = replace(SETTINGS, turn_deg_s=45.0)
+    left, right = HeadingHold(slow, VEHICLE).wheels(0.0, 179.0)
+    assert (left - right) * VEHICLE.max_speed_m_s / VEHICLE.track_m == pytest.approx(pi / 4)
+
+
+def test_derivative_damps_a_closing_error() -> None:
+    damped = HeadingHold(replace(SETTINGS, heading_i=0.0, heading_d=0.5), VEHICLE)
+    damped.wheels(0.0, 20.0)
+    plain = HeadingHold(replace(SETTINGS, heading_i=0.0), VEHICLE)
+    assert turn(damped.wheels(0.05, 19.0)) < turn(plain.wheels(0.05, 19.0))

@@ -1,0 +1,34 @@
+"""Pacing a task on a fixed grid of times."""
+
+from __future__ import annotations
+
+import asyncio
+
+
+class Pace:
+    """Wakes its task at every period from now on; what was missed is skipped, not made up for.
+
+    An old sample is worth nothing, and a tick that came late must not be followed by a burst of them. The grid does not
+    drift: a wake-up that comes late does not shift the next one.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._period_s = 1.0 / rate_hz
+        self._due_s = self._loop.time()
+
+    def wait(self) -> asyncio.Future[None]:
+        """Return a future that is done at the next grid time; await it before asking for another."""
+        loop = self._loop
+        due_s = self._due_s + self._period_s
+        now_s = loop.time()
+        due_s = max(due_s, now_s)
+        self._due_s = due_s
+        wake_up = loop.create_future()
+        loop.call_at(due_s, _wake, wake_up)
+        return wake_up
+
+
+def _wake(wake_up: asyncio.Future[None]) -> None:
+    if not wake_up.done():  # cancelled with its task
+        wake_up.set_result(None)
