@@ -118,7 +118,9 @@ class Helm:
             self._applied = applied = await self._motors.drive(wheels)
         except DriverError as error:
             self._applied = applied = self._lose_motors(t_s, error)
-        self._log.tick(TickRecord(t_s, observation, decision, applied, gate.level, gate.cause, self._handler.memory))
+        self._log.tick(
+            TickRecord(t_s, snapshot, observation, decision, applied, gate.level, gate.cause, self._handler.memory)
+        )
         if gate.cause is not self._last_cause:
             self._note_health(t_s, gate.level, gate.cause)
         if t_s >= self._ends_s or self._travelled_m >= self._ends_m:

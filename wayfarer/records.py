@@ -8,16 +8,19 @@ from typing import NamedTuple, Protocol
 from wayfarer.conditions import Condition, Level
 from wayfarer.escape.api import Decision, Observation
 from wayfarer.hal import PositionFix, WheelCommand
+from wayfarer.latest import Snapshot
 
 
 class TickRecord(NamedTuple):
     """One control tick: what was seen, decided and applied, and what the safety gate thought of it.
 
-    ``observation`` is None before the first believable heading. ``memory`` gives the handler's inner state and is only
-    good until the next tick: a log that keeps it calls it at once.
+    ``snapshot`` is what the sensors said, ``observation`` what the handler saw of it (None before the first believable
+    heading). ``memory`` gives the handler's inner state and is only good until the next tick: a log that keeps it calls
+    it at once.
     """
 
     t_s: float
+    snapshot: Snapshot
     observation: Observation | None
     decision: Decision
     applied: WheelCommand
@@ -40,3 +43,30 @@ class RunLog(Protocol):
 
     def close(self, reason: str, text: str) -> None:
         """Write the outcome and end the log."""
+
+
+class Tee:
+    """Two logs that take the same run."""
+
+    def __init__(self, first: RunLog, second: RunLog) -> None:
+        self._logs = (first, second)
+
+    def tick(self, record: TickRecord) -> None:
+        """Take the record of one control tick."""
+        for log in self._logs:
+            log.tick(record)
+
+    def event(self, name: str, t_s: float, **details: object) -> None:
+        """Take something that happened."""
+        for log in self._logs:
+            log.event(name, t_s, **details)
+
+    def position(self, fix: PositionFix | None) -> None:
+        """Take a position."""
+        for log in self._logs:
+            log.position(fix)
+
+    def close(self, reason: str, text: str) -> None:
+        """Write the outcome and end both logs."""
+        for log in self._logs:
+            log.close(reason, text)

@@ -56,7 +56,7 @@ class Observation(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """What an algorithm wants. ``why`` is a fixed event name such as ``probe.unwound``, or the phase when nothing new."""
+    """What an algorithm wants; ``why`` is a fixed event name such as ``probe.unwound``, else the phase."""
 
     wheels: WheelCommand
     phase: Phase

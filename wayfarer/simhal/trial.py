@@ -10,7 +10,7 @@ from typing import NamedTuple
 from wayfarer.config import RoverConfig
 from wayfarer.escape.api import Phase
 from wayfarer.hal import PositionFix
-from wayfarer.records import TickRecord
+from wayfarer.records import RunLog, Tee, TickRecord
 from wayfarer.registry import find_algorithm
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.loop import VirtualLoop
@@ -87,15 +87,20 @@ class Tally:
 
 
 def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
-    """Run one trial; with ``log_dir`` the full field log is written there."""
-    tally = Tally()
+    """Run one trial; with ``log_dir`` the rover's full field log is written there.
+
+    Raises:
+        MissingPart: the rover cannot give what the algorithm needs.
+        BadInput: the log cannot be written.
+    """
     streams = Streams(spec.seed)
     algorithm = find_algorithm(spec.algorithm)
     handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
     physics = replace(Physics(), slip_mean_m=spec.slip_mean_m)
-
     world = World(spec.forest, spec.rover.vehicle, physics, streams)
-    supervisor = Supervisor(device_depth(world, streams), spec.rover, algorithm, handler, tally)
+    tally = Tally()
+    log = tally if log_dir is None else Tee(tally, _field_log(spec, log_dir))
+    supervisor = Supervisor(device_depth(world, streams), spec.rover, algorithm, handler, log)
     referee = Referee(spec.forest, spec.budget_m, physics.tip_deg, supervisor.finish)
     world.after_step = referee.watch
 
@@ -106,6 +111,24 @@ def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         runner.run(run())
     return _result(spec, referee, world, tally)
+
+
+def _field_log(spec: TrialSpec, folder: Path) -> RunLog:
+    """Return the log that a rover in the field writes; its wall clock is the trial's, so that it can be reproduced."""
+    from wayfarer.fieldlog import FieldLog  # a thousand trials without a log need neither structlog nor orjson
+
+    forest = spec.forest
+    details = {
+        "algorithm": spec.algorithm,
+        "rover": spec.rover.model_dump(mode="json"),
+        "trial": spec.trial,
+        "forest": forest.forest,
+        "noise": forest.noise,
+        "seed": spec.seed,
+        "slip_mean_m": spec.slip_mean_m,
+        "budget_m": spec.budget_m,
+    }
+    return FieldLog(folder, details, wall=lambda t_s: t_s)
 
 
 def _result(spec: TrialSpec, referee: Referee, world: World, tally: Tally) -> TrialResult:

@@ -54,7 +54,7 @@ class Done(NamedTuple):
     fault: Fault | None = None
 
 
-class Stopped(Exception):  # noqa: N818 - a request that was heard, not an error
+class Stopped(Exception):  # a request that was heard, not an error
     """The campaign was asked to stop before its last trial."""
 
 
