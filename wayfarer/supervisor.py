@@ -105,6 +105,7 @@ class Supervisor:
     async def _run_tasks(self) -> RunEnd:
         async with asyncio.TaskGroup() as group:
             sensors = [group.create_task(self._keep_sampling(row), name=f"sensor:{row.name}") for row in self.tasks]
+            await asyncio.sleep(0)  # the sensors speak first, at this and so at every common time of their grids
             end = await self._control()
             for task in sensors:
                 task.cancel()

@@ -13,7 +13,7 @@ def levy(rng: Random, scale: float) -> float:
 
     A Lévy variable is ``scale / z**2`` for a standard normal z; the quantile form needs one uniform draw.
     """
-    z = _NORMAL.inv_cdf(1.0 - rng.random() / 2.0)
+    z = _NORMAL.inv_cdf((1.0 - rng.random()) / 2.0)  # never 0, which has no quantile
     return scale / (z * z) if z else float("inf")
 
 
