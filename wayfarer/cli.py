@@ -229,6 +229,6 @@ def _refuse_odd_pairs(out: Path | None, resume: bool, trial: int | None, log: Pa
 
 
 def _require_sim_extra() -> None:
-    missing = [name for name in ("numpy", "scipy", "skfmm") if find_spec(name) is None]
+    missing = [name for name in ("numpy", "skfmm") if find_spec(name) is None]
     if missing:
         raise WayfarerError(f"simulating needs {missing[0]}, which is not installed: pip install 'wayfarer[sim]'")

@@ -6,6 +6,7 @@ are refused by name, values outside their range with the range. The shipped file
 
 from __future__ import annotations
 
+import json
 import tomllib
 from difflib import get_close_matches
 from importlib.resources import files
@@ -83,29 +84,41 @@ def _read(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise BadConfig(f"{path}: no such file; shipped rovers are {', '.join(rover_names())}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadConfig(f"{path}: cannot be read: {error}") from None
+    except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a name that no file can have
+        raise BadConfig(_one_line(f"{path}: cannot be read: {error}")) from None
 
 
 def _parse(where: str, text: str) -> RoverConfig:
     try:
-        return RoverConfig.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise BadConfig(f"{where}: not valid TOML: {error}") from None
+        # The end of line lets the parser name the line of an error that is at the very end.
+        table = tomllib.loads(text + "\n")
+        # By way of JSON, because pydantic's strict mode takes tables for dataclasses from there only.
+        return RoverConfig.model_validate_json(json.dumps(table, default=str), strict=True)
     except ValidationError as error:
-        raise BadConfig(f"{where}: {_explain(error.errors()[0])}") from None
+        problems = sorted(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN)
+        raise BadConfig(_one_line(f"{where}: {_explain(problems[0])}")) from None
+    except (ValueError, RecursionError) as error:  # tomllib: syntax, endless numbers, brackets without end
+        raise BadConfig(_one_line(f"{where}: not valid TOML: {error}")) from None
+
+
+_UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 
 
 def _explain(problem: ErrorDetails) -> str:
-    """Say what is wrong with one key in one line: the key, what was found, what is allowed."""
+    """Say what is wrong with one key: the key, what was found, what is allowed."""
     *section, key = (str(part) for part in problem["loc"])
     dotted = ".".join([*section, key])
-    if problem["type"] in {"extra_forbidden", "unexpected_keyword_argument"}:
-        near = get_close_matches(key, _known_keys(section), n=1)
+    if problem["type"] in _UNKNOWN:
+        near = get_close_matches(key, _known_keys(section), n=1, cutoff=0.4)
         return f"unknown key '{dotted}'" + (f"; did you mean '{near[0]}'?" if near else "")
     if problem["type"] in {"missing", "missing_argument"}:
         return f"key '{dotted}' is missing"
-    return f"key '{dotted}' = {problem['input']!r}: {problem['msg'].lower()}"
+    wanted = problem["msg"].lower().replace("an object", "a table")  # JSON's word for it is not TOML's
+    return f"key '{dotted}' = {problem['input']!r}: {wanted}"
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
 
 
 def _known_keys(section: list[str]) -> list[str]:

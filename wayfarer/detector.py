@@ -28,7 +28,9 @@ class DetectorSettings:
 
     ``stale`` ages: PX4 gives a compass 0.3 s, ArduPilot gives flow 0.5 s and a failed link 1.5 s. Tilt persists 0.2 s
     as PX4's attitude trigger persists 0.3 s; the released field code stops beyond 15 degrees of pitch, here on both
-    axes and both signs with margin for rough ground. ``overturned_deg`` acts at once.
+    axes and both signs with margin for rough ground. ``overturned_deg`` acts at once. A heading may change by
+    ``heading_jump_deg`` from one reading to the next (field catalogue, fault 5: 45 degrees), and by twice the fastest
+    commanded turn.
     """
 
     immobilised_s: Seconds = 0.3
@@ -45,7 +47,7 @@ class DetectorSettings:
     contact_stale_s: Seconds = 0.5
     motion_unknown_s: Seconds = 1.0
     motion_lost_s: Seconds = 10.0
-    heading_rate_max_deg_s: DegreesPerSecond = 720.0
+    heading_rate_max_deg_s: DegreesPerSecond = 360.0
     heading_jump_deg: Degrees = 45.0
     implausible_s: Seconds = 0.5
     motion_speed_max_m_s: MetresPerSecond = 5.0
@@ -150,7 +152,7 @@ class Detector:
         self._jumped = False
         self._commanded_m = 0.0
         self._started_t_s: float | None = None
-        self._last_t_s = self._compass_t_s = self._motion_t_s = self._moved_t_s = 0.0
+        self._last_t_s = self._read_t_s = self._compass_t_s = self._motion_t_s = self._moved_t_s = 0.0
 
     def update(self, snapshot: Snapshot, applied: WheelCommand) -> Detection:
         """Take in one tick: what the sensors say now and what the wheels were told since the previous tick."""
@@ -175,11 +177,13 @@ class Detector:
 
     def _start(self, t_s: float) -> None:
         """Begin all ages now: what has not spoken yet is as old as the run."""
-        self._started_t_s = self._last_t_s = self._compass_t_s = self._motion_t_s = self._moved_t_s = t_s
+        self._started_t_s = self._last_t_s = self._read_t_s = t_s
+        self._compass_t_s = self._motion_t_s = self._moved_t_s = t_s
 
     def _take_compass(self, reading: CompassReading, conditions: list[Condition]) -> None:
         last = self.compass
-        if last is not None and not self._plausible(last, reading):
+        since_s, self._read_t_s = reading.t_s - self._read_t_s, reading.t_s
+        if last is not None and not self._plausible(last, reading, since_s):
             self._jumped = True
             if not self._implausible.update(reading.t_s, True):
                 return
@@ -190,16 +194,18 @@ class Detector:
         self.compass = reading
         self._compass_t_s = reading.t_s
 
-    def _plausible(self, last: CompassReading, reading: CompassReading) -> bool:
+    def _plausible(self, last: CompassReading, reading: CompassReading, since_s: float) -> bool:
+        """Tell whether the rover can have turned that far since the previous reading, believed or not."""
         turned_deg = abs((reading.heading_deg - last.heading_deg + 180.0) % 360.0 - 180.0)
         if turned_deg <= self._settings.heading_jump_deg:
             return True
-        explained_deg = self._settings.heading_rate_max_deg_s * (reading.t_s - last.t_s)
-        return turned_deg <= self._settings.heading_jump_deg + explained_deg
+        return turned_deg <= self._settings.heading_jump_deg + self._settings.heading_rate_max_deg_s * since_s
 
     def _take_motion(self, reading: MotionReading, conditions: list[Condition]) -> None:
         t_s, forward_m, right_m, quality = reading
         dt_s, self._motion_t_s = t_s - self._motion_t_s, t_s
+        if dt_s <= 0.0:
+            return  # the first one: it says how far since nobody knows when
         commanded_m, self._commanded_m = self._commanded_m, 0.0
         limit_m = self._settings.motion_speed_max_m_s * dt_s
         if not abs(forward_m) <= limit_m >= abs(right_m):

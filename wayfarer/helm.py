@@ -76,7 +76,6 @@ class Helm:
 
     def arm(self, t_s: float, goal_heading_deg: float | None) -> None:
         """Begin to arm: after the start delay the wheels may turn. See ``Arming`` for the goal heading."""
-        self._gate.clear_fault()
         self._motors_failed = False
         self._arming = Arming(self._safety, t_s, goal_heading_deg)
         self.mode = Mode.ARMING
@@ -162,6 +161,8 @@ class Helm:
 
     def _begin_mission(self, t_s: float, goal_heading_deg: float) -> None:
         self._arming = None
+        self._gate.clear_fault()
+        self._handler.reset()
         self._goal_heading_deg = goal_heading_deg
         self._ends_s = t_s + self._safety.mission_time_s
         self._ends_m = self._travelled_m + self._safety.mission_distance_m

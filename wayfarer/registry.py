@@ -77,8 +77,9 @@ def _load_path(kind: str, path: str) -> Any:
     module_name, _, attribute = path.partition(":")
     try:
         module = importlib.import_module(module_name)
-    except ImportError as error:
-        raise BadInput(f"{kind} '{path}': cannot import {module_name} ({error}); is it installed?") from error
+    except Exception as error:  # a third party's module may raise anything while it is imported
+        reason = " ".join(str(error).split())
+        raise BadInput(f"{kind} '{path}': cannot import {module_name} ({reason}); is it installed?") from error
     try:
         return getattr(module, attribute)
     except AttributeError as error:

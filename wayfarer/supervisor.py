@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine
+from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,7 +93,8 @@ class Supervisor:
                 await part.open()
             end = await self._run_tasks()
         except Exception as error:
-            end = RunEnd("failed", f"{type(error).__name__}: {error}")
+            cause = _first_cause(error)
+            end = RunEnd("failed", f"{type(cause).__name__}: {cause}")
             raise
         finally:
             await unhindered(self._stop_and_close(end))
@@ -112,11 +114,14 @@ class Supervisor:
         return end
 
     async def _stop_and_close(self, end: RunEnd) -> None:
-        await self._rover.motors.stop()
-        self._log.event("wheels_stopped", asyncio.get_running_loop().time(), reason=end.reason)
-        for part in reversed(self._parts):
-            await part.close()
-        self._log.close(end.reason, end.text)
+        """Do the last things, each even if another fails: the wheels first, the log last."""
+        t_s = asyncio.get_running_loop().time()
+        async with AsyncExitStack() as last_things:  # from the last line to the first
+            last_things.callback(self._log.close, end.reason, end.text)
+            for part in self._parts:
+                last_things.push_async_callback(part.close)
+            last_things.callback(self._log.event, "wheels_stopped", t_s, reason=end.reason)
+            last_things.push_async_callback(self._rover.motors.stop)
 
     async def _control(self) -> RunEnd:
         """Tick at the control rate until something ends the run; return what did."""
@@ -177,6 +182,13 @@ def _check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> fro
             who = f"algorithm '{algorithm.name}'" if name in algorithm.requires else f"anomaly_source = '{name}'"
             raise MissingPart(f"{who} needs a {name} sensor, and rover '{config.name}' has none; add [{name}] to it")
     return frozenset(needs)
+
+
+def _first_cause(error: BaseException) -> BaseException:
+    """Return what went wrong first, out of the groups that tasks wrap it in."""
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    return error
 
 
 async def unhindered(work: Coroutine[Any, Any, None]) -> None:

@@ -69,6 +69,9 @@ class EscapeHandler(Protocol):
     def decide(self, observation: Observation) -> Decision:
         """Return the decision for this tick. Called once a tick with strictly increasing ``t_s``; never raises."""
 
+    def reset(self) -> None:
+        """Forget everything: a new mission begins."""
+
     def memory(self) -> Mapping[str, float | str]:
         """Return the inner state for the log and for replay: at least ``counter_deg`` and ``episodes``."""
 
@@ -127,3 +130,12 @@ class EscapeSettings:
     heading_i: Gain = 0.2
     heading_d: Gain = 0.0
     pivot_beyond_deg: Degrees = 60.0
+
+    def __post_init__(self) -> None:
+        """Refuse ranges that are upside down.
+
+        Raises:
+            ValueError: a smallest value is larger than its largest one.
+        """
+        if self.levy_stride_min_m > self.levy_stride_max_m or self.levy_turn_min_deg > self.levy_turn_max_deg:
+            raise ValueError("levy_stride_min_m and levy_turn_min_deg must not exceed their _max_")

@@ -42,9 +42,14 @@ class PhasedHandler:
         self._rng = rng
         self._course = Course(resets=recipe.resets)
         self._manoeuvres = {kind.phase: kind(settings, vehicle, self._course) for kind in MANOEUVRES}
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything; see ``EscapeHandler``."""
         self._manoeuvre = self._manoeuvres[Phase.FOLLOW]
         self._phase_name = Phase.FOLLOW.value
         self._last_heading_deg: float | None = None
+        self._course.counter_deg = 0.0
         self._episodes = 0
         self._blocked_turns = 0
 
