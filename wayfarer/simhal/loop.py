@@ -17,16 +17,18 @@ where the times are equal.
 from __future__ import annotations
 
 import asyncio
+import sys
 from asyncio import events
 from asyncio.log import logger
 from collections import deque
-from collections.abc import Awaitable, Callable, Generator
+from collections.abc import AsyncGenerator, Awaitable, Callable, Generator
 from concurrent.futures import Executor
 from contextvars import Context, copy_context
 from functools import partial
 from heapq import heappop, heappush
 from itertools import count
 from typing import Any, TypeVar, TypeVarTuple, Unpack, cast
+from weakref import WeakSet
 
 from wayfarer.errors import NothingScheduled
 
@@ -70,7 +72,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         self._stopping = False
         self._debug = False
         self.create_future = partial(asyncio.Future, loop=self)  # type: ignore[method-assign]
-        self._asyncgens: set[Any] = set()
+        self._asyncgens: WeakSet[AsyncGenerator[Any, Any]] = WeakSet()
         self._exception_handler: Callable[[asyncio.AbstractEventLoop, dict[str, Any]], object] | None = None
 
     # -- time and scheduling -------------------------------------------------------------------------------------
@@ -129,11 +131,14 @@ class VirtualLoop(asyncio.AbstractEventLoop):
             raise RuntimeError("this event loop is closed" if self._closed else "this event loop is already running")
         self._running = True
         self._stopping = False
+        hooks = sys.get_asyncgen_hooks()
+        sys.set_asyncgen_hooks(firstiter=self._asyncgens.add, finalizer=self._close_asyncgen)
         events._set_running_loop(self)
         try:
             self._run()
         finally:
             events._set_running_loop(None)
+            sys.set_asyncgen_hooks(*hooks)
             self._running = False
 
     def _run(self) -> None:
@@ -184,8 +189,10 @@ class VirtualLoop(asyncio.AbstractEventLoop):
             raise RuntimeError("the event loop was stopped before the future was done")
         return task.result()
 
-    def _stop_when_done(self, _future: object) -> None:
-        self._stopping = True
+    def _stop_when_done(self, future: asyncio.Future[Any]) -> None:
+        """Stop, unless the future ended by an error that has left the loop already."""
+        if future.cancelled() or not isinstance(future.exception(), SystemExit | KeyboardInterrupt):
+            self._stopping = True
 
     def stop(self) -> None:
         """Stop after the callback that runs now."""
@@ -226,8 +233,17 @@ class VirtualLoop(asyncio.AbstractEventLoop):
             future.set_exception(error)
         return future
 
+    def _close_asyncgen(self, generator: AsyncGenerator[Any, Any]) -> None:
+        """Close a generator that nobody uses any more; called when it is collected."""
+        self._asyncgens.discard(generator)
+        if not self._closed:
+            self.create_task(generator.aclose())
+
     async def shutdown_asyncgens(self) -> None:
-        """Nothing to do: generators are closed when they are collected."""
+        """Close every generator that is still open."""
+        generators = list(self._asyncgens)
+        self._asyncgens.clear()
+        await asyncio.gather(*(generator.aclose() for generator in generators), return_exceptions=True)
 
     async def shutdown_default_executor(self, timeout: float | None = None) -> None:  # noqa: ASYNC109
         """Nothing to do: there is no executor."""

@@ -11,8 +11,6 @@ from typing import NamedTuple
 from wayfarer.simhal.forest import Forest
 
 CELL_M = 2.0
-# An obstacle is listed in every cell within this distance of it; farther ones need no test.
-NEAR_M = 1.5
 # Spacing of the points along a trunk from which its cells are found.
 _SPACING_M = 2.0
 
@@ -122,18 +120,19 @@ class Body:
 
 
 class Map:
-    """Which obstacles are near a place."""
+    """Which obstacles are near a place: those whose surface is within ``near_m`` of it, and a few more."""
 
-    def __init__(self, obstacles: list[Obstacle]) -> None:
+    def __init__(self, obstacles: list[Obstacle], near_m: float) -> None:
+        self._near_m = near_m
         self._cells: dict[tuple[int, int], list[Obstacle]] = {}
         for obstacle in obstacles:
             self._enter(obstacle)
 
     def _enter(self, obstacle: Obstacle) -> None:
-        """List the obstacle in every cell that has a point within ``NEAR_M`` of its surface, and in a few more."""
+        """List the obstacle in every cell that it may be near to."""
         x0, y0, x1, y1, radius_m, _ = obstacle
         count = max(ceil(hypot(x1 - x0, y1 - y0) / _SPACING_M), 1)
-        reach_m = radius_m + NEAR_M + _SPACING_M / 2
+        reach_m = radius_m + self._near_m + _SPACING_M / 2
         cells: set[tuple[int, int]] = set()
         for point in range(count + 1):
             x, y = x0 + (x1 - x0) * point / count, y0 + (y1 - y0) * point / count
@@ -144,7 +143,7 @@ class Map:
             self._cells.setdefault(cell, []).append(obstacle)
 
     def near(self, x_m: float, y_m: float) -> list[Obstacle]:
-        """Return every obstacle whose surface is within ``NEAR_M`` of a point."""
+        """Return the obstacles near a point."""
         return self._cells.get((int(x_m // CELL_M), int(y_m // CELL_M)), _NOTHING)
 
 

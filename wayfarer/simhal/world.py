@@ -16,13 +16,16 @@ from typing import NamedTuple
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import Side
 from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.obstacles import NEAR_M, Body, Map, Obstacle, obstacles_of
+from wayfarer.simhal.obstacles import Body, Map, Obstacle, obstacles_of
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.streams import Streams
 
 # No move is tested in pieces longer than this, so that nothing is jumped over: half a trunk, half a right angle.
 PIECE_M = 0.1
 PIECE_RAD = 0.4
+# How far beyond the body's own reach obstacles are looked for: clearance up to there is known, and used up before it is
+# measured again.
+SEEN_BEYOND_BODY_M = 1.2
 # A blocked move is halved this often to find where it touches: 2 mm of 0.1 m.
 HALVINGS = 5
 # A task that wakes on the grid of steps may read a clock that is a rounding error short of it.
@@ -77,7 +80,8 @@ class World:
         self._physics = physics
         self.after_step: Callable[[World], None] = _nobody_watches
         self._body = Body(vehicle.length_m, vehicle.width_m)
-        self._map = Map(obstacles_of(forest))
+        self._seen_m = self._body.reach_m + SEEN_BEYOND_BODY_M
+        self._map = Map(obstacles_of(forest), self._seen_m)
         self._free_m = 0.0
         self._lag = 1.0 - exp(-physics.step_s / physics.motor_lag_s)
         self._settling = exp(-physics.step_s / physics.settle_s)
@@ -89,6 +93,7 @@ class World:
         self._build_rover(vehicle, streams)
         self._left_target_m_s = self._right_target_m_s = 0.0
         self._left_m_s = self._right_m_s = 0.0
+        self._pulls_back = False
 
     def _build_rover(self, vehicle: Vehicle, streams: Streams) -> None:
         """Make this trial's rover a little different from what the field code believes of it."""
@@ -112,6 +117,7 @@ class World:
         """Set the duty of both sides, each in -1..1, from the next step on."""
         self._left_target_m_s = left * self._full_left_m_s
         self._right_target_m_s = right * self._full_right_m_s
+        self._pulls_back = left + right < 0.0
 
     def advance_to(self, t_s: float) -> None:
         """Take whole steps up to a time; nothing happens where the world is there already."""
@@ -141,7 +147,7 @@ class World:
 
     def _break_free(self) -> bool:
         """Tell whether the wheels, which turn without grip, have begun to pull back: that frees them."""
-        if self._left_target_m_s + self._right_target_m_s >= 0.0:
+        if not self._pulls_back:
             self._left_m_s = self._right_m_s = 0.0
             return False
         self.slipping = False
@@ -187,7 +193,7 @@ class World:
     def _measure(self, reach_m: float) -> list[Obstacle]:
         """Return the obstacles within reach, and remember how far it is beyond that to the nearest one."""
         x_m, y_m = self.x_m, self.y_m
-        free_m = NEAR_M - reach_m
+        free_m = self._seen_m - reach_m
         within_reach = []
         for obstacle in self._map.near(x_m, y_m):
             near_x, near_y = obstacle.nearest(x_m, y_m)
