@@ -30,3 +30,7 @@ class JumpingStockLoop(asyncio.SelectorEventLoop):
     def time(self) -> float:
         """Return the virtual time in seconds."""
         return self._jumping.now_s
+
+    async def shutdown_default_executor(self, timeout: float | None = None) -> None:  # noqa: ARG002, ASYNC109
+        """Join the threads without a deadline: the clock would jump to it."""
+        await super().shutdown_default_executor()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from wayfarer.simhal.forest import Forest, Trunk
-from wayfarer.simhal.obstacles import NEAR_M, Body, Map, Obstacle, obstacles_of
+from wayfarer.simhal.obstacles import Body, Map, Obstacle, obstacles_of
 
 Points = NDArray[np.float64]
 
@@ -48,17 +48,17 @@ def gap_m(points: Points, obstacle: Obstacle) -> float:
 
 
 @given(
-    obstacle=obstacles(), length_m=sides_m, width_m=sides_m, x_m=coordinates_m, y_m=coordinates_m,
-    heading_rad=headings_rad,
-)  # fmt: skip
+    obstacle=obstacles(), sides=st.tuples(sides_m, sides_m), pose=st.tuples(coordinates_m, coordinates_m, headings_rad)
+)
 def test_contact_is_where_a_point_of_the_body_is_inside_the_obstacle(
-    obstacle: Obstacle, length_m: float, width_m: float, x_m: float, y_m: float, heading_rad: float
+    obstacle: Obstacle, sides: tuple[float, float], pose: tuple[float, float, float]
 ) -> None:
-    sampled_gap_m = gap_m(body_points(length_m, width_m, x_m, y_m, heading_rad), obstacle)
+    x_m, y_m, heading_rad = pose
+    sampled_gap_m = gap_m(body_points(*sides, *pose), obstacle)
     # The nearest point of the body is within half a diagonal of the grid from one of the samples.
-    coarseness_m = hypot(length_m, width_m) / (SAMPLES - 1) / 2
+    coarseness_m = hypot(*sides) / (SAMPLES - 1) / 2
     assume(not 0.0 <= sampled_gap_m <= coarseness_m + 1e-9)
-    body = Body(length_m, width_m)
+    body = Body(*sides)
     assert body.overlaps(obstacle, x_m, y_m, sin(heading_rad), cos(heading_rad)) == (sampled_gap_m < 0.0)
 
 
@@ -78,21 +78,18 @@ def test_tree_touches_sides_and_corners_of_a_long_body(x_m: float, y_m: float, t
     assert Body(0.9, 0.4).overlaps(tree, 0.0, 0.0, 0.0, 1.0) is touches
 
 
-def test_thin_trunk_across_the_body_touches_though_both_ends_are_far() -> None:
-    trunk = Obstacle(-5.0, 0.1, 5.0, -0.1, 0.001, 91.0)
-    assert Body(0.4, 0.4).overlaps(trunk, 0.0, 0.0, 0.0, 1.0)
+@pytest.mark.parametrize(("north_m", "touches"), [(0.0, True), (0.4, True), (-0.4, True), (0.46, False)])
+def test_thin_trunk_across_the_body_touches_though_ends_and_corners_are_far(north_m: float, touches: bool) -> None:
+    trunk = Obstacle(-5.0, north_m, 5.0, north_m, 0.001, 90.0)
+    assert Body(0.9, 0.4).overlaps(trunk, 0.0, 0.0, 0.0, 1.0) is touches
 
 
-@given(
-    listed=st.lists(obstacles(), max_size=8), x_m=st.floats(-6, 6), y_m=st.floats(-6, 6), stretch=st.floats(1, 8)
-)
-def test_map_knows_everything_near_a_place(
-    listed: list[Obstacle], x_m: float, y_m: float, stretch: float
-) -> None:
+@given(listed=st.lists(obstacles(), max_size=8), x_m=st.floats(-6, 6), y_m=st.floats(-6, 6), stretch=st.floats(1, 8))
+def test_map_knows_everything_near_a_place(listed: list[Obstacle], x_m: float, y_m: float, stretch: float) -> None:
     listed = [o._replace(x1_m=o.x0_m + (o.x1_m - o.x0_m) * stretch) for o in listed]
     here = np.array([[x_m], [y_m]])
-    near = Map(listed).near(x_m, y_m)
-    assert {o for o in listed if gap_m(here, o) <= NEAR_M} <= set(near) <= set(listed)
+    near = Map(listed, near_m=1.5).near(x_m, y_m)
+    assert {o for o in listed if gap_m(here, o) <= 1.5} <= set(near) <= set(listed)
 
 
 def test_forest_becomes_capsules_with_their_bearing_and_circles_without() -> None:

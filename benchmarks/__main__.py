@@ -1,0 +1,40 @@
+"""All figures beside their limits, as a Markdown table; with ``profile``, where the time of a control tick goes."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+
+from benchmarks import command, stack
+from benchmarks.breakdown import print_breakdown
+from benchmarks.figures import HEADER, Figure, print_table
+from wayfarer import __version__
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("what", nargs="?", choices=("figures", "profile"), default="figures")
+    parser.add_argument("--quick", action="store_true", help="fewer trials and runs: half a minute")
+    asked = parser.parse_args()
+    cores = len(os.sched_getaffinity(0))
+    print(f"wayfarer {__version__}, Python {platform.python_version()}, {cores} cores, {platform.machine()}\n")
+    if asked.what == "profile":
+        print_breakdown(trials=20 if asked.quick else 200)
+    else:
+        print_table(HEADER, [figure.row() for figure in _figures(asked.quick)])
+
+
+def _figures(quick: bool) -> list[Figure]:
+    return [
+        *(command.campaigns(trials=50, runs=1) if quick else command.campaigns(trials=1000, runs=3)),
+        stack.ticks(trials=20 if quick else 200),
+        *stack.set_up(trials=50 if quick else 200),
+        command.version(runs=7),
+        *stack.wake_ups(runs=3 if quick else 7),
+    ]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,166 @@
+"""Rover files: what is right loads, what is wrong is told in one line with file, key and what is allowed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wayfarer.config import RoverConfig, load_rover, rover_names
+from wayfarer.errors import BadConfig, BadInput, UnknownName
+
+BODY = {"length_m": "0.4", "width_m": "0.4", "track_m": "0.5", "max_speed_m_s": "1.4"}
+
+
+def rover_toml(top: str = "", rest: str = "", **body: str) -> str:
+    vehicle = "\n".join(f"{key} = {value}" for key, value in (BODY | body).items() if value)
+    return f'name = "test"\n{top}\n[vehicle]\n{vehicle}\n{rest}\n'
+
+
+def load(folder: Path, text: str | bytes) -> RoverConfig:
+    path = folder / "rover.toml"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return load_rover(str(path))
+
+
+def complaint(folder: Path, text: str | bytes) -> str:
+    """What is said of a bad file, without the folder."""
+    with pytest.raises(BadConfig) as caught:
+        load(folder, text)
+    said = str(caught.value)
+    assert "\n" not in said, "a complaint is one line"
+    assert said.startswith(f"{folder}/rover.toml: ")
+    return said.removeprefix(f"{folder}/rover.toml: ")
+
+
+@pytest.mark.parametrize("name", rover_names())
+def test_shipped_rovers_load_under_their_own_name(name: str) -> None:
+    assert load_rover(name).name == name
+
+
+def test_sim_rover_is_that_of_the_paper_s_forest() -> None:
+    rover = load_rover("sim")
+    assert (rover.vehicle.length_m, rover.vehicle.width_m) == (0.4, 0.4)
+    assert rover.escape.cruise_m_s / rover.control_hz == 0.05
+
+
+def test_file_with_only_a_body_has_the_defaults(tmp_path: Path) -> None:
+    rover = load(tmp_path, rover_toml())
+    assert rover == RoverConfig(name="test", vehicle=rover.vehicle)
+    assert rover.safety.start_delay_s == 10.0
+
+
+def test_values_of_the_file_are_used(tmp_path: Path) -> None:
+    rover = load(tmp_path, rover_toml("control_hz = 10", "[escape]\nturn_angle_deg = 45.0", track_m="0.7"))
+    assert (rover.control_hz, rover.escape.turn_angle_deg, rover.vehicle.track_m) == (10.0, 45.0, 0.7)
+
+
+def test_other_sense_is_another_rover_and_this_one_stays() -> None:
+    rover = load_rover("sim")
+    assert rover.with_anomaly_source("contact").anomaly_source == "contact"
+    assert rover.anomaly_source == "motion"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "key 'name' is missing"),
+        (rover_toml(track_m=""), "key 'vehicle.track_m' is missing"),
+        (rover_toml("contro_hz = 20"), "unknown key 'contro_hz'; did you mean 'control_hz'?"),
+        (rover_toml(rest="[veicle]\na = 1"), "unknown key 'veicle'; did you mean 'vehicle'?"),
+        (rover_toml(rest="[rates]\ncompas_hz = 5"), "unknown key 'rates.compas_hz'; did you mean 'compass_hz'?"),
+        (rover_toml(rest="[safety]\nslew_per = 5"), "unknown key 'safety.slew_per'; did you mean 'slew_per_s'?"),
+        (rover_toml(rest="[detector]\nzzz = 5"), "unknown key 'detector.zzz'"),
+        (rover_toml(rest="[escape.x]\na = 1"), "unknown key 'escape.x'"),
+        (rover_toml("control_hz = nan"), "key 'control_hz' = nan: input should be less than or equal to 1000"),
+        (rover_toml("control_hz = 0"), "key 'control_hz' = 0: input should be greater than or equal to 0.1"),
+        (rover_toml(length_m="inf"), "key 'vehicle.length_m' = inf: input should be less than or equal to 1000"),
+        (rover_toml(length_m="-inf"), "key 'vehicle.length_m' = -inf: input should be greater than 0"),
+        (rover_toml(length_m="-1"), "key 'vehicle.length_m' = -1: input should be greater than 0"),
+        (rover_toml(length_m='"long"'), "key 'vehicle.length_m' = 'long': input should be a valid number"),
+        (rover_toml(length_m="[1]"), "key 'vehicle.length_m' = [1]: input should be a valid number"),
+        (rover_toml('anomaly_source = "x"'), "key 'anomaly_source' = 'x': input should be 'motion' or 'contact'"),
+        ('name = 3\n[vehicle]\nlength_m = 1', "key 'name' = 3: input should be a valid string"),
+        ("vehicle = 3\nname = 'x'", "key 'vehicle' = 3: input should be a table"),
+        ("a = = 3", "not valid TOML: Invalid value (at line 1, column 5)"),
+        ('name = "a"\nname = "b"', "not valid TOML: Cannot overwrite a value (at line 2, column"),
+        (b"\xff\xfe", "cannot be read: 'utf-8' codec can't decode byte 0xff"),
+    ],
+)  # fmt: skip
+def test_bad_file_is_told_by_file_key_and_what_is_allowed(tmp_path: Path, text: str | bytes, said: str) -> None:
+    assert complaint(tmp_path, text).startswith(said)
+
+
+@pytest.mark.parametrize("value", ["true", '"0.4"'])
+def test_number_must_be_a_number(tmp_path: Path, value: str) -> None:
+    assert "vehicle.length_m" in complaint(tmp_path, rover_toml(length_m=value))
+
+
+def test_mistyped_key_is_named_before_the_key_that_it_leaves_missing(tmp_path: Path) -> None:
+    said = complaint(tmp_path, rover_toml(length_m="", lenght_m="0.4"))
+    assert said == "unknown key 'vehicle.lenght_m'; did you mean 'length_m'?"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param('"a\\nb" = 1\n' + rover_toml(), id="line break in a key"),
+        pytest.param("x = " + "[" * 5000, id="brackets without end"),
+        pytest.param("x = " + "9" * 5000, id="endless number"),
+    ],
+)
+def test_strange_file_gets_one_line_too(tmp_path: Path, text: str) -> None:
+    assert complaint(tmp_path, text)
+
+
+def test_range_of_the_shortest_stride_must_leave_room_for_the_longest(tmp_path: Path) -> None:
+    assert "levy_stride" in complaint(tmp_path, rover_toml(rest="[escape]\nlevy_stride_min_m = 20.0"))
+
+
+def test_file_that_is_not_there_names_the_shipped_rovers(tmp_path: Path) -> None:
+    with pytest.raises(BadConfig, match=r"mine\.toml: no such file; shipped rovers are .*sim"):
+        load_rover(str(tmp_path / "mine.toml"))
+
+
+def test_folder_is_no_file(tmp_path: Path) -> None:
+    with pytest.raises(BadConfig, match="cannot be read"):
+        load_rover(f"{tmp_path}/")
+
+
+def test_path_that_no_file_can_have() -> None:
+    with pytest.raises(BadConfig):
+        load_rover("a\0.toml")
+
+
+def test_unknown_rover_offers_those_there_are() -> None:
+    with pytest.raises(UnknownName, match="unknown rover 'simm': did you mean sim"):
+        load_rover("simm")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("fuzz")
+
+
+WORDS = st.sampled_from(["name", "vehicle", "rates", "safety", "length_m", "track_m", "control_hz", "x"])
+VALUES = st.sampled_from(["1", "-1", "nan", "inf", '"a"', "true", "[1, 2]", "{a = 1}", "1979-05-27", "0x10", "1e400"])
+LINES = st.one_of(
+    st.builds("{} = {}".format, WORDS, VALUES),
+    st.builds("[{}]".format, WORDS),
+    st.builds("{}.{} = {}".format, WORDS, WORDS, VALUES),
+    st.text(max_size=8),
+)
+
+
+@given(
+    st.lists(LINES, max_size=8).map(lambda lines: "\n".join(lines).encode("utf-8", "replace")) | st.binary(max_size=40)
+)
+@settings(deadline=None)
+def test_any_file_is_a_rover_or_a_bad_configuration(folder: Path, content: bytes) -> None:
+    try:
+        load(folder, content)
+    except BadInput as error:
+        assert isinstance(error, BadConfig)
+        assert "rover.toml: " in str(error)

@@ -1,0 +1,43 @@
+"""Cells: the newest reading wins, displacement is never lost."""
+
+from __future__ import annotations
+
+import pytest
+
+from wayfarer.hal import CompassReading, ContactReading, MotionReading
+from wayfarer.latest import Cells
+
+
+def test_nothing_is_there_before_the_sensors_speak() -> None:
+    assert Cells().snapshot(1.5) == (1.5, None, None, None)
+
+
+def test_newest_reading_replaces_the_older_and_stays() -> None:
+    cells = Cells()
+    old, new = (CompassReading(t_s, 10.0, 0.0, 0.0, None) for t_s in (0.0, 0.1))
+    cells.compass.write(old)
+    cells.compass.write(new)
+    cells.contact.write(contact := ContactReading(0.0, (), None))
+    for t_s in (0.2, 0.3):
+        assert cells.snapshot(t_s) == (t_s, new, None, contact)
+
+
+def test_displacements_add_up_until_they_are_taken() -> None:
+    cells = Cells()
+    cells.motion.write(MotionReading(0.1, 0.25, -0.5, 0.9))
+    cells.motion.write(MotionReading(0.2, 0.5, 0.25, 0.4))
+    cells.motion.write(MotionReading(0.3, -0.125, 0.0, 0.8))
+    assert cells.snapshot(0.3).motion == MotionReading(0.3, 0.625, -0.25, 0.4), "quality is that of the worst part"
+    assert cells.snapshot(0.4).motion is None
+
+
+@pytest.mark.parametrize("readings", [1, 2, 7])
+def test_no_ground_is_lost_at_any_rate(readings: int) -> None:
+    cells = Cells()
+    taken_m = 0.0
+    for tick in range(10):
+        for _ in range(readings):
+            cells.motion.write(MotionReading(float(tick), 0.125, 0.0, 1.0))
+        motion = cells.snapshot(float(tick)).motion
+        taken_m += motion.forward_m if motion is not None else 0.0
+    assert taken_m == 10 * readings * 0.125

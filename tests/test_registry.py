@@ -1,0 +1,110 @@
+"""Finding algorithms and drivers: built in, installed, or by ``"module:attribute"``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from tests import fake_plugins
+from wayfarer import registry
+from wayfarer.errors import BadInput, UnknownName
+from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.registry import algorithm_names, driver_names, find_algorithm, find_driver
+
+
+@pytest.fixture
+def installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A third party's package is installed: one algorithm and one driver that work, and some that do not."""
+    points = [
+        EntryPoint("spiral", "tests.fake_plugins:spiral", registry.ALGORITHM_GROUP),
+        EntryPoint("pledge", "tests.fake_plugins:spiral", registry.ALGORITHM_GROUP),
+        EntryPoint("gone", "no_such_package:it", registry.ALGORITHM_GROUP),
+        EntryPoint("odd", "json:JSONDecoder", registry.ALGORITHM_GROUP),
+        EntryPoint("reader", "json:JSONDecoder", registry.DRIVER_GROUP),
+    ]
+
+    def entry_points(*, group: str) -> list[EntryPoint]:
+        return [point for point in points if point.group == group]
+
+    monkeypatch.setattr("importlib.metadata.entry_points", entry_points)
+    monkeypatch.setattr(registry, "entry_points", entry_points)
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_built_in_algorithm(name: str) -> None:
+    assert find_algorithm(name) is CATALOGUE[name]
+
+
+def test_names_begin_with_the_paper_s_ten_in_their_order() -> None:
+    assert algorithm_names()[:10] == list(CATALOGUE)
+
+
+@pytest.mark.usefixtures("installed")
+def test_installed_names_are_listed_once() -> None:
+    assert algorithm_names() == [*CATALOGUE, "gone", "odd", "spiral"]
+    assert "reader" in driver_names()
+
+
+@pytest.mark.usefixtures("installed")
+def test_installed_algorithm_says_where_it_comes_from() -> None:
+    found = find_algorithm("spiral")
+    assert found.summary == fake_plugins.spiral.summary
+    assert found.origin == "tests.fake_plugins:spiral"
+
+
+@pytest.mark.usefixtures("installed")
+def test_installed_algorithm_cannot_replace_a_built_in_one() -> None:
+    assert find_algorithm("pledge") is CATALOGUE["pledge"]
+
+
+@pytest.mark.usefixtures("installed")
+def test_installed_driver() -> None:
+    assert find_driver("reader") is json.JSONDecoder
+
+
+def test_algorithm_by_module_and_attribute() -> None:
+    found = find_algorithm("tests.fake_plugins:spiral")
+    assert (found.name, found.origin) == ("spiral", "tests.fake_plugins:spiral")
+
+
+def test_driver_by_module_and_attribute() -> None:
+    assert find_driver("json:JSONDecoder") is json.JSONDecoder
+
+
+@pytest.mark.usefixtures("installed")
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("no_such_package:it", "cannot import no_such_package .* is it installed?"),
+        ("gone", "cannot import no_such_package"),
+        ("json:nothing", "module json has no 'nothing'"),
+        ("json:", "module json has no ''"),
+        ("json:dumps", "json:dumps is not a wayfarer.escape.catalogue.Algorithm"),
+        ("odd", "is not a wayfarer.escape.catalogue.Algorithm"),
+        (":it", "':it'"),
+        (".relative:it", "'.relative:it'"),
+    ],
+)
+def test_algorithm_that_cannot_be_had_is_bad_input(name: str, text: str) -> None:
+    with pytest.raises(BadInput, match=text) as caught:
+        find_algorithm(name)
+    assert "\n" not in str(caught.value)
+
+
+def test_module_that_fails_while_it_is_imported_is_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "half_written_plugin.py").write_text("def broken(:\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "half_written_plugin", raising=False)
+    with pytest.raises(BadInput, match="half_written_plugin"):
+        find_algorithm("half_written_plugin:it")
+
+
+def test_unknown_names_offer_the_nearest() -> None:
+    with pytest.raises(UnknownName, match="unknown algorithm 'forest-plege': did you mean forest-pledge"):
+        find_algorithm("forest-plege")
+    with pytest.raises(UnknownName, match="unknown driver 'zzzz'"):
+        find_driver("zzzz")

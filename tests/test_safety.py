@@ -1,0 +1,166 @@
+"""The gate before the wheels: never motion without leave, limits, and faults that stay."""
+
+from __future__ import annotations
+
+from math import inf, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wayfarer.conditions import LEVELS, Condition, Level, worst
+from wayfarer.hal import STOP, WheelCommand
+from wayfarer.safety import Gate, SafetySettings
+
+HZ = 20.0
+AHEAD = WheelCommand(1.0, 1.0)
+BY_LEVEL = {level: [condition for condition in Condition if LEVELS[condition] is level] for level in Level}
+STOPPING = BY_LEVEL[Level.HOLD] + BY_LEVEL[Level.FAULT]
+HARMLESS = BY_LEVEL[Level.NOTE] + BY_LEVEL[Level.DEGRADE]
+DUTIES = st.floats(-1.5, 1.5) | st.sampled_from([0.0, nan, inf, -inf])
+COMMANDS = st.builds(WheelCommand, DUTIES, DUTIES)
+CONDITIONS = st.lists(st.sampled_from(Condition), max_size=2).map(tuple)
+
+
+def gate(**settings: float) -> Gate:
+    return Gate(SafetySettings(**settings), HZ)
+
+
+def at_full_duty() -> Gate:
+    running = gate(slew_per_s=1000.0)
+    assert running.update(AHEAD, (), armed=True) == AHEAD
+    return running
+
+
+def test_every_condition_has_a_level() -> None:
+    assert set(LEVELS) == set(Condition)
+
+
+def test_most_severe_condition_wins_and_the_first_of_equals() -> None:
+    assert worst([]) is None
+    assert worst([Condition.MOTION_UNKNOWN, Condition.COMPASS_STALE, Condition.TICK_LATE]) is Condition.COMPASS_STALE
+    assert worst([Condition.TICK_LATE, Condition.OVERTURNED]) is Condition.OVERTURNED
+
+
+@given(st.lists(st.tuples(COMMANDS, CONDITIONS, st.booleans(), st.booleans()), max_size=60))
+def test_wheels_never_turn_while_disarmed_held_or_faulted(
+    ticks: list[tuple[WheelCommand, tuple[Condition, ...], bool, bool]],
+) -> None:
+    gate_ = gate()
+    faulted = False
+    for wanted, conditions, armed, cleared in ticks:
+        if cleared:
+            gate_.clear_fault()
+            faulted = False
+        applied = gate_.update(wanted, conditions, armed=armed)
+        faulted |= any(LEVELS[condition] is Level.FAULT for condition in conditions)
+        if not armed or faulted or any(condition in STOPPING for condition in conditions):
+            assert applied == STOP
+        assert all(-1.0 <= duty <= 1.0 for duty in applied)
+        faulted |= gate_.level is Level.FAULT
+        assert applied == STOP or not faulted
+
+
+@given(st.lists(st.builds(WheelCommand, st.floats(-1, 1), st.floats(-1, 1)), max_size=40), st.floats(0.1, 30.0))
+def test_duty_grows_no_faster_than_the_slew_and_is_never_more_than_wanted(
+    wanted: list[WheelCommand], slew_per_s: float
+) -> None:
+    gate_ = gate(slew_per_s=slew_per_s)
+    last = STOP
+    for command in wanted:
+        applied = gate_.update(command, (), armed=True)
+        for now, before, want in zip(applied, last, command, strict=True):
+            assert now * want >= 0.0
+            assert abs(now) <= abs(want)
+            same_way = before if before * now > 0.0 else 0.0
+            assert abs(now) <= abs(same_way) + slew_per_s / HZ + 1e-9
+        last = applied
+
+
+def test_start_is_a_ramp() -> None:
+    gate_ = gate(slew_per_s=8.0)
+    assert [gate_.update(AHEAD, (), armed=True).left for _ in range(4)] == pytest.approx([0.4, 0.8, 1.0, 1.0])
+
+
+@pytest.mark.parametrize("wanted", [STOP, WheelCommand(0.2, 0.0)])
+def test_less_duty_is_given_at_once(wanted: WheelCommand) -> None:
+    gate_ = gate(slew_per_s=0.2)
+    for _ in range(200):
+        full = gate_.update(AHEAD, (), armed=True)
+    assert full == AHEAD
+    assert gate_.update(wanted, (), armed=True) == wanted
+
+
+def test_reversal_stops_first_and_grows_from_zero() -> None:
+    gate_ = gate(slew_per_s=8.0)
+    for _ in range(3):
+        gate_.update(AHEAD, (), armed=True)
+    assert gate_.update(WheelCommand(-1.0, -1.0), (), armed=True) == pytest.approx((-0.4, -0.4))
+
+
+@pytest.mark.parametrize("condition", STOPPING)
+def test_stop_is_immediate_and_the_start_after_it_a_ramp(condition: Condition) -> None:
+    gate_ = gate(slew_per_s=8.0)
+    for _ in range(3):
+        gate_.update(AHEAD, (), armed=True)
+    assert gate_.update(AHEAD, (condition,), armed=True) == STOP
+    gate_.clear_fault()
+    assert gate_.update(AHEAD, (), armed=True) == pytest.approx((0.4, 0.4))
+
+
+@pytest.mark.parametrize("condition", BY_LEVEL[Level.HOLD])
+def test_hold_ends_with_its_condition(condition: Condition) -> None:
+    gate_ = at_full_duty()
+    assert gate_.update(AHEAD, (condition,), armed=True) == STOP
+    assert (gate_.level, gate_.cause) == (Level.HOLD, condition)
+    assert gate_.update(AHEAD, (), armed=True) == AHEAD
+    assert (gate_.level, gate_.cause) == (Level.WELL, None)
+
+
+@pytest.mark.parametrize("condition", BY_LEVEL[Level.FAULT])
+def test_fault_stays_until_it_is_cleared(condition: Condition) -> None:
+    gate_ = at_full_duty()
+    gate_.update(AHEAD, (condition,), armed=True)
+    for conditions in ((), (Condition.MOTION_UNKNOWN,), (Condition.COMPASS_STALE,), ()):
+        assert gate_.update(AHEAD, conditions, armed=True) == STOP
+        assert (gate_.level, gate_.cause) == (Level.FAULT, condition)
+    gate_.clear_fault()
+    assert gate_.update(AHEAD, (), armed=True) == AHEAD
+    assert gate_.level is Level.WELL
+
+
+def test_first_fault_is_the_one_that_is_told() -> None:
+    gate_ = at_full_duty()
+    gate_.update(AHEAD, (Condition.OVERTURNED,), armed=True)
+    gate_.update(AHEAD, (Condition.MOTORS_FAILED,), armed=True)
+    assert gate_.cause is Condition.OVERTURNED
+
+
+def test_fault_while_disarmed_is_latched_too() -> None:
+    gate_ = gate()
+    gate_.update(AHEAD, (Condition.OVERTURNED,), armed=False)
+    assert gate_.update(AHEAD, (), armed=True) == STOP
+
+
+@pytest.mark.parametrize("condition", HARMLESS)
+def test_note_and_degrade_do_not_stop(condition: Condition) -> None:
+    gate_ = at_full_duty()
+    assert gate_.update(AHEAD, (condition,), armed=True) == AHEAD
+    assert gate_.cause is condition
+
+
+@pytest.mark.parametrize("bad", [nan, inf, -inf])
+@pytest.mark.parametrize("other", [0.0, 0.5, nan])
+def test_wheels_that_are_no_number_stop_and_latch(bad: float, other: float) -> None:
+    for wanted in (WheelCommand(bad, other), WheelCommand(other, bad)):
+        gate_ = at_full_duty()
+        assert gate_.update(wanted, (), armed=True) == STOP
+        assert gate_.update(AHEAD, (), armed=True) == STOP
+        assert (gate_.level, gate_.cause) == (Level.FAULT, Condition.DECISION_INVALID)
+
+
+@pytest.mark.parametrize("wanted", [AHEAD, WheelCommand(-1.0, 1.0), WheelCommand(0.9, -3.0)])
+def test_duty_is_limited_on_both_sides_and_both_ways(wanted: WheelCommand) -> None:
+    gate_ = gate(duty_max=0.6, slew_per_s=1000.0)
+    for _ in range(2):
+        assert [abs(duty) for duty in gate_.update(wanted, (), armed=True)] == [0.6, 0.6]

@@ -1,0 +1,417 @@
+"""The supervisor in virtual time: whatever happens to it, the wheels stop first and the parts are closed."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from wayfarer.config import RoverConfig
+from wayfarer.errors import DriverError, MissingPart, NotResponding
+from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase, Vehicle
+from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.hal import (
+    STOP,
+    CompassReading,
+    ContactReading,
+    MotionReading,
+    MotorHealth,
+    PositionFix,
+    Rover,
+    WheelCommand,
+)
+from wayfarer.helm import Mode, RunEnd
+from wayfarer.records import TickRecord
+from wayfarer.safety import SafetySettings
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.supervisor import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S, Supervisor
+
+AHEAD = WheelCommand(0.5, 0.5)
+VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=1.0)
+PARTS = {"motors", "compass", "motion"}
+
+
+class Workshop:
+    """Where all fakes meet: what was done and when, what is broken, and when the run is cancelled."""
+
+    def __init__(self) -> None:
+        self.trace: list[tuple[float, str]] = []
+        self.broken: dict[str, Exception] = {}
+        self.silent: set[str] = set()
+        self.points = 0
+        self.cancel_at: range = range(0)
+        self.run: asyncio.Task[RunEnd] | None = None
+        self.wheels = STOP
+        self.events: list[tuple[str, dict[str, Any]]] = []
+        self.outcome: list[tuple[str, str]] = []
+
+    def note(self, what: str) -> None:
+        """Something is done, now; raise if it is broken."""
+        self.trace.append((asyncio.get_running_loop().time(), what))
+        if what in self.broken:
+            raise self.broken[what]
+
+    async def point(self, what: str) -> None:
+        """Something is done that is awaited: here the run can be cancelled, here a silent part hangs."""
+        self.note(what)
+        self.points += 1
+        if self.run is not None and self.points in self.cancel_at:
+            self.run.cancel()
+        await (asyncio.sleep(1e6) if what in self.silent else asyncio.sleep(0))
+
+    @property
+    def done(self) -> list[str]:
+        return [what for _, what in self.trace]
+
+    def times(self, what: str) -> list[float]:
+        return [t_s for t_s, done in self.trace if done == what]
+
+    def named(self, event: str) -> list[dict[str, Any]]:
+        return [details for name, details in self.events if name == event]
+
+
+class Part:
+    def __init__(self, shop: Workshop, name: str) -> None:
+        self.shop, self.name = shop, name
+
+    async def open(self) -> None:
+        await self.shop.point(f"{self.name}.open")
+
+    async def close(self) -> None:
+        await self.shop.point(f"{self.name}.close")
+
+    async def now_s(self) -> float:
+        await self.shop.point(f"{self.name}.read")
+        return asyncio.get_running_loop().time()
+
+
+class Compass(Part):
+    async def read(self) -> CompassReading:
+        return CompassReading(await self.now_s(), 0.0, 0.0, 0.0, None)
+
+
+class Motion(Part):
+    async def read(self) -> MotionReading:
+        return MotionReading(await self.now_s(), 0.0, 0.0, 1.0)
+
+
+class Contact(Part):
+    async def read(self) -> ContactReading:
+        return ContactReading(await self.now_s(), (), None)
+
+
+class Position(Part):
+    async def read(self) -> PositionFix | None:
+        return PositionFix(await self.now_s(), 52.0, 13.0, None)
+
+
+class Motors(Part):
+    async def drive(self, command: WheelCommand) -> WheelCommand:
+        await self.shop.point("motors.drive")
+        self.shop.wheels = command
+        return command
+
+    async def stop(self) -> None:
+        self.shop.wheels = STOP
+        await self.shop.point("motors.stop")
+
+    async def health(self) -> MotorHealth:
+        return MotorHealth(None, ())
+
+
+class Log:
+    def __init__(self, shop: Workshop) -> None:
+        self.shop = shop
+
+    def tick(self, record: TickRecord) -> None:
+        self.shop.note("log.tick")
+
+    def event(self, name: str, t_s: float, **details: object) -> None:
+        self.shop.events.append((name, details))
+        self.shop.note("log.event")
+
+    def position(self, fix: PositionFix | None) -> None:
+        self.shop.note("log.position")
+
+    def close(self, reason: str, text: str) -> None:
+        self.shop.outcome.append((reason, text))
+        self.shop.note("log.close")
+
+
+class Handler:
+    def __init__(self, shop: Workshop) -> None:
+        self.shop = shop
+
+    def decide(self, observation: Observation) -> Decision:
+        self.shop.note("handler.decide")
+        return Decision(AHEAD, Phase.FOLLOW, "follow")
+
+    def reset(self) -> None:
+        pass
+
+    def memory(self) -> Mapping[str, float | str]:
+        return {}
+
+
+def supervisor(shop: Workshop, algorithm: str = "pledge", source: str = "motion", **parts: Part | None) -> Supervisor:
+    config = RoverConfig.model_validate({"name": "bench", "vehicle": VEHICLE, "anomaly_source": source})
+    config = config.model_copy(update={"safety": SafetySettings(start_delay_s=0.0, slew_per_s=1000.0)})
+    bundle: dict[str, Any] = {"motion": Motion(shop, "motion")} | parts
+    rover = Rover(Compass(shop, "compass"), Motors(shop, "motors"), **bundle)
+    handler: EscapeHandler = Handler(shop)
+    return Supervisor(rover, config, CATALOGUE[algorithm], handler, Log(shop))
+
+
+Script = Mapping[float, Callable[[Supervisor], object]]
+
+
+def drive(shop: Workshop, script: Script | None = None, *, for_s: float = 1.0, **rover: Any) -> RunEnd:
+    """Run in virtual time, armed from the start, until ``for_s``; the script acts at its times."""
+
+    async def main() -> RunEnd:
+        loop = asyncio.get_running_loop()
+        under_test = supervisor(shop, **rover)
+        under_test.arm(0.0)
+        shop.run = asyncio.create_task(under_test.run())
+        for t_s, act in {for_s: lambda it: it.finish("requested", "enough"), **(script or {})}.items():
+            loop.call_later(t_s, act, under_test)
+        try:
+            return await shop.run
+        finally:
+            assert asyncio.all_tasks() == {asyncio.current_task()}, "a task was left running"
+
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(main())
+
+
+def breaking(shop: Workshop, what: str, error: Exception | None = None) -> Callable[[Supervisor], object]:
+    return lambda _: shop.broken.update({what: error or RuntimeError(f"bug in {what}")})
+
+
+def mending(shop: Workshop) -> Callable[[Supervisor], object]:
+    return lambda _: shop.broken.clear()
+
+
+def assert_wheels_stopped_first(shop: Workshop) -> None:
+    """The wheels were stopped, then every part closed, and nothing was commanded afterwards."""
+    stopping = len(shop.done) - 1 - shop.done[::-1].index("motors.stop")
+    after = shop.done[stopping + 1 :]
+    assert shop.wheels == STOP
+    assert {f"{part}.close" for part in PARTS} <= set(after)
+    assert "motors.drive" not in after
+    assert after[-1] == "log.close"
+
+
+# -- a run as it should be ---------------------------------------------------------------------------------------
+
+
+def test_run_opens_the_motors_first_drives_and_closes_them_last() -> None:
+    shop = Workshop()
+    end = drive(shop)
+    assert end == RunEnd("requested", "enough")
+    assert shop.done[1:4] == ["motors.open", "compass.open", "motion.open"]
+    assert [what for what in shop.done if what.endswith(".close")] == [
+        "motion.close",
+        "compass.close",
+        "motors.close",
+        "log.close",
+    ]
+    assert shop.outcome == [("requested", "enough")]
+    assert_wheels_stopped_first(shop)
+
+
+def test_sensors_and_ticks_keep_their_own_rates() -> None:
+    shop = Workshop()
+    drive(shop, for_s=10.0, position=Position(shop, "position"))
+    done = {"log.tick": 198, "compass.read": 198, "position.read": 10, "log.position": 10}
+    assert {what: sum(t_s < 9.88 for t_s in shop.times(what)) for what in done} == done
+
+
+def test_unarmed_run_never_moves() -> None:
+    shop = Workshop()
+    wheels = []
+    script: dict[float, Callable[[Supervisor], object]] = {0.01: lambda it: it.disarm("not yet")}
+    script |= {0.1 * n: lambda it: wheels.append((it.mode, shop.wheels)) for n in range(1, 9)}
+    drive(shop, script)
+    assert set(wheels) == {(Mode.DISARMED, STOP)}
+
+
+def test_contact_sensor_is_read_only_where_it_is_needed() -> None:
+    for algorithm, source, expected in [("pledge", "motion", 0), ("cv-pledge", "motion", 1), ("pledge", "contact", 1)]:
+        shop = Workshop()
+        drive(shop, contact=Contact(shop, "contact"), algorithm=algorithm, source=source)
+        assert bool(shop.times("contact.read")) == expected
+
+
+async def test_run_on_the_stock_loop_is_the_same() -> None:
+    shop = Workshop()
+    under_test = supervisor(shop)
+    under_test.arm(0.0)
+    asyncio.get_running_loop().call_later(0.12, under_test.finish, "requested", "enough")
+    assert (await under_test.run()).reason == "requested"
+    assert "handler.decide" in shop.done
+    assert_wheels_stopped_first(shop)
+
+
+# -- missing and failing parts -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rover", "text"),
+    [
+        ({"algorithm": "cv-pledge"}, "algorithm 'cv-pledge' needs a contact sensor, and rover 'bench' has none"),
+        ({"source": "contact"}, "anomaly_source = 'contact' needs a contact sensor, and rover 'bench' has none"),
+        ({"motion": None}, "anomaly_source = 'motion' needs a motion sensor, and rover 'bench' has none"),
+    ],
+)
+def test_missing_part_is_refused_before_anything_is_opened(rover: dict[str, Any], text: str) -> None:
+    shop = Workshop()
+    with pytest.raises(MissingPart, match=text):
+        supervisor(shop, **rover)
+    assert shop.trace == []
+
+
+@pytest.mark.parametrize("part", sorted(PARTS))
+def test_part_that_does_not_open_ends_the_run_with_its_error(part: str) -> None:
+    shop = Workshop()
+    shop.broken[f"{part}.open"] = NotResponding(f"{part}: no answer")
+    with pytest.raises(NotResponding, match=f"{part}: no answer"):
+        drive(shop)
+    assert "motors.drive" not in shop.done
+    assert_wheels_stopped_first(shop)
+    assert shop.outcome[0][0] == "failed"
+    assert f"{part}: no answer" in shop.outcome[0][1]
+
+
+@pytest.mark.parametrize("sensor", ["compass", "motion"])
+def test_one_missed_answer_is_asked_again_soon_and_nothing_stops(sensor: str) -> None:
+    shop = Workshop()
+    missed = NotResponding("once")
+    end = drive(shop, {0.49: breaking(shop, f"{sensor}.read", missed), 0.51: mending(shop)}, for_s=2.0)
+    assert end.reason == "requested"
+    assert shop.done.count(f"{sensor}.open") == 1
+    failed = shop.named("sensor_failed")
+    assert failed == [{"sensor": sensor, "error": "once", "retry_in_s": RETRY_PAUSE_S}]
+    assert [details["level"] for details in shop.named("health")] == ["hold", "well"], "only before it first spoke"
+
+
+def test_sensor_that_keeps_failing_is_reopened_with_growing_pauses_while_the_others_go_on() -> None:
+    shop = Workshop()
+    drive(shop, {0.97: breaking(shop, "compass.read", NotResponding("gone"))}, for_s=12.0)
+    pauses_s = [details["retry_in_s"] for details in shop.named("sensor_failed")]
+    assert pauses_s[:7] == [RETRY_PAUSE_S * 2**n for n in range(6)] + [RETRY_PAUSE_MAX_S]
+    asked_s = [t_s for t_s in shop.times("compass.read") if t_s > 0.97]
+    gaps_s = [after - before for before, after in pairwise(asked_s)]
+    assert gaps_s == pytest.approx(pauses_s[: len(gaps_s)])
+    # The first failure is only asked again; from the second on the part is closed and opened.
+    assert shop.done.count("compass.open") - 1 == len(pauses_s) - 2
+    assert len(shop.times("motion.read")) == pytest.approx(240, abs=1)
+
+
+def test_sensor_that_does_not_open_again_is_tried_again() -> None:
+    shop = Workshop()
+
+    def unplug(_: Supervisor) -> None:
+        shop.broken |= {"motion.read": NotResponding("gone"), "motion.open": NotResponding("still gone")}
+
+    assert drive(shop, {0.5: unplug, 3.0: mending(shop)}, for_s=8.0).reason == "requested"
+    assert "still gone" in [details["error"] for details in shop.named("sensor_failed")]
+    assert shop.times("motion.read")[-1] > 7.9
+
+
+def test_wheels_are_held_while_the_compass_is_silent_and_go_on_afterwards() -> None:
+    shop = Workshop()
+    wheels: dict[float, WheelCommand] = {}
+
+    def look(t_s: float) -> Callable[[Supervisor], object]:
+        return lambda _: wheels.update({t_s: shop.wheels})
+
+    script = {1.01: breaking(shop, "compass.read", NotResponding("gone")), 3.0: mending(shop)}
+    drive(shop, script | {t_s: look(t_s) for t_s in (0.99, 1.26, 1.42, 2.9, 5.5)}, for_s=6.0)
+    assert wheels == {0.99: AHEAD, 1.26: AHEAD, 1.42: STOP, 2.9: STOP, 5.5: AHEAD}
+
+
+def test_sensor_that_hangs_stops_the_wheels_and_not_the_others() -> None:
+    shop = Workshop()
+    end = drive(shop, {1.0: lambda _: shop.silent.add("compass.read")}, for_s=3.0)
+    assert end.reason == "requested"
+    assert [details["cause"] for details in shop.named("health")][-1] == "compass_stale"
+    assert shop.times("motion.read")[-1] > 2.9
+    assert_wheels_stopped_first(shop)
+
+
+def test_motors_that_do_not_answer_disarm_and_the_run_goes_on() -> None:
+    shop = Workshop()
+    modes = []
+    script = {
+        0.5: breaking(shop, "motors.drive", DriverError("no acknowledgement")),
+        0.9: lambda it: modes.append(it.mode),
+    }
+    assert drive(shop, script).reason == "requested"
+    assert modes == [Mode.DISARMED]
+    assert_wheels_stopped_first(shop)
+
+
+# -- bugs and cancellation ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", ["compass.read", "motion.read", "motors.drive", "handler.decide", "log.tick"])
+def test_bug_anywhere_stops_the_wheels_then_closes_the_parts_then_shows_itself(place: str) -> None:
+    shop = Workshop()
+    with pytest.raises(ExceptionGroup) as caught:
+        drive(shop, {0.5: breaking(shop, place)})
+    assert caught.group_contains(RuntimeError, match=f"bug in {place}")
+    assert shop.times("motors.stop")[0] == pytest.approx(0.5, abs=0.051)
+    assert_wheels_stopped_first(shop)
+    assert shop.outcome[0][0] == "failed"
+
+
+def test_outcome_in_the_log_names_the_bug() -> None:
+    shop = Workshop()
+    with pytest.raises(ExceptionGroup):
+        drive(shop, {0.5: breaking(shop, "handler.decide")})
+    assert "bug in handler.decide" in shop.outcome[0][1]
+
+
+@pytest.mark.parametrize("place", ["log.event", "motors.stop", "compass.close", "motion.close"])
+def test_broken_promise_while_stopping_leaves_no_part_open(place: str) -> None:
+    """None of these may raise; one that does must not keep the others from being closed."""
+    shop = Workshop()
+    with suppress(RuntimeError, ExceptionGroup):
+        drive(shop, {0.5: breaking(shop, place)})
+    assert shop.wheels == STOP
+    assert {f"{part}.close" for part in PARTS} <= set(shop.done)
+
+
+@pytest.mark.parametrize("again", [False, True], ids=["once", "again at every later point"])
+def test_cancellation_at_any_point_stops_the_wheels_and_closes_the_parts(again: bool) -> None:
+    whole = Workshop()
+    drive(whole, for_s=0.12)
+    for at in range(1, whole.points + 1):
+        shop = Workshop()
+        shop.cancel_at = range(at, 1000) if again else range(at, at + 1)
+        with pytest.raises(asyncio.CancelledError):
+            drive(shop, for_s=0.12)
+        assert_wheels_stopped_first(shop)
+
+
+@pytest.mark.parametrize("t_s", [0.001, 0.03, 0.05, 0.0501, 0.099])
+def test_cancellation_while_everything_sleeps(t_s: float) -> None:
+    shop = Workshop()
+    with pytest.raises(asyncio.CancelledError):
+        drive(shop, {t_s: lambda _: shop.run is not None and shop.run.cancel()})
+    assert_wheels_stopped_first(shop)
+    assert shop.times("motors.stop")[0] == pytest.approx(t_s, abs=1e-6)
+    assert shop.outcome[0][0] == "failed"
+
+
+def test_cancellation_while_a_part_hangs_while_opening() -> None:
+    shop = Workshop()
+    shop.silent.add("motion.open")
+    with pytest.raises(asyncio.CancelledError):
+        drive(shop, {0.5: lambda _: shop.run is not None and shop.run.cancel()})
+    assert_wheels_stopped_first(shop)

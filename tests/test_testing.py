@@ -1,0 +1,263 @@
+"""The checks for third parties: what wayfarer ships passes them, what is broken fails with a text that says why."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import replace
+from itertools import count
+from math import nan
+from random import Random
+from typing import Any
+
+import pytest
+
+from wayfarer.config import load_rover
+from wayfarer.errors import NotResponding
+from wayfarer.escape.api import Decision, EscapeHandler, EscapeSettings, Observation, Phase, Vehicle
+from wayfarer.escape.catalogue import CATALOGUE, Algorithm
+from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, Rover, Side, WheelCommand
+from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.rig import device_depth
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+from wayfarer.testing import check_algorithm, check_compass, check_contact_sensor, check_motion_sensor, check_motors
+
+# -- algorithms --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_all_ten_algorithms_pass(name: str) -> None:
+    check_algorithm(CATALOGUE[name])
+
+
+class Spoilt:
+    """Forest-Pledge with one thing spoilt."""
+
+    def __init__(self, spoil: Callable[[Decision, Observation], Any], memory: Mapping[str, Any] | None = None) -> None:
+        self.spoil, self._memory = spoil, memory
+
+    def make(self, settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> EscapeHandler:
+        spoilt = Spoilt(self.spoil, self._memory)
+        spoilt.inner = CATALOGUE["forest-pledge"].make(settings, vehicle, rng)
+        return spoilt
+
+    inner: EscapeHandler
+
+    def decide(self, observation: Observation) -> Decision:
+        decision: Decision = self.spoil(self.inner.decide(observation), observation)
+        return decision
+
+    def memory(self) -> Mapping[str, float | str]:
+        return self.inner.memory() if self._memory is None else self._memory
+
+
+def algorithm(spoilt: Spoilt) -> Algorithm:
+    return replace(CATALOGUE["forest-pledge"], name="spoilt", make=spoilt.make)
+
+
+def by_true_north(decision: Decision, seen: Observation) -> Decision:
+    return decision._replace(wheels=STOP) if seen.heading_deg > 180.0 else decision
+
+
+ticks = count()
+SPOILT = {
+    "not finite duties": Spoilt(lambda decision, _: decision._replace(wheels=WheelCommand(nan, 0.0))),
+    "not finite duties in -1..1": Spoilt(lambda decision, _: decision._replace(wheels=WheelCommand(0.0, 1.01))),
+    "is not a fixed name": Spoilt(lambda decision, seen: decision._replace(why=f"at {seen.heading_deg:.0f}")),
+    "is not a Phase": Spoilt(lambda decision, _: decision._replace(phase="follow")),
+    "not a Decision": Spoilt(lambda decision, _: tuple(decision)),
+    "raised ZeroDivisionError": Spoilt(lambda decision, seen: decision if seen.t_s < 1.0 else 1 / 0),
+    "take chance only from the Random": Spoilt(
+        lambda decision, _: decision._replace(wheels=WheelCommand(random.uniform(0.0, 0.5), 0.0))
+    ),
+    "the same seed and observations gave": Spoilt(
+        lambda decision, _: decision._replace(why="odd" if next(ticks) % 7 else "even")
+    ),
+    "use headings only as differences": Spoilt(by_true_north),
+    "stride did not end": Spoilt(lambda decision, _: decision._replace(phase=Phase.STRIDE)),
+    "halt did not end": Spoilt(lambda decision, _: decision._replace(wheels=STOP, phase=Phase.HALT)),
+    "follow did not end": Spoilt(lambda decision, _: decision._replace(phase=Phase.FOLLOW)),
+    r"memory\(\) has no 'episodes'": Spoilt(lambda decision, _: decision, {"counter_deg": 0.0}),
+    "not a finite number": Spoilt(lambda decision, _: decision, {"counter_deg": nan, "episodes": 0}),
+}
+
+
+@pytest.mark.parametrize(("text", "spoilt"), SPOILT.items(), ids=str)
+def test_spoilt_algorithm_is_told_what_is_wrong(text: str, spoilt: Spoilt) -> None:
+    with pytest.raises(AssertionError, match=text):
+        check_algorithm(algorithm(spoilt))
+
+
+def test_requirement_that_no_rover_can_meet_is_named() -> None:
+    with pytest.raises(AssertionError, match="requires \\['lidar'\\]"):
+        check_algorithm(replace(CATALOGUE["pledge"], requires=frozenset({"lidar"})))
+
+
+# -- parts -------------------------------------------------------------------------------------------------------
+
+
+def run(check: Coroutine[Any, Any, None]) -> None:
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        runner.run(check)
+
+
+def sim_rover() -> Rover:
+    streams = Streams(1)
+    return device_depth(World(generate_forest(1, 0, 0), load_rover("sim").vehicle, Physics(), streams), streams)
+
+
+def part_of_sim_rover(name: str) -> Callable[[], Any]:
+    return lambda: getattr(sim_rover(), name)
+
+
+CHECKS: dict[str, Callable[..., Coroutine[Any, Any, None]]] = {
+    "compass": check_compass,
+    "motion": check_motion_sensor,
+    "contact": check_contact_sensor,
+    "motors": check_motors,
+}
+
+
+@pytest.mark.parametrize("part", CHECKS)
+def test_simulated_parts_pass(part: str) -> None:
+    run(CHECKS[part](part_of_sim_rover(part)))
+
+
+class Part:
+    """A part that keeps every promise; tests replace one method or value."""
+
+    name = "bench part"
+    reading: Callable[[float], Any]
+
+    def __init__(self, **changes: Any) -> None:
+        self.opened = False
+        for name, change in changes.items():
+            setattr(self, name, change)
+
+    async def open(self) -> None:
+        self.opened = True
+
+    async def close(self) -> None:
+        self.opened = False
+
+    async def read(self) -> Any:
+        return self.reading(asyncio.get_running_loop().time())
+
+    async def drive(self, command: WheelCommand) -> WheelCommand:
+        return command
+
+    async def stop(self) -> None: ...
+
+    async def health(self) -> MotorHealth:
+        return MotorHealth(None, ())
+
+
+async def fail(*_: Any) -> Any:
+    raise OSError("bus error")
+
+
+async def refuse() -> None:
+    raise NotResponding("bench part: no answer; check the cable")
+
+
+async def cheat(_: WheelCommand) -> WheelCommand:
+    return WheelCommand(0.3, 0.3)
+
+
+READINGS: dict[str, Callable[[float], Any]] = {
+    "compass": lambda t_s: CompassReading(t_s, 0.0, -3.0, 3.0, None),
+    "motion": lambda t_s: MotionReading(t_s, 0.0, 0.0, 1.0),
+    "contact": lambda t_s: ContactReading(t_s, (Side.LEFT,), 179.0),
+    "motors": lambda t_s: None,
+}
+
+
+def part(kind: str, **changes: Any) -> Callable[[], Part]:
+    return lambda: Part(**({"reading": READINGS[kind]} | changes))
+
+
+@pytest.mark.parametrize("kind", CHECKS)
+def test_part_that_keeps_every_promise_passes(kind: str) -> None:
+    run(CHECKS[kind](part(kind), part(kind, open=refuse)))
+
+
+@pytest.mark.parametrize("kind", CHECKS)
+@pytest.mark.parametrize(
+    ("text", "changes"),
+    [(r"close\(\) before open\(\) raised OSError", {"close": fail}), ("name is empty", {"name": ""})],
+)
+def test_every_part_has_a_life_cycle(kind: str, text: str, changes: dict[str, Any]) -> None:
+    with pytest.raises(AssertionError, match=text):
+        run(CHECKS[kind](part(kind, **changes)))
+
+
+class ClosesOnce(Part):
+    """Cannot be closed a second time."""
+
+    async def close(self) -> None:
+        if not hasattr(self, "handle"):
+            self.handle = None
+        else:
+            raise AttributeError("handle")
+
+
+@pytest.mark.parametrize("kind", CHECKS)
+@pytest.mark.parametrize(
+    ("text", "changes"),
+    [
+        (r"open\(\) without hardware did not fail", {}),
+        (r"open\(\) without hardware raised OSError", {"open": fail}),
+        (r"close\(\) after a failed open\(\) raised OSError", {"open": refuse, "close": fail}),
+    ],
+)
+def test_failed_open_is_an_error_of_a_part_and_can_be_closed(kind: str, text: str, changes: dict[str, Any]) -> None:
+    with pytest.raises(AssertionError, match=text):
+        run(CHECKS[kind](part(kind), part(kind, **changes)))
+
+
+def test_second_close_must_not_raise() -> None:
+    with pytest.raises(AssertionError, match=r"close\(\) raised AttributeError"):
+        run(check_motors(lambda: ClosesOnce()))
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "reading"),
+    [
+        ("compass", "heading_deg is 360.0: that is 0", lambda t_s: CompassReading(t_s, 360.0, 0.0, 0.0, 3)),
+        ("compass", "heading_deg -1.0 is not in 0..360", lambda t_s: CompassReading(t_s, -1.0, 0.0, 0.0, 3)),
+        ("compass", "pitch_deg is nan: raise BadReading", lambda t_s: CompassReading(t_s, 0.0, nan, 0.0, 3)),
+        ("compass", "roll_deg 181.0 is not in", lambda t_s: CompassReading(t_s, 0.0, 0.0, 181.0, 3)),
+        ("compass", "calibration 4 is not", lambda t_s: CompassReading(t_s, 0.0, 0.0, 0.0, 4)),
+        ("compass", "on the event loop's clock", lambda t_s: CompassReading(t_s - 5.0, 0.0, 0.0, 0.0, 3)),
+        ("compass", "on the event loop's clock", lambda t_s: CompassReading(t_s + 1e9, 0.0, 0.0, 0.0, 3)),
+        ("motion", "quality 255 is not in 0..1", lambda t_s: MotionReading(t_s, 0.0, 0.0, 255)),
+        ("motion", "forward_m 12.0 is not in", lambda t_s: MotionReading(t_s, 12.0, 0.0, 1.0)),
+        ("contact", "readings are immutable", lambda t_s: ContactReading(t_s, [Side.LEFT], None)),  # type: ignore[arg-type]
+        ("contact", "are not all hal.Side", lambda t_s: ContactReading(t_s, ("left",), None)),  # type: ignore[arg-type]
+        ("contact", "obstacle_bearing_deg 200.0 is not in", lambda t_s: ContactReading(t_s, (), 200.0)),
+    ],
+)
+def test_reading_that_cannot_be_true_is_told(kind: str, text: str, reading: Callable[[float], Any]) -> None:
+    with pytest.raises(AssertionError, match=text):
+        run(CHECKS[kind](part(kind, reading=reading)))
+
+
+async def no_answer() -> MotorHealth:
+    return MotorHealth(0.0, ())
+
+
+@pytest.mark.parametrize(
+    ("text", "changes"),
+    [
+        (r"stop\(\) before open\(\) raised OSError", {"stop": fail}),
+        ("was applied as", {"drive": cheat}),
+        ("None means unknown", {"health": no_answer}),
+    ],
+)
+def test_motors_that_cannot_be_trusted_are_told(text: str, changes: dict[str, Any]) -> None:
+    with pytest.raises(AssertionError, match=text):
+        run(check_motors(part("motors", **changes)))
