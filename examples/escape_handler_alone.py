@@ -32,4 +32,4 @@ for tick in range(120):
     heading_deg += (left - right) * vehicle.max_speed_m_s / vehicle.track_m * PERIOD_S * 57.3
     travelled_m += abs(left + right) / 2 * vehicle.max_speed_m_s * PERIOD_S
     if decision.why != decision.phase.value:
-        print(f"{tick * PERIOD_S:5.2f} s  {decision.why:20} -> {decision.phase.value:10} heading {heading_deg:6.1f} deg")
+        print(f"{tick * PERIOD_S:5.2f} s  {decision.why:20} -> {decision.phase.value:10} at {heading_deg:6.1f} deg")

@@ -109,9 +109,7 @@ def test_list_says_where_third_party_algorithms_come_from_and_survives_broken_on
         EntryPoint("spiral", "tests.fake_plugins:spiral", group),
         EntryPoint("broken", "no_such_module:x", group),
     ]
-    monkeypatch.setattr(
-        "wayfarer.registry.entry_points", lambda group: points if "algorithms" in group else []
-    )
+    monkeypatch.setattr("wayfarer.registry.entry_points", lambda group: points if "algorithms" in group else [])
     code, out, _ = run("list")
     assert code == 0
     assert "(from tests.fake_plugins:spiral)" in " ".join(out.split())
@@ -207,9 +205,7 @@ def test_folder_that_cannot_be_used_is_found_out_before_any_trial(
 @pytest.mark.usefixtures("quick_trials")
 def test_paper_stands_for_its_ten_and_a_name_twice_runs_once(run: Run) -> None:
     code, out, _ = run("sim", "--trials", 2, "--jobs", 1, "--algorithm", "oo-react,paper,pledge")
-    names = [
-        line.split()[0] for line in out.splitlines() if line.startswith(" ") and "[" in line and "]" in line
-    ]
+    names = [line.split()[0] for line in out.splitlines() if line.startswith(" ") and "[" in line and "]" in line]
     assert code == 0
     assert names[1:] == [
         "oo-react", "pledge", "forest-pledge", "rand-pledge", "cv-pledge", "oo-pledge", "levy-pledge",
@@ -257,9 +253,7 @@ def test_resuming_a_complete_campaign_shows_its_table_and_changes_nothing(run: R
     assert {path: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
 
 
-def test_faults_are_told_with_how_to_look_into_them(
-    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_faults_are_told_with_how_to_look_into_them(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("wayfarer.simhal.trial.run_trial", fake_trials.third_fails)
     code, out, err = run("sim", "--trials", 5, "--jobs", 1)
     assert code == 0

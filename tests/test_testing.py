@@ -9,14 +9,17 @@ from dataclasses import replace
 from itertools import count
 from math import nan
 from random import Random
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from wayfarer.config import load_rover
 from wayfarer.errors import NotResponding
+from wayfarer.escape import policies
 from wayfarer.escape.api import Decision, EscapeHandler, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import CATALOGUE, Algorithm
+from wayfarer.escape.handler import PhasedHandler, Recipe
+from wayfarer.escape.phases import PLEDGE
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, Rover, Side, WheelCommand
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.loop import VirtualLoop
@@ -32,6 +35,21 @@ from wayfarer.testing import check_algorithm, check_compass, check_contact_senso
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_all_ten_algorithms_pass(name: str) -> None:
     check_algorithm(CATALOGUE[name])
+
+
+class Unforgetting(PhasedHandler):
+    """Forest-Pledge that begins a new mission where the last one ended."""
+
+    def reset(self) -> None:
+        if not hasattr(self, "_manoeuvre"):
+            super().reset()
+
+
+def test_handler_that_does_not_forget_is_found() -> None:
+    recipe = Recipe(PLEDGE, policies.clockwise, policies.fixed_angle, resets=True, keeps_side=True)
+    unforgetting = replace(CATALOGUE["forest-pledge"], make=lambda *parts: Unforgetting(recipe, *parts))
+    with pytest.raises(AssertionError, match=r"after reset\(\)"):
+        check_algorithm(unforgetting)
 
 
 class Spoilt:
@@ -51,6 +69,9 @@ class Spoilt:
         decision: Decision = self.spoil(self.inner.decide(observation), observation)
         return decision
 
+    def reset(self) -> None:
+        self.inner.reset()
+
     def memory(self) -> Mapping[str, float | str]:
         return self.inner.memory() if self._memory is None else self._memory
 
@@ -68,7 +89,7 @@ SPOILT = {
     "not finite duties": Spoilt(lambda decision, _: decision._replace(wheels=WheelCommand(nan, 0.0))),
     "not finite duties in -1..1": Spoilt(lambda decision, _: decision._replace(wheels=WheelCommand(0.0, 1.01))),
     "is not a fixed name": Spoilt(lambda decision, seen: decision._replace(why=f"at {seen.heading_deg:.0f}")),
-    "is not a Phase": Spoilt(lambda decision, _: decision._replace(phase="follow")),
+    "is not a Phase": Spoilt(lambda decision, _: Decision(decision.wheels, cast(Phase, "follow"), decision.why)),
     "not a Decision": Spoilt(lambda decision, _: tuple(decision)),
     "raised ZeroDivisionError": Spoilt(lambda decision, seen: decision if seen.t_s < 1.0 else 1 / 0),
     "take chance only from the Random": Spoilt(

@@ -59,7 +59,8 @@ def check_algorithm(algorithm: Algorithm) -> None:
     """Check the promises of ``escape.api.EscapeHandler`` on a rehearsed drive, with and without contact.
 
     Decisions are finite wheels in -1..1 with a fixed ``why``; the same seed gives the same decisions; where north is
-    does not matter; no phase but ``FOLLOW`` lasts for ever; ``memory`` has ``counter_deg`` and ``episodes``.
+    does not matter; ``reset`` forgets; no phase but ``FOLLOW`` lasts for ever; ``memory`` has ``counter_deg`` and
+    ``episodes``.
 
     Raises:
         AssertionError: a promise is not kept; the text says which.
@@ -71,6 +72,7 @@ def check_algorithm(algorithm: Algorithm) -> None:
             drive = _rehearse(algorithm, contact=contact)
             _check_determinism(algorithm, drive)
             _check_rotation(algorithm, drive)
+            _check_reset(algorithm, drive)
     _check_phases_end(algorithm)
 
 
@@ -181,6 +183,17 @@ def _check_phases_end(algorithm: Algorithm) -> None:
                 f"{phase.value} did not end within {PHASE_MAX_S:g} s while the rover was stuck; "
                 "bound every phase in time and in commanded distance"
             )
+
+
+def _check_reset(algorithm: Algorithm, drive: Sequence[Observation]) -> None:
+    """Check that a new mission does not begin in the middle of the last one."""
+    used = _make(algorithm)
+    for observation in drive:
+        _decide(used, observation)
+    used.reset()
+    first = drive[0]._replace(t_s=drive[-1].t_s + 60.0)
+    fresh = _decide(_make(algorithm), first)
+    assert _decide(used, first) == fresh, "after reset() the first decision is not that of a new handler"
 
 
 def _check_memory(handler: EscapeHandler) -> None:

@@ -69,9 +69,7 @@ def test_forests_of_a_file_come_in_its_order_and_again_with_new_noise() -> None:
     assert [(forest.forest, forest.noise) for forest in passes] == [
         *numbers, (4, 2027), (4, 2028), (9, 2027), (4, 2029),
     ]  # fmt: skip
-    assert [(forest.forest, forest.noise) for forest in passes] == [
-        plan.forest_and_noise(n) for n in range(7)
-    ]
+    assert [(forest.forest, forest.noise) for forest in passes] == [plan.forest_and_noise(n) for n in range(7)]
     assert all(forest.trunks == one.trunks and forest.trees_m == one.trees_m for forest in passes)
 
 
@@ -124,9 +122,7 @@ def test_one_forest_serves_all_algorithms() -> None:
 def test_rows_come_by_algorithm_as_asked_then_by_trial() -> None:
     plan = campaign_of(3, "pledge", "levy-walk")
     finished = campaign.run(plan, run_trial=fake_trials.quick)
-    assert [row.key for row in finished.rows] == [
-        Task(name, n) for name in ("pledge", "levy-walk") for n in range(3)
-    ]
+    assert [row.key for row in finished.rows] == [Task(name, n) for name in ("pledge", "levy-walk") for n in range(3)]
     assert not finished.interrupted
     assert finished.effort.ticks == 600
 
@@ -238,9 +234,7 @@ def test_signal_keeps_finished_trials_and_resuming_ends_in_the_same_bytes(
         stdout, stderr = process.communicate(timeout=START_UP_S)
     *_, last = stderr.splitlines()
     count = rf"(\d+) of {fake_trials.MANY} trials"
-    told = re.fullmatch(
-        rf"interrupted: {count} are kept in {re.escape(str(out))}; add --resume to go on", last
-    )
+    told = re.fullmatch(rf"interrupted: {count} are kept in {re.escape(str(out))}; add --resume to go on", last)
     assert told, stderr
     assert int(told[1]) == lines_in(out / PARTIAL) - 1
     assert (process.returncode, stdout) == (130, "")

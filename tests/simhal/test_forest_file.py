@@ -82,9 +82,7 @@ def test_blank_lines_count_only_as_lines(path: Path) -> None:
 @pytest.mark.parametrize("key", [key for key in ROW if key != "shortest_path_m"])
 def test_missing_key_is_named(path: Path, key: str) -> None:
     row = {other: value for other, value in ROW.items() if other != key}
-    assert refusal(path, json.dumps(row)).startswith(
-        f"{path}, line 1: {key}: missing, expected each of forest, "
-    )
+    assert refusal(path, json.dumps(row)).startswith(f"{path}, line 1: {key}: missing, expected each of forest, ")
 
 
 @pytest.mark.parametrize(
@@ -156,9 +154,7 @@ def test_same_forest_twice_names_both_lines(path: Path) -> None:
 
 
 def test_bytes_that_are_not_utf8_are_numbered(path: Path) -> None:
-    assert refusal(path, line_with().encode() + b"\n\xff\n") == (
-        f"{path}, line 2: not UTF-8 at byte 0, expected text"
-    )
+    assert refusal(path, line_with().encode() + b"\n\xff\n") == (f"{path}, line 2: not UTF-8 at byte 0, expected text")
 
 
 def test_absent_file_is_refused(path: Path) -> None:
@@ -229,8 +225,7 @@ north_of_start_m = st.floats(13.5, WORLD_SIZE_M)
 @st.composite
 def trunks(draw: st.DrawFn, heading_deg: float) -> Trunk:
     x0_m, y0_m, x1_m, y1_m = (
-        draw(coordinates)
-        for coordinates in (coordinates_m, north_of_start_m, coordinates_m, north_of_start_m)
+        draw(coordinates) for coordinates in (coordinates_m, north_of_start_m, coordinates_m, north_of_start_m)
     )
     if max(abs(x0_m - x1_m), abs(y0_m - y1_m)) < 1e-3:
         x1_m = x0_m + 1.0 if x0_m < 25.0 else x0_m - 1.0
@@ -256,9 +251,7 @@ def forests(draw: st.DrawFn) -> Forest:
 
 
 @given(st.lists(forests(), min_size=1, max_size=3, unique_by=lambda forest: (forest.forest, forest.noise)))
-def test_what_is_written_is_read_back(
-    tmp_path_factory: pytest.TempPathFactory, written: list[Forest]
-) -> None:
+def test_what_is_written_is_read_back(tmp_path_factory: pytest.TempPathFactory, written: list[Forest]) -> None:
     path = tmp_path_factory.mktemp("forests") / "forests.jsonl"
     write_forests(path, written)
     assert read_forests(path) == written

@@ -95,9 +95,7 @@ def test_wider_rover_has_no_shorter_path() -> None:
 
 
 @pytest.mark.parametrize("layout", [0, 1, 2])
-def test_looking_at_likely_detours_first_changes_no_length(
-    layout: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_looking_at_likely_detours_first_changes_no_length(layout: int, monkeypatch: pytest.MonkeyPatch) -> None:
     forest = generate_forest(layout, 0, 0)
     length_m = shortest_path_m(forest)
     monkeypatch.setattr(geodesic, "LIKELY_DETOUR", inf)

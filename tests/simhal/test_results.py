@@ -19,9 +19,7 @@ SETTINGS_HERE: dict[str, Any] = {
     "trials": 3,
     "rover": {"name": "sim", "rates": {"compass_hz": 20.0}},
 }
-ROWS = [
-    Row(n, "pledge", n // 2, n % 2, 77 + n, "escaped", 80.125, 1.5, 90.0, 3, 2, ticks=9) for n in range(3)
-]
+ROWS = [Row(n, "pledge", n // 2, n % 2, 77 + n, "escaped", 80.125, 1.5, 90.0, 3, 2, ticks=9) for n in range(3)]
 numbers = st.floats(-1e6, 1e6)
 maybe = st.none() | numbers
 
@@ -54,9 +52,7 @@ def test_row_reads_as_the_issue_asks() -> None:
 
 
 def test_row_never_holds_nan_or_a_negative_zero() -> None:
-    result = TrialResult(
-        0, "pledge", 0, 0, 1, "tipped", float("nan"), -0.0, -1e-9, 0, 0, float("inf"), None, 0
-    )
+    result = TrialResult(0, "pledge", 0, 0, 1, "tipped", float("nan"), -0.0, -1e-9, 0, 0, float("inf"), None, 0)
     assert csv_line(row_of(result)[:-1]) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,\n"
 
 
@@ -73,9 +69,7 @@ def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
         folder.finish(ROWS, {"ticks": 27})
         assert folder.complete
     assert {path.name for path in folder.path.iterdir()} == {SETTINGS, TRIALS, SUMMARY}
-    assert (folder.path / TRIALS).read_text() == csv_line(COLUMNS) + "".join(
-        csv_line(row[:-1]) for row in ROWS
-    )
+    assert (folder.path / TRIALS).read_text() == csv_line(COLUMNS) + "".join(csv_line(row[:-1]) for row in ROWS)
     assert json.loads((folder.path / SUMMARY).read_text()) == {"ticks": 27}
 
 

@@ -66,9 +66,7 @@ def test_summary_takes_paths_from_successes_alone() -> None:
     summary = summarise("pledge", rows)
     assert (summary.path_mean_m, summary.path_median_m) == (80, 80)
     assert summary.success_percent == pytest.approx(40)
-    assert (summary.escaped, summary.left_bounds, summary.entrapped, summary.tipped, summary.fault) == (
-        1,
-    ) * 5
+    assert (summary.escaped, summary.left_bounds, summary.entrapped, summary.tipped, summary.fault) == (1,) * 5
 
 
 def test_summary_of_faults_alone_knows_only_that() -> None:
