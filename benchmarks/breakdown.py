@@ -24,6 +24,7 @@ OTHER = "other (tally, set-up of the trial)"
 PARTS = {
     "/asyncio/": "event loop",
     "/wayfarer/simhal/loop.py": "event loop",
+    "/wayfarer/pace.py": "event loop",
     "/wayfarer/simhal/world.py": "world",
     "/wayfarer/simhal/obstacles.py": "world",
     "/wayfarer/simhal/streams.py": "world",

@@ -82,7 +82,8 @@ class Part:
         await self.shop.point(f"{self.name}.open")
 
     async def close(self) -> None:
-        await self.shop.point(f"{self.name}.close")
+        await self.shop.point(f"{self.name}.closing")  # a bus takes its time: what is cut short here is not done
+        self.shop.note(f"{self.name}.close")
 
     async def now_s(self) -> float:
         await self.shop.point(f"{self.name}.read")
@@ -116,8 +117,9 @@ class Motors(Part):
         return command
 
     async def stop(self) -> None:
+        await self.shop.point("motors.stopping")
         self.shop.wheels = STOP
-        await self.shop.point("motors.stop")
+        self.shop.note("motors.stop")
 
     async def health(self) -> MotorHealth:
         return MotorHealth(None, ())

@@ -74,6 +74,17 @@ def test_anomaly_that_cleared_may_come_again(phase: Phase) -> None:
     assert walk.tick(*STUCK).phase is not phase
 
 
+@pytest.mark.parametrize("phase", [Phase.BACK_OFF, Phase.TURN_AWAY])
+def test_one_of_two_anomalies_that_cleared_may_come_again(phase: Phase) -> None:
+    walk = Walk("pledge")
+    both = (Anomaly.IMMOBILISED, Anomaly.NOSE_UP)
+    walk.tick(*both)
+    while walk.decision.phase is not phase:
+        walk.tick(*both)
+    assert walk.tick(Anomaly.NOSE_UP).phase is phase
+    assert walk.tick(*both).why == f"{phase.value}.anomaly"
+
+
 def blocked_turn(walk: Walk) -> None:
     walk.to(Phase.TURN_AWAY)
     walk.turns = False
