@@ -345,3 +345,13 @@ def test_contact_sensor_that_never_spoke_is_stale() -> None:
     found = [rover.tick().conditions for _ in range(12)]
     assert found[0] == ()
     assert found[-1] == (Condition.CONTACT_STALE,)
+
+
+def test_contact_that_is_only_needed_is_no_anomaly_but_must_not_fall_silent() -> None:
+    detector = Detector(SETTINGS, MAX_SPEED_M_S, watches_motion=False, needs_contact=True)
+    compass = CompassReading(0.0, 0.0, 0.0, 0.0, None)
+    touch = ContactReading(0.0, (Side.LEFT,), None)
+    assert detector.update(Snapshot(0.0, compass, None, touch), STOP) == ALL_WELL
+    late_s = SETTINGS.contact_stale_s + TICK_S
+    late = detector.update(Snapshot(late_s, compass._replace(t_s=late_s), None, touch), STOP)
+    assert late.conditions == (Condition.CONTACT_STALE,)

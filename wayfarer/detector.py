@@ -125,8 +125,8 @@ class Persistent:
 class Detector:
     """Turns snapshots and applied commands into anomalies and conditions, one control tick at a time.
 
-    ``max_speed_m_s`` is the ground speed at full duty; ``watches_contact`` says whether a touch is an anomaly and a
-    silent contact sensor a condition; ``watches_motion`` likewise for the motion sensor. ``compass`` is the newest
+    ``max_speed_m_s`` is the ground speed at full duty. ``watches_motion`` and ``needs_contact`` say whether silence of
+    that sensor is a condition, ``watches_contact`` whether a touch is an anomaly as well. ``compass`` is the newest
     reading that can be true, None before the first: what fails the plausibility check never reaches a decision.
     """
 
@@ -137,11 +137,13 @@ class Detector:
         *,
         watches_motion: bool = True,
         watches_contact: bool = False,
+        needs_contact: bool = False,
     ) -> None:
         self._settings = settings
         self._half_speed_m_s = max_speed_m_s / 2
         self._watches_motion = watches_motion
         self._watches_contact = watches_contact
+        self._needs_contact = needs_contact or watches_contact
         self.compass: CompassReading | None = None
         self._stall = Stall(settings)
         self._tilts = {tilt: Persistent(settings.tilt_s) for tilt in _TILTS}
@@ -171,7 +173,7 @@ class Detector:
             anomalies.append(Anomaly.IMMOBILISED)
         self._check_ages(t_s, conditions)
         self._check_tilt(t_s, anomalies, conditions)
-        if self._watches_contact:
+        if self._needs_contact:
             self._check_contact(t_s, contact, anomalies, conditions)
         return Detection(tuple(anomalies), tuple(conditions)) if anomalies or conditions else ALL_WELL
 
@@ -263,7 +265,7 @@ class Detector:
         if spoken_t_s is None or t_s - spoken_t_s > self._settings.contact_stale_s:
             self._touched.update(t_s, False)
             conditions.append(Condition.CONTACT_STALE)
-        elif self._touched.update(t_s, reading is not None and bool(reading.sides)):
+        elif self._touched.update(t_s, self._watches_contact and reading is not None and bool(reading.sides)):
             anomalies.append(Anomaly.TOUCHED)
 
 

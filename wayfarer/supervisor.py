@@ -61,6 +61,7 @@ class Supervisor:
             config.vehicle.max_speed_m_s,
             watches_motion=rover.motion is not None,
             watches_contact=config.anomaly_source == "contact",
+            needs_contact="contact" in needs,
         )
         self._helm = Helm(rover.motors, self._cells, config, detector, handler, log)
 

@@ -10,6 +10,9 @@ The loop keeps a deque of ready callbacks and a heap of timers under asyncio's o
 nothing else: no selector, no sockets, no subprocesses. A wake-up from ``asyncio.sleep`` costs a third of what it does
 on the stock loop, and a control tick has three of them.
 
+Time moves only when nothing is ready: a task that polls with ``sleep(0)`` for something that a timer brings waits for
+ever, as it would burn a core on the stock loop.
+
 Order: callbacks run in the order in which they became ready; timers in the order of their time, and of their creation
 where the times are equal.
 """
