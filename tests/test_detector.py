@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf, nan
 from typing import Any
 
 import pytest
@@ -355,3 +356,18 @@ def test_contact_that_is_only_needed_is_no_anomaly_but_must_not_fall_silent() ->
     late_s = SETTINGS.contact_stale_s + TICK_S
     late = detector.update(Snapshot(late_s, compass._replace(t_s=late_s), None, touch), STOP)
     assert late.conditions == (Condition.CONTACT_STALE,)
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "pitch_deg", "roll_deg"),
+    [(nan, 0.0, 0.0), (0.0, nan, 0.0), (0.0, 0.0, inf), (360.0, 0.0, 0.0), (0.0, -1e9, 0.0)],
+)
+def test_reading_that_no_compass_can_give_is_never_believed(
+    heading_deg: float, pitch_deg: float, roll_deg: float
+) -> None:
+    detector = Detector(SETTINGS, MAX_SPEED_M_S, watches_motion=False)
+    for tick in range(100):
+        reading = CompassReading(tick * TICK_S, heading_deg, pitch_deg, roll_deg, None)
+        detection = detector.update(Snapshot(tick * TICK_S, reading, None, None), STOP)
+        assert detector.compass is None
+    assert detection.conditions == (Condition.COMPASS_LOST,)

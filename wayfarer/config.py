@@ -1,7 +1,8 @@
 """Rover files: everything that makes one rover, in TOML, checked before anything moves.
 
-A file is complete in itself: body, rates, drivers and every threshold, with the unit in each key's name. Unknown keys
-are refused by name, values outside their range with the range. The shipped files are in ``wayfarer/rovers``.
+A file gives the body, and whatever differs from the defaults that stand beside the code: rates, manoeuvres, thresholds,
+each with its unit in the key's name. Unknown keys are refused by name, values outside their range with the range. The
+shipped files are in ``wayfarer/rovers``.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from wayfarer.bounds import Hertz
@@ -49,6 +50,22 @@ class RoverConfig(BaseModel):
     escape: EscapeSettings = EscapeSettings()
     detector: DetectorSettings = DetectorSettings()
     safety: SafetySettings = SafetySettings()
+
+    @model_validator(mode="after")
+    def _rates_meet_their_deadlines(self) -> Self:
+        """Refuse a rover that would hold its wheels for ever: a period longer than what counts as late."""
+        periods = {
+            "control_hz": (self.control_hz, "safety.tick_late_s", self.safety.tick_late_s),
+            "rates.compass_hz": (self.rates.compass_hz, "detector.compass_stale_s", self.detector.compass_stale_s),
+            "rates.motion_hz": (self.rates.motion_hz, "detector.motion_stale_s", self.detector.motion_stale_s),
+            "rates.contact_hz": (self.rates.contact_hz, "detector.contact_stale_s", self.detector.contact_stale_s),
+        }
+        for key, (rate_hz, limit, limit_s) in periods.items():
+            if 1.0 / rate_hz >= limit_s:
+                raise ValueError(
+                    f"key '{key}' = {rate_hz:g}: too slow, {limit} = {limit_s:g} s is over before the next"
+                )
+        return self
 
     def with_anomaly_source(self, source: Literal["motion", "contact"]) -> Self:
         """Return the same rover, noticing obstacles by another sense."""
@@ -106,6 +123,8 @@ _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 
 def _explain(problem: ErrorDetails) -> str:
     """Say what is wrong with one key: the key, what was found, what is allowed."""
+    if not problem["loc"]:
+        return problem["msg"].removeprefix("Value error, ")
     *section, key = (str(part) for part in problem["loc"])
     dotted = ".".join([*section, key])
     if problem["type"] in _UNKNOWN:

@@ -183,6 +183,9 @@ class Detector:
         self._compass_t_s = self._motion_t_s = self._moved_t_s = t_s
 
     def _take_compass(self, reading: CompassReading, conditions: list[Condition]) -> None:
+        _, heading_deg, pitch_deg, roll_deg, _ = reading
+        if not (0.0 <= heading_deg < 360.0 and abs(pitch_deg) <= 180.0 and abs(roll_deg) <= 180.0):
+            return  # no such angle, or NaN, however often it is repeated; soon there is no fresh heading
         last = self.compass
         since_s, self._read_t_s = reading.t_s - self._read_t_s, reading.t_s
         if last is not None and not self._plausible(last, reading, since_s):

@@ -66,24 +66,12 @@ class FieldLog:
 
     def tick(self, record: TickRecord) -> None:
         """Write a control tick: what was seen, wanted, and applied."""
-        wanted, applied, decision = record.decision.wheels, record.applied, record.decision
-        self._write(
-            "tick",
-            record.t_s,
-            {
-                **_read(record.snapshot),
-                **_seen(record.observation),
-                "phase": decision.phase.value,
-                "why": decision.why,
-                "wanted_left": wanted.left,
-                "wanted_right": wanted.right,
-                "applied_left": applied.left,
-                "applied_right": applied.right,
-                "level": record.level.name.lower(),
-                "cause": record.cause.value if record.cause is not None else None,
-                **record.memory(),
-            },
-        )
+        try:
+            fields = _tick(record)
+        except Exception:  # a third party's memory() or decision; no log is worth a run
+            self.dropped += 1
+        else:
+            self._write("tick", record.t_s, fields)
 
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Write something that happened."""
@@ -113,6 +101,23 @@ class FieldLog:
         """Put kind and times first, for the person who tails the file."""
         t_s = event["t_s"]
         return {"record": event["event"], "t_s": round(t_s, 6), "t_wall": round(self._wall(t_s), 3), **event["fields"]}
+
+
+def _tick(record: TickRecord) -> dict[str, Any]:
+    wanted, applied, decision = record.decision.wheels, record.applied, record.decision
+    return {
+        **_read(record.snapshot),
+        **_seen(record.observation),
+        "phase": decision.phase.value,
+        "why": decision.why,
+        "wanted_left": wanted.left,
+        "wanted_right": wanted.right,
+        "applied_left": applied.left,
+        "applied_right": applied.right,
+        "level": record.level.name.lower(),
+        "cause": record.cause.value if record.cause is not None else None,
+        **record.memory(),
+    }
 
 
 def _read(snapshot: Snapshot) -> dict[str, Any]:

@@ -43,6 +43,7 @@ class RunEnd:
 
 # Members of an Enum are found slowly through its class, and the tick asks 20 times a second.
 _ARMED = Mode.ARMED
+_FAULT = Level.FAULT
 
 
 class Helm:
@@ -77,6 +78,7 @@ class Helm:
     def arm(self, t_s: float, goal_heading_deg: float | None) -> None:
         """Begin to arm: after the start delay the wheels may turn. See ``Arming`` for the goal heading."""
         self._motors_failed = False
+        self._ends_s = self._ends_m = inf
         self._arming = Arming(self._safety, t_s, goal_heading_deg)
         self.mode = Mode.ARMING
         self._log.event("arming", t_s, start_delay_s=self._safety.start_delay_s)
@@ -120,7 +122,7 @@ class Helm:
         self._log.tick(
             TickRecord(t_s, snapshot, observation, decision, applied, gate.level, gate.cause, self._handler.memory)
         )
-        if gate.cause is not self._last_cause:
+        if gate.cause is not self._last_cause or (armed and gate.level is _FAULT):
             self._note_health(t_s, gate.level, gate.cause)
         if t_s >= self._ends_s or self._travelled_m >= self._ends_m:
             self._end_mission(t_s)

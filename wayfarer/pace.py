@@ -15,15 +15,18 @@ class Pace:
     def __init__(self, rate_hz: float) -> None:
         self._loop = asyncio.get_running_loop()
         self._period_s = 1.0 / rate_hz
-        self._due_s = self._loop.time()
+        self._start_s = self._loop.time()
+        self._count = 0
 
     def wait(self) -> asyncio.Future[None]:
         """Return a future that is done at the next grid time; await it before asking for another."""
         loop = self._loop
-        due_s = self._due_s + self._period_s
+        self._count += 1
+        # Counted, not added up: rounding errors must not pull apart tasks that are due at the same time.
+        due_s = self._start_s + self._count * self._period_s
         now_s = loop.time()
-        due_s = max(due_s, now_s)
-        self._due_s = due_s
+        if due_s < now_s:
+            self._start_s, self._count, due_s = now_s, 0, now_s
         wake_up = loop.create_future()
         loop.call_at(due_s, _wake, wake_up)
         return wake_up

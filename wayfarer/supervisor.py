@@ -19,7 +19,7 @@ from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, MissingPart
 from wayfarer.escape.api import EscapeHandler
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.hal import Driver, Rover
+from wayfarer.hal import Driver, MotionReading, Rover
 from wayfarer.helm import Helm, Mode, RunEnd
 from wayfarer.latest import Cells
 from wayfarer.pace import Pace
@@ -109,9 +109,12 @@ class Supervisor:
         async with asyncio.TaskGroup() as group:
             sensors = [group.create_task(self._keep_sampling(row), name=f"sensor:{row.name}") for row in self.tasks]
             await asyncio.sleep(0)  # the sensors speak first, at this and so at every common time of their grids
-            end = await self._control()
-            for task in sensors:
-                task.cancel()
+            try:
+                end = await self._control()
+            finally:  # the wheels first: a sensor may take its time to let go
+                await unhindered(self._rover.motors.stop())
+                for task in sensors:
+                    task.cancel()
         return end
 
     async def _stop_and_close(self, end: RunEnd) -> None:
@@ -164,6 +167,8 @@ class Supervisor:
                 failures += 1
                 pause_s = min(RETRY_PAUSE_S * 2.0 ** (failures - 1), RETRY_PAUSE_MAX_S)
                 t_s = asyncio.get_running_loop().time()
+                if row.part is self._rover.motion:  # what was missed is unknown, not still
+                    self._cells.motion.write(MotionReading(t_s, 0.0, 0.0, 0.0))
                 self._log.event("sensor_failed", t_s, sensor=row.name, error=str(error), retry_in_s=pause_s)
                 await asyncio.sleep(pause_s)
 
@@ -179,9 +184,11 @@ def _check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> fro
     needs = set(algorithm.requires)
     needs.add(config.anomaly_source)
     for name in sorted(needs):
-        if getattr(rover, name) is None:
+        if getattr(rover, name, None) is None:
             who = f"algorithm '{algorithm.name}'" if name in algorithm.requires else f"anomaly_source = '{name}'"
-            raise MissingPart(f"{who} needs a {name} sensor, and rover '{config.name}' has none; add [{name}] to it")
+            raise MissingPart(
+                f"{who} needs a {name} sensor, and rover '{config.name}' has none; choose another algorithm or rover"
+            )
     return frozenset(needs)
 
 

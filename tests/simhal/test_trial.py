@@ -100,7 +100,7 @@ def test_trial_without_a_sensor_task_ends_otherwise(
 
 def test_rover_without_a_compass_never_moves(monkeypatch: pytest.MonkeyPatch) -> None:
     result = run_without("compass", spec_of(budget_m=10.0), monkeypatch)
-    assert (result.outcome, result.path_m) == ("entrapped", 0.0)
+    assert (result.outcome, result.path_m) == ("fault", 0.0)  # it was never armed
 
 
 def test_rover_that_cannot_sense_motion_does_not_escape(monkeypatch: pytest.MonkeyPatch) -> None:

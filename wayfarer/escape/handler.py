@@ -18,6 +18,10 @@ BLOCKED_TURNS_BEFORE_ALTERNATING = 2
 BACK_OFF_SHARES = (1.0, 0.5, 0.25)
 
 
+# Blocked turns are forgotten after following the goal freely for so long: that is another place.
+FREE_RUN_M = 1.0
+
+
 @dataclass(frozen=True, slots=True)
 class Recipe:
     """What makes one algorithm out of the common handler.
@@ -49,7 +53,9 @@ class PhasedHandler:
         self._manoeuvre = self._manoeuvres[Phase.FOLLOW]
         self._phase_name = Phase.FOLLOW.value
         self._last_heading_deg: float | None = None
-        self._course.counter_deg = 0.0
+        self._side = self._course.side = policies.CLOCKWISE
+        self._course.counter_deg = self._course.turn_deg = 0.0
+        self._followed_from_m = 0.0
         self._episodes = 0
         self._blocked_turns = 0
 
@@ -80,6 +86,7 @@ class PhasedHandler:
         heading_deg, last_deg = observation.heading_deg, self._last_heading_deg
         self._last_heading_deg = heading_deg
         if last_deg is None:
+            self._followed_from_m = observation.travelled_m
             self._manoeuvre.begin(observation)
         else:
             self._course.counter_deg += (heading_deg - last_deg + 180.0) % 360.0 - 180.0
@@ -89,7 +96,9 @@ class PhasedHandler:
         if left is Phase.TURN_AWAY:
             self._blocked_turns = 0 if event is Event.DONE else self._blocked_turns + 1
             self._course.side = self._side
-        if phase is Phase.BACK_OFF:
+        if phase is Phase.FOLLOW:
+            self._followed_from_m = observation.travelled_m
+        elif phase is Phase.BACK_OFF:
             self._plan(observation, new_episode=left is Phase.FOLLOW)
         self._manoeuvre = self._manoeuvres[phase]
         self._phase_name = phase.value
@@ -101,6 +110,8 @@ class PhasedHandler:
         if new_episode:
             self._episodes += 1
             course.counter_deg = 0.0
+            if observation.travelled_m - self._followed_from_m > FREE_RUN_M:
+                self._blocked_turns = 0
         if new_episode or not recipe.keeps_side:
             self._side = recipe.side(observation, self._settings, self._rng)
         too_often = self._blocked_turns - BLOCKED_TURNS_BEFORE_ALTERNATING

@@ -7,6 +7,10 @@ from math import copysign, cos, radians
 from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.hal import WheelCommand
 
+# Bound of the integral, in rad s: with the default gain it adds at most 17 degrees a second. It learns unequal sides,
+# and must not wind up while something holds the rover.
+INTEGRAL_MAX_RAD_S = 1.5
+
 
 class HeadingHold:
     """Drives along a heading; beyond ``pivot_beyond_deg`` of error it turns on the spot instead."""
@@ -40,7 +44,7 @@ class HeadingHold:
         last_error = self._last_error
         if last_error is not None:
             dt_s = t_s - self._last_t_s
-            self._integral += error * dt_s
+            self._integral = min(max(self._integral + error * dt_s, -INTEGRAL_MAX_RAD_S), INTEGRAL_MAX_RAD_S)
             turn += self._i * self._integral
             if self._d and dt_s > 0.0:
                 turn += self._d * (error - last_error) / dt_s

@@ -30,6 +30,7 @@ from contextvars import Context, copy_context
 from functools import partial
 from heapq import heappop, heappush
 from itertools import count
+from math import inf, isnan
 from typing import Any, TypeVar, TypeVarTuple, Unpack, cast
 from weakref import WeakSet
 
@@ -116,6 +117,8 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         context: Context | None = None,
     ) -> _Handle:
         """Run the callback at a time; at once, but never earlier than now, where that is past."""
+        if isnan(when):
+            raise ValueError("a timer needs a time, and this one is not a number")
         if context is None:
             context = copy_context()
         handle = _Handle((when, self._number(), callback, args, context))
@@ -165,7 +168,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         timers = self._timers
         while timers and timers[0][_CALLBACK] is None:
             heappop(timers)
-        if not timers:
+        if not timers or timers[0][_WHEN] == inf:
             raise NothingScheduled(
                 f"virtual time stands at {self._now_s:.3f} s: every task waits for something that nothing can bring "
                 f"({self._describe_tasks()})"

@@ -10,8 +10,9 @@ class Physics:
     """Physics-light: what makes a blind rover's life hard, and no more.
 
     From the paper and its released simulator (section IV-A; units as measured from the released code): the rover goes
-    off its heading by ``steer_noise_rad`` in each 0.05 m, its heading wanders by ``heading_noise_deg`` in each 0.05 m,
-    and it slips 0.5 m plus an exponentially distributed distance (``slip_mean_m``) after the last slip.
+    off its heading by ``steer_noise_rad`` in each step (0.05 m at cruise), its heading wanders by
+    ``heading_noise_deg`` in each 0.05 m, and it slips 0.5 m plus an exponentially distributed distance
+    (``slip_mean_m``) after the last slip.
 
     From no source, chosen to be plain: first-order motor lag; gain of each side and effective track off by a few per
     cent from one rover to the next; a rover that pushes onto a trunk rears up at ``climb_deg_s`` for full duty, falls

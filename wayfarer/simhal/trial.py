@@ -61,6 +61,7 @@ class Tally:
         self.ticks = 0
         self.anomalies = 0
         self.episodes = 0
+        self.disarmed = False
         self._phase = Phase.HALT
 
     def tick(self, record: TickRecord) -> None:
@@ -76,8 +77,9 @@ class Tally:
             self.episodes += self._phase is Phase.FOLLOW
         self._phase = phase
 
-    def event(self, name: str, t_s: float, **details: object) -> None:
-        """Events are not counted."""
+    def event(self, name: str, t_s: float, **details: object) -> None:  # noqa: ARG002
+        """Note a rover that gave up by itself."""
+        self.disarmed |= name == "disarmed"
 
     def position(self, fix: PositionFix | None) -> None:
         """Positions are not counted."""
@@ -133,7 +135,7 @@ def _field_log(spec: TrialSpec, folder: Path) -> RunLog:
 
 def _result(spec: TrialSpec, referee: Referee, world: World, tally: Tally) -> TrialResult:
     forest = spec.forest
-    outcome = referee.outcome or "fault"
+    outcome = "fault" if tally.disarmed else referee.outcome or "fault"
     path_m = referee.path_m(world)
     shortest_m = forest.shortest_path_m
     succeeded = outcome in ("escaped", "left_bounds")
