@@ -164,3 +164,8 @@ def test_any_file_is_a_rover_or_a_bad_configuration(folder: Path, content: bytes
     except BadInput as error:
         assert isinstance(error, BadConfig)
         assert "rover.toml: " in str(error)
+
+
+def test_rover_too_slow_for_its_own_deadlines_is_refused(tmp_path: Path) -> None:
+    said = complaint(tmp_path, "control_hz = 4\n" + rover_toml())
+    assert said.startswith("key 'control_hz' = 4: too slow, safety.tick_late_s = 0.2 s")

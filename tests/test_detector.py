@@ -359,15 +359,12 @@ def test_contact_that_is_only_needed_is_no_anomaly_but_must_not_fall_silent() ->
 
 
 @pytest.mark.parametrize(
-    ("heading_deg", "pitch_deg", "roll_deg"),
-    [(nan, 0.0, 0.0), (0.0, nan, 0.0), (0.0, 0.0, inf), (360.0, 0.0, 0.0), (0.0, -1e9, 0.0)],
+    "angles_deg", [(nan, 0.0, 0.0), (0.0, nan, 0.0), (0.0, 0.0, inf), (360.0, 0.0, 0.0), (0.0, -1e9, 0.0)]
 )
-def test_reading_that_no_compass_can_give_is_never_believed(
-    heading_deg: float, pitch_deg: float, roll_deg: float
-) -> None:
+def test_reading_that_no_compass_can_give_is_never_believed(angles_deg: tuple[float, float, float]) -> None:
     detector = Detector(SETTINGS, MAX_SPEED_M_S, watches_motion=False)
     for tick in range(100):
-        reading = CompassReading(tick * TICK_S, heading_deg, pitch_deg, roll_deg, None)
+        reading = CompassReading(tick * TICK_S, *angles_deg, None)
         detection = detector.update(Snapshot(tick * TICK_S, reading, None, None), STOP)
         assert detector.compass is None
     assert detection.conditions == (Condition.COMPASS_LOST,)

@@ -417,3 +417,23 @@ def test_cancellation_while_a_part_hangs_while_opening() -> None:
     with pytest.raises(asyncio.CancelledError):
         drive(shop, {0.5: lambda _: shop.run is not None and shop.run.cancel()})
     assert_wheels_stopped_first(shop)
+
+
+class ClingingCompass(Compass):
+    """Finishes its transfer, however long that takes, before it lets itself be cancelled."""
+
+    async def read(self) -> CompassReading:
+        try:
+            await asyncio.sleep(0.03)
+            return await super().read()
+        except asyncio.CancelledError:
+            await asyncio.sleep(30.0)
+            raise
+
+
+def test_wheels_stop_at_once_even_if_a_sensor_does_not_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(globals(), "Compass", ClingingCompass)
+    shop = Workshop()
+    drive(shop, for_s=1.0)
+    assert shop.times("motors.stop")[0] == pytest.approx(1.0, abs=0.1)
+    assert shop.times("compass.close")[0] > 30.0

@@ -158,3 +158,18 @@ def test_same_seed_gives_the_same_decisions(name: str) -> None:
         return [walk.tick(*(STUCK if n % 40 == 0 else ())) for n in range(400)]
 
     assert run() == run()
+
+
+def test_blocked_turns_are_forgotten_after_a_free_run() -> None:
+    walk = Walk("forest-pledge")
+    for _ in range(2):
+        walk.to(Phase.TURN_AWAY)
+        walk.turns = False
+        walk.go_on(lambda decision: decision.phase is not Phase.TURN_AWAY)
+        walk.turns = True
+        walk.to(Phase.FOLLOW)
+    assert walk.handler.memory()["blocked_turns"] == 2
+    for _ in range(40):
+        walk.tick()
+    walk.tick(*STUCK)
+    assert (walk.handler.memory()["blocked_turns"], walk.handler.memory()["side"]) == (0, 1)

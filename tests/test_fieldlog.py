@@ -1,0 +1,72 @@
+"""The field log: what a trial writes can be read back, and nothing that goes wrong in it reaches the rover."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from wayfarer.conditions import Level
+from wayfarer.config import load_rover
+from wayfarer.errors import BadInput
+from wayfarer.escape.api import Decision, Phase
+from wayfarer.fieldlog import FieldLog
+from wayfarer.hal import STOP
+from wayfarer.latest import Snapshot
+from wayfarer.records import TickRecord
+from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.trial import TrialSpec, run_trial
+
+SPEC = TrialSpec(3, "cv-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"), budget_m=10.0)
+
+
+def records(folder: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in (folder / "run.jsonl").read_bytes().splitlines()]
+
+
+def test_log_of_a_trial_begins_with_what_ran_and_ends_with_how_it_ended(tmp_path: Path) -> None:
+    result = run_trial(SPEC, tmp_path)
+    first, *_, last = found = records(tmp_path)
+    assert (first["record"], first["algorithm"], first["seed"]) == ("run", "cv-pledge", 5)
+    assert (last["record"], last["reason"], last["dropped"]) == ("outcome", result.outcome, 0)
+    assert sum(record["record"] == "tick" for record in found) == result.ticks
+    assert [record["t_s"] for record in found] == sorted(record["t_s"] for record in found)  # type: ignore[type-var]
+
+
+def test_same_trial_writes_the_same_bytes_and_is_not_changed_by_its_log(tmp_path: Path) -> None:
+    results = [run_trial(SPEC), run_trial(SPEC, tmp_path / "a"), run_trial(SPEC, tmp_path / "b")]
+    assert results[0] == results[1] == results[2]
+    assert (tmp_path / "a" / "run.jsonl").read_bytes() == (tmp_path / "b" / "run.jsonl").read_bytes()
+
+
+def test_log_is_never_written_over(tmp_path: Path) -> None:
+    run_trial(SPEC, tmp_path)
+    with pytest.raises(BadInput, match="File exists"):
+        run_trial(SPEC, tmp_path)
+
+
+def tick(memory: object = None) -> TickRecord:
+    def recall() -> Mapping[str, float | str]:
+        if isinstance(memory, Exception):
+            raise memory
+        return {"counter_deg": 0.0}
+
+    return TickRecord(
+        1.0, Snapshot(1.0, None, None, None), None, Decision(STOP, Phase.HALT, "halt"), STOP, Level.WELL, None, recall
+    )
+
+
+def test_what_cannot_be_written_is_dropped_and_counted(tmp_path: Path) -> None:
+    log = FieldLog(tmp_path, {}, wall=lambda t_s: t_s)
+    log.tick(tick(KeyError("a third party's memory")))
+    log.tick(tick())
+    log.close("requested", "enough")
+    assert [record["record"] for record in records(tmp_path)] == ["run", "tick", "outcome"]
+    assert records(tmp_path)[-1]["dropped"] == 1
+
+
+def test_folder_that_cannot_be_made_is_bad_input() -> None:
+    with pytest.raises(BadInput, match="the field log cannot be written"):
+        FieldLog(Path("/dev/null/run"), {})
