@@ -26,9 +26,15 @@ def gate(**settings: float) -> Gate:
     return Gate(SafetySettings(**settings), HZ)
 
 
+def update(gate_: Gate, wanted: WheelCommand, conditions: tuple[Condition, ...], *, armed: bool) -> WheelCommand:
+    """One tick of the gate."""
+    gate_.judge(conditions)
+    return gate_.limit(wanted, armed=armed)
+
+
 def at_full_duty() -> Gate:
     running = gate(slew_per_s=1000.0)
-    assert running.update(AHEAD, (), armed=True) == AHEAD
+    assert update(running, AHEAD, (), armed=True) == AHEAD
     return running
 
 
@@ -52,7 +58,7 @@ def test_wheels_never_turn_while_disarmed_held_or_faulted(
         if cleared:
             gate_.clear_fault()
             faulted = False
-        applied = gate_.update(wanted, conditions, armed=armed)
+        applied = update(gate_, wanted, conditions, armed=armed)
         faulted |= any(LEVELS[condition] is Level.FAULT for condition in conditions)
         if not armed or faulted or any(condition in STOPPING for condition in conditions):
             assert applied == STOP
@@ -68,7 +74,7 @@ def test_duty_grows_no_faster_than_the_slew_and_is_never_more_than_wanted(
     gate_ = gate(slew_per_s=slew_per_s)
     last = STOP
     for command in wanted:
-        applied = gate_.update(command, (), armed=True)
+        applied = update(gate_, command, (), armed=True)
         for now, before, want in zip(applied, last, command, strict=True):
             assert now * want >= 0.0
             assert abs(now) <= abs(want)
@@ -79,73 +85,73 @@ def test_duty_grows_no_faster_than_the_slew_and_is_never_more_than_wanted(
 
 def test_start_is_a_ramp() -> None:
     gate_ = gate(slew_per_s=8.0)
-    assert [gate_.update(AHEAD, (), armed=True).left for _ in range(4)] == pytest.approx([0.4, 0.8, 1.0, 1.0])
+    assert [update(gate_, AHEAD, (), armed=True).left for _ in range(4)] == pytest.approx([0.4, 0.8, 1.0, 1.0])
 
 
 @pytest.mark.parametrize("wanted", [STOP, WheelCommand(0.2, 0.0)])
 def test_less_duty_is_given_at_once(wanted: WheelCommand) -> None:
     gate_ = gate(slew_per_s=0.2)
     for _ in range(200):
-        full = gate_.update(AHEAD, (), armed=True)
+        full = update(gate_, AHEAD, (), armed=True)
     assert full == AHEAD
-    assert gate_.update(wanted, (), armed=True) == wanted
+    assert update(gate_, wanted, (), armed=True) == wanted
 
 
 def test_reversal_stops_first_and_grows_from_zero() -> None:
     gate_ = gate(slew_per_s=8.0)
     for _ in range(3):
-        gate_.update(AHEAD, (), armed=True)
-    assert gate_.update(WheelCommand(-1.0, -1.0), (), armed=True) == pytest.approx((-0.4, -0.4))
+        update(gate_, AHEAD, (), armed=True)
+    assert update(gate_, WheelCommand(-1.0, -1.0), (), armed=True) == pytest.approx((-0.4, -0.4))
 
 
 @pytest.mark.parametrize("condition", STOPPING)
 def test_stop_is_immediate_and_the_start_after_it_a_ramp(condition: Condition) -> None:
     gate_ = gate(slew_per_s=8.0)
     for _ in range(3):
-        gate_.update(AHEAD, (), armed=True)
-    assert gate_.update(AHEAD, (condition,), armed=True) == STOP
+        update(gate_, AHEAD, (), armed=True)
+    assert update(gate_, AHEAD, (condition,), armed=True) == STOP
     gate_.clear_fault()
-    assert gate_.update(AHEAD, (), armed=True) == pytest.approx((0.4, 0.4))
+    assert update(gate_, AHEAD, (), armed=True) == pytest.approx((0.4, 0.4))
 
 
 @pytest.mark.parametrize("condition", BY_LEVEL[Level.HOLD])
 def test_hold_ends_with_its_condition(condition: Condition) -> None:
     gate_ = at_full_duty()
-    assert gate_.update(AHEAD, (condition,), armed=True) == STOP
+    assert update(gate_, AHEAD, (condition,), armed=True) == STOP
     assert (gate_.level, gate_.cause) == (Level.HOLD, condition)
-    assert gate_.update(AHEAD, (), armed=True) == AHEAD
+    assert update(gate_, AHEAD, (), armed=True) == AHEAD
     assert (gate_.level, gate_.cause) == (Level.WELL, None)
 
 
 @pytest.mark.parametrize("condition", BY_LEVEL[Level.FAULT])
 def test_fault_stays_until_it_is_cleared(condition: Condition) -> None:
     gate_ = at_full_duty()
-    gate_.update(AHEAD, (condition,), armed=True)
+    update(gate_, AHEAD, (condition,), armed=True)
     for conditions in ((), (Condition.MOTION_UNKNOWN,), (Condition.COMPASS_STALE,), ()):
-        assert gate_.update(AHEAD, conditions, armed=True) == STOP
+        assert update(gate_, AHEAD, conditions, armed=True) == STOP
         assert (gate_.level, gate_.cause) == (Level.FAULT, condition)
     gate_.clear_fault()
-    assert gate_.update(AHEAD, (), armed=True) == AHEAD
+    assert update(gate_, AHEAD, (), armed=True) == AHEAD
     assert gate_.level is Level.WELL
 
 
 def test_first_fault_is_the_one_that_is_told() -> None:
     gate_ = at_full_duty()
-    gate_.update(AHEAD, (Condition.OVERTURNED,), armed=True)
-    gate_.update(AHEAD, (Condition.MOTORS_FAILED,), armed=True)
+    update(gate_, AHEAD, (Condition.OVERTURNED,), armed=True)
+    update(gate_, AHEAD, (Condition.MOTORS_FAILED,), armed=True)
     assert gate_.cause is Condition.OVERTURNED
 
 
 def test_fault_while_disarmed_is_latched_too() -> None:
     gate_ = gate()
-    gate_.update(AHEAD, (Condition.OVERTURNED,), armed=False)
-    assert gate_.update(AHEAD, (), armed=True) == STOP
+    update(gate_, AHEAD, (Condition.OVERTURNED,), armed=False)
+    assert update(gate_, AHEAD, (), armed=True) == STOP
 
 
 @pytest.mark.parametrize("condition", HARMLESS)
 def test_note_and_degrade_do_not_stop(condition: Condition) -> None:
     gate_ = at_full_duty()
-    assert gate_.update(AHEAD, (condition,), armed=True) == AHEAD
+    assert update(gate_, AHEAD, (condition,), armed=True) == AHEAD
     assert gate_.cause is condition
 
 
@@ -154,8 +160,8 @@ def test_note_and_degrade_do_not_stop(condition: Condition) -> None:
 def test_wheels_that_are_no_number_stop_and_latch(bad: float, other: float) -> None:
     for wanted in (WheelCommand(bad, other), WheelCommand(other, bad)):
         gate_ = at_full_duty()
-        assert gate_.update(wanted, (), armed=True) == STOP
-        assert gate_.update(AHEAD, (), armed=True) == STOP
+        assert update(gate_, wanted, (), armed=True) == STOP
+        assert update(gate_, AHEAD, (), armed=True) == STOP
         assert (gate_.level, gate_.cause) == (Level.FAULT, Condition.DECISION_INVALID)
 
 
@@ -163,4 +169,4 @@ def test_wheels_that_are_no_number_stop_and_latch(bad: float, other: float) -> N
 def test_duty_is_limited_on_both_sides_and_both_ways(wanted: WheelCommand) -> None:
     gate_ = gate(duty_max=0.6, slew_per_s=1000.0)
     for _ in range(2):
-        assert [abs(duty) for duty in gate_.update(wanted, (), armed=True)] == [0.6, 0.6]
+        assert [abs(duty) for duty in update(gate_, wanted, (), armed=True)] == [0.6, 0.6]

@@ -24,7 +24,8 @@ from wayfarer.hal import (
     Rover,
     WheelCommand,
 )
-from wayfarer.helm import Mode, RunEnd
+from wayfarer.helm import Mode
+from wayfarer.mission import RunEnd
 from wayfarer.records import TickRecord
 from wayfarer.safety import SafetySettings
 from wayfarer.simhal.loop import VirtualLoop
@@ -177,7 +178,7 @@ def drive(shop: Workshop, script: Script | None = None, *, for_s: float = 1.0, *
     async def main() -> RunEnd:
         loop = asyncio.get_running_loop()
         under_test = supervisor(shop, **rover)
-        under_test.arm(0.0)
+        under_test.helm.arm(loop.time(), 0.0)
         shop.run = asyncio.create_task(under_test.run())
         for t_s, act in {for_s: lambda it: it.finish("requested", "enough"), **(script or {})}.items():
             loop.call_later(t_s, act, under_test)
@@ -252,7 +253,7 @@ def test_contact_sensor_is_read_only_where_it_is_needed() -> None:
 async def test_run_on_the_stock_loop_is_the_same() -> None:
     shop = Workshop()
     under_test = supervisor(shop)
-    under_test.arm(0.0)
+    await under_test.arm(0.0)
     asyncio.get_running_loop().call_later(0.12, under_test.finish, "requested", "enough")
     assert (await under_test.run()).reason == "requested"
     assert "handler.decide" in shop.done

@@ -33,6 +33,11 @@ class Condition(Enum):
     CONTACT_STALE = "contact_stale"
     OVERTURNED = "overturned"
     MOTORS_FAILED = "motors_failed"
+    BOARD_FAULT = "board_fault"
+    BOARD_SILENT = "board_silent"
+    BATTERY_LOW = "battery_low"
+    BATTERY_CRITICAL = "battery_critical"
+    OPERATOR_HOLD = "operator_hold"
     TICK_LATE = "tick_late"
     DECISION_INVALID = "decision_invalid"
 
@@ -48,6 +53,11 @@ LEVELS: Mapping[Condition, Level] = {
     Condition.CONTACT_STALE: Level.HOLD,
     Condition.OVERTURNED: Level.FAULT,
     Condition.MOTORS_FAILED: Level.FAULT,
+    Condition.BOARD_FAULT: Level.FAULT,
+    Condition.BOARD_SILENT: Level.DEGRADE,
+    Condition.BATTERY_LOW: Level.DEGRADE,
+    Condition.BATTERY_CRITICAL: Level.FAULT,
+    Condition.OPERATOR_HOLD: Level.HOLD,
     Condition.TICK_LATE: Level.HOLD,
     Condition.DECISION_INVALID: Level.FAULT,
 }

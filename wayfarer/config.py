@@ -9,18 +9,21 @@ from __future__ import annotations
 
 import json
 import tomllib
+from collections.abc import Mapping
 from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
+from wayfarer.board import BoardSettings
 from wayfarer.bounds import Hertz
 from wayfarer.detector import DetectorSettings
-from wayfarer.errors import BadConfig, UnknownName
+from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import EscapeSettings, Vehicle
+from wayfarer.registry import driver_names, find_driver
 from wayfarer.safety import SafetySettings
 
 _STRICT = ConfigDict(extra="forbid", frozen=True)
@@ -38,7 +41,12 @@ class Rates(BaseModel):
 
 
 class RoverConfig(BaseModel):
-    """One rover, as its file describes it."""
+    """One rover, as its file describes it.
+
+    ``declination_deg`` is how far magnetic north lies east of true north where the rover drives; without it bearings
+    are magnetic only. ``parts`` names a driver and its settings for each member of ``hal.Rover``, and ``buses`` who
+    hands out the buses that they sit on; a rover without parts can only be simulated.
+    """
 
     model_config = _STRICT
 
@@ -50,6 +58,10 @@ class RoverConfig(BaseModel):
     escape: EscapeSettings = EscapeSettings()
     detector: DetectorSettings = DetectorSettings()
     safety: SafetySettings = SafetySettings()
+    board: BoardSettings = BoardSettings()
+    declination_deg: float | None = Field(default=None, ge=-180, le=180)
+    buses: str = "linux"
+    parts: dict[str, dict[str, Any]] = {}
 
     @model_validator(mode="after")
     def _rates_meet_their_deadlines(self) -> Self:
@@ -67,9 +79,41 @@ class RoverConfig(BaseModel):
                 )
         return self
 
+    @field_validator("parts")
+    @classmethod
+    def _parts_have_their_drivers(cls, parts: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        """Refuse a part of which the driver is unknown, or does not understand its settings."""
+        for part, table in parts.items():
+            part_settings(part, table)
+        return parts
+
     def with_anomaly_source(self, source: Literal["motion", "contact"]) -> Self:
         """Return the same rover, noticing obstacles by another sense."""
         return self.model_copy(update={"anomaly_source": source})
+
+
+def part_settings(part: str, table: Mapping[str, Any]) -> tuple[Any, Any]:
+    """Return the driver class of a part and its settings, from the part's table in a rover file.
+
+    Raises:
+        ValueError: the text names the key and what is allowed.
+    """
+    key = f"parts.{part}"
+    settings = dict(table)
+    name = settings.pop("driver", None)
+    if not isinstance(name, str):
+        raise ValueError(f"key '{key}.driver' is missing: it names the driver, such as \"{driver_names()[0]}\"")
+    try:
+        driver = find_driver(name)
+    except BadInput as error:
+        raise ValueError(f"key '{key}.driver': {error}") from None
+    if getattr(driver, "part", None) != part:
+        raise ValueError(f"key '{key}.driver': '{name}' is no {part}, but a {getattr(driver, 'part', 'stranger')}")
+    try:
+        return driver, TypeAdapter(driver.Settings).validate_json(json.dumps(settings), strict=True)
+    except ValidationError as error:
+        problem = _most_telling(error)
+        raise ValueError(_explain(problem, driver.Settings, f"{key}.")) from None
 
 
 def rover_names() -> list[str]:
@@ -112,8 +156,7 @@ def _parse(where: str, text: str) -> RoverConfig:
         # By way of JSON, because pydantic's strict mode takes tables for dataclasses from there only.
         return RoverConfig.model_validate_json(json.dumps(table, default=str), strict=True)
     except ValidationError as error:
-        problems = sorted(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN)
-        raise BadConfig(_one_line(f"{where}: {_explain(problems[0])}")) from None
+        raise BadConfig(_one_line(f"{where}: {_explain(_most_telling(error), RoverConfig)}")) from None
     except (ValueError, RecursionError) as error:  # tomllib: syntax, endless numbers, brackets without end
         raise BadConfig(_one_line(f"{where}: not valid TOML: {error}")) from None
 
@@ -121,18 +164,24 @@ def _parse(where: str, text: str) -> RoverConfig:
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 
 
-def _explain(problem: ErrorDetails) -> str:
+def _most_telling(error: ValidationError) -> ErrorDetails:
+    """Return one problem of several: a mistyped key before the key that it leaves missing."""
+    return min(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN)
+
+
+def _explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
     """Say what is wrong with one key: the key, what was found, what is allowed."""
-    if not problem["loc"]:
-        return problem["msg"].removeprefix("Value error, ")
+    text = problem["msg"].removeprefix("Value error, ")
+    if not problem["loc"] or (problem["type"] == "value_error" and text.startswith("key '")):
+        return text
     *section, key = (str(part) for part in problem["loc"])
-    dotted = ".".join([*section, key])
+    dotted = prefix + ".".join([*section, key])
     if problem["type"] in _UNKNOWN:
-        near = get_close_matches(key, _known_keys(section), n=1, cutoff=0.4)
+        near = get_close_matches(key, _known_keys(model, section), n=1, cutoff=0.4)
         return f"unknown key '{dotted}'" + (f"; did you mean '{near[0]}'?" if near else "")
     if problem["type"] in {"missing", "missing_argument"}:
         return f"key '{dotted}' is missing"
-    wanted = problem["msg"].lower().replace("an object", "a table")  # JSON's word for it is not TOML's
+    wanted = text.lower().replace("an object", "a table")  # JSON's word for it is not TOML's
     return f"key '{dotted}' = {problem['input']!r}: {wanted}"
 
 
@@ -140,7 +189,8 @@ def _one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _known_keys(section: list[str]) -> list[str]:
-    model: Any = RoverConfig.model_fields[section[0]].annotation if section else RoverConfig
+def _known_keys(model: Any, section: list[str]) -> list[str]:
+    if section:
+        model = model.model_fields[section[0]].annotation
     fields = getattr(model, "model_fields", None) or getattr(model, "__dataclass_fields__", {})
     return list(fields)

@@ -207,11 +207,13 @@ class Detector:
         return turned_deg <= self._settings.heading_jump_deg + self._settings.heading_rate_max_deg_s * since_s
 
     def _take_motion(self, reading: MotionReading, conditions: list[Condition]) -> None:
-        t_s, forward_m, right_m, quality = reading
+        t_s, forward_m, right_m, quality, signed = reading
         dt_s, self._motion_t_s = t_s - self._motion_t_s, t_s
         if dt_s <= 0.0:
             return  # the first one: it says how far since nobody knows when
         commanded_m, self._commanded_m = self._commanded_m, 0.0
+        if not signed and commanded_m < 0.0:
+            forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
         limit_m = self._settings.motion_speed_max_m_s * dt_s
         if not abs(forward_m) <= limit_m >= abs(right_m):
             conditions.append(Condition.MOTION_IMPLAUSIBLE)

@@ -36,6 +36,20 @@ def wall_clock(_t_s: float) -> float:
     return time.time()
 
 
+def new_run_folder(logs: Path) -> Path:
+    """Return the name of the next run's folder: a counter, which no clock can turn back, and the time in UTC.
+
+    Raises:
+        BadInput: the logs' folder cannot be read.
+    """
+    try:
+        taken = [path.name for path in logs.iterdir()] if logs.exists() else []
+    except OSError as error:
+        raise BadInput(f"{logs}: the logs' folder cannot be read: {error.strerror}") from None
+    last = max((int(number) for name in taken if (number := name.partition("-")[0]).isdecimal()), default=0)
+    return logs / f"{last + 1:05d}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}"
+
+
 class FieldLog:
     """Writes one run into a folder; implements ``records.RunLog``.
 

@@ -19,6 +19,7 @@ the first time; ``close`` may come at any moment after that, twice, or after a f
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -50,13 +51,15 @@ class MotionReading(NamedTuple):
     """Displacement over ground since the previous read, in the body's own frame.
 
     ``quality`` runs from 0 (nothing can be said) to 1. **Low quality means unknown, never still**: a leaf on the lens
-    also reads zero.
+    also reads zero. A sense that sees how much changed but not which way (successive images of a forward-looking
+    camera) is not ``signed``: its ``forward_m`` is a magnitude.
     """
 
     t_s: float
     forward_m: float
     right_m: float
     quality: float
+    signed: bool = True
 
 
 class ContactReading(NamedTuple):
@@ -86,6 +89,14 @@ class MotorHealth(NamedTuple):
 
     battery_v: float | None
     faults: tuple[str, ...]
+
+
+class Colour(NamedTuple):
+    """Colour of a status light; each part in 0 (off) to 1. A light of one colour shows whether any part is above 0."""
+
+    red: float
+    green: float
+    blue: float
 
 
 class PositionFix(NamedTuple):
@@ -160,8 +171,12 @@ class ContactSensor(Driver, Protocol):
 class DriveMotors(Driver, Protocol):
     """The left and right wheels of a skid-steered rover.
 
-    A board must be able to stop the wheels by itself when commands cease; ``open`` arms and verifies that deadman.
+    ``deadman_s`` is how long after the last command the board itself stops the wheels; None where it cannot. ``open``
+    arms that deadman and verifies it as far as the board can be asked; the helm opens the motors anew at each arming,
+    because a board that lost its power for a moment has forgotten it.
     """
+
+    deadman_s: float | None
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Apply the command and return what was really applied after the driver's own limits.
@@ -173,11 +188,38 @@ class DriveMotors(Driver, Protocol):
     async def stop(self) -> None:
         """Stop both wheels. Needs no earlier state, works before ``open``, may be repeated, never raises."""
 
+    def halt(self) -> None:
+        """Send a stop without waiting for it, from any thread: what is left when the event loop stands still.
+
+        It never raises and never blocks. Where the bus hangs, the stop goes out first when it is back.
+        """
+
+    async def read_back(self) -> WheelCommand | None:
+        """Return what the board says that it applies now, or None where the board cannot be asked.
+
+        Raises:
+            NotResponding: the board did not answer.
+            BadReading: what it answered cannot be.
+        """
+
     async def health(self) -> MotorHealth:
         """Return battery voltage and board faults.
 
         Raises:
             NotResponding: the board did not answer.
+            BadReading: what it answered cannot be.
+        """
+
+
+@runtime_checkable
+class StatusLight(Driver, Protocol):
+    """A light (or a buzzer) that tells a person at ten metres what the rover is about to do."""
+
+    async def show(self, colour: Colour) -> None:
+        """Show a colour until told otherwise.
+
+        Raises:
+            NotResponding: the light did not acknowledge.
         """
 
 
@@ -186,7 +228,11 @@ class PositionLogger(Driver, Protocol):
     """A receiver such as GPS, read at about 1 Hz, for the log and for mission limits only."""
 
     async def read(self) -> PositionFix | None:
-        """Return the latest fix, or None while there is none."""
+        """Return the latest fix, or None while there is none.
+
+        Raises:
+            NotResponding: the receiver, or the service that reads it, is gone.
+        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,9 +244,10 @@ class Rover:
     motion: MotionSensor | None = None
     contact: ContactSensor | None = None
     position: PositionLogger | None = None
+    light: StatusLight | None = None
 
     @property
-    def drivers(self) -> tuple[Driver, ...]:
-        """Every driver there is, in the order in which they are opened: motors first, so that they can be stopped."""
-        optional = (self.motion, self.contact, self.position)
-        return (self.motors, self.compass, *(driver for driver in optional if driver is not None))
+    def parts(self) -> Mapping[str, Driver]:
+        """The parts that there are, by capability, in the order of opening: motors first, to be stopped first."""
+        names = ("motors", "compass", "motion", "contact", "position", "light")
+        return {name: part for name in names if (part := getattr(self, name)) is not None}

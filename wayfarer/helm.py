@@ -3,22 +3,25 @@
 A tick always goes the same way::
 
     snapshot of cells -> detector -> escape handler -> safety gate -> motors -> one log record
+
+While the gate holds the wheels the handler is not asked, and its time stands still: a manoeuvre that is bounded in time
+goes on where it was when the hold ends.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
-from math import inf
 
 from wayfarer.arming import Arming
-from wayfarer.conditions import Condition, Level
+from wayfarer.board import BoardWatch
+from wayfarer.conditions import LEVELS, Condition, Level
 from wayfarer.config import RoverConfig
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
-from wayfarer.hal import STOP, DriveMotors, WheelCommand
+from wayfarer.hal import STOP, DriveMotors, PositionFix, WheelCommand
 from wayfarer.latest import Cells, Snapshot
+from wayfarer.mission import Mission, RunEnd
 from wayfarer.records import RunLog, TickRecord
 from wayfarer.safety import Gate
 
@@ -33,21 +36,16 @@ class Mode(Enum):
     ARMED = "armed"
 
 
-@dataclass(frozen=True, slots=True)
-class RunEnd:
-    """Why a run ended: a fixed reason such as ``requested`` or ``mission_time``, and a sentence for a person."""
-
-    reason: str
-    text: str
-
-
 # Members of an Enum are found slowly through its class, and the tick asks 20 times a second.
 _ARMED = Mode.ARMED
 _FAULT = Level.FAULT
 
 
 class Helm:
-    """Ticks; ``end`` is None until something ends the run."""
+    """Ticks; ``end`` is None until something ends the run, ``last`` is the record of the latest tick.
+
+    ``board`` is what the motor board said of itself; whoever polls it writes there.
+    """
 
     def __init__(
         self, motors: DriveMotors, cells: Cells, config: RoverConfig, detector: Detector, handler: EscapeHandler,
@@ -62,12 +60,18 @@ class Helm:
         self._handler = handler
         self._log = log
         self._gate = Gate(config.safety, config.control_hz)
+        self.board = BoardWatch(config.board)
         self.mode = Mode.DISARMED
         self.end: RunEnd | None = None
+        self.last: TickRecord | None = None
+        self.why_disarmed = "not armed since the start"
+        self.conditions: tuple[Condition, ...] = ()
+        self.goal_heading_deg = 0.0
+        self.mission: Mission | None = None
+        self.held = False
         self._arming: Arming | None = None
-        self._ends_s = self._ends_m = inf
-        self._goal_heading_deg = 0.0
         self._travelled_m = 0.0
+        self._held_s = 0.0
         self._applied = STOP
         self._motors_failed = False
         self._last_t_s: float | None = None
@@ -76,9 +80,12 @@ class Helm:
     # -- commands ------------------------------------------------------------------------------------------------
 
     def arm(self, t_s: float, goal_heading_deg: float | None) -> None:
-        """Begin to arm: after the start delay the wheels may turn. See ``Arming`` for the goal heading."""
-        self._motors_failed = False
-        self._ends_s = self._ends_m = inf
+        """Begin to arm: after the start delay the wheels may turn. See ``Arming`` for the goal heading.
+
+        The motors must have been opened anew: only that makes sure that they answer and that their deadman is on.
+        """
+        self._motors_failed = self.held = False
+        self.mission = None
         self._arming = Arming(self._safety, t_s, goal_heading_deg)
         self.mode = Mode.ARMING
         self._log.event("arming", t_s, start_delay_s=self._safety.start_delay_s)
@@ -86,9 +93,26 @@ class Helm:
     def disarm(self, t_s: float, reason: str) -> None:
         """Stop the wheels from the next tick on, until armed anew."""
         self.mode = Mode.DISARMED
+        self.why_disarmed = reason
         self._arming = None
-        self._ends_s = self._ends_m = inf
+        self.mission = None
         self._log.event("disarmed", t_s, reason=reason)
+
+    def hold(self, t_s: float, *, held: bool) -> None:
+        """Hold the wheels, or let them go on; the mission stays what it is."""
+        self.held = held
+        self._log.event("hold" if held else "resume", t_s)
+
+    def head_for(self, t_s: float, goal_heading_deg: float) -> None:
+        """Change the goal of the mission, in degrees clockwise from magnetic north."""
+        self.goal_heading_deg = goal_heading_deg
+        self._log.event("goal", t_s, goal_heading_deg=goal_heading_deg)
+
+    def position(self, fix: PositionFix | None) -> None:
+        """Take a fix for the log and the mission's radius; no decision sees it."""
+        self._log.position(fix)
+        if fix is not None and self.mission is not None:
+            self.mission.position(fix)
 
     def finish(self, reason: str, text: str) -> None:
         """End the run; the first reason stands."""
@@ -102,30 +126,37 @@ class Helm:
         if self._last_t_s is None:
             self._last_t_s = t_s
         dt_s, self._last_t_s = t_s - self._last_t_s, t_s
-        applied = self._applied
-        self._travelled_m += abs(applied.left + applied.right) * self._half_speed_m_s * dt_s
+        applied, gate, mission = self._applied, self._gate, self.mission
+        forward_m = (applied.left + applied.right) * self._half_speed_m_s * dt_s
+        self._travelled_m += abs(forward_m)
         snapshot = self._cells.snapshot(t_s)
         anomalies, conditions = self._detector.update(snapshot, applied)
-        if dt_s > self._late_s or self._motors_failed:
+        if dt_s > self._late_s or self._motors_failed or self.held or self.board.conditions:
             conditions = self._own_conditions(conditions, dt_s)
+        self.conditions = conditions
         if self._arming is not None:
             self._continue_arming(t_s, self._arming, conditions)
         observation = self._observe(snapshot, anomalies)
         armed = self.mode is _ARMED
-        decision = self._handler.decide(observation) if armed and observation is not None else _STAND
-        gate = self._gate
-        wheels = gate.update(decision.wheels, conditions, armed=armed)
+        decision = _STAND
+        if not gate.judge(conditions):
+            self._held_s += dt_s
+        elif armed and observation is not None:
+            decision = self._handler.decide(observation)
         try:
-            self._applied = applied = await self._motors.drive(wheels)
+            self._applied = applied = await self._motors.drive(gate.limit(decision.wheels, armed=armed))
         except DriverError as error:
             self._applied = applied = self._lose_motors(t_s, error)
-        self._log.tick(
-            TickRecord(t_s, snapshot, observation, decision, applied, gate.level, gate.cause, self._handler.memory)
+        self.last = TickRecord(
+            t_s, snapshot, observation, decision, applied, gate.level, gate.cause, self._handler.memory
         )
+        self._log.tick(self.last)
         if gate.cause is not self._last_cause or (armed and gate.level is _FAULT):
             self._note_health(t_s, gate.level, gate.cause)
-        if t_s >= self._ends_s or self._travelled_m >= self._ends_m:
-            self._end_mission(t_s)
+        if mission is not None and observation is not None:
+            mission.advance(forward_m, observation.heading_deg)
+            if self.end is None:
+                self.end = mission.end(t_s)
 
     def _observe(self, snapshot: Snapshot, anomalies: tuple[Anomaly, ...]) -> Observation | None:
         """Return what the handler may see, or None before the first believable heading."""
@@ -134,13 +165,13 @@ class Helm:
             return None
         _, heading_deg, pitch_deg, roll_deg, _ = compass
         return Observation(
-            snapshot.t_s,
+            snapshot.t_s - self._held_s,
             heading_deg,
             pitch_deg,
             roll_deg,
             anomalies,
             snapshot.contact,
-            self._goal_heading_deg,
+            self.goal_heading_deg,
             self._travelled_m,
         )
 
@@ -150,31 +181,33 @@ class Helm:
             conditions += (Condition.TICK_LATE,)
         if self._motors_failed:
             conditions += (Condition.MOTORS_FAILED,)
-        return conditions
+        if self.held:
+            conditions += (Condition.OPERATOR_HOLD,)
+        return conditions + self.board.conditions
 
     def _continue_arming(self, t_s: float, arming: Arming, conditions: tuple[Condition, ...]) -> None:
         compass = self._detector.compass
         goal_heading_deg = arming.update(compass) if compass is not None else None
-        if goal_heading_deg is not None and not conditions:
+        stops = [condition.value for condition in conditions if LEVELS[condition] >= Level.DEGRADE]
+        if goal_heading_deg is not None and not stops:
             self._begin_mission(t_s, goal_heading_deg)
         elif arming.too_late(t_s):
-            causes = ", ".join(condition.value for condition in conditions) or "the heading did not settle"
-            self.disarm(t_s, f"not armed: {causes}")
+            self.disarm(t_s, f"not armed: {', '.join(stops) or 'the heading did not settle'}")
 
     def _begin_mission(self, t_s: float, goal_heading_deg: float) -> None:
         self._arming = None
         self._gate.clear_fault()
         self._handler.reset()
-        self._goal_heading_deg = goal_heading_deg
-        self._ends_s = t_s + self._safety.mission_time_s
-        self._ends_m = self._travelled_m + self._safety.mission_distance_m
+        self.goal_heading_deg = goal_heading_deg
+        self.mission = Mission(self._safety, t_s)
         self.mode = Mode.ARMED
         self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
 
     def _lose_motors(self, t_s: float, error: DriverError) -> WheelCommand:
         """Without an acknowledgement nobody knows what the wheels do: latch a fault; the board's deadman stops them."""
+        if not self._motors_failed:
+            self._log.event("motors_failed", t_s, error=str(error))
         self._motors_failed = True
-        self._log.event("motors_failed", t_s, error=str(error))
         return STOP
 
     def _note_health(self, t_s: float, level: Level, cause: Condition | None) -> None:
@@ -182,10 +215,3 @@ class Helm:
         self._log.event("health", t_s, level=level.name.lower(), cause=cause.value if cause is not None else None)
         if level is Level.FAULT and self.mode is not Mode.DISARMED:
             self.disarm(t_s, f"fault: {cause.value if cause is not None else 'unknown'}")
-
-    def _end_mission(self, t_s: float) -> None:
-        safety = self._safety
-        if t_s >= self._ends_s:
-            self.finish("mission_time", f"the mission limit of {safety.mission_time_s:g} s was reached")
-        else:
-            self.finish("mission_distance", f"the mission limit of {safety.mission_distance_m:g} m was reached")

@@ -28,13 +28,15 @@ class MotionCell:
     The quality of the sum is that of its worst part: half a displacement is not a displacement.
     """
 
-    __slots__ = ("_pending",)
+    __slots__ = ("_pending", "latest")
 
     def __init__(self) -> None:
         self._pending: MotionReading | None = None
+        self.latest: MotionReading | None = None
 
     def write(self, reading: MotionReading) -> None:
-        """Add a reading to what is pending."""
+        """Add a reading to what is pending; ``latest`` is the reading itself."""
+        self.latest = reading
         pending = self._pending
         if pending is not None:
             reading = MotionReading(
@@ -42,6 +44,7 @@ class MotionCell:
                 pending.forward_m + reading.forward_m,
                 pending.right_m + reading.right_m,
                 min(pending.quality, reading.quality),
+                reading.signed,
             )
         self._pending = reading
 

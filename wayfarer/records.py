@@ -46,10 +46,10 @@ class RunLog(Protocol):
 
 
 class Tee:
-    """Two logs that take the same run."""
+    """Several logs that take the same run."""
 
-    def __init__(self, first: RunLog, second: RunLog) -> None:
-        self._logs = (first, second)
+    def __init__(self, *logs: RunLog) -> None:
+        self._logs = logs
 
     def tick(self, record: TickRecord) -> None:
         """Take the record of one control tick."""
@@ -67,6 +67,6 @@ class Tee:
             log.position(fix)
 
     def close(self, reason: str, text: str) -> None:
-        """Write the outcome and end both logs."""
+        """Write the outcome and end the logs."""
         for log in self._logs:
             log.close(reason, text)

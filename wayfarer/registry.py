@@ -19,7 +19,19 @@ ALGORITHM_GROUP = "wayfarer.algorithms"
 DRIVER_GROUP = "wayfarer.drivers"
 
 # Built-in drivers, by the name that a rover file uses. The module is imported when the part is chosen, never before.
-BUILT_IN_DRIVERS: Mapping[str, str] = {}
+BUILT_IN_DRIVERS: Mapping[str, str] = {
+    "bumper": "wayfarer.drivers.bumper:Bumper",
+    "camera_motion": "wayfarer.drivers.camera_motion:CameraMotion",
+    "cmps14": "wayfarer.drivers.cmps14:CMPS14",
+    "gpio_light": "wayfarer.drivers.gpio_light:GpioLight",
+    "gpio_motors": "wayfarer.drivers.gpio_motors:GpioMotors",
+    "gpsd": "wayfarer.drivers.gpsd:Gpsd",
+    "pmw3901": "wayfarer.drivers.pmw3901:PMW3901",
+    "sabertooth": "wayfarer.drivers.sabertooth:Sabertooth",
+    "thunderborg": "wayfarer.drivers.thunderborg:ThunderBorg",
+    "thunderborg_light": "wayfarer.drivers.thunderborg_light:ThunderBorgLight",
+}
+BUILT_IN_BUSES: Mapping[str, str] = {"linux": "wayfarer.drivers.linux:LinuxBuses"}
 
 
 def algorithm_names() -> list[str]:
@@ -57,6 +69,19 @@ def find_driver(name: str) -> Any:
     if name in BUILT_IN_DRIVERS:
         return _load_path("driver", BUILT_IN_DRIVERS[name])
     return _find("driver", name, _installed(DRIVER_GROUP), driver_names())[0]
+
+
+def make_buses(name: str) -> Any:
+    """Return the ``drivers.buses.Buses`` of that name or ``"module:attribute"``.
+
+    Raises:
+        UnknownName: nothing of that name.
+        BadInput: the module cannot be imported.
+    """
+    path = BUILT_IN_BUSES.get(name, name)
+    if ":" not in path:
+        raise UnknownName("buses", name, BUILT_IN_BUSES)
+    return _load_path("buses", path)()
 
 
 def _installed(group: str) -> dict[str, EntryPoint]:

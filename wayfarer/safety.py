@@ -20,10 +20,11 @@ from wayfarer.hal import STOP, WheelCommand
 
 @dataclass(frozen=True, slots=True)
 class SafetySettings:
-    """Limits at the gate.
+    """Limits at the gate, and what arming demands.
 
     ``slew_per_s`` bounds how fast a duty may grow: a motor start that resets the computer is the commonest trouble of
-    such rovers. ``mission_*`` end a run normally.
+    such rovers. ``mission_*`` end a run normally. A rover whose compass is calibrated to less than ``calibration_min``
+    (0 to 3) is not armed, nor one whose motor board cannot stop the wheels by itself, unless ``allow_no_deadman``.
     """
 
     duty_max: Annotated[float, Interval(gt=0, le=1)] = 1.0
@@ -31,13 +32,19 @@ class SafetySettings:
     tick_late_s: Seconds = 0.2
     mission_time_s: Seconds = 3600.0
     mission_distance_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 2000.0
+    mission_radius_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 300.0
     start_delay_s: Annotated[float, Interval(ge=0, le=600)] = 10.0
     settle_s: Seconds = 1.0
     settle_spread_deg: Annotated[float, Interval(gt=0, le=180)] = 3.0
+    calibration_min: Annotated[int, Interval(ge=0, le=3)] = 2
+    allow_no_deadman: bool = False
 
 
 class Gate:
-    """Limits commands, holds and latches; ``level`` and ``cause`` say how severe the worst condition is and which."""
+    """Limits commands, holds and latches; ``level`` and ``cause`` say how severe the worst condition is and which.
+
+    Once a tick ``judge``, then ``limit``.
+    """
 
     def __init__(self, settings: SafetySettings, control_hz: float) -> None:
         self._most = settings.duty_max
@@ -53,10 +60,14 @@ class Gate:
         self._fault = None
         self._judge(())
 
-    def update(self, wanted: WheelCommand, conditions: Sequence[Condition], *, armed: bool) -> WheelCommand:
-        """Return what the wheels may get for one tick."""
+    def judge(self, conditions: Sequence[Condition]) -> bool:
+        """Take this tick's conditions; return whether they let the wheels turn."""
         if conditions or self.cause is not None:
             self._judge(conditions)
+        return not self._holds
+
+    def limit(self, wanted: WheelCommand, *, armed: bool) -> WheelCommand:
+        """Return what the wheels may get for one tick."""
         if self._holds or not armed:
             self._left = self._right = 0.0
             return STOP
@@ -66,7 +77,8 @@ class Gate:
             self._left, self._right = left, right
             return wanted
         if not (isfinite(left) and isfinite(right)):
-            return self.update(STOP, (*conditions, Condition.DECISION_INVALID), armed=armed)
+            self._judge((Condition.DECISION_INVALID,))
+            return self.limit(STOP, armed=armed)
         self._left = self._limit(left, self._left)
         self._right = self._limit(right, self._right)
         return WheelCommand(self._left, self._right)

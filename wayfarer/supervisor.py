@@ -14,17 +14,24 @@ from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from typing import Any
 
+from wayfarer.conditions import Condition
 from wayfarer.config import RoverConfig
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, MissingPart
 from wayfarer.escape.api import EscapeHandler
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.hal import Driver, MotionReading, Rover
-from wayfarer.helm import Helm, Mode, RunEnd
+from wayfarer.hal import Driver, MotionReading, Rover, StatusLight
+from wayfarer.helm import Helm, Mode
 from wayfarer.latest import Cells
+from wayfarer.mission import RunEnd
 from wayfarer.pace import Pace
 from wayfarer.records import RunLog
+from wayfarer.status_light import LIGHT_HZ, colour
 
+STOP_DEADLINE_S = 0.3  # for the wheels, before the stop is sent without waiting for it
+CLOSE_DEADLINE_S = 0.25  # for each part: the run must have ended 2 s after SIGTERM
+FRESH_S = 1.0  # a control tick older than this feeds no watchdog
+STALE = frozenset({Condition.COMPASS_STALE, Condition.COMPASS_LOST, Condition.MOTION_STALE, Condition.CONTACT_STALE})
 RETRY_PAUSE_S = 0.05  # a single missed answer is asked again within one control period (field.md, fault 1)
 RETRY_PAUSE_MAX_S = 2.0
 
@@ -53,9 +60,8 @@ class Supervisor:
         self._rover = rover
         self._control_hz = config.control_hz
         self._log = log
-        self._cells = Cells()
+        self.cells = Cells()
         needs = _check_parts(rover, algorithm, config)
-        self.tasks = self._sensor_tasks(config, needs)
         detector = Detector(
             config.detector,
             config.vehicle.max_speed_m_s,
@@ -63,24 +69,40 @@ class Supervisor:
             watches_contact=config.anomaly_source == "contact",
             needs_contact="contact" in needs,
         )
-        self._helm = Helm(rover.motors, self._cells, config, detector, handler, log)
+        self.helm = Helm(rover.motors, self.cells, config, detector, handler, log)
+        self._health_hz = config.board.health_hz
+        self.tasks = self._sensor_tasks(config, needs)
 
     @property
     def mode(self) -> Mode:
         """Whether the wheels may turn."""
-        return self._helm.mode
+        return self.helm.mode
 
-    def arm(self, goal_heading_deg: float | None = None) -> None:
-        """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay."""
-        self._helm.arm(asyncio.get_running_loop().time(), goal_heading_deg)
+    async def arm(self, goal_heading_deg: float | None = None) -> None:
+        """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay.
+
+        The motor board is opened anew: one that lost its power for a moment has forgotten its deadman.
+
+        Raises:
+            DriverError: the motor board does not answer, or its deadman does not arm; nothing has changed then.
+        """
+        await self._rover.motors.open()
+        self.helm.arm(asyncio.get_running_loop().time(), goal_heading_deg)
 
     def disarm(self, reason: str) -> None:
         """Stop the wheels until armed anew; the run goes on."""
-        self._helm.disarm(asyncio.get_running_loop().time(), reason)
+        self.helm.disarm(asyncio.get_running_loop().time(), reason)
 
     def finish(self, reason: str, text: str) -> None:
         """End the run at the next tick."""
-        self._helm.finish(reason, text)
+        self.helm.finish(reason, text)
+
+    def is_fresh(self) -> bool:
+        """Tell whether the control tick runs and every sensor that the run needs has spoken of late."""
+        last = self.helm.last
+        if last is None or asyncio.get_running_loop().time() - last.t_s > FRESH_S:
+            return False
+        return STALE.isdisjoint(self.helm.conditions)
 
     async def run(self) -> RunEnd:
         """Open the parts and run until a limit or ``finish``; the wheels are stopped whatever happens.
@@ -103,40 +125,60 @@ class Supervisor:
 
     @property
     def _parts(self) -> tuple[Driver, ...]:
-        return (self._rover.motors, *(row.part for row in self.tasks))
+        lights = () if self._rover.light is None else (self._rover.light,)
+        return (self._rover.motors, *lights, *(row.part for row in self.tasks))
 
     async def _run_tasks(self) -> RunEnd:
         async with asyncio.TaskGroup() as group:
-            sensors = [group.create_task(self._keep_sampling(row), name=f"sensor:{row.name}") for row in self.tasks]
+            beside = [group.create_task(self._keep_sampling(row), name=f"sensor:{row.name}") for row in self.tasks]
+            beside.append(group.create_task(self._watch_board(), name="board"))
+            if self._rover.light is not None:
+                beside.append(group.create_task(self._show_state(self._rover.light), name="light"))
             await asyncio.sleep(0)  # the sensors speak first, at this and so at every common time of their grids
             try:
                 end = await self._control()
             finally:  # the wheels first: a sensor may take its time to let go
-                await unhindered(self._rover.motors.stop())
-                for task in sensors:
+                await unhindered(self._stop_wheels())
+                for task in beside:
                     task.cancel()
         return end
 
     async def _stop_and_close(self, end: RunEnd) -> None:
-        """Do the last things, each even if another fails: the wheels first, the log last."""
+        """Do the last things, each even if another fails or hangs: the wheels first, the log last."""
         t_s = asyncio.get_running_loop().time()
         async with AsyncExitStack() as last_things:  # from the last line to the first
             last_things.callback(self._log.close, end.reason, end.text)
             for part in self._parts:
-                last_things.push_async_callback(part.close)
+                last_things.push_async_callback(self._let_go, part)
             last_things.callback(self._log.event, "wheels_stopped", t_s, reason=end.reason)
-            last_things.push_async_callback(self._rover.motors.stop)
+            last_things.push_async_callback(self._stop_wheels)
+
+    async def _stop_wheels(self) -> None:
+        """Stop the wheels; where that hangs, send the stop and go on: the board's deadman does the rest."""
+        try:
+            async with asyncio.timeout(STOP_DEADLINE_S):
+                await self._rover.motors.stop()
+        except TimeoutError:
+            self._rover.motors.halt()
+            self._log.event("stop_hangs", asyncio.get_running_loop().time(), part=self._rover.motors.name)
+
+    async def _let_go(self, part: Driver) -> None:
+        try:
+            async with asyncio.timeout(CLOSE_DEADLINE_S):
+                await part.close()
+        except TimeoutError:
+            self._log.event("close_hangs", asyncio.get_running_loop().time(), part=part.name)
 
     async def _control(self) -> RunEnd:
         """Tick at the control rate until something ends the run; return what did."""
-        helm, pace, time = self._helm, Pace(self._control_hz), asyncio.get_running_loop().time
+        helm, pace, time = self.helm, Pace(self._control_hz), asyncio.get_running_loop().time
         while helm.end is None:
             await helm.tick(time())
             await pace.wait()
         return helm.end
 
     def _sensor_tasks(self, config: RoverConfig, needs: frozenset[str]) -> tuple[SensorTask, ...]:
-        rover, cells, rates = self._rover, self._cells, config.rates
+        rover, cells, rates = self._rover, self.cells, config.rates
         rows = [SensorTask("compass", rover.compass, rates.compass_hz, rover.compass.read, cells.compass.write)]
         if rover.motion is not None:
             rows.append(SensorTask("motion", rover.motion, rates.motion_hz, rover.motion.read, cells.motion.write))
@@ -144,9 +186,34 @@ class Supervisor:
             rows.append(SensorTask("contact", rover.contact, rates.contact_hz, rover.contact.read, cells.contact.write))
         if rover.position is not None:
             rows.append(
-                SensorTask("position", rover.position, rates.position_hz, rover.position.read, self._log.position)
+                SensorTask("position", rover.position, rates.position_hz, rover.position.read, self.helm.position)
             )
         return tuple(rows)
+
+    async def _watch_board(self) -> None:
+        """Ask the motor board for battery and faults; the helm acts on what it says."""
+        board, time, pace = self.helm.board, asyncio.get_running_loop().time, Pace(self._health_hz)
+        while True:
+            try:
+                board.update(time(), await self._rover.motors.health())
+            except DriverError as error:
+                if board.health is not None:
+                    self._log.event("board_silent", time(), error=str(error))
+                board.silent()
+            await pace.wait()
+
+    async def _show_state(self, light: StatusLight) -> None:
+        """Keep the status light showing what the rover is about to do; a light that fails stops nothing."""
+        helm, time, pace, failed = self.helm, asyncio.get_running_loop().time, Pace(LIGHT_HZ), False
+        while True:
+            try:
+                await light.show(colour(helm, time()))
+                failed = False
+            except DriverError as error:
+                if not failed:
+                    self._log.event("light_failed", time(), error=str(error))
+                failed = True
+            await pace.wait()
 
     async def _keep_sampling(self, row: SensorTask) -> None:
         """Sample for ever; after an error ask again soon, and reopen the part if that did not help."""
@@ -168,7 +235,7 @@ class Supervisor:
                 pause_s = min(RETRY_PAUSE_S * 2.0 ** (failures - 1), RETRY_PAUSE_MAX_S)
                 t_s = asyncio.get_running_loop().time()
                 if row.part is self._rover.motion:  # what was missed is unknown, not still
-                    self._cells.motion.write(MotionReading(t_s, 0.0, 0.0, 0.0))
+                    self.cells.motion.write(MotionReading(t_s, 0.0, 0.0, 0.0))
                 self._log.event("sensor_failed", t_s, sensor=row.name, error=str(error), retry_in_s=pause_s)
                 await asyncio.sleep(pause_s)
 

@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, Compass, ContactSensor, DriveMotors, MotionSensor, Rover, Side, WheelCommand
-from wayfarer.simhal.devices import COMPASS_NOISE_DEG, FLOW_M_PER_COUNT, SimBumper, SimCompass, SimFlow, SimMotors
+from wayfarer.simhal.devices import SimBumper, SimCompass, SimFlow, SimMotors
 from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.rig import device_depth
+from wayfarer.simhal.senses import COMPASS_NOISE_DEG, FLOW_M_PER_COUNT
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
 
@@ -132,7 +133,7 @@ def test_motors_apply_what_they_say_and_stop() -> None:
         world = world_in(CLEARING)
         motors = SimMotors(world)
         await motors.open()
-        assert await motors.drive(WheelCommand(1.0, 0.5)) == WheelCommand(1.0, 0.5)
+        assert await motors.drive(WheelCommand(1.0, 0.5)) == WheelCommand(1.0, 63 / 127)
         await asyncio.sleep(2.0)
         assert await motors.drive(STOP) == STOP
         driven_m = world.path_m
@@ -157,7 +158,7 @@ def test_reading_the_parts_does_not_disturb_the_world(looks_s: list[float]) -> N
         rover = device_depth(world, Streams(0))
 
         async def main() -> None:
-            for part in rover.drivers:
+            for part in rover.parts.values():
                 await part.open()
             async with asyncio.TaskGroup() as group:
                 group.create_task(look(rover, looks_s))
@@ -183,7 +184,7 @@ def test_reading_the_parts_does_not_disturb_the_world(looks_s: list[float]) -> N
 
 def test_parts_close_twice_and_after_no_opening() -> None:
     async def main() -> None:
-        for part in device_depth(world_in(CLEARING), Streams(0)).drivers:
+        for part in device_depth(world_in(CLEARING), Streams(0)).parts.values():
             await part.close()
             await part.open()
             await part.close()

@@ -1,26 +1,20 @@
 """Simulated parts at device depth: they implement the protocols of ``wayfarer.hal`` over the one world.
 
 Each reports what its real counterpart would: the quantised bearing of a CMPS14, flow in counts with a quality, the
-sides of a bumper. None knows more of the world than its sense gives.
+sides of a bumper, wheels in the steps of a motor board. None knows more of the world than its sense gives.
 """
 
 from __future__ import annotations
 
-from asyncio import get_running_loop
-from math import degrees
+from asyncio import get_running_loop, sleep
 
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, WheelCommand
+from wayfarer.simhal.senses import FLOW_M_PER_COUNT, FlowSense, HeadingSense
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
 
-COMPASS_NOISE_DEG = 1.0  # the released simulator's compass noise (reference/README.md)
-TILT_NOISE_DEG = 1.0  # rough ground and accelerometer; not given by the paper
-# PMW3901 at 0.1 m above ground: 0.213 mm a count (hardware.md 8.2). Noise: a few counts, and 3 % of the distance.
-FLOW_M_PER_COUNT = 0.000213
-FLOW_NOISE_COUNTS = 2.0
-FLOW_NOISE_SHARE = 0.03
 FLOW_QUALITY = 0.8
-TENTHS_PER_RAD = degrees(10.0)
+BATTERY_V = 12.6
 
 
 class SimPart:
@@ -46,43 +40,43 @@ class SimCompass(SimPart):
 
     def __init__(self, world: World, streams: Streams) -> None:
         super().__init__(world)
-        self._noise_tenths = streams.normal("compass.heading", COMPASS_NOISE_DEG * 10.0)
-        self._tilt_noise_tenths = streams.normal("compass.tilt", TILT_NOISE_DEG * 10.0)
+        self._sample = HeadingSense(world, streams).sample
+
+    async def open(self) -> None:
+        """Take the clock, and one sample, as a real one is asked who it is."""
+        await super().open()
+        self._sample(self._time())
 
     async def read(self) -> CompassReading:
         """Return heading and tilt now."""
-        world, tilt_noise_tenths = self._world, self._tilt_noise_tenths
         t_s = self._time()
-        world.advance_to(t_s)
-        return CompassReading(
-            t_s,
-            round(world.heading_rad * TENTHS_PER_RAD + self._noise_tenths()) % 3600 / 10.0,
-            round(world.pitch_deg * 10.0 + tilt_noise_tenths()) / 10.0,
-            round(world.roll_deg * 10.0 + tilt_noise_tenths()) / 10.0,
-            3,
-        )
+        heading, pitch, roll = self._sample(t_s)
+        return CompassReading(t_s, heading / 10.0, pitch / 10.0, roll / 10.0, 3)
 
 
 class SimFlow(SimPart):
-    """An optical flow sensor: displacement since the last read, in counts."""
+    """An optical flow sensor: displacement since the last read, in counts; it takes ``opens_s`` to start up."""
 
     name = "simulated optical flow"
 
-    def __init__(self, world: World, streams: Streams) -> None:
+    def __init__(
+        self, world: World, streams: Streams, m_per_count: float = FLOW_M_PER_COUNT, opens_s: float = 0.0
+    ) -> None:
         super().__init__(world)
-        self._noise = streams.normal("flow", 1.0)
-        self._last_m = 0.0
+        self._sample = FlowSense(world, streams, m_per_count).sample
+        self._m_per_count = m_per_count
+        self._opens_s = opens_s
+
+    async def open(self) -> None:
+        """Take the clock, and the time that starting up takes."""
+        await super().open()
+        await sleep(self._opens_s)
 
     async def read(self) -> MotionReading:
         """Return the displacement since the previous read."""
-        world, noise = self._world, self._noise
         t_s = self._time()
-        world.advance_to(t_s)
-        signed_m = world.forward_m - world.reverse_m
-        counts, self._last_m = (signed_m - self._last_m) / FLOW_M_PER_COUNT, signed_m
-        forward = round(counts + (FLOW_NOISE_COUNTS + FLOW_NOISE_SHARE * abs(counts)) * noise())
-        right = round(FLOW_NOISE_COUNTS * noise())
-        return MotionReading(t_s, forward * FLOW_M_PER_COUNT, right * FLOW_M_PER_COUNT, FLOW_QUALITY)
+        forward, right = self._sample(t_s)
+        return MotionReading(t_s, forward * self._m_per_count, right * self._m_per_count, FLOW_QUALITY)
 
 
 class SimBumper(SimPart):
@@ -101,20 +95,38 @@ class SimBumper(SimPart):
 
 
 class SimMotors(SimPart):
-    """Both wheel sides; what is commanded is applied from the world's next step on."""
+    """Both wheel sides; what is commanded is applied from the world's next step on.
+
+    ``steps`` is how many steps of duty the board knows between still and full: 127 for a Sabertooth.
+    """
 
     name = "simulated motors"
+    deadman_s = 0.3
+
+    def __init__(self, world: World, steps: float = 127.0) -> None:
+        super().__init__(world)
+        self._steps = steps
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
-        """Apply a command."""
+        """Apply a command, in whole steps towards zero."""
+        steps, (left, right) = self._steps, command
+        left, right = int(left * steps) / steps, int(right * steps) / steps
         self._world.advance_to(self._time())
-        self._world.command(command.left, command.right)
-        return command
+        self._world.command(left, right)
+        return WheelCommand(left, right)
 
     async def stop(self) -> None:
         """Stop both sides."""
+        self.halt()
+
+    def halt(self) -> None:
+        """Stop both sides."""
         self._world.command(*STOP)
+
+    async def read_back(self) -> WheelCommand:
+        """Return the duty of both sides."""
+        return WheelCommand(*self._world.commanded)
 
     async def health(self) -> MotorHealth:
         """Return a full battery and no faults."""
-        return MotorHealth(12.6, ())
+        return MotorHealth(BATTERY_V, ())

@@ -50,7 +50,7 @@ class Campaign:
 
     ``slip_mean_m`` is the mean distance between slip events and ``budget_m`` the path after which a rover
     counts as entrapped. Without ``forests`` the layouts are generated; with ``spl`` missing shortest paths
-    are computed.
+    are computed. ``depth`` is how far down the simulation goes: ``device`` or ``bus`` (``simhal.rig``).
     """
 
     algorithms: tuple[str, ...]
@@ -60,6 +60,7 @@ class Campaign:
     slip_mean_m: float = 10.0
     budget_m: float = 1000.0
     spl: bool = False
+    depth: str = "device"
     forests: ForestFile | None = None
 
     def tasks(self) -> list[Task]:
@@ -96,10 +97,11 @@ class Campaign:
 
     def spec(self, task: Task, forest: Forest) -> TrialSpec:
         """Return everything that decides one trial."""
+        from wayfarer.simhal.rig import Depth
         from wayfarer.simhal.trial import TrialSpec
 
-        seed = self.trial_seed(task.trial)
-        return TrialSpec(task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m)
+        seed, depth = self.trial_seed(task.trial), Depth(self.depth)
+        return TrialSpec(task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m, depth)
 
     def settings(self) -> dict[str, Any]:
         """Return the settings as JSON can hold them: what makes two campaigns the same one."""
@@ -111,6 +113,7 @@ class Campaign:
             "slip_mean_m": self.slip_mean_m,
             "budget_m": self.budget_m,
             "spl": self.spl,
+            "depth": self.depth,
             "forests": self.forests and {"file": self.forests.name, "blake2b": self.forests.blake2b},
             "rover": self.rover.model_dump(mode="json"),
         }

@@ -1,18 +1,171 @@
-"""Putting a simulated rover together: the parts that field code gets, over one world."""
+"""Putting a simulated rover together over one world, at either of two depths.
+
+*Device depth*: simulated parts implement the driver protocols directly; fast. *Bus depth*: the real drivers, over fake
+buses that hold register-accurate chips. Both feel the same senses, in the same quanta, and so decide the same.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+from enum import StrEnum
+from typing import Any
+
+from wayfarer.assembly import assemble
+from wayfarer.config import RoverConfig, part_settings
+from wayfarer.drivers import sabertooth, thunderborg
+from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
+from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings
+from wayfarer.drivers.pmw3901 import OPEN_S, PMW3901, PMW3901Settings
+from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
+from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
+from wayfarer.drivers.thunderborg_light import ThunderBorgLight
+from wayfarer.errors import BadConfig
 from wayfarer.hal import Rover
+from wayfarer.simhal.chips.cmps14 import CMPS14Chip
+from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
+from wayfarer.simhal.chips.sabertooth import SabertoothChip
+from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.devices import SimBumper, SimCompass, SimFlow, SimMotors
+from wayfarer.simhal.fakebus import FakeBuses
+from wayfarer.simhal.senses import FlowSense, HeadingSense
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
 
+GROUND_M_PER_PIXEL = 0.0015  # of the simulated camera, where the rover file gives none
 
-def device_depth(world: World, streams: Streams) -> Rover:
-    """Return a rover whose parts implement the driver protocols directly."""
+Clock = Callable[[], float]
+
+
+class Depth(StrEnum):
+    """How far down the simulation goes."""
+
+    DEVICE = "device"
+    BUS = "bus"
+
+
+def build(depth: Depth, world: World, streams: Streams, config: RoverConfig, clock: Clock) -> Rover:
+    """Return a simulated rover.
+
+    Raises:
+        BadConfig: at bus depth, a part has no simulated chip.
+    """
+    if depth is Depth.BUS:
+        return bus_depth(world, streams, config, clock)
+    return device_depth(world, streams, config)
+
+
+def device_depth(world: World, streams: Streams, config: RoverConfig) -> Rover:
+    """Return a rover whose parts implement the driver protocols directly; parts in the file give their quanta."""
+    settings = {part: part_settings(part, table)[1] for part, table in config.parts.items()}
+    flow = settings.get("motion")
+    of_the_chip = (flow.m_per_count, OPEN_S) if isinstance(flow, PMW3901Settings) else ()
     return Rover(
         compass=SimCompass(world, streams),
-        motors=SimMotors(world),
-        motion=SimFlow(world, streams),
-        contact=SimBumper(world),
+        motors=SimMotors(world, _steps(settings.get("motors"))),
+        motion=SimFlow(world, streams, *of_the_chip),
+        contact=SimBumper(world) if _has_bumper(config) else None,
     )
+
+
+def bus_depth(world: World, streams: Streams, config: RoverConfig, clock: Clock) -> Rover:
+    """Return the rover of the file with its real drivers, each over a simulated chip.
+
+    A bumper is a switch, not a chip: it is simulated as at device depth, and also feels the obstacle's bearing. What
+    only logs (a receiver) or shines at a GPIO pin is left out.
+    """
+    buses = FakeBuses()
+    solder = Solder(world, streams, clock, buses)
+    on_a_bus = {part: table for part, table in config.parts.items() if part not in {"contact", "position"}}
+    for part, table in list(on_a_bus.items()):
+        driver, settings = part_settings(part, table)
+        if driver not in solder.chips:
+            if part == "light":
+                del on_a_bus[part]
+                continue
+            raise BadConfig(f"rover '{config.name}': no simulated chip for '{table['driver']}'; use --depth device")
+        solder.chips[driver](settings)
+    rover = assemble(config.model_copy(update={"parts": on_a_bus}), buses)
+    return replace(rover, contact=SimBumper(world)) if _has_bumper(config) else rover
+
+
+class Solder:
+    """Puts the chip that a driver wants where its settings say that it is; ``chips`` has the chips by driver.
+
+    ``tick`` lets the motor boards' own deadmen act, as they do without being asked. Whatever moves the world on must
+    call it first; the senses' clock does.
+    """
+
+    def __init__(self, world: World, streams: Streams, clock: Clock, buses: FakeBuses) -> None:
+        self._world, self._streams, self._clock, self._buses = world, streams, clock, buses
+        self._boards: list[ThunderBorgChip | SabertoothChip] = []
+        self.chips: dict[Any, Callable[[Any], None]] = {
+            CMPS14: self._cmps14,
+            PMW3901: self._pmw3901,
+            CameraMotion: self._camera,
+            ThunderBorg: self._thunderborg,
+            ThunderBorgLight: lambda _: None,  # it is on the motor board
+            Sabertooth: self._sabertooth,
+        }
+
+    def tick(self) -> None:
+        """Let deadmen trip whose time has come."""
+        for board in self._boards:
+            board.tick()
+
+    def _sense_clock(self) -> float:
+        self.tick()
+        return self._clock()
+
+    def _cmps14(self, settings: CMPS14Settings) -> None:
+        chip = CMPS14Chip(HeadingSense(self._world, self._streams), self._sense_clock)
+        self._buses.i2c(settings.bus).attach(settings.address, chip)
+
+    def _pmw3901(self, settings: PMW3901Settings) -> None:
+        sense = FlowSense(self._world, self._streams, settings.m_per_count)
+        self._buses.spi(settings.bus).chip = PMW3901Chip(sense, self._sense_clock)
+
+    def _camera(self, settings: CameraMotionSettings) -> None:
+        from wayfarer.simhal.ground import GroundCamera
+
+        m_per_pixel = settings.m_per_pixel or GROUND_M_PER_PIXEL
+        self._buses.cameras[settings.camera] = GroundCamera(self._world, self._streams, m_per_pixel).render
+
+    def _thunderborg(self, settings: ThunderBorgSettings) -> None:
+        chip = ThunderBorgChip(
+            self._world,
+            self._clock,
+            full_level=_steps(settings),
+            left=settings.left,
+            reverse_left=settings.reverse_left,
+            reverse_right=settings.reverse_right,
+        )
+        self._boards.append(chip)
+        self._buses.i2c(settings.bus).attach(settings.address, chip)
+
+    def _sabertooth(self, settings: SabertoothSettings) -> None:
+        chip = SabertoothChip(
+            self._world,
+            self._clock,
+            address=settings.address,
+            full_level=_steps(settings),
+            left=settings.left,
+            reverse_left=settings.reverse_left,
+            reverse_right=settings.reverse_right,
+        )
+        self._boards.append(chip)
+        self._buses.serial(settings.port).chip = chip
+
+
+def _steps(settings: Any) -> float:
+    """Return how many steps of duty a motor board knows up to the highest that its driver allows."""
+    if isinstance(settings, ThunderBorgSettings):
+        return thunderborg.FULL_LEVEL * settings.duty_limit
+    if isinstance(settings, SabertoothSettings):
+        return sabertooth.FULL_LEVEL * settings.duty_limit
+    return float(sabertooth.FULL_LEVEL)
+
+
+def _has_bumper(config: RoverConfig) -> bool:
+    """Tell whether the rover of the file has one; a rover without any parts in its file has all that is simulated."""
+    return "contact" in config.parts or not config.parts

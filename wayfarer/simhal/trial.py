@@ -16,7 +16,7 @@ from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.referee import Outcome, Referee
-from wayfarer.simhal.rig import device_depth
+from wayfarer.simhal.rig import Depth, build
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
 from wayfarer.supervisor import Supervisor
@@ -33,6 +33,7 @@ class TrialSpec:
     rover: RoverConfig
     slip_mean_m: float = 10.0
     budget_m: float = 1000.0
+    depth: Depth = Depth.DEVICE
 
 
 class TrialResult(NamedTuple):
@@ -95,23 +96,24 @@ def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
         MissingPart: the rover cannot give what the algorithm needs.
         BadInput: the log cannot be written.
     """
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(_run(spec, log_dir))
+
+
+async def _run(spec: TrialSpec, log_dir: Path | None) -> TrialResult:
     streams = Streams(spec.seed)
     algorithm = find_algorithm(spec.algorithm)
     handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
     physics = replace(Physics(), slip_mean_m=spec.slip_mean_m)
     world = World(spec.forest, spec.rover.vehicle, physics, streams)
+    rover = build(spec.depth, world, streams, spec.rover, asyncio.get_running_loop().time)
     tally = Tally()
     log = tally if log_dir is None else Tee(tally, _field_log(spec, log_dir))
-    supervisor = Supervisor(device_depth(world, streams), spec.rover, algorithm, handler, log)
+    supervisor = Supervisor(rover, spec.rover, algorithm, handler, log)
     referee = Referee(spec.forest, spec.budget_m, physics.tip_deg, supervisor.finish)
     world.after_step = referee.watch
-
-    async def run() -> None:
-        supervisor.arm(spec.forest.heading_deg)
-        await supervisor.run()
-
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        runner.run(run())
+    await supervisor.arm(spec.forest.heading_deg)
+    await supervisor.run()
     return _result(spec, referee, world, tally)
 
 

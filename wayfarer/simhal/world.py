@@ -53,6 +53,7 @@ class World:
         vehicle: the body; ``track_m`` and ``max_speed_m_s`` are what the field code believes of it.
         physics: how it moves.
         streams: where its chance comes from.
+        starts_s: the time on the clock of its parts at which the world begins.
 
     ``after_step`` is called with the world after each step; the referee sits there.
     """
@@ -63,6 +64,7 @@ class World:
         vehicle: Vehicle,
         physics: Physics,
         streams: Streams,
+        starts_s: float = 0.0,
     ) -> None:
         self.x_m, self.y_m = forest.start_m
         self.heading_rad = radians(forest.heading_deg)
@@ -73,10 +75,10 @@ class World:
         self.touch: Touch | None = None
         self.slipping = False
         self.steps = 0
-        self.t_s = 0.0
+        self.t_s = self._starts_s = starts_s
         self._step_s = physics.step_s
         self._half_step_s = physics.step_s / 2
-        self._next_step_s = physics.step_s - ROUNDING_S
+        self._next_step_s = starts_s + physics.step_s - ROUNDING_S
         self._physics = physics
         self.after_step: Callable[[World], None] = _nobody_watches
         self._body = Body(vehicle.length_m, vehicle.width_m)
@@ -91,9 +93,8 @@ class World:
         self._slip_after = streams.generator("world.slip").exponential
         self._slip_at_m = self._next_slip_m()
         self._build_rover(vehicle, streams)
-        self._left_target_m_s = self._right_target_m_s = 0.0
         self._left_m_s = self._right_m_s = 0.0
-        self._pulls_back = False
+        self.command(0.0, 0.0)
 
     def _build_rover(self, vehicle: Vehicle, streams: Streams) -> None:
         """Make this trial's rover a little different from what the field code believes of it."""
@@ -115,6 +116,7 @@ class World:
 
     def command(self, left: float, right: float) -> None:
         """Set the duty of both sides, each in -1..1, from the next step on."""
+        self.commanded = (left, right)
         self._left_target_m_s = left * self._full_left_m_s
         self._right_target_m_s = right * self._full_right_m_s
         self._pulls_back = left + right < 0.0
@@ -123,7 +125,7 @@ class World:
         """Take whole steps up to a time; nothing happens where the world is there already."""
         while t_s >= self._next_step_s:
             self.steps += 1
-            now_s = self.t_s = self.steps * self._step_s
+            now_s = self.t_s = self._starts_s + self.steps * self._step_s
             self._next_step_s = now_s + self._step_s - ROUNDING_S
             self._step()
             self.after_step(self)

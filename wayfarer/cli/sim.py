@@ -1,37 +1,18 @@
-"""The ``wayfarer`` command.
-
-Whatever the user gets wrong ends as one line on stderr and exit code 2. Every command imports what it needs
-when it runs, so that the light ones stay quick on a rover's small computer.
-"""
+"""``wayfarer sim``: the rover's own code in simulated forests."""
 
 from __future__ import annotations
 
 import math
-import sys
 from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from wayfarer import __version__
-from wayfarer.errors import BadInput, MissingPart, WayfarerError
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-BAD_INPUT = 2
+from wayfarer.errors import BadInput, WayfarerError
 
 EXAMPLES = """Examples:
-
-wayfarer list
-
-wayfarer sim --trials 1000
-
-wayfarer sim --help
-"""
-SIM_EXAMPLES = """Examples:
 
 wayfarer sim --trials 1000 --out results
 
@@ -42,11 +23,11 @@ wayfarer sim --trials 200 --algorithm paper --slip-mean-m 2
 wayfarer sim --algorithm levy-walk,my_rules:spiral --spl
 
 wayfarer sim --trial 17 --log logs/17
+
+wayfarer sim --trials 100 --rover minirover --depth bus
 """
 RUNNING = "Running"
 ONE_TRIAL = "One trial again"
-
-app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
 
 
 class AnomalySource(StrEnum):
@@ -56,33 +37,11 @@ class AnomalySource(StrEnum):
     contact = "contact"
 
 
-def main() -> None:
-    """Run the command line and exit; the console entry point."""
-    sys.exit(run(sys.argv[1:]))
+class Depth(StrEnum):
+    """How far down the simulation goes."""
 
-
-def run(arguments: list[str]) -> int:
-    """Run one command and return its exit code."""
-    try:
-        return int(app(arguments, prog_name="wayfarer", standalone_mode=False) or 0)
-    except (BadInput, MissingPart) as error:
-        return _fail(str(error), BAD_INPUT)
-    except WayfarerError as error:
-        return _fail(str(error), 1)
-    except typer.TyperException as error:
-        return _fail(error.format_message(), BAD_INPUT)
-
-
-def _fail(text: str, exit_code: int) -> int:
-    if text:  # there is none where the help was the answer
-        print("wayfarer:", " ".join(text.splitlines()), file=sys.stderr)
-    return exit_code
-
-
-def _print_version(asked: bool) -> None:
-    if asked:
-        print("wayfarer", __version__)
-        raise typer.Exit
+    device = "device"
+    bus = "bus"
 
 
 def _positive(value: float) -> float:
@@ -91,56 +50,6 @@ def _positive(value: float) -> float:
     return value
 
 
-@app.callback(epilog=EXAMPLES)
-def _root(
-    *,
-    version: Annotated[
-        bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
-    ] = False,
-) -> None:
-    """Get a rover out of a forest when it cannot see."""
-
-
-@app.command("list")
-def list_names() -> None:
-    """Show the algorithms, rovers and drivers that there are, third-party ones with where they come from."""
-    from rich.console import Console
-
-    from wayfarer.config import rover_names
-    from wayfarer.registry import driver_names
-
-    console = Console()
-    console.print(_algorithm_table())
-    console.print("rovers: ", ", ".join(rover_names()) or "none", highlight=False)
-    console.print("drivers:", ", ".join(driver_names()) or "none", highlight=False)
-
-
-def _algorithm_table() -> Table:
-    from rich import box
-    from rich.table import Table
-
-    from wayfarer.registry import algorithm_names
-
-    table = Table("algorithm", "family", "needs", "what it does", box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in algorithm_names():
-        table.add_row(name, *_described(name))
-    return table
-
-
-def _described(name: str) -> tuple[str, str, str]:
-    """Say what an algorithm is; a third party's that cannot be loaded must not hide the others."""
-    from wayfarer.registry import find_algorithm
-
-    try:
-        found = find_algorithm(name)
-    except BadInput as error:
-        return "", "", f"cannot be loaded: {error}"
-    origin = "" if found.origin == "wayfarer" else f" (from {found.origin})"
-    return found.family, ", ".join(sorted(found.requires)), found.summary + origin
-
-
-@app.command(epilog=SIM_EXAMPLES)
 def sim(
     *,
     trials: Annotated[int, typer.Option(min=1, max=1_000_000, metavar="N", help="Trials of each algorithm.")] = 1000,
@@ -172,6 +81,9 @@ def sim(
         AnomalySource | None,
         typer.Option(help="Notice an obstacle by not moving, or at once by touch. (default: as the rover file says)"),
     ] = None,
+    depth: Annotated[
+        Depth, typer.Option(help="Simulated parts, or the real drivers over simulated chips; slower.")
+    ] = Depth.device,
     spl: Annotated[
         bool, typer.Option("--spl", help="Compute the shortest paths that are not known, for SPL; slower.")
     ] = False,
@@ -198,7 +110,7 @@ def sim(
 ) -> None:
     """Run the rover's own code in simulated forests, and count how often it gets out and how far it goes."""
     _refuse_odd_pairs(out, resume, trial, log)
-    _require_sim_extra()
+    require_sim_extra()
     from wayfarer.config import load_rover
     from wayfarer.simhal import command
     from wayfarer.simhal.plan import Campaign, read_forest_file
@@ -212,6 +124,7 @@ def sim(
         slip_mean_m=slip_mean_m,
         budget_m=budget_m,
         spl=spl,
+        depth=depth.value,
         forests=read_forest_file(forests) if forests else None,
     )
     if trial is None:
@@ -228,7 +141,12 @@ def _refuse_odd_pairs(out: Path | None, resume: bool, trial: int | None, log: Pa
         raise BadInput("--trial runs one trial and prints its row; it keeps no --out, leave it out")
 
 
-def _require_sim_extra() -> None:
+def require_sim_extra() -> None:
+    """Refuse to simulate without what that needs.
+
+    Raises:
+        WayfarerError: a package is missing; the text says how to install it.
+    """
     missing = [name for name in ("numpy", "skfmm") if find_spec(name) is None]
     if missing:
         raise WayfarerError(f"simulating needs {missing[0]}, which is not installed: pip install 'wayfarer[sim]'")

@@ -1,0 +1,292 @@
+"""gpsd: only fixes that are new and whole, whatever comes over the line, and a lost daemon is said so."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager, suppress
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wayfarer.drivers import gpsd
+from wayfarer.drivers.gpsd import Fixes, Gpsd, GpsdSettings
+from wayfarer.errors import NotResponding, WrongPart
+from wayfarer.hal import PositionFix, PositionLogger
+from wayfarer.simhal.fakebus import FakeBuses
+
+VERSION = b'{"class":"VERSION","release":"3.22","rev":"3.22","proto_major":3,"proto_minor":14}\n'
+# hardware.md 8.5, as Debian 12's gpsd 3.22 reports it
+LATITUDE_DEG, LONGITUDE_DEG, ERROR_M = 51.501666667, -0.125, 17.1
+
+
+def report(second: int, **fields: Any) -> bytes:
+    """Return a TPV line; fields that are None are left out."""
+    whole = {
+        "class": "TPV",
+        "device": "/dev/ttyACM0",
+        "mode": 3,
+        "time": f"2025-07-20T12:00:{second:02d}.000Z",
+        "lat": LATITUDE_DEG,
+        "lon": LONGITUDE_DEG,
+        "eph": ERROR_M,
+    }
+    return json.dumps({key: value for key, value in (whole | fields).items() if value is not None}).encode() + b"\n"
+
+
+def taken(*lines: bytes, stale_s: float = 3.0) -> Fixes:
+    """Return what is known after lines that came one a second, the first at 0 s."""
+    fixes = Fixes(stale_s)
+    for t_s, line in enumerate(lines):
+        fixes.take(line, float(t_s))
+    return fixes
+
+
+# -- reports ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_fix_has_the_position_and_the_error_that_gpsd_says() -> None:
+    fix = taken(report(0), report(1)).latest(1.0)
+    assert fix == PositionFix(1.0, LATITUDE_DEG, LONGITUDE_DEG, ERROR_M)
+
+
+def test_a_first_fix_may_be_an_old_one_and_counts_when_its_time_moves_on() -> None:
+    assert taken(report(0)).latest(0.0) is None
+    assert taken(report(0), report(1)).latest(1.0) is not None
+
+
+def test_a_repeated_fix_goes_stale() -> None:
+    fixes = taken(report(0), report(1), report(1), report(1), report(1))
+    assert fixes.latest(4.0) is not None
+    assert fixes.latest(4.1) is None
+    fixes.take(report(2), 10.0)
+    assert fixes.latest(10.0) == PositionFix(10.0, LATITUDE_DEG, LONGITUDE_DEG, ERROR_M)
+
+
+def test_of_several_reports_of_one_moment_the_last_counts() -> None:
+    fixes = taken(report(0), report(1, mode=1, lat=None, lon=None), report(1, mode=2, eph=None), report(1, lat=51.6))
+    assert fixes.latest(3.0) == PositionFix(1.0, 51.6, LONGITUDE_DEG, ERROR_M)
+
+
+def test_time_that_leaps_back_counts_again_when_it_moves_on() -> None:
+    fixes = taken(report(30), report(31), report(2))
+    assert fixes.latest(4.0) is not None
+    assert fixes.latest(4.1) is None
+    fixes.take(report(3), 6.0)
+    assert fixes.latest(6.0) is not None
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"mode": 0},
+        {"mode": 1},
+        {"mode": None},
+        {"mode": "3"},
+        {"mode": True},
+        {"lat": None},
+        {"lon": None},
+        {"lat": float("nan")},
+        {"lon": float("inf")},
+        {"lat": 10**400},
+        {"lat": "51.5"},
+        {"lat": 90.5},
+        {"lon": -180.5},
+        {"time": None},
+        {"time": 12},
+    ],
+)
+def test_what_is_no_fix_ends_the_one_before_and_never_becomes_zero(fields: dict[str, Any]) -> None:
+    before = taken(report(0), report(1))
+    assert before.latest(1.0) is not None
+    before.take(report(2, **fields), 2.0)
+    assert before.latest(2.0) is None
+
+
+@pytest.mark.parametrize("error", [None, float("nan"), -1.0, "17"])
+def test_an_error_that_is_not_told_is_none(error: Any) -> None:
+    assert taken(report(0), report(1, eph=error)).latest(1.0) == PositionFix(1.0, LATITUDE_DEG, LONGITUDE_DEG, None)
+
+
+garbage = st.one_of(
+    st.binary(max_size=200),
+    st.sampled_from((b"[" * 60_000, b"[1,2]", b"null", b"\xff\xfe{\x00", b'{"class":"SKY"}', b'{"class":"TPV"', b"")),
+    st.builds(lambda cut: report(5)[:cut], st.integers(0, len(report(5)) - 3)),
+    st.just(report(5).replace(b"}", b",}")),  # the trailing comma of an old NTRIP source
+)
+
+
+@given(lines=st.lists(garbage, max_size=10))
+def test_what_is_no_report_changes_nothing(lines: list[bytes]) -> None:
+    fixes = taken(report(0), report(1))
+    for line in lines:
+        fixes.take(line, 1.5)
+    assert fixes.latest(2.0) == PositionFix(1.0, LATITUDE_DEG, LONGITUDE_DEG, ERROR_M)
+
+
+# -- the connection --------------------------------------------------------------------------------------------------
+
+Script = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
+
+
+@asynccontextmanager
+async def served(script: Script) -> AsyncIterator[Gpsd]:
+    """Give a client of a server that follows a script with each who calls."""
+
+    calls = []
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        calls.append(asyncio.current_task())
+        with suppress(OSError):
+            await script(reader, writer)
+        writer.close()
+        with suppress(OSError):
+            await writer.wait_closed()
+
+    server = await asyncio.start_server(serve, "127.0.0.1", 0)
+    client = Gpsd(GpsdSettings(port=server.sockets[0].getsockname()[1]), FakeBuses())
+    try:
+        yield client
+    finally:
+        await client.close()
+        server.close()
+        await asyncio.gather(*filter(None, calls))
+        await server.wait_closed()
+
+
+def saying(*pieces: bytes, then_hangs_up: bool = False) -> Script:
+    """Return a script that sends pieces and stays on the line."""
+
+    async def script(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        for piece in pieces:
+            writer.write(piece)
+            await writer.drain()
+            await asyncio.sleep(0.005)
+        if not then_hangs_up:
+            await reader.read()
+
+    return script
+
+
+async def fix_from(client: Gpsd) -> PositionFix:
+    for _ in range(1000):
+        if fix := await client.read():
+            return fix
+        await asyncio.sleep(0.005)
+    raise AssertionError("no fix came")
+
+
+async def test_asks_for_reports_and_gives_the_fix() -> None:
+    asked = []
+
+    async def script(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(VERSION)
+        asked.append(await reader.readline())
+        await saying(b'{"class":"DEVICES","devices":[]}\n', report(0), report(1))(reader, writer)
+
+    async with served(script) as client:
+        assert isinstance(client, PositionLogger)
+        await client.open()
+        fix = await fix_from(client)
+        assert fix[1:] == (LATITUDE_DEG, LONGITUDE_DEG, ERROR_M)
+        assert 0.0 <= asyncio.get_running_loop().time() - fix.t_s < 3.0
+    assert asked == [b'?WATCH={"enable":true,"json":true};\n']
+    assert len(asked[0]) <= 80  # gpsd_json(5) allows no longer request
+
+
+async def test_lines_may_come_in_halves_and_some_be_garbage() -> None:
+    first, second = report(0), report(1)
+    pieces = (VERSION, first[:30], first[30:] + b"\x00\xff\n" + second[:-1], b"\n")
+    async with served(saying(*pieces)) as client:
+        await client.open()
+        assert (await fix_from(client)).latitude_deg == LATITUDE_DEG
+
+
+async def test_a_line_without_end_is_dropped_and_what_follows_is_heard() -> None:
+    endless = b'{"class":"TPV","x":"' + b"x" * 300_000
+    async with served(saying(VERSION, report(0), endless, b'"}\n', report(1))) as client:
+        await client.open()
+        assert (await fix_from(client)).longitude_deg == LONGITUDE_DEG
+
+
+async def test_read_never_waits_and_gives_none_while_there_is_no_fix() -> None:
+    async with served(saying(VERSION)) as client:
+        await client.open()
+        async with asyncio.timeout(0.5):
+            assert await client.read() is None
+
+
+async def test_a_daemon_that_is_gone_is_said_so_and_comes_back_by_opening_again() -> None:
+    lives = iter([saying(VERSION, then_hangs_up=True), saying(VERSION, report(0), report(1))])
+
+    async def script(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await next(lives)(reader, writer)
+
+    async with served(script) as client:
+        await client.open()
+        with pytest.raises(NotResponding, match=r"gpsd at 127\.0\.0\.1:\d+: hung up"):
+            await fix_from(client)
+        await client.open()
+        assert (await fix_from(client)).error_m == ERROR_M
+
+
+@pytest.mark.parametrize("greeting", [b"SSH-2.0-OpenSSH_9.2\r\n", b'{"class":"TPV"}\n', b"\xff\xfe\n", b"x" * 200_000])
+async def test_what_is_no_gpsd_is_another_part(greeting: bytes) -> None:
+    async with served(saying(greeting)) as client:
+        with pytest.raises(WrongPart, match="VERSION"):
+            await client.open()
+        with pytest.raises(NotResponding, match="not open"):
+            await client.read()
+
+
+async def test_nobody_there_is_told_with_the_remedy() -> None:
+    async with served(saying()) as client:
+        pass  # the server is gone now
+    with pytest.raises(NotResponding, match="sudo apt install gpsd; systemctl status gpsd"):
+        await client.open()
+    await client.close()
+
+
+async def test_a_server_that_hangs_up_at_once_or_says_nothing_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with served(saying(then_hangs_up=True)) as client:
+        with pytest.raises(NotResponding, match="without a word"):
+            await client.open()
+    monkeypatch.setattr(gpsd, "ANSWER_S", 0.05)
+    async with served(saying()) as client:
+        with pytest.raises(NotResponding, match=r"no answer within 0\.05 s"):
+            await client.open()
+
+
+async def test_close_is_safe_at_any_time_and_leaves_no_task() -> None:
+    before = asyncio.all_tasks()
+    async with served(saying(VERSION)) as client:
+        with pytest.raises(NotResponding, match="not open"):
+            await client.read()
+        await client.close()
+        await client.open()
+        await client.open()
+        await client.close()
+        await client.close()
+        with pytest.raises(NotResponding, match="not open"):
+            await client.read()
+    assert asyncio.all_tasks() == before
+
+
+async def test_an_opening_that_is_cancelled_hangs_up() -> None:
+    hung_up = asyncio.Event()
+
+    async def script(reader: asyncio.StreamReader, _writer: asyncio.StreamWriter) -> None:
+        await reader.read()
+        hung_up.set()
+
+    async with served(script) as client:
+        opening = asyncio.create_task(client.open())
+        await asyncio.sleep(0.02)
+        opening.cancel()
+        async with asyncio.timeout(2.0):
+            await asyncio.wait([opening])
+            await hung_up.wait()
+        assert opening.cancelled()

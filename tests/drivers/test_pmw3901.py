@@ -1,0 +1,492 @@
+"""The PMW3901 driver starts its chip as the table says, tells unknown from still, and never waits for motion."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from struct import pack
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
+
+from tests.simhal.chips.test_pmw3901 import Driven
+from wayfarer.drivers.pmw3901 import PMW3901, Axis, Burst, PMW3901Settings, contradiction, decode, quality
+from wayfarer.drivers.pmw3901_table import trim
+from wayfarer.errors import BadReading, NotResponding, WrongPart
+from wayfarer.escape.api import Vehicle
+from wayfarer.hal import MotionReading, MotionSensor
+from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
+from wayfarer.simhal.devices import SimFlow
+from wayfarer.simhal.fakebus import FakeBuses, FakeSPI, SPIChip
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.senses import FLOW_M_PER_COUNT, FlowSense
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+from wayfarer.testing import check_motion_sensor
+
+NORMAL = bytes.fromhex("B0 BF 05 00 FB FF 4C 55 A0 1E 02 58")  # hardware.md 8.2
+STANDING = bytes.fromhex("30 BF 00 00 00 00 4C 55 A0 1E 02 58")
+DARK = bytes.fromhex("B0 BF 10 00 F0 FF 12 20 30 10 1F 40")
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+
+# What goes over the wires at the start, without the write bits: hardware.md 2.3, rows 1 to 24, with 67=80 73=00 70=20
+# 71=100 (decimal), after the reset and before the observation byte is cleared.
+START_UP = bytes.fromhex("""
+    7F00 3A5A
+    7F00 5501 5007
+    7F0E 4310
+    4804
+    7F00 517B 5000 5500
+    7F0E
+    7F00 61AD 5170 7F0E 7022 712D
+    7F00 61AD
+    7F03 4000
+    7F05 41B3 43F1 4514 5B32 5F34 7B08
+    7F06 441B 40BF 4E3F
+    7F08 6520 6A18
+    7F09 4FAF 5F40 4880 4980 5777 6078 6178 6208 6350
+    7F0A 4560
+    7F00 4D11 5580 741F 751F 4A78 4B78 4408 4550 64FF 651F
+    7F14 6567 6608 6370
+    7F15 4848
+    7F07 410D 4314 4B0E 450F 4442 4C80
+    7F10 5B02
+    7F07 4041 7000
+    3244 7F07 4040
+    7F06 62F0 6300
+    7F0D 48C0 6FD5
+    7F00 5BA0 4EA8 5A50 4080
+    7F14 6F1C 7F00
+    1500
+""")
+
+
+class Canned:
+    """A chip that gives the same burst again and again and counts how often; its registers are those of a good one."""
+
+    def __init__(self, burst: bytes) -> None:
+        self.burst, self.bursts = burst, 0
+        self.behind = PMW3901Chip(Driven(), time)
+
+    def exchange(self, data: bytes) -> bytes:
+        if data[0] != 0x16:
+            return self.behind.exchange(data)
+        self.bursts += 1
+        return b"\0" + self.burst
+
+
+class Silent:
+    """A line that something holds low."""
+
+    def exchange(self, data: bytes) -> bytes:
+        return bytes(len(data))
+
+
+class Stopped(PMW3901Chip):
+    """A chip that ignores the write it would start with."""
+
+    def exchange(self, data: bytes) -> bytes:
+        return bytes(2) if data == b"\xc0\x80" else super().exchange(data)
+
+
+def time() -> float:
+    return asyncio.get_running_loop().time()
+
+
+def run(main: Callable[[], Awaitable[None]]) -> None:
+    async def run_main() -> None:
+        await main()
+
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        runner.run(run_main())
+
+
+def flow_over(chip: SPIChip | None, settings: PMW3901Settings | None = None) -> PMW3901:
+    """Return the driver over a bus with that chip, or with none."""
+    buses, settings = FakeBuses(), settings or PMW3901Settings()
+    buses.spi(settings.bus).chip = chip
+    return PMW3901(settings, buses)
+
+
+def writes_at_start(settings: PMW3901Settings | None = None, **factory: int) -> list[tuple[int, int]]:
+    """Return the writes of one opening; ``factory`` names registers of bank 0E, such as ``r67``."""
+    writes: list[tuple[int, int]] = []
+
+    async def main() -> None:
+        registers = {(0x0E, int(name[1:], 16)): value for name, value in factory.items()}
+        chip = PMW3901Chip(Driven(), time, factory=registers)
+        await flow_over(chip, settings).open()
+        writes.extend(chip.writes)
+
+    run(main)
+    return writes
+
+
+def settings_of(**values: object) -> PMW3901Settings:
+    return TypeAdapter(PMW3901Settings).validate_python(values)
+
+
+# -- what a burst says
+
+
+def test_vector_of_a_rover_that_moves() -> None:
+    burst = decode(NORMAL)
+    assert burst == Burst(motion=True, observation=0xBF, dx=5, dy=-5, squal=76, shutter=600)
+    assert quality(burst, 95) == 0.8
+    assert contradiction(burst, 0.01) is None
+
+
+def test_vector_of_a_rover_that_stands_is_known_to_be_still() -> None:
+    burst = decode(STANDING)
+    assert burst == Burst(motion=False, observation=0xBF, dx=0, dy=0, squal=76, shutter=600)
+    assert quality(burst, 95) == 0.8
+    assert contradiction(burst, 0.01) is None
+
+
+def test_vector_in_the_dark_is_worth_nothing() -> None:
+    burst = decode(DARK)
+    assert burst == Burst(motion=True, observation=0xBF, dx=16, dy=-16, squal=18, shutter=8000)
+    assert quality(burst, 95) == 0.0
+
+
+def test_dark_needs_both_too_little_texture_and_the_longest_exposure() -> None:
+    burst = decode(DARK)
+    assert quality(burst._replace(shutter=0x1EFF), 95) == 18 / 95
+    assert quality(burst._replace(squal=0x19), 95) == 25 / 95
+
+
+@given(
+    motion=st.booleans(),
+    others=st.integers(0, 0x7F),
+    observation=st.integers(0, 255),
+    dx=st.integers(-(2**15), 2**15 - 1),
+    dy=st.integers(-(2**15), 2**15 - 1),
+    squal=st.integers(0, 255),
+    raw=st.binary(min_size=3, max_size=3),
+    shutter=st.integers(0, 0x1FFF),
+    unused=st.integers(0, 7),
+)
+def test_decoding_undoes_the_layout_of_a_burst(
+    motion: bool, others: int, observation: int, dx: int, dy: int, squal: int, raw: bytes, shutter: int, unused: int
+) -> None:
+    head = pack("<BBhhB", motion << 7 | others, observation, dx, dy, squal)
+    data = head + raw + bytes((unused << 5 | shutter >> 8, shutter & 0xFF))
+    assert decode(data) == Burst(motion, observation, dx, dy, squal, shutter)
+
+
+@given(data=st.binary(min_size=12, max_size=12), squal_full=st.integers(1, 255))
+@example(data=b"\xff" * 12, squal_full=1)
+def test_quality_is_a_fraction_and_grows_with_texture(data: bytes, squal_full: int) -> None:
+    burst = decode(data)
+    better = burst._replace(squal=min(255, burst.squal + 1))
+    assert 0.0 <= quality(burst, squal_full) <= quality(better, squal_full) <= 1.0
+
+
+@pytest.mark.parametrize(("since_s", "limit"), [(0.0, 240), (0.01, 240), (0.05, 1200), (0.1, 2400)])
+def test_more_counts_than_the_time_since_the_last_read_allows_are_garbage(since_s: float, limit: int) -> None:
+    burst = decode(NORMAL)
+    for dx, dy in ((limit, -limit), (-limit, 0)):
+        assert contradiction(burst._replace(dx=dx, dy=dy), since_s) is None
+    for dx, dy in ((limit + 1, 0), (0, -limit - 1)):
+        text = contradiction(burst._replace(dx=dx, dy=dy), since_s)
+        assert text is not None
+        assert str(limit) in text
+
+
+def test_counts_without_motion_contradict_themselves() -> None:
+    assert contradiction(decode(STANDING)._replace(dy=1), 0.05) == "counts, and no motion seen"
+
+
+# -- the start-up
+
+
+def test_start_up_writes_the_table_in_its_order() -> None:
+    expected = list(zip(START_UP[::2], START_UP[1::2], strict=True))
+    assert writes_at_start(r67=0x80, r73=0x00, r70=20, r71=100) == expected
+
+
+def test_start_up_keeps_the_trims_of_a_chip_that_has_some() -> None:
+    writes = writes_at_start(r73=0x01)
+    assert not {0x70, 0x71} & {register for register, value in writes if value}
+    assert (0x51, 0x70) not in writes
+    assert len(writes) == len(writes_at_start()) - 6
+
+
+def test_start_up_heeds_bit_7_of_register_67_and_the_led_setting() -> None:
+    assert (0x48, 0x04) in writes_at_start(r67=0x80)
+    assert (0x48, 0x02) in writes_at_start(r67=0x7F)
+    assert (0x6F, 0x1C) in writes_at_start()
+    assert (0x6F, 0x00) in writes_at_start(PMW3901Settings(led=False))
+
+
+@pytest.mark.parametrize(
+    ("c1", "c1_written"), [(0, 14), (15, 29), (20, 34), (28, 42), (29, 40), (52, 0x3F), (53, 0x3F), (255, 0x3F)]
+)
+def test_first_trim_grows_by_one_rule_only(c1: int, c1_written: int) -> None:
+    assert trim(c1, 0) == ((0x70, c1_written), (0x71, 0))
+
+
+@pytest.mark.parametrize(("c2", "c2_written"), [(0, 0), (1, 0), (100, 0x2D), (255, 114)])
+def test_second_trim_shrinks_to_45_percent(c2: int, c2_written: int) -> None:
+    assert trim(0, c2) == ((0x70, 14), (0x71, c2_written))
+
+
+@pytest.mark.parametrize(("needed", "written"), [(1, 1), (3, 3), (9, 3)])
+def test_probe_is_repeated_three_times_at_most(needed: int, written: int) -> None:
+    async def main() -> None:
+        chip = PMW3901Chip(Driven(), time, probes_needed=needed)
+        await flow_over(chip).open()
+        assert chip.writes.count((0x43, 0x10)) == written
+
+    run(main)
+
+
+def test_opening_waits_for_the_chip_and_not_longer() -> None:
+    async def main() -> None:
+        await flow_over(PMW3901Chip(Driven(), time)).open()
+        assert time() == pytest.approx(0.02 + 0.01 + 0.24 + 0.02)
+
+    run(main)
+
+
+@pytest.mark.parametrize(("chip", "byte"), [(None, "0xFF"), (Silent(), "0x00")])
+def test_silence_names_the_slots_and_the_command_that_switches_spi_on(chip: SPIChip | None, byte: str) -> None:
+    async def main() -> None:
+        with pytest.raises(NotResponding, match=f"PMW3901 on /dev/spidev0.1: only {byte} comes back") as caught:
+            await flow_over(chip).open()
+        assert "sudo raspi-config nonint do_spi 0" in str(caught.value)
+        assert "back is /dev/spidev0.0" in str(caught.value)
+
+    run(main)
+
+
+@pytest.mark.parametrize("factory", [{(0x00, 0x00): 0x42}, {(0x00, 0x5F): 0xBD}])
+def test_another_chip_is_a_wrong_part(factory: dict[tuple[int, int], int]) -> None:
+    async def main() -> None:
+        with pytest.raises(WrongPart, match="expected product 0x49 and inverse 0xB6"):
+            await flow_over(PMW3901Chip(Driven(), time, factory=factory)).open()
+
+    run(main)
+
+
+def test_chip_that_answers_and_does_not_run_is_refused() -> None:
+    async def main() -> None:
+        with pytest.raises(NotResponding, match="answers but does not run"):
+            await flow_over(Stopped(Driven(), time)).open()
+
+    run(main)
+
+
+def test_opening_works_after_one_that_broke_off() -> None:
+    async def main() -> None:
+        chip = PMW3901Chip(Driven(), time)
+        chip.exchange(b"\xff\x0e")  # it broke off in this bank
+        await flow_over(chip).open()
+
+    run(main)
+
+
+# -- reading
+
+
+def test_reading_is_one_burst_that_does_not_wait_for_motion() -> None:
+    async def main() -> None:
+        chip = Canned(STANDING)
+        flow = flow_over(chip)
+        await flow.open()
+        await asyncio.sleep(0.05)
+        asked_s = time()
+        assert await flow.read() == (asked_s, 0.0, 0.0, 0.8, True)
+        assert time() == asked_s
+        assert chip.bursts == 1
+
+    run(main)
+
+
+def test_displacement_is_that_since_the_read_before() -> None:
+    async def main() -> None:
+        sense = Driven((100, -40), (-7, 3))
+        flow = flow_over(PMW3901Chip(sense, time))
+        await flow.open()
+        assert sense.asked_s == []
+        readings = []
+        for _ in range(3):
+            await asyncio.sleep(0.05)
+            readings.append((await flow.read())[1:3])
+        assert readings == [
+            pytest.approx((0.0213195, -0.0085278)),
+            pytest.approx((-0.001492365, 0.000639585)),
+            (0.0, 0.0),
+        ]
+
+    run(main)
+
+
+def test_darkness_is_unknown_and_not_still() -> None:
+    async def main() -> None:
+        chip = PMW3901Chip(Driven((100, 0)), time)
+        flow = flow_over(chip)
+        await flow.open()
+        chip.squal, chip.shutter = 18, 8000
+        assert (await flow.read()).quality == 0.0
+
+    run(main)
+
+
+@pytest.mark.parametrize(
+    ("forward", "right", "mounting"),
+    [
+        ("-y", "+x", lambda forward, right: (right, -forward)),
+        ("+x", "-y", lambda forward, right: (forward, -right)),
+        ("-x", "+y", lambda forward, right: (-forward, right)),
+        ("+y", "-x", lambda forward, right: (-right, forward)),
+    ],
+)
+def test_mounting_is_undone_by_the_settings(
+    forward: Axis, right: Axis, mounting: Callable[[int, int], tuple[int, int]]
+) -> None:
+    async def main() -> None:
+        settings = PMW3901Settings(forward=forward, right=right, rad_per_count=0.001, height_m=1.0)
+        flow = flow_over(PMW3901Chip(Driven((20, 3)), time, mounting=mounting), settings)
+        await flow.open()
+        assert (await flow.read())[1:3] == pytest.approx((0.020, 0.003))
+
+    run(main)
+
+
+@pytest.mark.parametrize(("rad_per_count", "mm"), [(0.00213195, 21.3), (1 / 385, 26.0), (0.002048, 20.5)])
+def test_hundred_counts_at_a_tenth_of_a_metre_with_published_scales(rad_per_count: float, mm: float) -> None:
+    settings = PMW3901Settings(rad_per_count=rad_per_count, height_m=0.1)
+    assert 100 * settings.m_per_count * 1000 == pytest.approx(mm, abs=0.05)
+
+
+def test_calibration_gets_the_counts_of_the_chip_itself() -> None:
+    async def main() -> None:
+        flow = flow_over(Canned(NORMAL), PMW3901Settings(forward="+x", right="+y", height_m=0.3))
+        await flow.open()
+        assert await flow.counts() == (5, -5)
+
+    run(main)
+
+
+def test_spike_is_dropped_and_the_next_reading_is_good() -> None:
+    async def main() -> None:
+        flow = flow_over(PMW3901Chip(Driven((1201, 0), (8, 0)), time))
+        await flow.open()
+        await asyncio.sleep(0.05)
+        with pytest.raises(BadReading, match="more than 1200 counts in 0"):
+            await flow.read()
+        await asyncio.sleep(0.05)
+        assert (await flow.read()).forward_m == pytest.approx(8 * 0.000213195)
+
+    run(main)
+
+
+def test_chip_that_lost_its_settings_is_reported_and_opening_it_anew_helps() -> None:
+    async def main() -> None:
+        chip = PMW3901Chip(Driven((8, 0)), time)
+        flow = flow_over(chip)
+        await flow.open()
+        chip.lose_power()
+        with pytest.raises(NotResponding, match="has stopped"):
+            await flow.read()
+        await flow.close()
+        await flow.open()
+        assert (await flow.read()).forward_m > 0.0
+
+    run(main)
+
+
+@pytest.mark.parametrize("byte", [0x00, 0xFF])
+def test_line_that_goes_dead_is_no_reading(byte: int) -> None:
+    async def main() -> None:
+        chip = Canned(NORMAL)
+        flow = flow_over(chip)
+        await flow.open()
+        chip.burst = bytes((byte,)) * 12
+        with pytest.raises(NotResponding, match=f"only 0x{byte:02X} comes back"):
+            await flow.read()
+
+    run(main)
+
+
+# -- the driver among others
+
+
+def test_driver_keeps_the_promises_of_a_motion_sensor() -> None:
+    def factory() -> PMW3901:
+        return flow_over(PMW3901Chip(Driven((5, 0), (6, 1), (7, 0)), time))
+
+    async def main() -> None:
+        await check_motion_sensor(factory, unreachable=lambda: flow_over(None))
+
+    run(main)
+    assert isinstance(factory(), MotionSensor)
+
+
+def test_driver_reads_what_the_simulated_part_reads() -> None:
+    def readings_of(make: Callable[[World], MotionSensor]) -> list[MotionReading]:
+        readings = []
+
+        async def main() -> None:
+            world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), Streams(3))
+            flow = make(world)
+            await flow.open()
+            await asyncio.sleep(1.0 - time())  # whatever the opening took
+            for duty in (0.0, 0.2, 1.0, 1.0, -0.6, 0.0):
+                world.advance_to(time())
+                world.command(duty, duty)
+                await asyncio.sleep(0.1)
+                readings.append(await flow.read())
+
+        run(main)
+        return readings
+
+    at_bus_depth = readings_of(lambda world: flow_over(PMW3901Chip(FlowSense(world, Streams(3)), time)))
+    at_device_depth = readings_of(lambda world: SimFlow(world, Streams(3)))
+    assert max(reading.forward_m for reading in at_device_depth) > 0.05
+    for real, simulated in zip(at_bus_depth, at_device_depth, strict=True):
+        assert real == pytest.approx(simulated, rel=1e-3)
+        assert real.quality == simulated.quality
+
+
+def test_bus_is_asked_for_with_mode_and_speed() -> None:
+    asked = []
+
+    class Asked(FakeBuses):
+        def spi(self, name: str, *, mode: int = 0, speed_hz: int = 400_000) -> FakeSPI:
+            asked.append((name, mode, speed_hz))
+            return super().spi(name, mode=mode, speed_hz=speed_hz)
+
+    PMW3901(PMW3901Settings(), Asked())
+    flow = PMW3901(PMW3901Settings(bus="/dev/spidev0.0", spi_mode=3, speed_hz=200_000), Asked())
+    assert asked == [("/dev/spidev0.1", 0, 400_000), ("/dev/spidev0.0", 3, 200_000)]
+    assert flow.name == "PMW3901 on /dev/spidev0.0"
+    assert (PMW3901.part, PMW3901.Settings) == ("motion", PMW3901Settings)
+
+
+def test_default_scale_is_that_of_the_simulated_part() -> None:
+    assert PMW3901Settings().m_per_count == pytest.approx(FLOW_M_PER_COUNT, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"height_m": 0.079},
+        {"spi_mode": 1},
+        {"speed_hz": 2_000_001},
+        {"rad_per_count": 0.0},
+        {"rad_per_count": float("nan")},
+        {"squal_full": 0},
+        {"forward": "y"},
+        {"forward": "+x", "right": "-x"},
+    ],
+)
+def test_settings_that_cannot_be_are_refused(values: dict[str, object]) -> None:
+    assert settings_of(height_m=0.08, spi_mode=3, forward="+x", right="-y").height_m == 0.08
+    with pytest.raises(ValidationError, match="|".join(values)):
+        settings_of(**values)

@@ -1,0 +1,323 @@
+"""The Sabertooth driver tells a board that never answers all that it must not forget."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from functools import wraps
+from math import nan
+from typing import Any, Literal
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
+
+from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings, packet
+from wayfarer.errors import NotResponding
+from wayfarer.escape.api import Vehicle
+from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand
+from wayfarer.simhal.chips.sabertooth import SabertoothChip
+from wayfarer.simhal.devices import SimMotors
+from wayfarer.simhal.fakebus import FakeBuses, FakeSerial
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+from wayfarer.testing import check_motors
+
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
+TIMEOUT, STAND = "80 0E 03 11", "80 00 00 00 80 04 00 04"
+
+DUTIES = st.floats(-1.0, 1.0)
+
+
+def virtual(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    """Run a test in virtual time."""
+
+    @wraps(test)
+    def run(*args: Any, **kwargs: Any) -> None:
+        with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+            runner.run(test(*args, **kwargs))
+
+    return run
+
+
+class Wire:
+    """Stands between a port and a chip and keeps what each write brought; drops some bytes if told to."""
+
+    def __init__(self, chip: SabertoothChip) -> None:
+        self.chip = chip
+        self.seen: list[bytes] = []
+        self.lost: set[int] = set()
+
+    def receive(self, data: bytes) -> None:
+        self.seen.append(data)
+        self.chip.receive(bytes(byte for at, byte in enumerate(data) if at not in self.lost))
+
+
+class Bench:
+    """A board on a port, over a world; nothing has spoken to it yet."""
+
+    def __init__(self, given: SabertoothSettings | None = None) -> None:
+        given = given or SabertoothSettings()
+        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, Streams(0))
+        self.chip = SabertoothChip(
+            self.world,
+            lambda: asyncio.get_running_loop().time(),
+            address=given.address,
+            full_level=127 * given.duty_limit,
+            left=given.left,
+            reverse_left=given.reverse_left,
+            reverse_right=given.reverse_right,
+        )
+        self.wire = Wire(self.chip)
+        self.buses = FakeBuses()
+        self.buses.serial(given.port).chip = self.wire
+        self.motors = Sabertooth(given, self.buses)
+
+    def sent(self) -> list[str]:
+        """Return what was written since this was asked last, a string for each write."""
+        sent = [data.hex(" ").upper() for data in self.wire.seen]
+        self.wire.seen.clear()
+        return sent
+
+
+class GoneBuses(FakeBuses):
+    """Ports whose cables were pulled out."""
+
+    def serial(self, name: str, *, baud: int = 9600) -> FakeSerial:
+        return GoneSerial(name)
+
+
+class GoneSerial(FakeSerial):
+    async def write(self, data: bytes) -> None:
+        raise NotResponding(f"{self.name}: the port is gone; plug it in again")
+
+
+# -- what goes over the wire -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("address", "command", "data", "sent"),
+    [
+        (128, 0, 127, "80 00 7F 7F"),
+        (128, 1, 127, "80 01 7F 00"),
+        (128, 4, 64, "80 04 40 44"),
+        (128, 5, 64, "80 05 40 45"),
+        (128, 14, 5, "80 0E 05 13"),
+        (128, 14, 3, "80 0E 03 11"),
+        (128, 2, 20, "80 02 14 16"),
+        (128, 17, 3, "80 11 03 14"),
+        (128, 16, 14, "80 10 0E 1E"),
+        (128, 8, 64, "80 08 40 48"),
+        (128, 10, 32, "80 0A 20 2A"),
+        (128, 6, 64, "80 06 40 46"),
+        (128, 15, 4, "80 0F 04 13"),
+        (130, 0, 64, "82 00 40 42"),
+        (135, 5, 127, "87 05 7F 0B"),
+    ],
+)
+def test_a_packet_ends_in_its_sum_modulo_128(address: int, command: int, data: int, sent: str) -> None:
+    assert packet(address, command, data) == bytes.fromhex(sent)
+
+
+@virtual
+async def test_both_sides_go_out_in_one_write_cut_off_towards_zero() -> None:
+    bench = Bench()
+    await bench.motors.open()
+    bench.sent()
+    await bench.motors.drive(WheelCommand(1.0, -0.5))
+    assert bench.sent() == ["80 00 7F 7F 80 05 3F 44"]
+    assert bench.world.commanded == (1.0, -63 / 127)
+
+
+@virtual
+async def test_wires_may_be_swapped_and_reversed() -> None:
+    bench = Bench(SabertoothSettings(address=130, left=2, reverse_left=True))
+    await bench.motors.open()
+    bench.sent()
+    await bench.motors.drive(WheelCommand(1.0, 0.5))
+    assert bench.sent() == ["82 05 7F 06 82 00 3F 41"]
+    assert bench.world.commanded == (1.0, 63 / 127)
+
+
+@virtual
+async def test_opening_sets_timeout_and_lowest_voltage_and_stands_still() -> None:
+    bench = Bench(SabertoothSettings(battery_min_v=10.0))
+    await bench.motors.open()
+    assert bench.sent() == [f"{TIMEOUT} 80 02 14 16 {STAND}"]
+    assert bench.chip.settings == {14: 3, 2: 20}
+
+
+@virtual
+async def test_the_lowest_voltage_is_left_alone_where_none_is_given() -> None:
+    bench = Bench()
+    await bench.motors.open()
+    assert bench.sent() == [f"{TIMEOUT} {STAND}"]
+
+
+@virtual
+async def test_stop_and_halt_say_it_three_times() -> None:
+    bench = Bench()
+    for stop in (bench.motors.stop, bench.motors.halt):
+        await bench.motors.drive(WheelCommand(0.5, 0.5))
+        assert bench.world.commanded != STOP
+        bench.sent()
+        if (waiting := stop()) is not None:
+            await waiting
+        assert bench.sent() == [f"{STAND} {STAND} {STAND}"]
+        assert bench.world.commanded == STOP
+
+
+@given(lost=st.sets(st.integers(0, 23), max_size=2))
+@settings(deadline=None)
+@virtual
+async def test_stop_gets_through_where_two_bytes_are_lost(lost: set[int]) -> None:
+    bench = Bench()
+    await bench.motors.drive(WheelCommand(0.5, -0.5))
+    bench.wire.lost = lost
+    await bench.motors.stop()
+    assert bench.world.commanded == STOP
+
+
+@given(
+    command=st.builds(WheelCommand, DUTIES, DUTIES),
+    limit=st.floats(0.1, 1.0),
+    left=st.sampled_from((1, 2)),
+    reverse_left=st.booleans(),
+    reverse_right=st.booleans(),
+)
+@settings(deadline=None)
+@virtual
+async def test_what_is_applied_is_what_the_wheels_get_and_at_most_what_was_asked(
+    command: WheelCommand, limit: float, left: Literal[1, 2], reverse_left: bool, reverse_right: bool
+) -> None:
+    bench = Bench(
+        SabertoothSettings(left=left, reverse_left=reverse_left, reverse_right=reverse_right, duty_limit=limit)
+    )
+    applied = await bench.motors.drive(command)
+    assert bench.world.commanded == applied
+    for asked, got in zip(command, applied, strict=True):
+        assert abs(asked) - 1.0 / (127 * limit) < abs(got) <= abs(asked)
+        assert got * asked >= 0.0
+    at_device_depth = SimMotors(bench.world, 127 * limit)
+    await at_device_depth.open()
+    assert await at_device_depth.drive(command) == applied
+
+
+@virtual
+async def test_duties_beyond_full_are_full_and_what_is_no_number_reaches_no_motor() -> None:
+    bench = Bench()
+    assert await bench.motors.drive(WheelCommand(1.5, -7.0)) == (1.0, -1.0)
+    bench.sent()
+    for broken in (WheelCommand(nan, 0.5), WheelCommand(0.5, nan)):
+        with pytest.raises(ValueError, match="NaN"):
+            await bench.motors.drive(broken)
+    assert bench.sent() == []
+
+
+# -- the deadman -----------------------------------------------------------------------------------------------------
+
+
+@virtual
+async def test_silence_stops_the_wheels() -> None:
+    bench = Bench()
+    await bench.motors.open()
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    await asyncio.sleep(0.29)
+    bench.chip.tick()
+    assert bench.world.commanded != STOP
+    await asyncio.sleep(0.02)
+    bench.chip.tick()
+    assert bench.world.commanded == STOP
+
+
+@virtual
+async def test_an_invisible_reset_leaves_the_board_without_its_timeout_for_a_second_at_most() -> None:
+    bench = Bench(SabertoothSettings(battery_min_v=10.0))
+    await bench.motors.open()
+    bench.chip.power_cycle()
+    for _ in range(21):
+        assert bench.chip.settings == {}
+        await asyncio.sleep(0.05)
+        await bench.motors.drive(WheelCommand(0.5, 0.5))
+        if bench.chip.settings:
+            break
+    assert bench.chip.settings == {14: 3, 2: 20}
+
+
+@virtual
+async def test_settings_go_out_once_a_second_and_again_at_once_when_opened_anew() -> None:
+    bench = Bench()
+    await bench.motors.open()
+    for _ in range(100):
+        await asyncio.sleep(0.05)
+        await bench.motors.drive(STOP)
+    assert 5 <= sum(TIMEOUT in write for write in bench.sent()) <= 6
+    await bench.motors.open()
+    assert bench.sent() == [f"{TIMEOUT} {STAND}"]
+
+
+@pytest.mark.parametrize(("timeout_s", "units"), [(0.1, 1), (0.3, 3), (0.7, 7), (12.7, 127)])
+@virtual
+async def test_the_timeout_is_told_in_tenths_of_a_second(timeout_s: float, units: int) -> None:
+    bench = Bench(SabertoothSettings(timeout_s=timeout_s))
+    await bench.motors.open()
+    assert bench.chip.settings[14] == units
+    assert bench.motors.deadman_s == timeout_s
+
+
+# -- what it cannot know ---------------------------------------------------------------------------------------------
+
+
+@virtual
+async def test_nothing_is_claimed_of_a_board_that_cannot_be_asked() -> None:
+    motors: DriveMotors = Bench().motors
+    assert await motors.read_back() is None
+    assert await motors.health() == MotorHealth(None, ())
+
+
+@virtual
+async def test_a_port_that_is_gone_is_told_by_all_but_stop() -> None:
+    motors = Sabertooth(SabertoothSettings(), GoneBuses())
+    for call in (motors.open, lambda: motors.drive(STOP)):
+        with pytest.raises(NotResponding, match="/dev/serial0: the port is gone"):
+            await call()
+    await motors.stop()
+
+
+@virtual
+async def test_settings_lost_with_a_port_are_sent_when_it_is_back() -> None:
+    bench = Bench()
+    port = bench.buses.serial("/dev/serial0")
+    write, port.write = port.write, GoneSerial("/dev/serial0").write  # type: ignore[method-assign]
+    with pytest.raises(NotResponding):
+        await bench.motors.drive(STOP)
+    port.write = write  # type: ignore[method-assign]
+    await bench.motors.drive(STOP)
+    assert bench.chip.settings == {14: 3}
+
+
+@virtual
+async def test_it_keeps_what_motors_promise() -> None:
+    assert isinstance(Bench().motors, DriveMotors)
+    await check_motors(lambda: Bench().motors, lambda: Sabertooth(SabertoothSettings(), GoneBuses()))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"address": 127}, {"address": 136}, {"baud": 115200}, {"left": 3}, {"timeout_s": 0.35}, {"timeout_s": 0.0},
+     {"timeout_s": 12.8}, {"battery_min_v": 5.9}, {"duty_limit": 1.1}],
+)  # fmt: skip
+def test_settings_that_no_board_has_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValidationError):
+        TypeAdapter(SabertoothSettings).validate_python(wrong)
+
+
+@given(tenths=st.integers(1, 127))
+def test_every_tenth_of_a_second_can_be_set(tenths: int) -> None:
+    settings = TypeAdapter(SabertoothSettings).validate_python({"timeout_s": tenths / 10, "battery_min_v": None})
+    assert settings.timeout_s == tenths / 10

@@ -1,0 +1,410 @@
+"""The ThunderBorg driver says the board's own words, and hears when the board does not mean what it wants."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from functools import wraps
+from math import nan
+from typing import Any, Literal
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
+
+from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
+from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings
+from wayfarer.errors import BadReading, NotResponding, WrongPart
+from wayfarer.escape.api import Vehicle
+from wayfarer.hal import STOP, Colour, DriveMotors, StatusLight, WheelCommand
+from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.devices import SimMotors
+from wayfarer.simhal.fakebus import FakeBuses
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+from wayfarer.testing import check_motors
+
+ADDRESS = 0x15
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
+PURPLE = Colour(1.0, 0.0, 1.0)
+
+DUTIES = st.floats(-1.0, 1.0)
+
+
+def virtual(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    """Run a test in virtual time."""
+
+    @wraps(test)
+    def run(*args: Any, **kwargs: Any) -> None:
+        with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+            runner.run(test(*args, **kwargs))
+
+    return run
+
+
+def now_s() -> float:
+    return asyncio.get_running_loop().time()
+
+
+class Cable:
+    """Stands between a bus and a chip: the next writes fail, or some are lost although acknowledged.
+
+    ``garbled`` is how many answers to a command come back with a wrong echo, ``answers`` what is answered in place of
+    the chip's own.
+    """
+
+    def __init__(self, chip: ThunderBorgChip) -> None:
+        self.chip = chip
+        self.loose = 0
+        self.garbled: dict[int, int] = {}
+        self.failsafes_lost = 0
+        self.answers: dict[int, bytes] = {}
+
+    def write(self, data: bytes) -> None:
+        if self.loose:
+            self.loose -= 1
+            raise NotResponding("/dev/i2c-1: no answer at address 0x15")
+        if data == b"\x13\x01" and self.failsafes_lost:
+            self.failsafes_lost -= 1
+            return
+        self.chip.write(data)
+
+    def read(self, count: int) -> bytes:
+        reply = self.chip.read(count)
+        command = reply[0]
+        if self.garbled.get(command):
+            self.garbled[command] -= 1
+            return b"\x07" + reply[1:]
+        return bytes((command, *self.answers.get(command, reply[1:]))).ljust(count)
+
+
+class Bench:
+    """A board on a bus, over a world; nothing has spoken to it yet."""
+
+    def __init__(self, given: ThunderBorgSettings | None = None) -> None:
+        given = given or ThunderBorgSettings()
+        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, Streams(0))
+        self.chip = ThunderBorgChip(
+            self.world,
+            now_s,
+            full_level=255 * given.duty_limit,
+            left=given.left,
+            reverse_left=given.reverse_left,
+            reverse_right=given.reverse_right,
+        )
+        self.cable = Cable(self.chip)
+        self.buses = FakeBuses()
+        self.buses.i2c("/dev/i2c-1").attach(ADDRESS, self.cable)
+        self.motors = ThunderBorg(given, self.buses)
+        self.light = ThunderBorgLight(ThunderBorgLightSettings(), self.buses)
+
+    def sent(self) -> list[str]:
+        """Return what was written since this was asked last."""
+        sent = [data.hex(" ").upper() for data in self.chip.writes]
+        self.chip.writes.clear()
+        return sent
+
+
+# -- what goes over the wire -----------------------------------------------------------------------------------------
+
+
+@virtual
+async def test_driving_writes_the_left_motor_then_the_right_one() -> None:
+    bench = Bench()
+    await bench.motors.drive(WheelCommand(0.5, -1.0))
+    assert bench.sent() == ["0B 79", "09 F2"]
+
+
+@pytest.mark.parametrize(("duty", "sent"), [(0.5, "08 7F"), (1.0, "08 FF"), (0.0, "08 00"), (-0.5, "09 7F")])
+@virtual
+async def test_levels_are_cut_off_towards_zero_and_zero_is_forward(duty: float, sent: str) -> None:
+    bench = Bench(ThunderBorgSettings(duty_limit=1.0, left="A"))
+    await bench.motors.drive(WheelCommand(duty, 0.0))
+    assert bench.sent() == [sent, "0B 00"]
+
+
+@virtual
+async def test_a_reversed_side_is_told_the_other_direction() -> None:
+    bench = Bench(ThunderBorgSettings(reverse_left=True))
+    applied = await bench.motors.drive(WheelCommand(1.0, 1.0))
+    assert bench.sent() == ["0C F2", "08 F2"]
+    assert applied.left == applied.right > 0.99
+    assert bench.world.commanded == applied
+
+
+@virtual
+async def test_opening_asks_who_it_is_arms_the_failsafe_reads_it_back_and_stands_still() -> None:
+    bench = Bench()
+    await bench.motors.open()
+    assert bench.sent() == ["99", "13 01", "14", "0B 00", "08 00"]
+    assert bench.chip.failsafe
+
+
+@virtual
+async def test_stop_and_halt_switch_both_motors_off() -> None:
+    bench = Bench()
+    for stop in (bench.motors.stop, bench.motors.halt):
+        await bench.motors.drive(WheelCommand(0.5, 0.5))
+        assert bench.world.commanded != STOP
+        if (waiting := stop()) is not None:
+            await waiting
+        assert bench.sent()[-1] == "0E 00"
+        assert bench.world.commanded == STOP
+
+
+@given(
+    command=st.builds(WheelCommand, DUTIES, DUTIES),
+    limit=st.floats(0.1, 1.0),
+    left=st.sampled_from(("A", "B")),
+    reverse_left=st.booleans(),
+    reverse_right=st.booleans(),
+)
+@settings(deadline=None)
+@virtual
+async def test_what_is_applied_is_what_the_wheels_get_and_at_most_what_was_asked(
+    command: WheelCommand, limit: float, left: Literal["A", "B"], reverse_left: bool, reverse_right: bool
+) -> None:
+    bench = Bench(ThunderBorgSettings("/dev/i2c-1", ADDRESS, limit, left, reverse_left, reverse_right))
+    applied = await bench.motors.drive(command)
+    assert bench.world.commanded == applied
+    assert await bench.motors.read_back() == applied
+    for asked, got in zip(command, applied, strict=True):
+        assert abs(asked) - 1.0 / (255 * limit) < abs(got) <= abs(asked)
+        assert got * asked >= 0.0
+    at_device_depth = SimMotors(bench.world, 255 * limit)
+    await at_device_depth.open()
+    assert await at_device_depth.drive(command) == applied
+
+
+@virtual
+async def test_duties_beyond_full_are_full_and_what_is_no_number_reaches_no_motor() -> None:
+    bench = Bench()
+    assert await bench.motors.drive(WheelCommand(1.5, -7.0)) == await bench.motors.drive(WheelCommand(1.0, -1.0))
+    bench.sent()
+    for broken in (WheelCommand(nan, 0.5), WheelCommand(0.5, nan)):
+        with pytest.raises(ValueError, match="NaN"):
+            await bench.motors.drive(broken)
+    assert bench.sent() == []
+
+
+# -- the deadman -----------------------------------------------------------------------------------------------------
+
+
+@virtual
+async def test_silence_stops_the_wheels_and_reads_back_as_zero() -> None:
+    bench = Bench()
+    await bench.motors.open()
+    applied = await bench.motors.drive(WheelCommand(0.5, 0.5))
+    await asyncio.sleep(0.2)
+    assert await bench.motors.read_back() == applied
+    await asyncio.sleep(0.06)
+    assert await bench.motors.read_back() == STOP
+    assert bench.world.commanded == STOP
+
+
+@virtual
+async def test_a_failsafe_that_arms_at_the_fifth_try_is_armed() -> None:
+    bench = Bench()
+    bench.cable.failsafes_lost = 4
+    await bench.motors.open()
+    assert bench.chip.failsafe
+
+
+@virtual
+async def test_noise_on_reading_the_failsafe_back_is_one_try_of_five() -> None:
+    bench = Bench()
+    bench.cable.garbled[20] = 4 * 3
+    await bench.motors.open()
+    assert bench.chip.failsafe
+    bench.cable.garbled[20] = 5 * 3
+    with pytest.raises(NotResponding, match="the failsafe does not arm"):
+        await bench.motors.open()
+
+
+@virtual
+async def test_a_failsafe_that_does_not_arm_refuses_to_open() -> None:
+    bench = Bench()
+    bench.cable.failsafes_lost = 5
+    with pytest.raises(NotResponding, match="ThunderBorg at 0x15 on /dev/i2c-1: the failsafe does not arm"):
+        await bench.motors.open()
+
+
+@virtual
+async def test_a_board_that_lost_its_power_for_a_moment_is_noticed_and_opening_arms_it_anew() -> None:
+    bench = Bench()
+    await bench.motors.open()
+    assert (await bench.motors.health()).faults == ()
+    bench.chip.power_cycle()
+    (fault,) = (await bench.motors.health()).faults
+    assert "the failsafe is off: the board lost its power for a moment" in fault
+    await bench.motors.open()
+    assert (await bench.motors.health()).faults == ()
+
+
+# -- when the wire is bad --------------------------------------------------------------------------------------------
+
+
+@virtual
+async def test_two_missing_acknowledgements_are_made_good_and_three_are_told() -> None:
+    bench = Bench()
+    bench.cable.loose = 2
+    assert (await bench.motors.drive(WheelCommand(0.5, 0.5))).left > 0.49
+    bench.cable.loose = 3
+    with pytest.raises(NotResponding, match=r"ThunderBorg at 0x15 .* no acknowledgement .* battery off or flat"):
+        await bench.motors.drive(STOP)
+
+
+@virtual
+async def test_stop_keeps_trying_and_never_raises() -> None:
+    bench = Bench()
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    bench.cable.loose = 2
+    await bench.motors.stop()
+    assert bench.world.commanded == STOP
+    bench.cable.loose = 1000
+    await bench.motors.stop()
+
+
+@virtual
+async def test_an_answer_to_something_else_is_asked_for_again_and_then_refused() -> None:
+    bench = Bench()
+    await bench.motors.open()
+    bench.cable.garbled[13] = 2
+    assert await bench.motors.read_back() == STOP
+    bench.cable.garbled[13] = 3
+    with pytest.raises(BadReading, match="asked 0x0D, answered to 0x07; noise on the wires"):
+        await bench.motors.read_back()
+
+
+@virtual
+async def test_another_part_at_the_address_is_named() -> None:
+    bench = Bench()
+    bench.cable.answers[153] = b"\x2a"
+    for part in (bench.motors, bench.light):
+        with pytest.raises(WrongPart, match=r"expected a ThunderBorg \(id 0x15\), got id 0x2A"):
+            await part.open()
+    bench.cable.garbled[153] = 6
+    for part in (bench.motors, bench.light):
+        with pytest.raises(WrongPart, match="no echo of the request"):
+            await part.open()
+
+
+@virtual
+async def test_a_direction_that_is_none_is_not_taken_for_zero() -> None:
+    bench = Bench()
+    bench.cable.answers[13] = b"\x03\x64"
+    with pytest.raises(BadReading, match="motor B says direction 3"):
+        await bench.motors.read_back()
+
+
+# -- health ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("volts", "told_v"), [(12.0, 11.994), (14.0, 14.016), (36.3, 36.3)])
+@virtual
+async def test_the_battery_is_told_in_the_boards_steps(volts: float, told_v: float) -> None:
+    bench = Bench()
+    bench.chip.volts = volts
+    assert (await bench.motors.health()).battery_v == pytest.approx(told_v, abs=5e-4)
+
+
+@virtual
+async def test_a_voltage_beyond_the_scale_is_refused() -> None:
+    bench = Bench()
+    bench.cable.answers[21] = b"\x04\x00"
+    with pytest.raises(BadReading, match="battery reads 1024"):
+        await bench.motors.health()
+
+
+@virtual
+async def test_drive_faults_count_once_both_motors_have_been_driven() -> None:
+    bench = Bench()
+    await bench.motors.open()
+    bench.chip.drive_faults.add(0)
+    assert (await bench.motors.health()).faults == ()
+    await bench.motors.drive(WheelCommand(0.3, 0.0))
+    assert (await bench.motors.health()).faults == ()
+    await bench.motors.drive(WheelCommand(0.0, 0.3))
+    (fault,) = (await bench.motors.health()).faults
+    assert fault.startswith("motor A (right): drive fault: under-voltage, a short or overheating")
+    bench.chip.power_cycle()
+    await bench.motors.open()
+    assert (await bench.motors.health()).faults == ()
+
+
+# -- life cycle ------------------------------------------------------------------------------------------------------
+
+
+@virtual
+async def test_it_keeps_what_motors_promise() -> None:
+    def unreachable() -> ThunderBorg:
+        return ThunderBorg(ThunderBorgSettings(), FakeBuses())
+
+    assert isinstance(Bench().motors, DriveMotors)
+    await check_motors(lambda: Bench().motors, unreachable)
+
+
+@virtual
+async def test_a_board_that_is_not_there_is_told_with_bus_and_address() -> None:
+    motors = ThunderBorg(ThunderBorgSettings("/dev/i2c-3", 0x20), FakeBuses())
+    with pytest.raises(NotResponding, match=r"ThunderBorg at 0x20 on /dev/i2c-3: .*check the board's power switch"):
+        await motors.open()
+
+
+@pytest.mark.parametrize("wrong", [{"address": 0x78}, {"address": 2}, {"duty_limit": 0.0}, {"left": "C"}])
+def test_settings_that_no_board_has_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValidationError):
+        TypeAdapter(ThunderBorgSettings).validate_python(wrong)
+
+
+# -- light -----------------------------------------------------------------------------------------------------------
+
+
+@virtual
+async def test_the_light_takes_the_leds_from_the_battery_display_and_shows_both_in_one_colour() -> None:
+    bench = Bench()
+    assert isinstance(bench.light, StatusLight)
+    await bench.light.open()
+    await bench.light.show(PURPLE)
+    assert bench.sent() == ["99", "06 00", "05 FF 00 FF", "05 FF 00 FF"]
+    assert bench.chip.colours == [(255, 0, 255), (255, 0, 255)]
+
+
+@virtual
+async def test_the_light_speaks_only_when_the_colour_changes() -> None:
+    bench = Bench()
+    await bench.light.open()
+    await bench.light.show(PURPLE)
+    bench.sent()
+    await bench.light.show(PURPLE)
+    assert bench.sent() == []
+    await bench.light.show(Colour(0.0, 0.5, 0.001))
+    assert bench.chip.colours[0] == (0, 128, 0)
+
+
+@virtual
+async def test_a_light_that_was_lost_shows_its_colour_again() -> None:
+    bench = Bench()
+    await bench.light.open()
+    bench.cable.loose = 3
+    with pytest.raises(NotResponding, match="no acknowledgement"):
+        await bench.light.show(PURPLE)
+    await bench.light.show(PURPLE)
+    bench.chip.power_cycle()
+    await bench.light.open()
+    await bench.light.show(PURPLE)
+    assert bench.chip.colours == [(255, 0, 255), (255, 0, 255)]
+
+
+@virtual
+async def test_a_light_closes_twice_and_after_no_opening() -> None:
+    bench = Bench()
+    await bench.light.close()
+    await bench.light.open()
+    await bench.light.close()
+    await bench.light.close()

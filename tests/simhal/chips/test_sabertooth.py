@@ -1,0 +1,222 @@
+"""The Sabertooth chip takes whole packets from whatever the line brings, and stops the wheels in its own time."""
+
+from __future__ import annotations
+
+from itertools import accumulate, pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wayfarer.escape.api import Vehicle
+from wayfarer.simhal.chips.sabertooth import SabertoothChip
+from wayfarer.simhal.fakebus import ChipMisuse
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
+STILL = (0.0, 0.0)
+BOTH_AHEAD = "80 00 7F 7F 80 04 7F 03"
+
+
+class Bench:
+    """A chip over a world, with a clock to turn by hand."""
+
+    def __init__(self, address: int = 128) -> None:
+        self.now_s = 0.0
+        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, Streams(0))
+        self.chip = SabertoothChip(self.world, lambda: self.now_s, address=address)
+
+    def send(self, sent: str) -> None:
+        self.chip.receive(bytes.fromhex(sent))
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+# -- packets ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sent", "m1", "m2"),
+    [
+        ("80 00 7F 7F", 127, 0),
+        ("80 01 7F 00", -127, 0),
+        ("80 04 40 44", 0, 64),
+        ("80 05 40 45", 0, -64),
+        ("80 06 40 46", 0, 0),
+        ("80 06 7F 05", 127, 0),
+        ("80 06 00 06", -127, 0),
+        ("80 07 7F 06", 0, 127),
+        (f"{BOTH_AHEAD} 80 00 00 00 80 04 00 04", 0, 0),
+    ],
+)
+def test_motors_turn_as_told(bench: Bench, sent: str, m1: int, m2: int) -> None:
+    bench.send(sent)
+    assert bench.chip.levels == (m1, m2)
+    assert bench.world.commanded == (m1 / 127, m2 / 127)
+    assert bench.chip.dropped == 0
+
+
+@pytest.mark.parametrize(("address", "sent"), [(130, "82 00 40 42"), (135, "87 00 40 47")])
+def test_a_packet_for_another_address_is_passed_over(address: int, sent: str) -> None:
+    mine, other = Bench(address), Bench()
+    mine.send(sent)
+    other.send(sent)
+    assert (mine.chip.levels, other.chip.levels) == ((64, 0), (0, 0))
+    assert other.chip.dropped == 0
+
+
+def test_wires_may_be_swapped_and_reversed(bench: Bench) -> None:
+    chip = SabertoothChip(bench.world, lambda: 0.0, full_level=63.5, left=2, reverse_right=True)
+    chip.receive(bytes.fromhex("80 00 20 20 80 04 40 44"))
+    assert bench.world.commanded == (64 / 63.5, -32 / 63.5)
+
+
+@given(cuts=st.sets(st.integers(0, 8)))
+def test_packets_may_come_in_any_pieces(cuts: set[int]) -> None:
+    bench, data = Bench(), bytes.fromhex(BOTH_AHEAD)
+    for start, end in pairwise(sorted({0, *cuts, len(data)})):
+        bench.chip.receive(data[start:end])
+    assert bench.chip.levels == (127, 127)
+
+
+@given(at=st.integers(0, 3), value=st.integers(0, 255))
+def test_a_packet_with_one_wrong_byte_does_not_move_the_wheels(at: int, value: int) -> None:
+    bench, data = Bench(), bytearray.fromhex("80 00 40 40")
+    changed = value != data[at]
+    data[at] = value
+    bench.chip.receive(bytes(data))
+    assert (bench.chip.levels == (0, 0)) == changed
+
+
+def test_a_wrong_checksum_is_dropped_and_counted(bench: Bench) -> None:
+    bench.send("80 00 7F 7E")
+    assert (bench.chip.levels, bench.chip.dropped) == ((0, 0), 1)
+    bench.send("80 00 7F 7F")
+    assert bench.chip.levels == (127, 0)
+
+
+def test_a_packet_that_broke_off_is_dropped_and_counted(bench: Bench) -> None:
+    bench.send("80 00 7F 80 04 40 44")
+    assert (bench.chip.levels, bench.chip.dropped) == ((0, 64), 1)
+
+
+@pytest.mark.parametrize("noise", ["80", "80 00", "80 00 7F", "00 7F 7F", "AA", "AA AA", "80 AA", "FF 00"])
+def test_after_noise_the_next_packet_is_taken(bench: Bench, noise: str) -> None:
+    bench.send(noise)
+    bench.send("80 04 40 44")
+    assert bench.chip.levels == (0, 64)
+
+
+@pytest.mark.parametrize("sent", ["80 12 00 12", "80 02 79 7B", "80 0F 05 14", "80 10 00 10", "80 10 51 61"])
+def test_what_the_board_does_not_know_is_a_mistake(bench: Bench, sent: str) -> None:
+    with pytest.raises(ChipMisuse, match="command"):
+        bench.send(sent)
+
+
+# -- mixed mode ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("drive", "turn", "m1", "m2"),
+    [
+        ("80 08 40 48", "80 0A 20 2A", 96, 32),
+        ("80 08 40 48", "80 0B 20 2B", 32, 96),
+        ("80 09 40 49", "80 0A 20 2A", -32, -96),
+        ("80 08 7F 07", "80 0A 20 2A", 127, 95),
+        ("80 0C 7F 0B", "80 0D 40 4D", 127, 127),
+    ],
+)
+def test_mixed_mode_moves_when_drive_and_turn_have_come(bench: Bench, drive: str, turn: str, m1: int, m2: int) -> None:
+    for first, second in ((drive, turn), (turn, drive)):
+        bench.chip.power_cycle()
+        bench.send(first)
+        assert bench.chip.levels == (0, 0)
+        bench.send(second)
+        assert bench.chip.levels == (m1, m2)
+
+
+def test_changing_the_set_of_commands_stops_the_motors_until_both_are_refreshed(bench: Bench) -> None:
+    bench.send(BOTH_AHEAD)
+    bench.send("80 08 40 48")
+    assert bench.world.commanded == STILL
+    bench.send("80 0A 00 0A")
+    assert bench.chip.levels == (64, 64)
+    bench.send("80 00 40 40")
+    assert bench.world.commanded == STILL
+    bench.send("80 05 40 45")
+    assert bench.chip.levels == (64, -64)
+
+
+# -- settings and power ----------------------------------------------------------------------------------------------
+
+
+def test_settings_are_kept_and_those_of_them_that_persist_outlive_the_power(bench: Bench) -> None:
+    bench.send("80 0E 05 13 80 02 14 16 80 03 40 43 80 11 03 14 80 10 0E 1E 80 0F 04 13")
+    assert bench.chip.settings == {14: 5, 2: 20, 3: 64, 17: 3, 16: 14, 15: 4}
+    bench.send(BOTH_AHEAD)
+    bench.send("80 00")
+    bench.chip.power_cycle()
+    assert bench.chip.settings == {17: 3, 16: 14, 15: 4}
+    assert bench.world.commanded == STILL
+    bench.send("7F 7F")
+    assert bench.world.commanded == STILL
+
+
+# -- serial timeout --------------------------------------------------------------------------------------------------
+
+
+def test_without_the_timeout_the_wheels_turn_on(bench: Bench) -> None:
+    bench.send(BOTH_AHEAD)
+    bench.now_s = 60.0
+    bench.chip.tick()
+    assert bench.world.commanded == (1.0, 1.0)
+    bench.send("80 0E 03 11 80 0E 00 0E")
+    bench.now_s = 120.0
+    bench.chip.tick()
+    assert bench.world.commanded == (1.0, 1.0)
+
+
+def test_the_timeout_stops_the_wheels_at_its_own_time_however_late_that_is_noticed(bench: Bench) -> None:
+    bench.send("80 0E 03 11")
+    bench.now_s = 1.0
+    bench.send(BOTH_AHEAD)
+    bench.now_s = 10.0
+    bench.send("80")
+    bench.world.advance_to(bench.now_s)
+
+    other = Bench()
+    other.world.advance_to(1.0)
+    other.world.command(1.0, 1.0)
+    other.world.advance_to(1.3)
+    other.world.command(0.0, 0.0)
+    other.world.advance_to(10.0)
+    assert 0.3 < bench.world.path_m == other.world.path_m < 0.6
+
+
+def test_a_dropped_packet_does_not_keep_the_timeout_from_tripping(bench: Bench) -> None:
+    bench.send(f"80 0E 03 11 {BOTH_AHEAD}")
+    bench.now_s = 0.2
+    bench.send("80 00 7F 00")
+    bench.now_s = 0.31
+    bench.chip.tick()
+    assert bench.world.commanded == STILL
+
+
+@given(gaps_s=st.lists(st.floats(0.0, 0.5), min_size=1, max_size=20), look_s=st.floats(0.0, 0.5))
+def test_the_wheels_turn_exactly_while_the_last_command_is_young(gaps_s: list[float], look_s: float) -> None:
+    bench = Bench()
+    bench.send("80 0E 02 10")
+    for bench.now_s in accumulate(gaps_s):
+        bench.send(BOTH_AHEAD)
+        assert bench.world.commanded == (1.0, 1.0)
+    last_s = bench.now_s
+    bench.now_s += look_s
+    bench.chip.tick()
+    assert (bench.world.commanded != STILL) == (bench.now_s < last_s + 0.2)

@@ -1,0 +1,200 @@
+"""The ThunderBorg chip keeps its protocol, and its failsafe keeps its own time."""
+
+from __future__ import annotations
+
+from itertools import accumulate
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wayfarer.escape.api import Vehicle
+from wayfarer.simhal.chips.thunderborg import FULL_LEVEL, ThunderBorgChip
+from wayfarer.simhal.fakebus import ChipMisuse
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
+
+
+class Bench:
+    """A chip over a world, with a clock to turn by hand."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, Streams(0))
+        self.chip = ThunderBorgChip(self.world, lambda: self.now_s)
+
+    def send(self, written: str) -> None:
+        self.chip.write(bytes.fromhex(written))
+
+    def ask(self, written: str, count: int) -> str:
+        """Return the echo and so many bytes of the answer."""
+        self.send(written)
+        return self.chip.read(6)[: count + 1].hex(" ")
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_it_says_what_it_is(bench: Bench) -> None:
+    assert bench.ask("99", 1) == "99 15"
+
+
+def test_a_read_gives_six_bytes_again_and_again_until_something_else_is_written(bench: Bench) -> None:
+    bench.send("99")
+    assert bench.chip.read(6) == bench.chip.read(6) == bytes.fromhex("99 15 ff ff ff ff")
+    bench.send("0E 00")
+    with pytest.raises(ChipMisuse, match="follows a request"):
+        bench.chip.read(6)
+
+
+@pytest.mark.parametrize("written", ["", "00", "19", "08", "08 01 02", "0A 00", "05 01 02", "FF", "0E"])
+def test_what_the_board_does_not_know_is_a_mistake(bench: Bench, written: str) -> None:
+    with pytest.raises(ChipMisuse, match="no command"):
+        bench.send(written)
+
+
+def test_every_reply_is_read_whole(bench: Bench) -> None:
+    bench.send("99")
+    with pytest.raises(ChipMisuse, match="6"):
+        bench.chip.read(2)
+
+
+@pytest.mark.parametrize(
+    ("written", "a", "b"),
+    [
+        ("08 79", "0a 01 79", "0d 01 00"),
+        ("09 79", "0a 02 79", "0d 01 00"),
+        ("0B F2", "0a 01 00", "0d 01 f2"),
+        ("0C F2", "0a 01 00", "0d 02 f2"),
+        ("11 20", "0a 01 20", "0d 01 20"),
+        ("12 20", "0a 02 20", "0d 02 20"),
+    ],
+)
+def test_motors_read_back_as_they_were_set(bench: Bench, written: str, a: str, b: str) -> None:
+    bench.send(written)
+    assert (bench.ask("0A", 2), bench.ask("0D", 2)) == (a, b)
+
+
+def test_motor_b_is_the_left_one_and_95_percent_are_full_duty(bench: Bench) -> None:
+    bench.send("0B 79")
+    bench.send("09 F2")
+    assert bench.world.commanded == (121 / FULL_LEVEL, -242 / FULL_LEVEL)
+
+
+def test_wires_may_be_swapped_and_reversed() -> None:
+    bench = Bench()
+    chip = ThunderBorgChip(bench.world, lambda: 0.0, full_level=255.0, left="A", reverse_right=True)
+    chip.write(b"\x08\xff")
+    chip.write(b"\x0b\x33")
+    assert bench.world.commanded == (1.0, -0.2)
+
+
+@pytest.mark.parametrize(
+    ("volts", "reply"), [(12.0, "15 01 52"), (14.0, "15 01 8b"), (36.3, "15 03 ff"), (0.0, "15 00 00")]
+)
+def test_the_battery_is_measured(bench: Bench, volts: float, reply: str) -> None:
+    bench.chip.volts = volts
+    assert bench.ask("15", 2) == reply
+
+
+def test_leds_take_colours_only_while_they_do_not_show_the_battery(bench: Bench) -> None:
+    assert bench.ask("07", 1) == "07 01"
+    bench.send("05 01 02 03")
+    assert bench.ask("02", 3) == "02 00 00 00"
+    bench.send("06 00")
+    bench.send("01 01 02 03")
+    bench.send("03 04 05 06")
+    assert (bench.ask("02", 3), bench.ask("04", 3), bench.ask("07", 1)) == ("02 01 02 03", "04 04 05 06", "07 00")
+    bench.send("05 FF 00 FF")
+    assert (bench.ask("02", 3), bench.ask("04", 3)) == ("02 ff 00 ff", "04 ff 00 ff")
+
+
+def test_drive_faults_are_up_until_both_motors_have_been_driven(bench: Bench) -> None:
+    assert (bench.ask("0F", 1), bench.ask("10", 1)) == ("0f 01", "10 01")
+    bench.send("08 20")
+    assert bench.ask("0F", 1) == "0f 01"
+    bench.send("0C 20")
+    assert (bench.ask("0F", 1), bench.ask("10", 1)) == ("0f 00", "10 00")
+    bench.chip.drive_faults.add(1)
+    assert (bench.ask("0F", 1), bench.ask("10", 1)) == ("0f 00", "10 01")
+
+
+def test_losing_power_forgets_all_but_the_eeprom(bench: Bench) -> None:
+    for written in ("13 01", "06 00", "05 01 02 03", "16 40 60", "AA 2A", "11 20"):
+        bench.send(written)
+    bench.chip.power_cycle()
+    assert bench.world.commanded == (0.0, 0.0)
+    assert [bench.ask(get, 2) for get in ("0A", "0D", "17")] == ["0a 01 00", "0d 01 00", "17 40 60"]
+    assert [bench.ask(get, 1) for get in ("14", "07", "0F", "99")] == ["14 00", "07 01", "0f 01", "99 15"]
+    assert bench.ask("02", 3) == "02 00 00 00"
+    assert bench.chip.address == 0x2A
+
+
+# -- failsafe --------------------------------------------------------------------------------------------------------
+
+
+def test_without_the_failsafe_the_wheels_turn_on(bench: Bench) -> None:
+    assert bench.ask("14", 1) == "14 00"
+    bench.send("11 79")
+    bench.now_s = 60.0
+    assert bench.ask("0A", 2) == "0a 01 79"
+    assert bench.world.commanded != (0.0, 0.0)
+
+
+def test_the_failsafe_stops_the_wheels_at_its_own_time_however_late_that_is_noticed(bench: Bench) -> None:
+    bench.send("13 01")
+    bench.now_s = 1.0
+    bench.send("11 F2")
+    bench.now_s = 10.0
+    bench.chip.tick()
+    bench.world.advance_to(bench.now_s)
+
+    other = Bench()
+    other.world.advance_to(1.0)
+    other.world.command(242 / FULL_LEVEL, 242 / FULL_LEVEL)
+    other.world.advance_to(1.25)
+    other.world.command(0.0, 0.0)
+    other.world.advance_to(10.0)
+    assert 0.3 < bench.world.path_m == other.world.path_m < 0.5
+    assert bench.ask("0A", 2) == "0a 01 00"
+
+
+def test_requests_and_colours_do_not_keep_the_failsafe_from_tripping(bench: Bench) -> None:
+    bench.send("13 01")
+    bench.send("11 79")
+    for bench.now_s in (0.1, 0.2, 0.3):
+        for written in ("15", "14", "13 01", "06 00"):
+            bench.send(written)
+    assert bench.world.commanded == (0.0, 0.0)
+
+
+def test_a_failsafe_switched_on_late_gives_its_whole_interval(bench: Bench) -> None:
+    bench.send("11 79")
+    bench.now_s = 5.0
+    bench.send("13 01")
+    bench.now_s = 5.2
+    bench.chip.tick()
+    assert bench.chip.levels == (0x79, 0x79)
+    bench.now_s = 5.26
+    bench.chip.tick()
+    assert bench.chip.levels == (0, 0)
+
+
+@given(gaps_s=st.lists(st.floats(0.0, 0.5), min_size=1, max_size=20), look_s=st.floats(0.0, 0.5))
+def test_the_wheels_turn_exactly_while_the_last_command_is_young(gaps_s: list[float], look_s: float) -> None:
+    bench = Bench()
+    bench.send("13 01")
+    for bench.now_s in accumulate(gaps_s):
+        bench.send("11 79")
+        assert bench.world.commanded != (0.0, 0.0)
+    last_s = bench.now_s
+    bench.now_s += look_s
+    bench.chip.tick()
+    assert (bench.world.commanded != (0.0, 0.0)) == (bench.now_s < last_s + 0.25)

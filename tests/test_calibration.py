@@ -1,0 +1,113 @@
+"""The calibration file: what is saved is loaded, what is broken is refused by name."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wayfarer.calibration import (
+    FILE_NAME,
+    Calibration,
+    CompassEntry,
+    FlowEntry,
+    MotorsEntry,
+    calibration_file,
+    load,
+    save,
+    stamp,
+)
+from wayfarer.errors import BadInput, WayfarerError
+
+T_WALL = 1_795_000_000.0
+
+angles = st.floats(0.0, 180.0)
+stamps = st.builds(stamp, st.text(max_size=40), st.floats(0.0, 4e9))
+calibrations = st.builds(
+    Calibration,
+    compass=st.none()
+    | st.builds(
+        lambda s, level, deg: CompassEntry(**s, level=level, residual_deg=deg), stamps, st.integers(0, 3), angles
+    ),
+    flow=st.none() | st.builds(lambda s, scale: FlowEntry(**s, scale=scale), stamps, st.floats(0.1, 10.0)),
+    motors=st.none()
+    | st.builds(
+        lambda s, half, full, passed: MotorsEntry(**s, shift_half_deg=half, shift_full_deg=full, passed=passed),
+        stamps,
+        angles,
+        angles,
+        st.booleans(),
+    ),
+)
+
+
+@given(calibration=calibrations)
+def test_what_is_saved_is_loaded(tmp_path_factory: pytest.TempPathFactory, calibration: Calibration) -> None:
+    path = tmp_path_factory.mktemp("state") / FILE_NAME
+    save(path, calibration)
+    assert load(path) == calibration
+
+
+def test_no_file_is_an_empty_calibration(tmp_path: Path) -> None:
+    assert load(tmp_path / FILE_NAME) == Calibration()
+
+
+def test_an_entry_says_when_it_was_made_to_people_too() -> None:
+    assert stamp("CMPS14", T_WALL) == {"part": "CMPS14", "t_wall": T_WALL, "date": "2026-11-18"}
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "JSON"),
+        ('{"schema": 1, "compass"', "JSON"),
+        ("\0\0\0\0", "JSON"),
+        ("[]", "object"),
+        ('{"schema": 2}', "schema"),
+        ('{"schema": 1, "gyro": {}}', "gyro"),
+        ('{"schema": 1, "flow": {"t_wall": 1.0, "date": "d", "part": "p", "scale": 0.0}}', "flow.scale"),
+        ('{"schema": 1, "flow": {"t_wall": 1.0, "date": "d", "part": "p", "scale": NaN}}', "flow.scale"),
+        ('{"schema": 1, "flow": {"t_wall": 1.0, "date": "d", "part": "p", "scale": "1"}}', "flow.scale"),
+        ('{"schema": 1, "flow": {"t_wall": 1.0, "date": "d", "scale": 1.0}}', "flow.part"),
+    ],
+)
+def test_a_broken_file_is_refused_with_its_name_and_the_reason(tmp_path: Path, text: str, reason: str) -> None:
+    path = tmp_path / FILE_NAME
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(BadInput) as refused:
+        load(path)
+    assert str(path) in str(refused.value)
+    assert reason in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_folder_in_the_files_place_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="cannot be read"):
+        load(tmp_path)
+    with pytest.raises(WayfarerError, match="cannot be written"):
+        save(tmp_path, Calibration())
+
+
+def test_a_save_that_is_cut_short_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, old = tmp_path / FILE_NAME, Calibration(flow=FlowEntry(**stamp("p", T_WALL), scale=1.2))
+    save(path, old)
+
+    def full_disk(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full_disk)
+    with pytest.raises(WayfarerError, match="No space left"):
+        save(path, Calibration())
+    assert load(path) == old
+
+
+def test_the_file_is_where_the_service_manager_says_else_in_the_system_else_at_home(tmp_path: Path) -> None:
+    home, system = tmp_path / "home", tmp_path / "system"
+    given_folder = {"STATE_DIRECTORY": "/var/lib/one:/var/lib/two"}
+    assert calibration_file(given_folder, home, system) == Path("/var/lib/one") / FILE_NAME
+    assert calibration_file({}, home, system) == home / ".local/state/wayfarer" / FILE_NAME
+    system.mkdir()
+    assert calibration_file({}, home, system) == system / FILE_NAME

@@ -1,0 +1,168 @@
+"""Installing the service: whole files, nobody's work overwritten, and refusals that say what to do."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from wayfarer import service
+from wayfarer.config import load_rover
+from wayfarer.errors import BadConfig, BadInput, UnknownName
+
+UNIT = "etc/systemd/system/wayfarer.service"
+ROVER_FILE = "etc/wayfarer/rover.toml"
+
+
+def environment(folder: Path) -> Path:
+    """An environment that has wayfarer; returns its interpreter."""
+    folder.mkdir(parents=True)
+    for name in ("python", "wayfarer"):
+        (folder / name).write_text("#!/bin/sh\n", encoding="utf-8")
+        (folder / name).chmod(0o755)
+    return folder / "python"
+
+
+@pytest.fixture
+def python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The interpreter of an environment that the service's user can reach, as pytest's own folders are not."""
+    monkeypatch.setattr(service, "check_reachable", lambda executable, python: None)
+    return environment(tmp_path / "opt/wayfarer/bin")
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """A mounted card."""
+    etc = tmp_path / "card/etc"
+    etc.mkdir(parents=True)
+    (etc / "group").write_text("root:x:0:\nspi:x:989:\ni2c:x:990:pi\nspies:x:1:\n", encoding="utf-8")
+    (etc / "passwd").write_text("root:x:0:0:root:/root:/bin/bash\n", encoding="utf-8")
+    return tmp_path / "card"
+
+
+def settings(unit: str) -> dict[str, list[str]]:
+    """The settings of a unit, without sections and comments."""
+    found: dict[str, list[str]] = {}
+    for line in unit.splitlines():
+        if line and line[0] not in "#[":
+            key, value = line.split("=", 1)
+            found.setdefault(key, []).append(value)
+    return found
+
+
+def test_unit_starts_this_installation(root: Path, python: Path) -> None:
+    unit = settings(service.unit_text(root, python))
+    command = python.parent / "wayfarer"
+    assert unit["ExecStart"] == [f"{command} run --config /etc/wayfarer/rover.toml --logs /var/lib/wayfarer/field_logs"]
+    assert unit["ExecStopPost"] == [f"-{command} stop-motors --config /etc/wayfarer/rover.toml"]
+    assert "@" not in "".join(value for key in unit if key != "SystemCallFilter" for value in unit[key])
+
+
+def test_unit_names_only_the_groups_that_exist_there(root: Path, python: Path) -> None:
+    assert settings(service.unit_text(root, python))["SupplementaryGroups"] == ["i2c spi"]
+
+
+def test_system_without_a_group_file_has_no_groups(tmp_path: Path, python: Path) -> None:
+    assert settings(service.unit_text(tmp_path, python))["SupplementaryGroups"] == [""]
+
+
+def test_parts_are_not_hidden_from_the_service(root: Path, python: Path) -> None:
+    unit = settings(service.unit_text(root, python))
+    assert "PrivateDevices" not in unit
+    assert {"char-i2c rw", "char-spi rw", "char-gpiochip rw", "char-video4linux rw"} <= set(unit["DeviceAllow"])
+
+
+def test_install_writes_unit_and_rover_file_and_says_what_is_next(root: Path, python: Path) -> None:
+    said: list[str] = []
+    service.install("sim", root, python, said.append)
+    assert (root / UNIT).read_text(encoding="utf-8") == service.unit_text(root, python)
+    assert load_rover(str(root / ROVER_FILE)) == load_rover("sim")
+    assert any("systemctl enable --now wayfarer" in line for line in said)
+    assert any("useradd" in line for line in said), "on a card the user cannot be made from here"
+    assert sorted(path.name for path in root.rglob("*") if path.is_file()) == [
+        "group", "passwd", "rover.toml", "wayfarer.service",
+    ]  # fmt: skip
+
+
+def test_rover_file_may_be_ones_own(root: Path, python: Path, tmp_path: Path) -> None:
+    service.install("sim", root, python, lambda line: None)
+    own = tmp_path / "mine.toml"
+    own.write_text((root / ROVER_FILE).read_text(encoding="utf-8").replace('"sim"', '"mine"'), encoding="utf-8")
+    (root / ROVER_FILE).unlink()
+    service.install(str(own), root, python, lambda line: None)
+    assert load_rover(str(root / ROVER_FILE)).name == "mine"
+
+
+def test_existing_rover_file_is_kept(root: Path, python: Path) -> None:
+    service.install("sim", root, python, lambda line: None)
+    calibrated = (root / ROVER_FILE).read_text(encoding="utf-8") + "# calibrated in the yard\n"
+    (root / ROVER_FILE).write_text(calibrated, encoding="utf-8")
+    said: list[str] = []
+    service.install("sim", root, python, said.append)
+    assert (root / ROVER_FILE).read_text(encoding="utf-8") == calibrated
+    assert f"kept {root / ROVER_FILE}" in said
+
+
+@pytest.mark.parametrize(
+    ("rover", "error", "text"),
+    [(None, BadInput, "--rover"), ("simm", UnknownName, "sim"), ("/no/such.toml", BadConfig, "no such file")],
+)
+def test_without_a_usable_rover_nothing_is_written(
+    root: Path, python: Path, rover: str | None, error: type[Exception], text: str
+) -> None:
+    with pytest.raises(error, match=text):
+        service.install(rover, root, python, lambda line: None)
+    assert not (root / UNIT).exists()
+    assert not (root / ROVER_FILE).exists()
+
+
+def test_rover_file_that_is_there_and_unusable_is_told_at_once(root: Path, python: Path) -> None:
+    (root / ROVER_FILE).parent.mkdir()
+    (root / ROVER_FILE).write_text("nonsense", encoding="utf-8")
+    with pytest.raises(BadConfig, match="not valid TOML"):
+        service.install(None, root, python, lambda line: None)
+
+
+def test_interrupted_writing_leaves_the_old_unit(root: Path, python: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    service.install("sim", root, python, lambda line: None)
+    (root / UNIT).write_text("the old unit", encoding="utf-8")
+
+    def fail(file_number: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(BadInput, match="No space left on device"):
+        service.install(None, root, python, lambda line: None)
+    assert (root / UNIT).read_text(encoding="utf-8") == "the old unit"
+
+
+def test_installing_into_the_running_system_needs_root(python: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    with pytest.raises(BadInput, match="run it with sudo"):
+        service.install("sim", Path("/"), python, lambda line: None)
+
+
+def test_environment_without_the_command_is_refused(root: Path, tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="no such command"):
+        service.unit_text(root, tmp_path / "python")
+
+
+@pytest.mark.parametrize("folder", ["my rover", "100%", "a$b", 'a"b', "grün"])
+def test_path_that_systemd_would_read_otherwise_is_refused(tmp_path: Path, folder: str) -> None:
+    with pytest.raises(BadInput, match="without blanks or signs"):
+        service.unit_text(tmp_path, environment(tmp_path / folder))
+
+
+def test_environment_below_tmp_is_refused() -> None:
+    with pytest.raises(BadInput, match="install into /opt/wayfarer"):
+        service.check_reachable(Path("/tmp/venv/bin/wayfarer"), Path("/usr/bin/python3"))
+
+
+def test_environment_behind_a_closed_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(service, "OWN_FOLDERS", ())
+    home = tmp_path / "home/pi"
+    interpreter = environment(home / "venv/bin")
+    home.chmod(0o700)
+    with pytest.raises(BadInput, match=f"because {home} is closed to others"):
+        service.check_reachable(interpreter.with_name("wayfarer"), interpreter)

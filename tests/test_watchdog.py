@@ -1,0 +1,198 @@
+"""Being watched: what systemd is told, and that the wheels stop while the event loop stands still."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
+
+
+class Listener:
+    """Stands in for systemd at the other end of NOTIFY_SOCKET."""
+
+    def __init__(self, address: str) -> None:
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket.bind(address)
+        self.socket.setblocking(False)
+
+    def heard(self) -> list[str]:
+        messages = []
+        while True:
+            try:
+                messages.append(self.socket.recv(4096).decode())
+            except BlockingIOError:
+                return messages
+
+
+@pytest.fixture
+def listener(tmp_path: Path) -> Iterator[Listener]:
+    listener = Listener(str(tmp_path / "notify"))
+    yield listener
+    listener.socket.close()
+
+
+def test_each_word_reaches_systemd_as_it_expects(listener: Listener) -> None:
+    notifier = Notifier(listener.socket.getsockname())
+    notifier.ready()
+    notifier.status("armed,\n3 m travelled")
+    notifier.watchdog()
+    notifier.stopping()
+    assert listener.heard() == ["READY=1", "STATUS=armed, 3 m travelled", "WATCHDOG=1", "STOPPING=1"]
+
+
+def test_abstract_socket_is_named_with_an_at_sign() -> None:
+    name = f"wayfarer-test-{os.getpid()}"
+    listener = Listener(f"\0{name}")
+    Notifier(f"@{name}").ready()
+    assert listener.heard() == ["READY=1"]
+    listener.socket.close()
+
+
+@pytest.mark.parametrize("address", [None, "", "/nowhere/notify", "@nobody-listens-here", "/" + 200 * "x"])
+def test_without_a_listener_nothing_is_raised(address: str | None) -> None:
+    Notifier(address).ready()
+
+
+def test_full_socket_makes_nobody_wait(listener: Listener) -> None:
+    notifier = Notifier(listener.socket.getsockname())
+    for _ in range(5000):
+        notifier.watchdog()
+    assert 0 < len(listener.heard()) < 5000
+
+
+@pytest.mark.parametrize(
+    ("environment", "period_s"),
+    [
+        ({"WATCHDOG_USEC": "10000000"}, 2.5),
+        ({"WATCHDOG_USEC": "10000000", "WATCHDOG_PID": str(os.getpid())}, 2.5),
+        ({"WATCHDOG_USEC": "10000000", "WATCHDOG_PID": "1"}, None),
+        ({"WATCHDOG_USEC": "0"}, None),
+        ({"WATCHDOG_USEC": "soon"}, None),
+        ({}, None),
+    ],
+)
+def test_watchdog_period_is_a_quarter_of_the_limit(environment: dict[str, str], period_s: float | None) -> None:
+    assert watchdog_period_s(environment) == period_s
+
+
+def test_watchdog_is_fed_only_while_all_is_fresh(listener: Listener) -> None:
+    notifier = Notifier(listener.socket.getsockname())
+
+    async def main() -> None:
+        time = asyncio.get_running_loop().time
+        stale_from_s = time() + 5.0
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(20.0):
+                await feed_watchdog(notifier, lambda: time() < stale_from_s, 2.5)
+
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        runner.run(main())
+    assert listener.heard() == ["WATCHDOG=1"] * 2
+
+
+class Wheels:
+    """Notes when the guard stopped them."""
+
+    def __init__(self) -> None:
+        self._time = asyncio.get_running_loop().time
+        self.halts_s: list[float] = []
+        self.recoveries_s: list[float] = []
+
+    def halt(self) -> None:
+        self.halts_s.append(self._time())
+
+    def guard(self, limit_s: float = 0.4) -> StallGuard:
+        """A guard with more patience than the rover's, for a busy test machine."""
+        return StallGuard(self.halt, self.recoveries_s.append, limit_s)
+
+
+def block(seconds_s: float) -> None:
+    """Hold the loop as a bug would."""
+    threading.Event().wait(seconds_s)
+
+
+async def beat_for(guard: StallGuard, seconds_s: float) -> None:
+    for _ in range(round(seconds_s / 0.05)):
+        guard.beat()
+        await asyncio.sleep(0.05)
+
+
+async def test_blocked_loop_has_its_wheels_stopped_again_and_again(capfd: pytest.CaptureFixture[str]) -> None:
+    wheels = Wheels()
+    guard = wheels.guard()
+    time = asyncio.get_running_loop().time
+    began_s = time()
+    guard.start()
+    block(1.0)
+    ended_s = time()
+    await beat_for(guard, 0.2)
+    guard.stop()
+    while_blocked_s = [t_s - began_s for t_s in wheels.halts_s if t_s < ended_s]
+    assert while_blocked_s[0] >= 0.4
+    assert len(while_blocked_s) >= 3
+    assert wheels.recoveries_s == [pytest.approx(ended_s - began_s, abs=0.1)]
+    told = capfd.readouterr().err
+    assert told.count("the event loop stands still") == 1
+    assert "in block" in told, "the stacks show what blocks"
+
+
+async def test_each_stall_is_told_once(capfd: pytest.CaptureFixture[str]) -> None:
+    wheels = Wheels()
+    guard = wheels.guard()
+    guard.start()
+    for _ in range(2):
+        block(0.8)
+        await beat_for(guard, 0.2)
+    guard.stop()
+    assert len(wheels.recoveries_s) == 2
+    assert capfd.readouterr().err.count("the event loop stands still") == 2
+
+
+async def test_beating_loop_is_left_alone() -> None:
+    wheels = Wheels()
+    guard = wheels.guard(limit_s=1.0)
+    guard.start()
+    await beat_for(guard, 1.5)
+    guard.stop()
+    assert wheels.halts_s == []
+
+
+async def test_stopped_guard_watches_no_more_and_starts_anew(capfd: pytest.CaptureFixture[str]) -> None:
+    wheels = Wheels()
+    guard = wheels.guard()
+    guard.stop()
+    guard.start()
+    guard.stop()
+    guard.stop()
+    block(0.6)
+    assert wheels.halts_s == []
+    guard.start()
+    block(0.6)
+    guard.stop()
+    assert wheels.halts_s != []
+
+
+async def test_start_twice_makes_one_watcher() -> None:
+    guard = Wheels().guard()
+    guard.start()
+    guard.start()
+    assert [thread.name for thread in threading.enumerate()].count("stall guard") == 1
+    guard.stop()
+
+
+async def test_without_stderr_the_wheels_are_stopped_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stderr", None)
+    wheels = Wheels()
+    guard = wheels.guard()
+    guard.start()
+    block(0.9)
+    guard.stop()
+    assert len(wheels.halts_s) >= 2

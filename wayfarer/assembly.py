@@ -1,0 +1,67 @@
+"""Putting a real rover together: from its file to the bundle of drivers. Nothing is touched before it is opened."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from wayfarer.calibration import Calibration
+from wayfarer.config import RoverConfig, part_settings
+from wayfarer.errors import BadConfig
+from wayfarer.hal import MotionReading, MotionSensor, Rover
+
+if TYPE_CHECKING:
+    from wayfarer.drivers.buses import Buses
+
+NEEDED = ("compass", "motors")
+UNCALIBRATED = Calibration()
+
+
+def assemble(config: RoverConfig, buses: Buses, calibration: Calibration = UNCALIBRATED) -> Rover:
+    """Return the rover that a file describes, on these buses, with what calibrating it has found out.
+
+    Raises:
+        BadConfig: the file names no compass or no motors.
+    """
+    for part in NEEDED:
+        if part not in config.parts:
+            raise BadConfig(
+                f"rover '{config.name}' has no [parts.{part}]: it can only be simulated (wayfarer run --sim); "
+                "for a real rover name its parts, as in forestrover.toml"
+            )
+    rover = Rover(**{part: make_part(part, table, buses) for part, table in config.parts.items()})
+    if calibration.flow is not None and rover.motion is not None:
+        rover = replace(rover, motion=Scaled(rover.motion, calibration.flow.scale))
+    return rover
+
+
+def make_part(part: str, table: dict[str, Any], buses: Buses) -> Any:
+    """Return the driver of one part, from its table in a rover file."""
+    driver, settings = part_settings(part, table)
+    return driver(settings, buses)
+
+
+class Scaled:
+    """A motion sensor whose metres were calibrated; implements ``hal.MotionSensor``."""
+
+    def __init__(self, sensor: MotionSensor, scale: float) -> None:
+        self._sensor = sensor
+        self._scale = scale
+
+    @property
+    def name(self) -> str:
+        """The sensor's own name: calibration is kept under it."""
+        return self._sensor.name
+
+    async def open(self) -> None:
+        """Open the sensor."""
+        await self._sensor.open()
+
+    async def close(self) -> None:
+        """Close the sensor."""
+        await self._sensor.close()
+
+    async def read(self) -> MotionReading:
+        """Read the sensor and scale its metres."""
+        reading = await self._sensor.read()
+        return reading._replace(forward_m=reading.forward_m * self._scale, right_m=reading.right_m * self._scale)

@@ -1,0 +1,76 @@
+"""What the motor board says of itself: battery and drive faults, and what they demand. Pure: time comes in as data.
+
+A battery sags under load, so a voltage counts only once it has stayed below its limit for a while. Without limits it
+is only logged: they depend on the chemistry, and a board that cannot measure (Sabertooth) gives none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Interval
+
+from wayfarer.bounds import Hertz, Seconds
+from wayfarer.conditions import Condition
+from wayfarer.detector import Persistent
+from wayfarer.hal import MotorHealth
+
+Volts = Annotated[float, Interval(gt=0, le=60)]
+
+
+@dataclass(frozen=True, slots=True)
+class BoardSettings:
+    """Limits of the motor board.
+
+    Below ``battery_low_v`` for ``battery_low_s`` the rover is told to come home, below ``battery_critical_v`` for
+    ``battery_critical_s`` it stops: 10 and 5 s as field catalogue, fault 31 (ArduPilot waits 10 s). None is not judged.
+    The board is asked at ``health_hz``: a drive fault that it says twice in a row stops the wheels within 0.5 s
+    (fault 26); twice, because a flag that is up at power-up takes a moment to clear.
+    """
+
+    battery_low_v: Volts | None = None
+    battery_critical_v: Volts | None = None
+    battery_low_s: Seconds = 10.0
+    battery_critical_s: Seconds = 5.0
+    health_hz: Hertz = 4.0
+
+    def __post_init__(self) -> None:
+        """Refuse limits that are upside down.
+
+        Raises:
+            ValueError: the critical voltage is not below the low one.
+        """
+        low_v, critical_v = self.battery_low_v, self.battery_critical_v
+        if low_v is not None and critical_v is not None and critical_v >= low_v:
+            raise ValueError(f"battery_critical_v = {critical_v:g} must be below battery_low_v = {low_v:g}")
+
+
+class BoardWatch:
+    """Turns a board's answers into conditions; ``conditions`` are those of the latest answer."""
+
+    def __init__(self, settings: BoardSettings) -> None:
+        self._low_v = settings.battery_low_v or 0.0
+        self._critical_v = settings.battery_critical_v or 0.0
+        self._low = Persistent(settings.battery_low_s)
+        self._critical = Persistent(settings.battery_critical_s)
+        self._faulty = False
+        self.health: MotorHealth | None = None
+        self.conditions: tuple[Condition, ...] = ()
+
+    def update(self, t_s: float, health: MotorHealth) -> None:
+        """Take an answer."""
+        self.health = health
+        conditions = [Condition.BOARD_FAULT] if health.faults and self._faulty else []
+        self._faulty = bool(health.faults)
+        if health.battery_v is not None:
+            if self._low.update(t_s, health.battery_v < self._low_v):
+                conditions.append(Condition.BATTERY_LOW)
+            if self._critical.update(t_s, health.battery_v < self._critical_v):
+                conditions.append(Condition.BATTERY_CRITICAL)
+        self.conditions = tuple(conditions)
+
+    def silent(self) -> None:
+        """Take note that the board did not answer: nothing is known of it now."""
+        self.health = None
+        self.conditions = (Condition.BOARD_SILENT,)

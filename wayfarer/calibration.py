@@ -1,0 +1,146 @@
+"""What calibrating found out about one rover, kept as JSON from one outing to the next.
+
+::
+
+    {"schema": 1, "compass": {...}, "flow": {...}, "motors": {...}}
+
+Each entry says when it was made and with which part: numbers of another part are worse than none. The file is replaced
+as a whole, so a power cut leaves the old one or the new one.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import orjson
+from annotated_types import Interval
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from wayfarer.errors import BadInput, WayfarerError
+
+FILE_NAME = "calibration.json"
+SYSTEM_FOLDER = Path("/var/lib/wayfarer")
+USER_FOLDER = Path(".local/state/wayfarer")
+
+Angle = Annotated[float, Interval(ge=0, le=180)]
+_STRICT = ConfigDict(extra="forbid", strict=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """When something was calibrated, and with which part (its driver's ``name``).
+
+    ``t_wall`` is in seconds since 1970; ``date`` says the same (UTC) to a person who opens the file.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = _STRICT
+
+    t_wall: Annotated[float, Interval(ge=0, le=1e11)]
+    date: str
+    part: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompassEntry(Entry):
+    """``level`` is the part's own, 0 to 3; ``residual_deg`` the mean error of four quarter turns."""
+
+    level: Annotated[int, Interval(ge=0, le=3)]
+    residual_deg: Angle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlowEntry(Entry):
+    """``scale`` is what the metres of the motion sensor must be multiplied by."""
+
+    scale: Annotated[float, Interval(ge=0.1, le=10)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorsEntry(Entry):
+    """How far the heading shifts while the wheels turn at half and at full duty, and whether that is little enough."""
+
+    shift_half_deg: Angle
+    shift_full_deg: Angle
+    passed: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """Everything in the file; None is what was never calibrated."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = _STRICT
+
+    schema: Literal[1] = 1
+    compass: CompassEntry | None = None
+    flow: FlowEntry | None = None
+    motors: MotorsEntry | None = None
+
+
+def stamp(part: str, t_wall: float) -> dict[str, Any]:
+    """Return the fields that all entries share."""
+    return {"part": part, "t_wall": round(t_wall, 3), "date": datetime.fromtimestamp(t_wall, UTC).date().isoformat()}
+
+
+def calibration_file(environment: Mapping[str, str], home: Path, system: Path = SYSTEM_FOLDER) -> Path:
+    """Return where the file is.
+
+    In systemd's ``STATE_DIRECTORY`` where it is set, else in ``/var/lib/wayfarer`` where that may be written, else in a
+    folder of the user's own.
+    """
+    if given := environment.get("STATE_DIRECTORY", "").partition(":")[0]:
+        return Path(given) / FILE_NAME
+    folder = system if os.access(system, os.W_OK) else home / USER_FOLDER
+    return folder / FILE_NAME
+
+
+def load(path: Path) -> Calibration:
+    """Return what is in the file; an empty calibration where there is none.
+
+    Raises:
+        BadInput: the file cannot be read or is not right; the text names it and the reason.
+    """
+    try:
+        return TypeAdapter(Calibration).validate_json(path.read_bytes())
+    except FileNotFoundError:
+        return Calibration()
+    except ValidationError as error:
+        problem = error.errors()[0]
+        where = ".".join(str(part) for part in problem["loc"])
+        raise BadInput(f"{path}: not a calibration: {f'{where}: ' if where else ''}{problem['msg']}") from None
+    except OSError as error:
+        raise BadInput(f"{path}: the calibration cannot be read: {error.strerror}") from None
+
+
+def save(path: Path, calibration: Calibration) -> None:
+    """Replace the file at once, and be sure that it is on the disk.
+
+    Raises:
+        WayfarerError: it cannot be written.
+    """
+    fresh = path.with_name(f".{path.name}.new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with fresh.open("wb") as file:
+            file.write(orjson.dumps(calibration, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE))
+            file.flush()
+            os.fsync(file.fileno())
+        fresh.replace(path)
+        _sync_folder(path.parent)
+    except OSError as error:
+        raise WayfarerError(
+            f"{path}: the calibration cannot be written: {error.strerror}; check the folder's owner and the disk"
+        ) from None
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the new name last: it is the folder that holds it."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

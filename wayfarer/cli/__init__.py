@@ -1,0 +1,123 @@
+"""The ``wayfarer`` command.
+
+Whatever the user gets wrong ends as one line on stderr and exit code 2. Every command imports what it needs
+when it runs, so that the light ones stay quick on a rover's small computer.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wayfarer import __version__
+from wayfarer.cli import care, control, rover, sim
+from wayfarer.errors import BadInput, MissingPart, WayfarerError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+BAD_INPUT = 2
+ALREADY_RUNNING = 75  # EX_TEMPFAIL of sysexits.h
+
+ROVER = "On the rover"
+CONTROL = "To a running rover"
+
+EXAMPLES = """Examples:
+
+wayfarer list
+
+wayfarer sim --trials 1000
+
+wayfarer run --sim
+
+wayfarer sim --help
+"""
+app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
+app.command(epilog=sim.EXAMPLES)(sim.sim)
+app.command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
+for verb in control.COMMANDS:
+    app.command(rich_help_panel=CONTROL)(verb)
+app.command("stop-motors", rich_help_panel=ROVER)(rover.stop_motors)
+app.command(rich_help_panel=ROVER)(care.check)
+app.command(rich_help_panel=ROVER)(care.calibrate)
+app.command("install-service", rich_help_panel=ROVER)(care.install_service)
+
+
+def main() -> None:
+    """Run the command line and exit; the console entry point."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command and return its exit code."""
+    try:
+        return int(app(arguments, prog_name="wayfarer", standalone_mode=False) or 0)
+    except (BadInput, MissingPart) as error:
+        return _fail(str(error), BAD_INPUT)
+    except WayfarerError as error:
+        return _fail(str(error), 1)
+    except typer.TyperException as error:
+        return _fail(error.format_message(), BAD_INPUT)
+
+
+def _fail(text: str, exit_code: int) -> int:
+    if text:  # there is none where the help was the answer
+        print("wayfarer:", " ".join(text.splitlines()), file=sys.stderr)
+    return exit_code
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        print("wayfarer", __version__)
+        raise typer.Exit
+
+
+@app.callback(epilog=EXAMPLES)
+def _root(
+    *,
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
+    ] = False,
+) -> None:
+    """Get a rover out of a forest when it cannot see."""
+
+
+@app.command("list")
+def list_names() -> None:
+    """Show the algorithms, rovers and drivers that there are, third-party ones with where they come from."""
+    from rich.console import Console
+
+    from wayfarer.config import rover_names
+    from wayfarer.registry import driver_names
+
+    console = Console()
+    console.print(_algorithm_table())
+    console.print("rovers: ", ", ".join(rover_names()) or "none", highlight=False)
+    console.print("drivers:", ", ".join(driver_names()) or "none", highlight=False)
+
+
+def _algorithm_table() -> Table:
+    from rich import box
+    from rich.table import Table
+
+    from wayfarer.registry import algorithm_names
+
+    table = Table("algorithm", "family", "needs", "what it does", box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in algorithm_names():
+        table.add_row(name, *_described(name))
+    return table
+
+
+def _described(name: str) -> tuple[str, str, str]:
+    """Say what an algorithm is; a third party's that cannot be loaded must not hide the others."""
+    from wayfarer.registry import find_algorithm
+
+    try:
+        found = find_algorithm(name)
+    except BadInput as error:
+        return "", "", f"cannot be loaded: {error}"
+    origin = "" if found.origin == "wayfarer" else f" (from {found.origin})"
+    return found.family, ", ".join(sorted(found.requires)), found.summary + origin

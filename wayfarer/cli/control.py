@@ -1,0 +1,93 @@
+"""The verbs that are sent to a running rover over its control socket."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Any
+
+import typer
+
+
+class North(StrEnum):
+    """Which north a heading counts from."""
+
+    magnetic = "magnetic"
+    true = "true"
+
+
+Heading = Annotated[float, typer.Argument(metavar="DEG", min=0, max=360, help="Degrees clockwise from north.")]
+NorthOption = Annotated[North, typer.Option(help="Which north DEG counts from; true needs declination_deg.")]
+
+
+def status(*, as_json: Annotated[bool, typer.Option("--json", help="Everything, as one JSON object.")] = False) -> None:
+    """Say how the rover is."""
+    found = _ask("status")
+    if as_json:
+        import json
+
+        print(json.dumps(found))
+        return
+    from wayfarer.cli.status_text import status_text
+
+    print(status_text(found))
+
+
+def arm(
+    heading_deg: Annotated[
+        float | None,
+        typer.Argument(metavar="[DEG]", min=0, max=360, help="Goal heading; without it, where the rover looks then."),
+    ] = None,
+    *,
+    north: NorthOption = North.magnetic,
+) -> None:
+    """Check everything, wait for the start delay, then drive. Step away from the rover."""
+    keys = {} if heading_deg is None else {"heading_deg": heading_deg % 360.0, "north": north.value}
+    reply = _ask("arm", **keys)
+    for warning in reply["warnings"]:
+        print("warning:", warning)
+    print(f"arming: the wheels may turn in {reply['start_delay_s']:g} s")
+
+
+def disarm() -> None:
+    """Stop the wheels until armed anew."""
+    _ask("disarm")
+    print("disarmed")
+
+
+def hold() -> None:
+    """Stop the wheels until `wayfarer resume`; the mission goes on."""
+    _ask("hold")
+    print("held; wayfarer resume goes on")
+
+
+def resume() -> None:
+    """Go on after `wayfarer hold`."""
+    _ask("resume")
+    print("going on")
+
+
+def goal(heading_deg: Heading, *, north: NorthOption = North.magnetic) -> None:
+    """Head elsewhere."""
+    reply = _ask("goal", heading_deg=heading_deg % 360.0, north=north.value)
+    print(f"heading for {reply['goal_heading_deg']:g} degrees magnetic")
+
+
+def mark(text: Annotated[str, typer.Argument(help="What happened, such as 'hit log'.")]) -> None:
+    """Write a note into the field log."""
+    _ask("mark", text=text)
+    print("noted")
+
+
+def stop() -> None:
+    """Stop the wheels and end the run."""
+    reply = _ask("stop")
+    print(f"stopped; the log is in {reply['log']}")
+
+
+COMMANDS = (status, arm, disarm, hold, resume, goal, mark, stop)
+
+
+def _ask(do: str, **keys: object) -> dict[str, Any]:
+    from wayfarer.control.client import ask
+
+    return ask({"do": do, **keys})

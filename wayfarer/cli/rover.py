@@ -1,0 +1,116 @@
+"""``wayfarer run``, the daemon, and ``wayfarer stop-motors``, for when it is gone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from wayfarer.cli.sim import Depth, require_sim_extra
+from wayfarer.errors import BadInput
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from wayfarer.config import RoverConfig
+    from wayfarer.hal import Rover
+
+ROVER_FILE = Path("/etc/wayfarer/rover.toml")
+RUN_EXAMPLES = """Examples:
+
+wayfarer run --sim
+
+wayfarer run --config minirover --dry-run
+
+wayfarer run --config /etc/wayfarer/rover.toml --logs /var/lib/wayfarer/field_logs
+
+then, from another terminal: wayfarer arm
+"""
+
+Config = Annotated[
+    str | None,
+    typer.Option(metavar="NAME|FILE", help=f"A shipped rover or a TOML file. (default: {ROVER_FILE})"),
+]
+
+
+def run(
+    *,
+    config: Config = None,
+    sim: Annotated[bool, typer.Option("--sim", help="Drive the simulated rover, in real time.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Everything but the motors.")] = False,
+    algorithm: Annotated[str, typer.Option(metavar="NAME", help="What decides; see wayfarer list.")] = "forest-pledge",
+    logs: Annotated[Path, typer.Option(metavar="DIR", help="Where each run gets its folder.")] = Path("field_logs"),
+    depth: Annotated[
+        Depth, typer.Option(help="With --sim: simulated parts, or the real drivers over simulated chips.")
+    ] = Depth.device,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="With --sim: which forest, and which luck.")] = 0,
+) -> None:
+    """Run the daemon: it starts disarmed, and drives once it is armed from another terminal."""
+    from wayfarer.config import load_rover
+    from wayfarer.control.paths import daemon_socket
+    from wayfarer.daemon.service import Service, say, serve
+    from wayfarer.registry import find_algorithm
+
+    loaded = load_rover(chosen(config, default="sim" if sim else None))
+    make_rover, close_buses = _simulated(loaded, depth, seed) if sim else _real(loaded)
+    service = Service(
+        config=loaded,
+        algorithm=find_algorithm(algorithm),
+        seed=seed,
+        make_rover=make_rover,
+        close_buses=close_buses,
+        logs=logs,
+        socket=daemon_socket(),
+        simulated=sim,
+        dry_run=dry_run,
+    )
+    say(f"{loaded.name}, {algorithm}: disarmed. In another terminal: wayfarer arm, wayfarer status, wayfarer stop")
+    serve(service)
+
+
+def stop_motors(*, config: Config = None) -> None:
+    """Stop the wheels without the daemon, from the rover file alone."""
+    from wayfarer.stop_motors import stop_motors as stop
+
+    print(stop(chosen(config)))
+
+
+def chosen(config: str | None, default: str | None = None) -> str:
+    """Return the rover file to use: the one that was named, or else the system's own.
+
+    Raises:
+        BadInput: there is none.
+    """
+    if config is not None:
+        return config
+    if default is not None:
+        return default
+    if ROVER_FILE.exists():
+        return str(ROVER_FILE)
+    raise BadInput(
+        f"no rover: there is no {ROVER_FILE}; name one with --config (see wayfarer list), or try wayfarer run --sim"
+    )
+
+
+def _real(config: RoverConfig) -> tuple[Callable[[Any], Rover], Callable[[], Any]]:
+    import os
+
+    from wayfarer.assembly import assemble
+    from wayfarer.calibration import calibration_file, load
+    from wayfarer.registry import make_buses
+
+    buses = make_buses(config.buses)
+    rover = assemble(config, buses, load(calibration_file(os.environ, Path.home())))
+    return lambda _: rover, buses.close
+
+
+def _simulated(config: RoverConfig, depth: Depth, seed: int) -> tuple[Callable[[Any], Rover], Callable[[], Any]]:
+    require_sim_extra()
+    from wayfarer.simhal import rig
+    from wayfarer.simhal.desk import desk_rover
+
+    async def nothing_to_close() -> None:
+        """Nothing is open."""
+
+    return lambda finish: desk_rover(config, rig.Depth(depth.value), seed, finish), nothing_to_close

@@ -1,0 +1,56 @@
+"""``wayfarer status`` for people: a few lines, the most important first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def status_text(status: Mapping[str, Any]) -> str:
+    """Return what ``status`` answered, as lines."""
+    return "\n".join(f"{name:<10}{text}" for name, text in _lines(status) if text)
+
+
+def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
+    heading = status.get("heading_deg")
+    return [
+        (status["rover"], f"{_mode(status)}{_marks(status)}"),
+        ("health", _health(status)),
+        ("doing", _doing(status)),
+        ("heading", "" if heading is None else _heading(status, heading)),
+        ("mission", _mission(status)),
+        ("battery", "" if status.get("battery_v") is None else f"{status['battery_v']:.1f} V"),
+        ("log", status["log"]),
+    ]
+
+
+def _mode(status: Mapping[str, Any]) -> str:
+    why = status.get("why_disarmed")
+    return f"disarmed: {why}" if why else "held" if status["held"] else str(status["mode"])
+
+
+def _marks(status: Mapping[str, Any]) -> str:
+    marks = [name for key, name in (("simulated", "simulated"), ("dry_run", "dry run")) if status[key]]
+    return f" ({', '.join(marks)})" if marks else ""
+
+
+def _health(status: Mapping[str, Any]) -> str:
+    return ", ".join([*status["conditions"], *status["motor_faults"]]) or "well"
+
+
+def _doing(status: Mapping[str, Any]) -> str:
+    if status["mode"] != "armed":
+        return ""
+    seen = f", {', '.join(status['anomalies'])}" if status.get("anomalies") else ""
+    return f"{status['why']} ({status['algorithm']}), counter {status.get('counter_deg', 0):.0f}{seen}"
+
+
+def _heading(status: Mapping[str, Any], heading_deg: float) -> str:
+    goal = f", goal {round(status['goal_heading_deg']) % 360}" if "goal_heading_deg" in status else ""
+    return f"{round(heading_deg) % 360}{goal}, pitch {status['pitch_deg']:+.0f}, roll {status['roll_deg']:+.0f}"
+
+
+def _mission(status: Mapping[str, Any]) -> str:
+    if "mission_s" not in status:
+        return ""
+    return f"{status['mission_s']:.0f} s, {status['travelled_m']:.1f} m commanded"

@@ -1,0 +1,42 @@
+"""A run on the terminal, or in the journal: a line for each event and each change of phase, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from wayfarer.escape.api import Phase
+from wayfarer.hal import PositionFix
+from wayfarer.records import TickRecord
+
+
+class ConsoleLog:
+    """Writes one line for what a person wants to know while the rover drives; implements ``records.RunLog``."""
+
+    def __init__(self, write: Callable[[str], None]) -> None:
+        self._write = write
+        self._phase = Phase.HALT
+
+    def tick(self, record: TickRecord) -> None:
+        """Tell of a change of phase."""
+        phase, seen = record.decision.phase, record.observation
+        if phase is not self._phase and seen is not None:
+            anomalies = ", ".join(anomaly.value for anomaly in seen.anomalies)
+            because = f" ({record.decision.why}{': ' + anomalies if anomalies else ''})"
+            self._write(f"{phase.value}{because} heading {seen.heading_deg:.0f}, {seen.travelled_m:.1f} m")
+        self._phase = phase
+
+    def event(self, name: str, t_s: float, **details: object) -> None:  # noqa: ARG002
+        """Tell of an event; the terminal's own clock, or the journal's, says when."""
+        told = ", ".join(f"{key} {_short(value)}" for key, value in details.items() if value is not None)
+        self._write(f"{name.replace('_', ' ')}{': ' + told if told else ''}")
+
+    def position(self, fix: PositionFix | None) -> None:
+        """Positions are not shown."""
+
+    def close(self, reason: str, text: str) -> None:
+        """Tell how the run ended."""
+        self._write(f"ended: {reason}: {text}")
+
+
+def _short(value: object) -> str:
+    return f"{value:.1f}" if isinstance(value, float) else str(value)

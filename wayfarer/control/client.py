@@ -1,0 +1,113 @@
+"""The user's end of the control socket: one question, one answer.
+
+Plain blocking sockets: a command that says ``stop`` should not first start an event loop.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from wayfarer.control.paths import known_sockets
+from wayfarer.control.protocol import REPLY_BYTES, Refused, check, read_line
+from wayfarer.errors import BadInput, WayfarerError
+
+
+class NoDaemon(WayfarerError):
+    """Nobody listens on the socket, or there is none."""
+
+
+def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: float = 5.0) -> dict[str, Any]:
+    """Ask the daemon to do something and return the details of its reply; see ``protocol`` for both.
+
+    Args:
+        request: such as ``{"do": "arm", "heading_deg": 12.5}``; None for a value is the same as leaving it out.
+        path: the daemon's socket; without it the first of ``paths.known_sockets`` where somebody listens.
+        timeout_s: the longest wait for the connection, and again for the reply.
+
+    Raises:
+        BadInput: the request is wrong; nothing was sent.
+        NoDaemon: no daemon is running.
+        Refused: the daemon says no; the text says why.
+        WayfarerError: the socket belongs to somebody else, or what answers (or does not) is no healthy daemon.
+    """
+    check(request)
+    with socket.socket(socket.AF_UNIX) as connection:
+        _limit_waiting(connection, timeout_s)
+        place = _connect(connection, [path] if path else known_sockets())
+        try:
+            reply = _exchange(connection, orjson.dumps(dict(request)) + b"\n")
+        except BlockingIOError:
+            raise _no_answer(place, timeout_s) from None
+        except OSError as error:
+            raise WayfarerError(f"{place}: the daemon broke off ({error.strerror}): see its log") from None
+    return _read_reply(place, reply)
+
+
+def _limit_waiting(connection: socket.socket, timeout_s: float) -> None:
+    """Let the kernel limit each wait.
+
+    Python's own timeouts would not do: with one, connecting fails at once where the daemon's queue is full.
+    """
+    seconds, fraction_s = divmod(timeout_s, 1.0)
+    wait = struct.pack("ll", int(seconds), int(fraction_s * 1e6))  # struct timeval
+    for direction in (socket.SO_SNDTIMEO, socket.SO_RCVTIMEO):
+        connection.setsockopt(socket.SOL_SOCKET, direction, wait)
+
+
+def _connect(connection: socket.socket, places: Iterable[Path]) -> Path:
+    tried = []
+    for place in places:
+        try:
+            connection.connect(str(place))
+        except (FileNotFoundError, NotADirectoryError, ConnectionRefusedError):  # the last: left by a killed daemon
+            tried.append(str(place))
+        except PermissionError:
+            raise WayfarerError(f"{place}: belongs to another user: use sudo, or that user's account") from None
+        except BlockingIOError:
+            raise WayfarerError(f"{place}: the daemon accepts no connection; it hangs, or is flooded") from None
+        except OSError as error:
+            raise BadInput(f"{place}: cannot be the control socket: {error.strerror or error}") from None
+        else:
+            return place
+    raise NoDaemon(
+        f"no wayfarer daemon is running (nobody listens at {' or '.join(tried)}): start it with 'wayfarer run'"
+    )
+
+
+def _exchange(connection: socket.socket, line: bytes) -> bytes:
+    with suppress(BrokenPipeError, ConnectionResetError):  # turned away before it was read; the reply says why
+        connection.sendall(line)
+    reply = b""
+    while not reply.endswith(b"\n") and len(reply) <= REPLY_BYTES:
+        received = connection.recv(REPLY_BYTES)
+        if not received:
+            break
+        reply += received
+    return reply
+
+
+def _no_answer(place: Path, timeout_s: float) -> WayfarerError:
+    return WayfarerError(
+        f"{place}: the daemon did not answer within {timeout_s:g} s, so it may hang: if the rover moves, switch off"
+        " its motors, then restart the daemon"
+    )
+
+
+def _read_reply(place: Path, reply: bytes) -> dict[str, Any]:
+    if not reply:
+        raise WayfarerError(f"{place}: the daemon closed the connection without an answer: it may be ending just now")
+    try:
+        details: dict[str, Any] = read_line(reply)
+        if details.pop("ok") is True:
+            return details
+        why = str(details["why"])
+    except (BadInput, KeyError):
+        raise WayfarerError(f"{place}: what answers there is no wayfarer daemon: {reply[:40]!r}") from None
+    raise Refused(why)

@@ -1,0 +1,121 @@
+"""Where the control socket is, and that only one daemon runs on it.
+
+The daemon takes the first of these folders that it can use, the client looks through all of them in this order:
+``$RUNTIME_DIRECTORY`` (systemd sets it for services), ``/run/wayfarer``, ``$XDG_RUNTIME_DIR/wayfarer``,
+``/tmp/wayfarer-<uid>``. The last is in a place where anybody may make a folder of that name, so it is used only if it
+is private.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from stat import S_IMODE, S_ISDIR
+from types import TracebackType
+from typing import Self
+
+from wayfarer.errors import BadInput, WayfarerError
+
+SYSTEM_FOLDER = Path("/run/wayfarer")
+SHARED_FOLDER = Path("/tmp")
+SOCKET_NAME = "control.sock"
+_PRIVATE = 0o700
+
+
+class AlreadyRunning(WayfarerError):
+    """Another daemon runs on this socket, and was left alone (exit code 75, EX_TEMPFAIL of sysexits.h)."""
+
+
+def daemon_socket() -> Path:
+    """Return where a daemon makes its socket.
+
+    Raises:
+        BadInput: the folder under ``/tmp`` is not private.
+    """
+    return next(socket for socket in known_sockets() if socket.parent != SYSTEM_FOLDER or _writable(SYSTEM_FOLDER))
+
+
+def known_sockets() -> Iterator[Path]:
+    """Give every place where a daemon's socket may be, in the order of preference.
+
+    Raises:
+        BadInput: the folder under ``/tmp`` is not private; only when its turn comes.
+    """
+    if services := os.environ.get("RUNTIME_DIRECTORY"):
+        yield Path(services.split(":")[0]) / SOCKET_NAME
+    yield SYSTEM_FOLDER / SOCKET_NAME
+    sessions = Path(os.environ.get("XDG_RUNTIME_DIR") or "nowhere")
+    if sessions.is_absolute() and sessions.is_dir():
+        yield sessions / "wayfarer" / SOCKET_NAME
+    folder = SHARED_FOLDER / f"wayfarer-{os.geteuid()}"
+    _refuse_if_shared(folder)
+    yield folder / SOCKET_NAME
+
+
+def _writable(folder: Path) -> bool:
+    return folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
+
+
+def _refuse_if_shared(folder: Path) -> None:
+    try:
+        found = folder.lstat()
+    except FileNotFoundError:
+        return
+    if not S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or S_IMODE(found.st_mode) != _PRIVATE:
+        raise BadInput(
+            f"{folder}: must be a folder that only user {os.geteuid()} can enter (mode 0700), but it belongs to user"
+            f" {found.st_uid} with mode {S_IMODE(found.st_mode):04o}: somebody may be listening in; remove it"
+        )
+
+
+class SingleDaemon:
+    """Holds the lock of a socket for as long as it is entered; only the holder may remove the socket's file.
+
+    The lock is the kernel's (flock on ``<socket>.lock``), so it ends with the process, however that ends, and what a
+    killed daemon left behind is cleared away by the next one. The lock's file stays: removing it would let two
+    processes hold two files of the same name.
+
+    Raises:
+        AlreadyRunning: another process holds it; the text names its process id.
+        BadInput: the folder or the lock cannot be made.
+    """
+
+    def __init__(self, socket_path: Path) -> None:
+        self._socket_path = socket_path
+        self._lock_path = socket_path.with_name(f"{socket_path.name}.lock")
+        self._lock = -1
+
+    def __enter__(self) -> Self:
+        try:
+            self._socket_path.parent.mkdir(mode=_PRIVATE, parents=True, exist_ok=True)
+            self._lock = os.open(self._lock_path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+        except OSError as error:
+            raise BadInput(f"{self._lock_path}: the daemon's lock cannot be made: {error.strerror}") from None
+        try:
+            self._take()
+        except BaseException:
+            os.close(self._lock)
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        self._socket_path.unlink(missing_ok=True)
+        os.ftruncate(self._lock, 0)
+        os.close(self._lock)
+
+    def _take(self) -> None:
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = os.pread(self._lock, 20, 0).decode("ascii", "replace").strip() or "not known yet"
+            raise AlreadyRunning(
+                f"a wayfarer daemon is running already (process {holder}, socket {self._socket_path}): talk to it with"
+                " 'wayfarer status', or end it with 'wayfarer stop'"
+            ) from None
+        os.ftruncate(self._lock, 0)
+        os.pwrite(self._lock, f"{os.getpid()}\n".encode(), 0)
+        self._socket_path.unlink(missing_ok=True)

@@ -1,0 +1,200 @@
+"""What can be asked through the control socket, and what is answered: one JSON object a line, in UTF-8.
+
+::
+
+    {"do": "arm", "heading_deg": 12.5, "north": "true"}    ->  {"ok": true, ...details}
+    {"do": "hold"}                                         ->  {"ok": false, "why": "what is wrong, and what to do"}
+
+A key that is ``null`` counts as left out. Requests are checked by the client, for a quick answer, and again by the
+server, which trusts nobody. Pure: no clock, no loop, no files.
+"""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, Protocol
+
+import orjson
+
+from wayfarer.angles import wrap360
+from wayfarer.errors import BadInput, UnknownName, WayfarerError
+
+TEXT_CHARACTERS = 500
+# Lines have these many bytes at most, without their end. The longest request there is, a text of escaped characters, has
+# 6,100; to read 64 KiB of brackets would hold up the control tick for milliseconds, many times that on a small computer.
+REQUEST_BYTES = 8_192
+REPLY_BYTES = 65_536
+NORTHS = ("magnetic", "true")
+
+Details = Mapping[str, object]
+
+
+class Refused(WayfarerError):
+    """The daemon will not do what was asked, and nothing has changed; the text says why and what to do."""
+
+
+class Commands(Protocol):
+    """What the daemon can do, a method for each verb.
+
+    Each returns details for the reply (plain JSON values), or raises ``Refused`` or another error that says why.
+    Headings are in degrees clockwise from magnetic north, 0 <= heading < 360. Commands of several clients may overlap
+    where they wait, so that ``stop`` never queues behind an ``arm``.
+    """
+
+    async def status(self) -> Details:
+        """Tell how things are."""
+
+    async def arm(self, heading_deg: float | None = None) -> Details:
+        """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay."""
+
+    async def disarm(self) -> Details:
+        """Stop the wheels until armed anew."""
+
+    async def hold(self) -> Details:
+        """Stop the wheels until ``resume``; the mission goes on."""
+
+    async def resume(self) -> Details:
+        """Let the wheels turn again after ``hold``."""
+
+    async def goal(self, heading_deg: float) -> Details:
+        """Head elsewhere."""
+
+    async def mark(self, text: str) -> Details:
+        """Write a person's note into the log."""
+
+    async def stop(self) -> Details:
+        """End the run."""
+
+
+class Verb(NamedTuple):
+    """The keys that a request must have beside ``do``, and those that it may have."""
+
+    needs: tuple[str, ...] = ()
+    takes: tuple[str, ...] = ()
+
+
+VERBS: Mapping[str, Verb] = {
+    "status": Verb(),
+    "arm": Verb(takes=("heading_deg", "north")),
+    "disarm": Verb(),
+    "hold": Verb(),
+    "resume": Verb(),
+    "goal": Verb(needs=("heading_deg",), takes=("north",)),
+    "mark": Verb(needs=("text",)),
+    "stop": Verb(),
+}
+
+
+class Request(NamedTuple):
+    """A request that has been checked: a verb, and only keys that it takes, each with a value that can be."""
+
+    do: str
+    keys: dict[str, Any]
+
+
+def read_line(line: bytes) -> dict[str, object]:
+    """Return the JSON object of a line.
+
+    Raises:
+        BadInput: it is something else.
+    """
+    try:
+        fields = orjson.loads(line)
+    except ValueError:  # no JSON, no UTF-8, NaN, nested without end
+        fields = None
+    if not isinstance(fields, dict):
+        raise BadInput('this line is not a JSON object: send one such as {"do": "status"}')
+    return fields
+
+
+def check(fields: Mapping[str, object]) -> Request:
+    """Return the request that these fields make.
+
+    Raises:
+        UnknownName: no such verb, or the verb takes no such key.
+        BadInput: a key is missing, or its value cannot be.
+    """
+    keys = {key: value for key, value in fields.items() if value is not None}
+    do = keys.pop("do", None)
+    if not isinstance(do, str):
+        raise BadInput(f'the request does not say what to "do": one of {", ".join(VERBS)}')
+    if do not in VERBS:
+        raise UnknownName("verb", _short(do), VERBS)
+    needs, takes = VERBS[do]
+    for key in keys:
+        if key not in needs + takes:
+            raise UnknownName(f"key of {do}", _short(key), ("do", *needs, *takes))
+    for key in needs:
+        if key not in keys:
+            raise BadInput(f"{do} needs {key}: {_CHECKS[key].wanted}")
+    if "north" in keys and "heading_deg" not in keys:
+        raise BadInput(f"{do} got a north without a heading: north says how heading_deg is meant, give both")
+    return Request(do, {key: _checked(key, value) for key, value in keys.items()})
+
+
+async def perform(request: Request, commands: Commands, declination_deg: float | None) -> Details:
+    """Do what a request asks and return the details for the reply.
+
+    ``declination_deg`` is where magnetic north lies from true north at this place, east positive; None is not known.
+
+    Raises:
+        Refused: the daemon will not; its commands may raise other errors, too.
+    """
+    arguments = dict(request.keys)
+    if arguments.pop("north", "magnetic") == "true":
+        if declination_deg is None:
+            raise Refused(
+                "a heading from true north needs the magnetic declination, which this rover's configuration does not"
+                " give: set it, or give the heading from magnetic north"
+            )
+        arguments["heading_deg"] = wrap360(arguments["heading_deg"] - declination_deg)
+    details: Details = await getattr(commands, request.do)(**arguments)  # the verbs are the names of the methods
+    return details
+
+
+def accept(details: Details) -> bytes:
+    """Return the line that says that it was done.
+
+    Raises:
+        Refused: the details make too long a line.
+    """
+    line = orjson.dumps({"ok": True, **details})
+    if len(line) > REPLY_BYTES:
+        raise Refused(f"it was done, but the answer has {len(line)} bytes and {REPLY_BYTES} is the limit")
+    return line + b"\n"
+
+
+def refuse(why: str) -> bytes:
+    """Return the line that says why it was not done."""
+    return orjson.dumps({"ok": False, "why": why}) + b"\n"
+
+
+class _Check(NamedTuple):
+    wanted: str
+    fits: Callable[[Any], bool]
+
+
+_CHECKS = {
+    "heading_deg": _Check(
+        "a number of degrees clockwise from north, 0 <= heading < 360",
+        lambda value: isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < 360,
+    ),
+    "north": _Check(" or ".join(NORTHS), lambda value: value in NORTHS),
+    "text": _Check(
+        f"a text of 1 to {TEXT_CHARACTERS} characters",
+        lambda value: isinstance(value, str) and bool(value.strip()) and len(value) <= TEXT_CHARACTERS,
+    ),
+}
+
+
+def _checked(key: str, value: object) -> object:
+    wanted, fits = _CHECKS[key]
+    if not fits(value):
+        raise BadInput(f"{key} must be {wanted}, not {reprlib.repr(value)}")
+    return value
+
+
+def _short(name: str) -> str:
+    """Cut a name that somebody made up: comparing a very long one would hold up the control tick."""
+    return name[:40]

@@ -1,0 +1,154 @@
+"""What the control socket's verbs do to a running rover."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from wayfarer.checks import ARMING, Finding, Inspection, Verdict, run_checks
+from wayfarer.control.protocol import Details, Refused
+from wayfarer.errors import DriverError
+from wayfarer.hal import DriveMotors
+from wayfarer.helm import Mode
+from wayfarer.records import RunLog, TickRecord
+from wayfarer.supervisor import Supervisor
+
+
+class RoverCommands:
+    """Implements ``control.protocol.Commands``. Whatever stops the wheels does so before anything else.
+
+    Args:
+        supervisor: the run.
+        motors: its motors, for stops that do not wait for the next tick.
+        inspect: gives what the checks before arming look at, as it is at that moment.
+        log: the run's log.
+        about: what ``status`` says besides: version, rover, algorithm.
+    """
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        motors: DriveMotors,
+        inspect: Callable[[], Inspection],
+        log: RunLog,
+        about: Mapping[str, Any],
+    ) -> None:
+        self._supervisor = supervisor
+        self._helm = supervisor.helm
+        self._motors = motors
+        self._inspect = inspect
+        self._log = log
+        self._about = about
+        self._checking = False
+
+    async def status(self) -> Details:
+        """Tell how things are."""
+        helm = self._helm
+        return {
+            **self._about,
+            "mode": helm.mode.value,
+            "why_disarmed": helm.why_disarmed if helm.mode is Mode.DISARMED else None,
+            "held": helm.held,
+            "conditions": [condition.value for condition in helm.conditions],
+            "battery_v": helm.board.health and helm.board.health.battery_v,
+            "motor_faults": list(helm.board.health.faults) if helm.board.health else [],
+            **self._seen(helm.last),
+            **self._mission(),
+        }
+
+    async def arm(self, heading_deg: float | None = None) -> Details:
+        """Check everything, then begin to arm."""
+        if self._helm.mode is not Mode.DISARMED or self._checking:
+            raise Refused(f"the rover is {self._helm.mode.value} already: disarm it first (wayfarer disarm)")
+        self._checking = True
+        try:
+            findings = await run_checks(self._inspect(), ARMING)
+            failed = [finding for finding in findings if finding.verdict is Verdict.FAIL]
+            if failed:
+                self._log.event("arming_refused", _now_s(), failed=[finding.name for finding in failed])
+                raise Refused("not armed: " + "; ".join(_told(finding) for finding in failed))
+            await self._supervisor.arm(heading_deg)
+        except DriverError as error:
+            raise Refused(f"not armed: {error}") from None
+        finally:
+            self._checking = False
+        warnings = [_told(finding) for finding in findings if finding.verdict is Verdict.WARN]
+        return {"mode": self._helm.mode.value, "start_delay_s": self._about["start_delay_s"], "warnings": warnings}
+
+    async def disarm(self) -> Details:
+        """Stop the wheels until armed anew; never refused."""
+        self._motors.halt()
+        if self._helm.mode is not Mode.DISARMED:
+            self._supervisor.disarm("asked for on the control socket")
+        return {"mode": self._helm.mode.value}
+
+    async def hold(self) -> Details:
+        """Stop the wheels until ``resume``."""
+        self._motors.halt()
+        if self._helm.mode is Mode.DISARMED:
+            raise Refused("the rover is disarmed: its wheels stand still already")
+        self._helm.hold(_now_s(), held=True)
+        return {"held": True}
+
+    async def resume(self) -> Details:
+        """Let the wheels turn again."""
+        if not self._helm.held:
+            raise Refused("the rover is not held: there is nothing to resume")
+        self._helm.hold(_now_s(), held=False)
+        return {"held": False}
+
+    async def goal(self, heading_deg: float) -> Details:
+        """Head elsewhere."""
+        if self._helm.mode is not Mode.ARMED:
+            raise Refused(f"the rover is {self._helm.mode.value}: give the heading when arming (wayfarer arm DEG)")
+        self._helm.head_for(_now_s(), heading_deg)
+        return {"goal_heading_deg": heading_deg}
+
+    async def mark(self, text: str) -> Details:
+        """Write a person's note into the log."""
+        self._log.event("mark", _now_s(), text=text)
+        return {}
+
+    async def stop(self) -> Details:
+        """End the run."""
+        self._motors.halt()
+        self._supervisor.finish("requested", "asked for on the control socket")
+        return {"log": self._about.get("log")}
+
+    def _seen(self, last: TickRecord | None) -> dict[str, Any]:
+        if last is None:
+            return {}
+        seen, decision = last.observation, last.decision
+        return {
+            "level": last.level.name.lower(),
+            "cause": last.cause and last.cause.value,
+            "phase": decision.phase.value,
+            "why": decision.why,
+            "wheels": list(last.applied),
+            "heading_deg": seen and seen.heading_deg,
+            "pitch_deg": seen and seen.pitch_deg,
+            "roll_deg": seen and seen.roll_deg,
+            "anomalies": [anomaly.value for anomaly in seen.anomalies] if seen else [],
+            **last.memory(),
+        }
+
+    def _mission(self) -> dict[str, Any]:
+        mission = self._helm.mission
+        if mission is None:
+            return {}
+        return {
+            "goal_heading_deg": self._helm.goal_heading_deg,
+            "mission_s": round(_now_s() - mission.starts_s, 1),
+            "travelled_m": round(mission.travelled_m, 2),
+            "north_m": round(mission.north_m, 2),
+            "east_m": round(mission.east_m, 2),
+        }
+
+
+def _told(finding: Finding) -> str:
+    return f"{finding.name}: {finding.found}" + (f" ({finding.remedy})" if finding.remedy else "")
+
+
+def _now_s() -> float:
+    return asyncio.get_running_loop().time()

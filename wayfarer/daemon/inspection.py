@@ -1,0 +1,65 @@
+"""Checks before arming look at what the daemon has open already: parts through their sensor tasks' cells."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from typing import TypeVar
+
+from wayfarer.checks.api import Place
+from wayfarer.config import RoverConfig
+from wayfarer.errors import NotResponding
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
+from wayfarer.latest import Snapshot
+from wayfarer.supervisor import Supervisor
+
+R = TypeVar("R", CompassReading, MotionReading, ContactReading)
+
+FRESH_S = 1.0
+
+
+class Live:
+    """An ``Inspection`` of a running rover; it opens nothing and reads nothing by itself."""
+
+    def __init__(self, config: RoverConfig, rover: Rover, place: Place, supervisor: Supervisor) -> None:
+        used = {row.name for row in supervisor.tasks}
+        self.config = config
+        self.rover = rover if "contact" in used else replace(rover, contact=None)  # nobody reads what no decision uses
+        self.place = place
+        self._supervisor = supervisor
+
+    async def open(self, name: str) -> None:
+        """Do nothing for a part that the run has opened; the motors are opened anew, which verifies their deadman."""
+        if name == "motors":
+            await self.rover.motors.open()
+
+    async def compass(self) -> CompassReading:
+        """Return what the compass said last."""
+        return self._fresh(self._latest().compass, "compass")
+
+    async def motion(self) -> MotionReading | None:
+        """Return what the motion sensor said last."""
+        if self.rover.motion is None:
+            return None
+        return self._fresh(self._supervisor.cells.motion.latest, "motion sensor")
+
+    async def contact(self) -> ContactReading | None:
+        """Return what the bumper said last."""
+        if self.rover.contact is None:
+            return None
+        return self._fresh(self._latest().contact, "contact sensor")
+
+    async def motor_health(self) -> MotorHealth:
+        """Ask the motor board."""
+        return await self.rover.motors.health()
+
+    def _latest(self) -> Snapshot:
+        last = self._supervisor.helm.last
+        if last is None:
+            raise NotResponding("the control loop has not begun: wait a second")
+        return last.snapshot
+
+    def _fresh(self, reading: R | None, name: str) -> R:
+        if reading is None or asyncio.get_running_loop().time() - reading.t_s > FRESH_S:
+            raise NotResponding(f"the {name} has said nothing for {FRESH_S:g} s; see the log for why")
+        return reading

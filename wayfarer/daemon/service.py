@@ -1,0 +1,165 @@
+"""Running a rover as a service: its log, its control socket, its watchdogs, and the signals that end it."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import sys
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from wayfarer import __version__
+from wayfarer.calibration import calibration_file
+from wayfarer.checks.api import Place
+from wayfarer.config import RoverConfig
+from wayfarer.console_log import ConsoleLog
+from wayfarer.control.paths import SingleDaemon
+from wayfarer.control.server import ControlServer
+from wayfarer.daemon.commands import RoverCommands
+from wayfarer.daemon.heartbeat import Heartbeat
+from wayfarer.daemon.inspection import Live
+from wayfarer.dry_run import DryMotors
+from wayfarer.escape.catalogue import Algorithm
+from wayfarer.fieldlog import FieldLog, new_run_folder, wall_clock
+from wayfarer.hal import Rover
+from wayfarer.mission import RunEnd
+from wayfarer.records import Tee
+from wayfarer.supervisor import Supervisor
+from wayfarer.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """What one daemon runs.
+
+    ``make_rover`` is called on the running loop with a function that ends the run (a simulated rover calls it when it
+    has escaped), and ``close_buses`` afterwards. ``seed`` is for an algorithm that draws lots.
+    """
+
+    config: RoverConfig
+    algorithm: Algorithm
+    seed: int
+    make_rover: Callable[[Callable[[str, str], None]], Rover]
+    close_buses: Callable[[], Awaitable[None]]
+    logs: Path
+    socket: Path
+    simulated: bool
+    dry_run: bool
+
+
+def serve(service: Service) -> RunEnd:
+    """Run the daemon until a limit, a signal or a request ends it; return why.
+
+    Raises:
+        AlreadyRunning: another daemon serves this socket.
+        BadInput: the log or the socket cannot be made.
+        WayfarerError: a part did not open; the wheels were stopped.
+    """
+
+    async def run() -> RunEnd:
+        return await Daemon(service).run()
+
+    with SingleDaemon(service.socket), asyncio.Runner() as runner:
+        return runner.run(run())
+
+
+class Daemon:
+    """One rover and everything around it; made on the running loop."""
+
+    def __init__(self, service: Service) -> None:
+        self._service = service
+        self._loop = asyncio.get_running_loop()
+        config = service.config
+        rover = service.make_rover(self._finish)
+        self._rover = replace(rover, motors=DryMotors(rover.motors)) if service.dry_run else rover
+        self._notifier = Notifier(os.environ.get("NOTIFY_SOCKET"))
+        self._guard = StallGuard(self._rover.motors.halt, self._tell_of_stall)
+        folder = new_run_folder(service.logs)
+        about = {
+            "version": __version__,
+            "rover": config.name,
+            "algorithm": service.algorithm.name,
+            "simulated": service.simulated,
+            "dry_run": service.dry_run,
+            "log": str(folder),
+            "start_delay_s": config.safety.start_delay_s,
+        }
+        heartbeat = Heartbeat(self._notifier, self._guard)
+        self._log = Tee(FieldLog(folder, self._header(about)), ConsoleLog(say), heartbeat)
+        handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
+        self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
+        self._commands = RoverCommands(self._supervisor, self._rover.motors, self._inspect, self._log, about)
+
+    async def run(self) -> RunEnd:
+        """Run until something ends it."""
+        for number in (signal.SIGTERM, signal.SIGINT):
+            self._loop.add_signal_handler(number, self._end_by, signal.Signals(number).name)
+        server = ControlServer(
+            self._service.socket,
+            self._commands,
+            declination_deg=self._service.config.declination_deg,
+            on_error=lambda error: self._log.event("control_error", self._loop.time(), error=repr(error)),
+        )
+        try:
+            async with server:
+                return await self._run_watched()
+        finally:
+            self._guard.stop()
+            await self._service.close_buses()
+
+    async def _run_watched(self) -> RunEnd:
+        """Run beside systemd's watchdog; what breaks one ends the other."""
+        period_s = watchdog_period_s(os.environ)
+        async with asyncio.TaskGroup() as group:
+            feeding = None
+            if period_s is not None:
+                feed = feed_watchdog(self._notifier, self._supervisor.is_fresh, period_s)
+                feeding = group.create_task(feed, name="watchdog")
+            try:
+                return await self._supervisor.run()
+            finally:
+                if feeding is not None:
+                    feeding.cancel()
+
+    def _header(self, about: dict[str, Any]) -> dict[str, Any]:
+        parts = {name: part.name for name, part in self._rover.parts.items()}
+        return about | {
+            "seed": self._service.seed,
+            "parts": parts,
+            "config": self._service.config.model_dump(mode="json"),
+            "boot_id": _boot_id(),
+        }
+
+    def _inspect(self) -> Live:
+        place = Place(self._service.logs, calibration_file(os.environ, Path.home()), (), wall_clock(self._loop.time()))
+        return Live(self._service.config, self._rover, place, self._supervisor)
+
+    def _finish(self, reason: str, text: str) -> None:
+        self._supervisor.finish(reason, text)
+
+    def _end_by(self, name: str) -> None:
+        """End the run; the wheels do not wait for the next tick."""
+        self._rover.motors.halt()
+        self._finish("signal", f"ended by {name}")
+
+    def _tell_of_stall(self, stall_s: float) -> None:
+        self._log.event("loop_stalled", self._loop.time(), stall_s=round(stall_s, 3))
+
+
+def say(text: str) -> None:
+    """Write a line for the person at the terminal, or for the journal; one that cannot be written is lost."""
+    with suppress(OSError):
+        print(text, file=sys.stderr, flush=True)
+
+
+def _boot_id() -> str | None:
+    """Return the kernel's name for this boot: with it, times since boot of two runs can be compared."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    except OSError:
+        return None

@@ -1,0 +1,101 @@
+"""Bumper switches at the GPIO pins, through gpiozero: one switch for each side of the body.
+
+A switch that closes and opens again between two reads is not lost: the pin's own event remembers it until the next
+read. A switch whose wire is torn off looks like one that nothing touches; nothing here can tell.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar
+
+from wayfarer.drivers.buses import Buses
+from wayfarer.drivers.gpio_motors import Pin, claim, named, release
+from wayfarer.errors import NotResponding
+from wayfarer.hal import ContactReading, Side
+
+
+@dataclass(frozen=True, slots=True)
+class BumperSettings:
+    """The pin of each side's switch, by GPIO number; None where there is none.
+
+    pull_up: the switches connect their pin to ground when pressed, and the Pi's own resistors pull it up otherwise.
+        False: they connect it to 3.3 V (never 5 V), and it is pulled down otherwise.
+    """
+
+    front: Pin | None = None
+    left: Pin | None = None
+    right: Pin | None = None
+    rear: Pin | None = None
+    pull_up: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse a bumper without a switch.
+
+        Raises:
+            ValueError: no side has a pin.
+        """
+        if not self.pins:
+            raise ValueError("a bumper needs the pin of at least one side: front, left, right or rear")
+
+    @property
+    def pins(self) -> dict[Side, int]:
+        """The sides that have a switch."""
+        pins = {Side.FRONT: self.front, Side.LEFT: self.left, Side.RIGHT: self.right, Side.REAR: self.rear}
+        return {side: pin for side, pin in pins.items() if pin is not None}
+
+
+class Bumper:
+    """The switches as a ``hal.ContactSensor``; they do not know along which bearing an obstacle lies."""
+
+    part: ClassVar[str] = "contact"
+    Settings = BumperSettings
+
+    def __init__(self, settings: BumperSettings, _buses: Buses) -> None:
+        self.name = f"bumper on GPIO {', '.join(map(str, settings.pins.values()))}"
+        self._settings = settings
+        self._switches: dict[Side, Any] = {}
+        self._pressed: dict[Side, bool] = {}  # since the last read; gpiozero's thread writes it, item by item
+
+    async def open(self) -> None:
+        """Claim the pins.
+
+        Raises:
+            NotResponding: gpiozero is missing, or it cannot have the pins.
+        """
+        await self.close()
+        self._switches = claim(self.name, self._make)
+        for side, switch in self._switches.items():
+            switch.when_activated = partial(self._remember, side)
+
+    async def close(self) -> None:
+        """Let go of the pins, and forget."""
+        switches, self._switches = self._switches, {}
+        release(switches.values())
+        self._pressed.clear()
+
+    async def read(self) -> ContactReading:
+        """Return the sides that are pressed now, or were since the previous read.
+
+        Raises:
+            NotResponding: the pins are not open or failed.
+        """
+        if not self._switches:
+            raise NotResponding(f"{self.name}: not open")
+        with named(self.name):
+            # Forget first, look second: a press in between is seen twice, and not never.
+            sides = tuple(side for side, switch in self._switches.items() if self._forget(side) or switch.is_active)
+        return ContactReading(asyncio.get_running_loop().time(), sides, None)
+
+    def _make(self, gpiozero: Any) -> dict[Side, Any]:
+        pull_up = self._settings.pull_up
+        return {side: gpiozero.DigitalInputDevice(pin, pull_up=pull_up) for side, pin in self._settings.pins.items()}
+
+    def _remember(self, side: Side) -> None:
+        self._pressed[side] = True
+
+    def _forget(self, side: Side) -> bool:
+        """Return whether a side was pressed since this was last asked."""
+        return self._pressed.pop(side, False)

@@ -1,0 +1,112 @@
+"""Buses as drivers see them.
+
+A driver asks ``Buses`` for the bus that its settings name and awaits transfers on it. Whether behind them are a
+Raspberry Pi's device files (``linux.py``), simulated chips (``simhal.fakebus``) or another process is not its business.
+No transfer ever waits longer than a deadline: a bus that hangs raises ``NotResponding``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    import numpy
+    from numpy.typing import NDArray
+
+
+class I2CBus(Protocol):
+    """An I2C bus; addresses are 7-bit."""
+
+    name: str
+
+    async def write(self, address: int, data: bytes) -> None:
+        """Write bytes.
+
+        Raises:
+            NotResponding: no acknowledgement, or the deadline passed.
+        """
+
+    async def write_read(self, address: int, data: bytes, count: int) -> bytes:
+        """Write, then read ``count`` bytes after a repeated start, as EEPROM-like chips want it.
+
+        Raises:
+            NotResponding: no acknowledgement, or the deadline passed.
+        """
+
+    async def write_then_read(self, address: int, data: bytes, count: int) -> bytes:
+        """Write, stop, read ``count`` bytes; no other transfer on this bus comes in between.
+
+        Raises:
+            NotResponding: no acknowledgement, or the deadline passed.
+        """
+
+    def post(self, address: int, data: bytes) -> None:
+        """Write without waiting and whatever becomes of it, from any thread; it never raises."""
+
+
+class SPIBus(Protocol):
+    """One device on an SPI bus."""
+
+    name: str
+
+    async def transfer(self, *pieces: bytes) -> tuple[bytes, ...]:
+        """Exchange pieces, chip select low for each in turn, and return as many bytes as were sent for each.
+
+        Raises:
+            NotResponding: the bus failed, or the deadline passed. A missing device is no error: it reads 00 or FF.
+        """
+
+
+class SerialPort(Protocol):
+    """A serial line that is only written to."""
+
+    name: str
+
+    async def write(self, data: bytes) -> None:
+        """Write bytes.
+
+        Raises:
+            NotResponding: the port is gone, or the deadline passed.
+        """
+
+    def post(self, data: bytes) -> None:
+        """Write without waiting and whatever becomes of it, from any thread; it never raises."""
+
+
+class Frame(NamedTuple):
+    """A camera frame: when it was taken on the event loop's clock, and its luma, shape (height, width), uint8."""
+
+    t_s: float
+    luma: NDArray[numpy.uint8]
+
+
+class Camera(Protocol):
+    """A camera that gives small grey frames."""
+
+    name: str
+
+    async def frame(self) -> Frame:
+        """Return the next frame.
+
+        Raises:
+            NotResponding: no camera, or no frame within the deadline.
+        """
+
+
+class Buses(Protocol):
+    """Hands out buses by name; the same name gives the same bus, and nothing is touched until it is used."""
+
+    def i2c(self, name: str) -> I2CBus:
+        """Return an I2C bus, such as ``/dev/i2c-1``."""
+
+    def spi(self, name: str, *, mode: int, speed_hz: int) -> SPIBus:
+        """Return a device on an SPI bus, such as ``/dev/spidev0.1``."""
+
+    def serial(self, name: str, *, baud: int) -> SerialPort:
+        """Return a serial port, such as ``/dev/serial0``; 8 bits, no parity, 1 stop bit."""
+
+    def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> Camera:
+        """Return a camera by its number among the connected ones, as text; ``exposure_us`` None is automatic."""
+
+    async def close(self) -> None:
+        """Release everything; never raises, and does not wait for a bus that hangs."""

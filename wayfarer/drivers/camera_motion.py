@@ -1,0 +1,193 @@
+"""A camera as evidence of motion, in one of two ways.
+
+``displacement``: the camera looks straight down. Successive pictures are registered to each other by phase correlation,
+and the shift is scaled to metres. From one picture to the next the rover may drive a third of the ground that a picture
+shows, better a tenth: mount the camera high enough, or let it run faster. Turning rotates the picture: quality falls.
+
+``difference``: the camera looks anywhere, for example ahead. How much successive pictures differ says that the rover
+moves, not which way: readings are not ``signed``. It needs two numbers from a calibration on the ground to be driven.
+
+Pictures that are black, flat or identical to the last bit say nothing, and the reading's quality is 0: a real sensor is
+never without noise. Dirt on the lens that is sharp and dark enough stands still like the ground before a stuck rover.
+Fix the exposure where the light allows: a short one also keeps the picture sharp while the rover moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+
+from annotated_types import Interval, MultipleOf
+
+from wayfarer.bounds import Hertz, MetresPerSecond
+from wayfarer.drivers.buses import Buses
+from wayfarer.errors import BadReading, NotResponding
+from wayfarer.hal import MotionReading
+
+if TYPE_CHECKING:
+    import numpy
+    from numpy.typing import NDArray
+
+Pixels = Annotated[int, Interval(ge=32, le=640), MultipleOf(2)]  # libcamera wants even sizes (hardware.md 5)
+GreyLevels = Annotated[float, Interval(ge=0, le=255)]
+
+# The image axis that points ahead, as (x to the right, y down).
+AXES = {"+x": (1.0, 0.0), "-x": (-1.0, 0.0), "+y": (0.0, 1.0), "-y": (0.0, -1.0)}
+
+
+@dataclass(frozen=True, slots=True)
+class CameraMotionSettings:
+    """Which camera, how it looks, and what its pictures mean.
+
+    camera: its number among the connected ones, as text.
+    width, height: pixels; even. Registering 160 x 120 takes 0.5 ms on a desk computer.
+    exposure_us: fixed exposure in microseconds; None is automatic.
+    forward: for displacement, the image axis that points ahead; x runs to the right of the picture and y down.
+        ``-y`` is a camera whose picture has the rover's front at its top.
+    m_per_pixel: for displacement, the ground that one pixel shows, in metres: drive a metre and divide.
+    dark_below, flat_below: a picture of less mean grey, or with less standard deviation of it, is no evidence. From no
+        source: a covered lens must fall below, the darkest ground to be driven must not.
+    difference_still, difference_moving: for difference, the mean change of a pixel in grey levels from one picture to
+        the next (``CameraMotion.change``), standing still and at ``difference_speed_m_s`` on the dullest ground.
+    difference_speed_m_s: that speed; choose the cruising speed. Faster driving changes the picture no more than that.
+    """
+
+    camera: Literal["0", "1", "2", "3"] = "0"
+    width: Pixels = 160
+    height: Pixels = 120
+    rate_hz: Hertz = 20.0
+    exposure_us: Annotated[int, Interval(ge=10, le=1_000_000)] | None = None
+    method: Literal["displacement", "difference"] = "displacement"
+    forward: Literal["+x", "-x", "+y", "-y"] = "-y"
+    m_per_pixel: Annotated[float, Interval(gt=0, le=0.1)] | None = None
+    dark_below: GreyLevels = 15.0
+    flat_below: GreyLevels = 5.0
+    difference_still: GreyLevels | None = None
+    difference_moving: GreyLevels | None = None
+    difference_speed_m_s: MetresPerSecond = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse a method without its numbers; there are none that suit every rover.
+
+        Raises:
+            ValueError: a number of the method is missing, or the noise is above the signal.
+        """
+        if self.method == "displacement":
+            if self.m_per_pixel is None:
+                raise ValueError("method 'displacement' needs m_per_pixel")
+        elif self.difference_still is None or self.difference_moving is None:
+            raise ValueError("method 'difference' needs difference_still and difference_moving")
+        elif self.difference_still >= self.difference_moving:
+            raise ValueError("difference_still must be less than difference_moving")
+
+
+class Picture(NamedTuple):
+    """A frame, made ready for comparison: ``relief`` is its luma less its mean, so that brightness does not matter."""
+
+    t_s: float
+    luma: NDArray[numpy.uint8]
+    relief: NDArray[numpy.float32]
+    tells: bool
+
+
+class CameraMotion:
+    """The camera as a ``hal.MotionSensor``."""
+
+    part: ClassVar[str] = "motion"
+    Settings = CameraMotionSettings
+
+    def __init__(self, settings: CameraMotionSettings, buses: Buses) -> None:
+        self.name = f"camera {settings.camera} as motion sensor"
+        self._settings = settings
+        self._camera = buses.camera(
+            settings.camera,
+            width=settings.width,
+            height=settings.height,
+            rate_hz=settings.rate_hz,
+            exposure_us=settings.exposure_us,
+        )
+        self._last: Picture | None = None
+
+    async def open(self) -> None:
+        """Take a first picture.
+
+        Raises:
+            NotResponding: OpenCV is missing, or no camera, or no picture comes.
+            BadReading: a picture of another size.
+        """
+        try:
+            self._cv2: Any = import_module("cv2")
+        except ImportError as error:
+            raise NotResponding(f"{self.name}: OpenCV is missing ({error}); pip install 'wayfarer[camera]'") from None
+        self._window = self._cv2.createHanningWindow((self._settings.width, self._settings.height), self._cv2.CV_32F)
+        self._last = await self._picture()
+
+    async def close(self) -> None:
+        """Forget the last picture; the camera is not this driver's."""
+        self._last = None
+
+    async def read(self) -> MotionReading:
+        """Return the displacement since the picture before; waits for a picture, never for motion.
+
+        Raises:
+            NotResponding: no picture comes, or this is not open.
+            BadReading: a picture of another size.
+        """
+        last, now = await self._next()
+        displaces = self._settings.method == "displacement"
+        if not (last.tells and now.tells) or now.t_s <= last.t_s or (now.luma == last.luma).all():
+            return MotionReading(now.t_s, 0.0, 0.0, 0.0, signed=displaces)
+        return self._displacement(last, now) if displaces else self._difference(last, now)
+
+    async def change(self) -> float:
+        """Return by how many grey levels a pixel differs, on average, from the picture before: for calibration.
+
+        Raises:
+            NotResponding: as ``read``.
+            BadReading: as ``read``.
+        """
+        return _change(*await self._next())
+
+    async def _next(self) -> tuple[Picture, Picture]:
+        """Return the picture before, and the next one, which takes its place."""
+        if self._last is None:
+            raise NotResponding(f"{self.name}: not open")
+        last, self._last = self._last, await self._picture()
+        return last, self._last
+
+    async def _picture(self) -> Picture:
+        t_s, luma = await self._camera.frame()
+        settings = self._settings
+        if luma.shape != (settings.height, settings.width):
+            size = " x ".join(map(str, reversed(luma.shape)))
+            raise BadReading(
+                f"{self.name}: a picture of {size}, not {settings.width} x {settings.height}; "
+                "does another program use the camera?"
+            )
+        mean = luma.mean()
+        tells = bool(mean >= settings.dark_below and luma.std() >= settings.flat_below)
+        return Picture(t_s, luma, (luma - mean).astype("float32"), tells)
+
+    def _displacement(self, last: Picture, now: Picture) -> MotionReading:
+        """Register two pictures. The height of the correlation's peak, 1 for equal ones, is the quality."""
+        (x, y), response = self._cv2.phaseCorrelate(last.relief, now.relief, self._window)
+        ahead_x, ahead_y = AXES[self._settings.forward]
+        # The picture moves against the rover; right is a quarter turn clockwise of ahead, in the picture as outside.
+        forward, right = -(x * ahead_x + y * ahead_y), x * ahead_y - y * ahead_x
+        m_per_pixel = self._settings.m_per_pixel
+        assert m_per_pixel is not None  # the settings saw to that
+        return MotionReading(now.t_s, forward * m_per_pixel, right * m_per_pixel, min(1.0, max(0.0, response)))
+
+    def _difference(self, last: Picture, now: Picture) -> MotionReading:
+        """Take how much the picture changed as a share of how much it changes at the calibrated speed."""
+        still, moving = self._settings.difference_still, self._settings.difference_moving
+        assert still is not None and moving is not None  # the settings saw to that
+        share = min(1.0, max(0.0, (_change(last, now) - still) / (moving - still)))
+        forward_m = share * self._settings.difference_speed_m_s * (now.t_s - last.t_s)
+        return MotionReading(now.t_s, forward_m, 0.0, 1.0, signed=False)
+
+
+def _change(last: Picture, now: Picture) -> float:
+    """Return the mean change of a pixel, in grey levels."""
+    return float(abs(now.relief - last.relief).mean())

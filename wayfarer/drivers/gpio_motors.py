@@ -1,0 +1,179 @@
+"""Motors on a plain H-bridge at the GPIO pins, through gpiozero.
+
+**Nothing stops these wheels when the computer dies.** Such a board has no timeout of its own: a process that is killed
+with SIGKILL, or a kernel that hangs, leaves the pins as they are at that moment, and the rover drives on until somebody
+catches it. ``deadman_s`` is therefore None, and arming a rover that has no other deadman needs a permission that is
+given elsewhere, in so many words.
+
+Each side has a pin that drives it ahead and one that drives it back, each in software PWM, and perhaps one that enables
+it (TB6612, L298N, DRV8833). Boards that take a direction and a speed instead are not for this driver. A side that turns
+the wrong way has its two pins exchanged in the rover file.
+
+Pins 0 to 8 of a Raspberry Pi are pulled up while nobody drives them, at boot and after ``close``, and 9 to 27 down
+(BCM2835 ARM Peripherals, table 6-31): wire an H-bridge to the latter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Annotated, Any, ClassVar, TypeVar
+
+from annotated_types import Interval
+
+from wayfarer.drivers.buses import Buses
+from wayfarer.errors import NotResponding
+from wayfarer.hal import MotorHealth, WheelCommand
+
+T = TypeVar("T")
+
+Pin = Annotated[int, Interval(ge=0, le=27)]  # GPIO numbers of the 40-pin header, not positions on it
+
+
+def claim(name: str, make: Callable[[Any], T]) -> T:
+    """Return what ``make`` builds on GPIO pins; it is given the module gpiozero.
+
+    Raises:
+        NotResponding: gpiozero is missing, or it cannot have the pins.
+    """
+    try:
+        gpiozero = import_module("gpiozero")
+    except ImportError:
+        raise NotResponding(f"{name}: gpiozero is not installed; pip install 'wayfarer[pi]'") from None
+    try:
+        return make(gpiozero)
+    except Exception as error:  # lgpio's own error, for one, is a bare Exception
+        reason = " ".join(str(error).split())
+    # Raised here, not in the handler: a traceback kept by a caller would keep the pins that were claimed before.
+    raise NotResponding(
+        f"{name}: cannot have these pins: {reason}; does another program hold one, is the user in group gpio, "
+        "is python3-lgpio installed?"
+    )
+
+
+@contextmanager
+def named(name: str) -> Iterator[None]:
+    """Turn whatever pins raise while they are used into ``NotResponding`` of that name."""
+    try:
+        yield
+    except Exception as error:
+        reason = " ".join(str(error).split())
+        raise NotResponding(f"{name}: the pins failed: {reason}; has another program taken them?") from None
+
+
+def release(devices: Iterable[Any]) -> None:
+    """Close each device, whatever becomes of the others."""
+    for device in devices:
+        with suppress(Exception):
+            device.close()
+
+
+@dataclass(frozen=True, slots=True)
+class GpioMotorsSettings:
+    """The pins, by GPIO number.
+
+    left_forward, left_backward, right_forward, right_backward: the inputs of the H-bridge.
+    left_enable, right_enable: held high while the pins are claimed; None where the board has none, or a jumper.
+    duty_limit: no side gets more duty than this; above it both are scaled down together, so that a curve keeps its
+        shape. For motors whose rated voltage is below the battery's.
+    """
+
+    left_forward: Pin
+    left_backward: Pin
+    right_forward: Pin
+    right_backward: Pin
+    left_enable: Pin | None = None
+    right_enable: Pin | None = None
+    duty_limit: Annotated[float, Interval(gt=0, le=1)] = 1.0
+
+
+class GpioMotors:
+    """Two H-bridges as ``hal.DriveMotors``, without a deadman."""
+
+    part: ClassVar[str] = "motors"
+    Settings = GpioMotorsSettings
+    deadman_s: float | None = None
+
+    def __init__(self, settings: GpioMotorsSettings, _buses: Buses) -> None:
+        left, right = (settings.left_forward, settings.left_backward), (settings.right_forward, settings.right_backward)
+        self.name = f"motors on GPIO {left[0]}/{left[1]} and {right[0]}/{right[1]}"
+        self._settings = settings
+        self._sides: tuple[Any, ...] = ()
+
+    async def open(self) -> None:
+        """Claim the pins, all at zero. Pins that are held and obey are stopped and kept: let go, they would float.
+
+        Raises:
+            NotResponding: gpiozero is missing, or it cannot have the pins.
+        """
+        if not self._stopped():
+            self._release()
+            self._sides = claim(self.name, self._make)
+
+    async def close(self) -> None:
+        """Stop, and let go of the pins."""
+        self.halt()
+        self._release()
+
+    async def drive(self, command: WheelCommand) -> WheelCommand:
+        """Set the duty of both sides and return what was set, within the limit.
+
+        Raises:
+            NotResponding: the pins are not open or failed; the wheels may go on turning.
+        """
+        scale = min(1.0, self._settings.duty_limit / max(abs(command.left), abs(command.right), 1e-9))
+        applied = WheelCommand(command.left * scale, command.right * scale)
+        left, right = self._open_sides()
+        with named(self.name):
+            left.value, right.value = applied
+        return applied
+
+    async def stop(self) -> None:
+        """Stop both sides; claims the pins if need be and holds them at zero."""
+        with suppress(NotResponding):
+            await self.open()
+
+    def halt(self) -> None:
+        """Stop both sides now, if the pins are open. It takes microseconds, and no lock."""
+        self._stopped()
+
+    async def read_back(self) -> WheelCommand:
+        """Return the duty that the pins are set to; what the H-bridge makes of it cannot be asked.
+
+        Raises:
+            NotResponding: the pins are not open or failed.
+        """
+        left, right = self._open_sides()
+        with named(self.name):
+            return WheelCommand(left.value, right.value)
+
+    async def health(self) -> MotorHealth:
+        """Return that nothing is known of the battery: the board measures nothing."""
+        return MotorHealth(None, ())
+
+    def _make(self, gpiozero: Any) -> tuple[Any, ...]:
+        pins = self._settings
+        return (
+            gpiozero.Motor(pins.left_forward, pins.left_backward, enable=pins.left_enable),
+            gpiozero.Motor(pins.right_forward, pins.right_backward, enable=pins.right_enable),
+        )
+
+    def _open_sides(self) -> tuple[Any, ...]:
+        if not self._sides:
+            raise NotResponding(f"{self.name}: not open")
+        return self._sides
+
+    def _stopped(self) -> bool:
+        """Stop each side, whatever becomes of the other; tell whether both were held and obeyed."""
+        obeyed = 0
+        for motor in self._sides:
+            with suppress(Exception):
+                motor.stop()
+                obeyed += 1
+        return obeyed == 2
+
+    def _release(self) -> None:
+        sides, self._sides = self._sides, ()
+        release(sides)

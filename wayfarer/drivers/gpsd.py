@@ -1,0 +1,184 @@
+"""Positions from gpsd, the daemon that reads GPS receivers, for the log and for mission limits.
+
+gpsd speaks lines of JSON over TCP (gpsd_json(5)), and three of its fields are all that is wanted. The clients that
+there are block, or reconnect on their own and hide that the daemon is gone; reading lines is shorter than taming them.
+
+What comes from a receiver is doubted: a fix counts only once its own ``time`` has been seen to move on, because a
+receiver, or a daemon, that hangs repeats its last fix as if it were new. Where ``time`` leaps back, as at a correction
+of the week, the fix counts again when it moves on from there.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from contextlib import suppress
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Annotated, Any, ClassVar
+
+from annotated_types import Interval, Len
+
+from wayfarer.bounds import Seconds
+from wayfarer.drivers.buses import Buses
+from wayfarer.errors import NotResponding, WrongPart
+from wayfarer.hal import PositionFix
+
+WATCH = b'?WATCH={"enable":true,"json":true};\n'
+LINE_LIMIT = 65_536  # bytes; what gpsd says of a sky full of satellites is a tenth of it
+ANSWER_S = 2.0
+FIX_2D = 2  # TPV's mode: 0 unknown, 1 no fix, 2 without and 3 with altitude
+
+
+@dataclass(frozen=True, slots=True)
+class GpsdSettings:
+    """Where gpsd listens, and how old a fix may be.
+
+    host, port: gpsd listens on its own machine only, unless it was started with -G.
+    stale_s: a fix whose time has not moved on for this long is none.
+    """
+
+    host: Annotated[str, Len(1, 253)] = "127.0.0.1"
+    port: Annotated[int, Interval(ge=1, le=65_535)] = 2947
+    stale_s: Seconds = 3.0
+
+
+class Fixes:
+    """What gpsd's lines say of the position; pure.
+
+    Several reports may come for one moment, the first of them incomplete; the last one counts.
+    """
+
+    def __init__(self, stale_s: float) -> None:
+        self._stale_s = stale_s
+        self._time: str | None = None
+        self._moved_on_s = -inf
+        self._fix: PositionFix | None = None
+
+    def take(self, line: bytes, t_s: float) -> None:
+        """Take a line that came at ``t_s``; one that is no report of a position changes nothing."""
+        report = parse(line)
+        if report.get("class") != "TPV":
+            return
+        time = report.get("time")
+        if not isinstance(time, str):
+            self._fix = None  # no fix at all, or one whose age nobody knows
+            return
+        if self._time is not None and time > self._time:  # ISO 8601 in UTC sorts as text
+            self._moved_on_s = t_s
+        self._time = time
+        self._fix = fix_of(report, self._moved_on_s)
+
+    def latest(self, t_s: float) -> PositionFix | None:
+        """Return the fix that holds at ``t_s``, or None."""
+        if self._fix is None or t_s - self._fix.t_s > self._stale_s:
+            return None
+        return self._fix
+
+
+def parse(line: bytes) -> dict[str, Any]:
+    """Return the JSON object on a line, all numbers as float; empty where there is none."""
+    try:
+        report = json.loads(line, parse_int=float)
+    except (ValueError, RecursionError):  # also no UTF-8; brackets without end
+        return {}
+    return report if isinstance(report, dict) else {}
+
+
+def fix_of(report: dict[str, Any], t_s: float) -> PositionFix | None:
+    """Return the position in a TPV report, or None where it has none. The error is ``eph``, in metres."""
+    mode, latitude_deg, longitude_deg, error_m = (number(report, key) for key in ("mode", "lat", "lon", "eph"))
+    if mode is None or mode < FIX_2D or latitude_deg is None or longitude_deg is None:
+        return None
+    if abs(latitude_deg) > 90.0 or abs(longitude_deg) > 180.0:
+        return None
+    return PositionFix(t_s, latitude_deg, longitude_deg, error_m if error_m is not None and error_m >= 0.0 else None)
+
+
+def number(report: dict[str, Any], key: str) -> float | None:
+    """Return a number that can be one, or None: what is missing or NaN must not become 0."""
+    value = report.get(key)
+    return value if isinstance(value, float) and isfinite(value) else None
+
+
+class Gpsd:
+    """A client of gpsd as a ``hal.PositionLogger``; ``t_s`` of a fix is when it came, some tenths after it was true."""
+
+    part: ClassVar[str] = "position"
+    Settings = GpsdSettings
+
+    def __init__(self, settings: GpsdSettings, _buses: Buses) -> None:
+        self.name = f"gpsd at {settings.host}:{settings.port}"
+        self._settings = settings
+        self._fixes = Fixes(settings.stale_s)
+        self._writer: asyncio.StreamWriter | None = None
+        self._follower: asyncio.Task[None] | None = None
+
+    async def open(self) -> None:
+        """Connect, make sure that it is gpsd, and ask for reports; takes 2 s at most.
+
+        Raises:
+            NotResponding: nobody listens there, or says nothing.
+            WrongPart: what listens there is no gpsd.
+        """
+        await self.close()
+        try:
+            async with asyncio.timeout(ANSWER_S):
+                reader = await self._connect()
+        except OSError as error:
+            await self.close()
+            reason = str(error) or f"no answer within {ANSWER_S:g} s"  # the error of a timeout has no text
+            raise NotResponding(
+                f"{self.name}: {reason}; is it installed and running? sudo apt install gpsd; systemctl status gpsd"
+            ) from None
+        except BaseException:
+            await self.close()
+            raise
+        self._fixes = Fixes(self._settings.stale_s)
+        self._follower = asyncio.create_task(self._follow(reader), name=self.name)
+
+    async def close(self) -> None:
+        """Hang up."""
+        follower, self._follower = self._follower, None
+        if follower is not None:
+            follower.cancel()
+            await asyncio.wait([follower])
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            writer.transport.abort()  # nothing is left to say, and a peer that hangs must not be waited for
+            with suppress(OSError):
+                await writer.wait_closed()
+
+    async def read(self) -> PositionFix | None:
+        """Return the latest fix, or None while there is none; never waits.
+
+        Raises:
+            NotResponding: the connection is gone.
+        """
+        if self._follower is None:
+            raise NotResponding(f"{self.name}: not open")
+        if self._follower.done():
+            raise NotResponding(f"{self.name}: hung up; has it been stopped? systemctl status gpsd")
+        return self._fixes.latest(asyncio.get_running_loop().time())
+
+    async def _connect(self) -> asyncio.StreamReader:
+        settings = self._settings
+        reader, self._writer = await asyncio.open_connection(settings.host, settings.port, limit=LINE_LIMIT)
+        try:
+            greeting = await reader.readline()
+        except ValueError:
+            raise WrongPart(self.name, "gpsd's VERSION", f"more than {LINE_LIMIT} bytes without a line end") from None
+        if not greeting:
+            raise ConnectionResetError("it hung up without a word")
+        if parse(greeting).get("class") != "VERSION":
+            raise WrongPart(self.name, "gpsd's VERSION", repr(greeting[:40]))
+        self._writer.write(WATCH)
+        return reader
+
+    async def _follow(self, reader: asyncio.StreamReader) -> None:
+        """Take what comes until the connection ends."""
+        time = asyncio.get_running_loop().time
+        with suppress(OSError):
+            while not reader.at_eof():
+                with suppress(ValueError):  # a line beyond the limit is dropped; its rest is no report
+                    self._fixes.take(await reader.readline(), time())

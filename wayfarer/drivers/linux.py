@@ -1,0 +1,173 @@
+"""The buses of a Raspberry Pi, or of any Linux board: device files through smbus2, spidev, pyserial and picamera2.
+
+Each library is imported when a bus of its kind is used for the first time.
+"""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from wayfarer.drivers.threaded import Threaded, ThreadedCamera, ThreadedI2C, ThreadedSerial, ThreadedSPI
+
+if TYPE_CHECKING:
+    import numpy
+    from numpy.typing import NDArray
+
+# Long enough for libcamera to start and for a long exposure; the detector acts on a frame's age long before.
+FRAME_DEADLINE_S = 3.0
+MAIN_SIZE = (640, 480)  # lores may not exceed the main stream (hardware.md 5)
+
+B = TypeVar("B", bound=Threaded[Any])
+
+
+class LinuxBuses:
+    """Implements ``buses.Buses``; names are device files."""
+
+    def __init__(self) -> None:
+        self._open: dict[str, Threaded[Any]] = {}
+
+    def i2c(self, name: str) -> ThreadedI2C:
+        """Return an I2C bus, such as ``/dev/i2c-1``."""
+        return self._once(name, lambda: ThreadedI2C(name, partial(SMBusDevice, name)))
+
+    def spi(self, name: str, *, mode: int, speed_hz: int) -> ThreadedSPI:
+        """Return a device on an SPI bus, such as ``/dev/spidev0.1``."""
+        return self._once(name, lambda: ThreadedSPI(name, partial(SpiDevice, name, mode, speed_hz)))
+
+    def serial(self, name: str, *, baud: int) -> ThreadedSerial:
+        """Return a serial port, such as ``/dev/serial0``."""
+        return self._once(name, lambda: ThreadedSerial(name, partial(SerialDevice, name, baud)))
+
+    def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> ThreadedCamera:
+        """Return a camera of libcamera, by number."""
+        opener = partial(LibCamera, int(name), (width, height), rate_hz, exposure_us)
+        return self._once(f"camera {name}", lambda: ThreadedCamera(f"camera {name}", opener, FRAME_DEADLINE_S))
+
+    async def close(self) -> None:
+        """Release everything."""
+        for bus in self._open.values():
+            await bus.close()
+        self._open.clear()
+
+    def _once(self, name: str, make: Callable[[], B]) -> B:
+        """Return the bus of that name, made at the first time: parts on one bus share its thread."""
+        if name not in self._open:
+            self._open[name] = make()
+        bus: B = self._open[name]  # type: ignore[assignment]
+        return bus
+
+
+class SMBusDevice:
+    """An I2C bus through smbus2; implements ``threaded.BlockingI2C``."""
+
+    def __init__(self, path: str) -> None:
+        from smbus2 import SMBus, i2c_msg
+
+        self._bus = SMBus(path)
+        self._message = i2c_msg
+
+    def write(self, address: int, data: bytes) -> None:
+        """Write bytes."""
+        self._bus.i2c_rdwr(self._message.write(address, data))
+
+    def write_read(self, address: int, data: bytes, count: int) -> bytes:
+        """Write, repeated start, read, as one combined transfer."""
+        answer = self._message.read(address, count)
+        self._bus.i2c_rdwr(self._message.write(address, data), answer)
+        return bytes(answer)
+
+    def write_then_read(self, address: int, data: bytes, count: int) -> bytes:
+        """Write, stop, read: two transfers."""
+        self.write(address, data)
+        answer = self._message.read(address, count)
+        self._bus.i2c_rdwr(answer)
+        return bytes(answer)
+
+    def close(self) -> None:
+        """Close the device file."""
+        self._bus.close()
+
+
+class SpiDevice:
+    """An SPI device through spidev; implements ``threaded.BlockingSPI``."""
+
+    def __init__(self, path: str, mode: int, speed_hz: int) -> None:
+        from spidev import SpiDev
+
+        self._device = SpiDev()
+        self._device.open_path(path)
+        self._device.mode = mode
+        self._device.max_speed_hz = speed_hz
+
+    def transfer(self, pieces: tuple[bytes, ...]) -> tuple[bytes, ...]:
+        """Exchange pieces; ``xfer2`` keeps chip select low for the whole of each and releases the GIL."""
+        return tuple(bytes(self._device.xfer2(list(piece))) for piece in pieces)
+
+    def close(self) -> None:
+        """Close the device file."""
+        self._device.close()
+
+
+class SerialDevice:
+    """A serial port through pyserial; implements ``threaded.BlockingSerial``."""
+
+    def __init__(self, path: str, baud: int) -> None:
+        from serial import Serial
+
+        self._port = Serial(path, baud, timeout=0, write_timeout=1.0)
+
+    def write(self, data: bytes) -> None:
+        """Write bytes."""
+        self._port.write(data)
+
+    def close(self) -> None:
+        """Close the port."""
+        self._port.close()
+
+
+class LibCamera:
+    """A camera through picamera2, running; implements ``threaded.BlockingCamera``.
+
+    The small second ("lores") stream is YUV420, whose first rows are the luma; lines are padded to a stride.
+    """
+
+    def __init__(self, number: int, size: tuple[int, int], rate_hz: float, exposure_us: int | None) -> None:
+        try:
+            from picamera2 import Picamera2
+        except ImportError as error:
+            raise OSError(
+                f"{error}; sudo apt install python3-picamera2, and a venv with --system-site-packages"
+            ) from None
+        self._width, self._height = size
+        try:
+            self._camera = Picamera2(number)
+        except IndexError:  # how picamera2 says that there is none (its issue 1081)
+            raise OSError(errno.ENODEV, "no camera is connected, or its ribbon sits badly") from None
+        except RuntimeError as error:
+            raise OSError(errno.EBUSY, str(error)) from None
+        frame_us = round(1e6 / rate_hz)
+        controls: dict[str, Any] = {"FrameDurationLimits": (frame_us, frame_us)}
+        if exposure_us is not None:
+            controls |= {"ExposureTime": exposure_us, "AnalogueGain": 1.0}
+        self._camera.configure(
+            self._camera.create_video_configuration(
+                main={"size": MAIN_SIZE}, lores={"size": size, "format": "YUV420"}, controls=controls
+            )
+        )
+        self._camera.start()
+
+    def luma(self) -> NDArray[numpy.uint8]:
+        """Wait for the next frame and return its luma."""
+        request = self._camera.capture_request(wait=FRAME_DEADLINE_S)
+        try:
+            luma: NDArray[numpy.uint8] = request.make_array("lores")[: self._height, : self._width].copy()
+        finally:
+            request.release()
+        return luma
+
+    def close(self) -> None:
+        """Stop the camera."""
+        self._camera.close()

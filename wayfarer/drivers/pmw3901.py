@@ -1,0 +1,251 @@
+"""PMW3901 optical flow sensor, such as Pimoroni's breakout, on SPI, looking down at the ground.
+
+A read is one burst and never waits: no motion is an answer. What the chip cannot see it reports as zero, so each
+reading carries a quality from how much texture it found (SQUAL); darkness is quality 0, not standing still.
+
+It needs 80 mm from lens to ground and 60 lux, and follows no more than 7.4 rad/s: 0.74 m/s at 0.1 m (hardware.md 2.1).
+The PAA5100 for smaller distances has the same identity, and cannot be told from it. Turning adds flow where the sensor
+is off the centre of the turn; that is not taken out.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from struct import unpack
+from typing import Annotated, ClassVar, Literal, NamedTuple
+
+from annotated_types import Interval
+
+from wayfarer.drivers import pmw3901_table as table
+from wayfarer.drivers.buses import Buses
+from wayfarer.errors import BadReading, NotResponding, WrongPart
+from wayfarer.hal import MotionReading
+
+Axis = Literal["+x", "-x", "+y", "-y"]
+
+PRODUCT, INVERSE_PRODUCT = 0x49, 0xB6
+RUNNING = 0xBF  # the observation byte of a chip that works: hardware.md 2.2
+MOTION_BIT = 0x80
+SQUAL_DARK, SHUTTER_UPPER_DARK = 0x19, 0x1F  # too little texture at the longest exposure: data sheet 7.2
+SPIKE_COUNTS, SPIKE_S = 240, 0.010  # PX4 reads every 10 ms and takes more counts than that for garbage from the bus
+PROBE_TRIES = 3
+RESET_S, SETTLE_S, START_S = 0.02, 0.01, 0.24  # Pimoroni's waits; the reset needs 1 ms
+OBSERVE_S = 0.02  # two frames are 15 ms
+OPEN_S = RESET_S + SETTLE_S + START_S + OBSERVE_S
+
+
+@dataclass(frozen=True, slots=True)
+class PMW3901Settings:
+    """Where the sensor is, and how it is mounted.
+
+    bus: the breakout's front slot is chip select 1, its back slot chip select 0 (``/dev/spidev0.0``).
+    spi_mode: the data sheet says 3; Pimoroni, PX4 and libdriver on the Pi use 0, and one port worked in 0 only.
+    speed_hz: the chip takes 2 MHz, and 35 us to find a register's value. ``spidev`` leaves no gap after the address, so
+        only a slow clock gives it time: at Pimoroni's 400 kHz a byte takes 20 us, which is known to work.
+    height_m: from lens to ground in metres.
+    rad_per_count: angle of one count. The data sheet's; published drivers use 0.00126 to 0.0026, so calibrate.
+    forward, right: which of the chip's axes grows as the rover moves forward, and to its right. The defaults are the
+        mounting of the Crazyflie's flow deck; a push by hand shows yours.
+    squal_full: the SQUAL that counts as quality 1, in proportion below. Indoors 80 to 100, in the sun 120 to 150,
+        at night 0 to 60 (PX4 #12894).
+    led: light the breakout's own LED.
+    """
+
+    bus: str = "/dev/spidev0.1"
+    spi_mode: Literal[0, 3] = 0
+    speed_hz: Annotated[int, Interval(ge=10_000, le=2_000_000)] = 400_000
+    height_m: Annotated[float, Interval(ge=0.08, le=10)] = 0.1
+    rad_per_count: Annotated[float, Interval(gt=0, le=0.01)] = 0.00213195
+    forward: Axis = "-y"
+    right: Axis = "+x"
+    squal_full: Annotated[int, Interval(ge=1, le=255)] = 95
+    led: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse a mounting that cannot be.
+
+        Raises:
+            ValueError: forward and right are the same axis.
+        """
+        if self.forward[1] == self.right[1]:
+            raise ValueError(f"forward '{self.forward}' and right '{self.right}' lie on one axis; they cross")
+
+    @property
+    def m_per_count(self) -> float:
+        """Distance over ground of one count, in metres: 0.213 mm at 0.1 m."""
+        return self.rad_per_count * self.height_m
+
+
+class Burst(NamedTuple):
+    """One motion burst: displacement in counts since the read before, and what the picture was like.
+
+    ``motion`` is the chip's own word that it saw any; ``shutter`` is the exposure, in 0..8191.
+    """
+
+    motion: bool
+    observation: int
+    dx: int
+    dy: int
+    squal: int
+    shutter: int
+
+
+def decode(data: bytes) -> Burst:
+    """Return what the 12 bytes after a burst's address say (hardware.md 2.4)."""
+    motion, observation, dx, dy, squal, upper, lower = unpack("<BBhhBxxxBB", data)
+    return Burst(bool(motion & MOTION_BIT), observation, dx, dy, squal, (upper & 0x1F) << 8 | lower)
+
+
+def quality(burst: Burst, squal_full: int) -> float:
+    """Return how far a burst can be believed, from 0 (dark, or nothing to see) to 1; still or moving alike."""
+    dark = burst.squal < SQUAL_DARK and burst.shutter >> 8 == SHUTTER_UPPER_DARK
+    return 0.0 if dark else min(1.0, burst.squal / squal_full)
+
+
+def contradiction(burst: Burst, since_s: float) -> str | None:
+    """Return what cannot be true of a burst that came ``since_s`` after the one before, or None."""
+    limit = SPIKE_COUNTS * max(1.0, since_s / SPIKE_S)
+    if max(abs(burst.dx), abs(burst.dy)) > limit:
+        return f"more than {limit:.0f} counts in {since_s:.3f} s"
+    if not burst.motion and (burst.dx or burst.dy):
+        return "counts, and no motion seen"
+    return None
+
+
+class PMW3901:
+    """The sensor as a ``hal.MotionSensor``."""
+
+    part: ClassVar[str] = "motion"
+    Settings = PMW3901Settings
+
+    def __init__(self, settings: PMW3901Settings, buses: Buses) -> None:
+        self.name = f"PMW3901 on {settings.bus}"
+        self._settings = settings
+        self._bus = buses.spi(settings.bus, mode=settings.spi_mode, speed_hz=settings.speed_hz)
+        self._read_t_s = 0.0
+
+    async def open(self) -> None:
+        """Reset the chip, make sure that it is one, give it its settings and see that it runs; takes 0.3 s.
+
+        ``spidev`` cannot give the pulse of chip select that the data sheet begins with; each transfer is one anyway.
+
+        Raises:
+            NotResponding: no answer, or the chip does not run after its start-up.
+            WrongPart: something else answered.
+        """
+        await self._reset()
+        await self._identify()
+        await self._configure()
+        await self._observe()
+        self._read_t_s = asyncio.get_running_loop().time()
+
+    async def close(self) -> None:
+        """Nothing to release: the bus is not this driver's."""
+
+    async def read(self) -> MotionReading:
+        """Return the displacement since the previous read.
+
+        Raises:
+            NotResponding: silence, or the chip has lost its settings; ``open`` gives them anew.
+            BadReading: a displacement that cannot be, as garbage on the bus makes it.
+        """
+        settings, burst = self._settings, await self._burst()
+        scale, good = settings.m_per_count, quality(burst, settings.squal_full)
+        forward, right = _along(settings.forward, burst), _along(settings.right, burst)
+        return MotionReading(self._read_t_s, forward * scale, right * scale, good)
+
+    async def counts(self) -> tuple[int, int]:
+        """Return the displacement since the previous read along the chip's own x and y, in counts: for calibration.
+
+        Raises:
+            DriverError: as ``read``.
+        """
+        burst = await self._burst()
+        return burst.dx, burst.dy
+
+    async def _burst(self) -> Burst:
+        (answer,) = await self._bus.transfer(b"\x16" + bytes(12))
+        t_s = asyncio.get_running_loop().time()
+        since_s, self._read_t_s = t_s - self._read_t_s, t_s
+        burst = decode(answer[1:])
+        if burst.observation != RUNNING:
+            raise self._silence(answer[1:]) or NotResponding(
+                f"{self.name}: has stopped (observation 0x{burst.observation:02X}, not 0x{RUNNING:02X}); "
+                "likely its supply dipped and it lost its settings, check the 3.3 V wire"
+            )
+        if what := contradiction(burst, since_s):
+            raise BadReading(f"{self.name}: ({burst.dx}, {burst.dy}): {what}; noise on the SPI wires, keep them short")
+        return burst
+
+    async def _reset(self) -> None:
+        # An opening that broke off leaves another bank selected, and the reset register is known in bank 00 only.
+        await self._write((0x7F, 0x00), (0x3A, 0x5A))
+        await asyncio.sleep(RESET_S)
+        for register in range(0x02, 0x07):  # the data sheet wants them read once, whatever they say
+            await self._read(register)
+
+    async def _identify(self) -> None:
+        product, inverse = await self._read(0x00), await self._read(0x5F)
+        if (product, inverse) != (PRODUCT, INVERSE_PRODUCT):
+            expected = f"product 0x{PRODUCT:02X} and inverse 0x{INVERSE_PRODUCT:02X}"
+            got = f"0x{product:02X} and 0x{inverse:02X}"
+            raise self._silence(bytes((product, inverse))) or WrongPart(self.name, expected, got)
+
+    async def _configure(self) -> None:
+        """Write the start-up table (hardware.md 2.3), with its reads and choices."""
+        await self._write(*table.WAKE)
+        await self._probe()
+        await self._write(*(table.LONG if await self._read(0x67) & 0x80 else table.SHORT), *table.ASK_TRIM)
+        if await self._read(0x73) == 0x00:
+            trim = table.trim(await self._read(0x70), await self._read(0x71))
+            await self._write(*table.ALLOW_TRIM, *trim)
+        await self._write(*table.TUNE)
+        await asyncio.sleep(SETTLE_S)
+        await self._write(*table.START)
+        await asyncio.sleep(START_S)
+        await self._write(*(table.LED_ON if self._settings.led else table.LED_OFF))
+
+    async def _probe(self) -> None:
+        """Write until the chip confirms, three times at most.
+
+        One that never does may still run, as it must for Pimoroni and PX4, who do not ask; ``_observe`` will tell.
+        """
+        for _ in range(PROBE_TRIES):
+            await self._write(*table.PROBE)
+            if await self._read(0x47) == 0x08:
+                return
+
+    async def _observe(self) -> None:
+        """See that the chip takes pictures: it sets the observation byte anew in each."""
+        await self._write((0x15, 0x00))
+        await asyncio.sleep(OBSERVE_S)
+        observation = await self._read(0x15)
+        if observation != RUNNING:
+            raise NotResponding(
+                f"{self.name}: answers but does not run (observation 0x{observation:02X}, not 0x{RUNNING:02X}); "
+                "switch its power off for a second, and check the 3.3 V wire"
+            )
+
+    async def _write(self, *writes: tuple[int, int]) -> None:
+        for register, value in writes:  # one transfer each: the chip wants 45 us between two writes
+            await self._bus.transfer(bytes((register | 0x80, value)))
+
+    async def _read(self, register: int) -> int:
+        (answer,) = await self._bus.transfer(bytes((register, 0x00)))
+        return answer[1]
+
+    def _silence(self, answer: bytes) -> NotResponding | None:
+        """Return the error for a line on which nobody speaks, or None if somebody does."""
+        if set(answer) not in ({0x00}, {0xFF}):
+            return None
+        return NotResponding(
+            f"{self.name}: only 0x{answer[0]:02X} comes back, nothing answers; check power and plug, the slot (front "
+            "is /dev/spidev0.1, back is /dev/spidev0.0) and that SPI is on (sudo raspi-config nonint do_spi 0)"
+        )
+
+
+def _along(axis: Axis, burst: Burst) -> int:
+    """Return the counts along a signed axis of the chip."""
+    counts = burst.dx if axis[1] == "x" else burst.dy
+    return counts if axis[0] == "+" else -counts

@@ -1,0 +1,139 @@
+"""Dimension Engineering Sabertooth 2x12: the motor driver of a Lynxmotion A4WD3, over packetised serial.
+
+Packets and commands are those of the Sabertooth 2x12 User's Guide (April 2012), pages 15 to 20. The link is one way:
+the board answers nothing, acknowledges nothing, and drops a packet with a wrong checksum silently.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass
+from math import inf
+from typing import Annotated, ClassVar, Literal
+
+from annotated_types import Interval, MultipleOf
+
+from wayfarer.drivers.buses import Buses
+from wayfarer.hal import STOP, MotorHealth, WheelCommand
+
+FULL_LEVEL = 127
+
+_M1, _M2 = 0, 4  # the commands of a motor: this forward, the next one back
+_MINIMUM_VOLTAGE, _SERIAL_TIMEOUT = 2, 14
+_TIMEOUT_UNITS_PER_S = 10  # page 19
+_UNITS_PER_VOLT, _LOWEST_V = 5, 6.0  # page 18
+_CHECKSUM_MASK = 0x7F
+# A reset of the board is invisible and clears these settings: they are sent again this often.
+_RESEND_S = 1.0
+_STOPS = 3  # bytes may be lost, and nobody hears about it
+
+
+def packet(address: int, command: int, data: int) -> bytes:
+    """Return one packet: address, command, data and their sum modulo 128 (page 15)."""
+    return bytes((address, command, data, (address + command + data) & _CHECKSUM_MASK))
+
+
+@dataclass(frozen=True, slots=True)
+class SabertoothSettings:
+    """How the board is wired and switched: packetised serial, with its address on the DIP switches.
+
+    ``left`` is the output of the left wheels (M1 or M2), the other one drives the right ones. A side is ``reverse``
+    where its motors turn backwards when told to go forward. ``timeout_s`` is the board's own deadman, in tenths of a
+    second. Below ``battery_min_v`` the board stops the motors (None leaves that to the board). ``duty_limit`` is the
+    highest share of the battery's voltage that the motors get.
+    """
+
+    port: str = "/dev/serial0"
+    baud: Literal[2400, 9600, 19200, 38400] = 9600
+    address: Annotated[int, Interval(ge=128, le=135)] = 128
+    left: Literal[1, 2] = 1
+    reverse_left: bool = False
+    reverse_right: bool = False
+    timeout_s: Annotated[float, Interval(ge=0.1, le=12.7), MultipleOf(0.1)] = 0.3
+    battery_min_v: Annotated[float, Interval(ge=6, le=30)] | None = None
+    duty_limit: Annotated[float, Interval(gt=0, le=1)] = 1.0
+
+
+class Sabertooth:
+    """Both motors of a Sabertooth; implements ``hal.DriveMotors``.
+
+    A duty of 1 is ``duty_limit``. Duties are cut to the board's steps, towards zero, and what ``drive`` returns is what
+    is left: data / (127 * duty_limit).
+
+    The deadman is the board's serial timeout: off by default, forgotten at each loss of power, and it cannot be read
+    back. That it trips, only a person who watches the wheels can tell; ``wayfarer check`` asks one. Nor can anything
+    here notice that there is no board at the other end of the wire.
+    """
+
+    part: ClassVar[str] = "motors"
+    Settings = SabertoothSettings
+
+    def __init__(self, settings: SabertoothSettings, buses: Buses) -> None:
+        self._port = buses.serial(settings.port, baud=settings.baud)
+        self.name = f"Sabertooth {settings.address} on {settings.port}"
+        timeout_units = round(settings.timeout_s * _TIMEOUT_UNITS_PER_S)
+        self.deadman_s: float | None = timeout_units / _TIMEOUT_UNITS_PER_S
+        self._address = settings.address
+        self._steps = FULL_LEVEL * settings.duty_limit
+        self._left, self._right = (_M1, _M2) if settings.left == 1 else (_M2, _M1)
+        self._left_sign = -1 if settings.reverse_left else 1
+        self._right_sign = -1 if settings.reverse_right else 1
+        self._board_settings = packet(settings.address, _SERIAL_TIMEOUT, timeout_units)
+        if settings.battery_min_v is not None:
+            units = round((settings.battery_min_v - _LOWEST_V) * _UNITS_PER_VOLT)
+            self._board_settings += packet(settings.address, _MINIMUM_VOLTAGE, units)
+        self._resend_at_s = -inf
+
+    async def open(self) -> None:
+        """Send the board its settings and stop both motors.
+
+        Raises:
+            NotResponding: the port is gone; a board that is not there cannot be noticed.
+        """
+        self._resend_at_s = -inf
+        await self.drive(STOP)
+
+    async def close(self) -> None:
+        """Nothing to release; the port belongs to the buses."""
+
+    async def drive(self, command: WheelCommand) -> WheelCommand:
+        """Apply the command; duties beyond -1..1 count as these. Both sides, and what else is due, in one write.
+
+        Raises:
+            NotResponding: the port is gone.
+        """
+        left, right = self._level(command.left), self._level(command.right)
+        now_s = asyncio.get_running_loop().time()
+        if now_s < self._resend_at_s:
+            await self._port.write(self._motor_packets(left, right))
+        else:
+            await self._port.write(self._board_settings + self._motor_packets(left, right))
+            self._resend_at_s = now_s + _RESEND_S
+        return WheelCommand(left / self._steps, right / self._steps)
+
+    async def stop(self) -> None:
+        """Stop both motors, said three times; never raises."""
+        with suppress(Exception):
+            await self._port.write(self._motor_packets(0, 0) * _STOPS)
+
+    def halt(self) -> None:
+        """Stop both motors without waiting."""
+        self._port.post(self._motor_packets(0, 0) * _STOPS)
+
+    async def read_back(self) -> None:
+        """Return None: the board cannot be asked."""
+
+    async def health(self) -> MotorHealth:
+        """Return that nothing is known: the board tells neither voltage nor faults."""
+        return MotorHealth(None, ())
+
+    def _level(self, duty: float) -> int:
+        """Return the level of a duty, negative for back; what is not a number raises and reaches no motor."""
+        return int(self._steps * min(max(duty, -1.0), 1.0))
+
+    def _motor_packets(self, left: int, right: int) -> bytes:
+        return self._motor(self._left, left * self._left_sign) + self._motor(self._right, right * self._right_sign)
+
+    def _motor(self, forward: int, level: int) -> bytes:
+        return packet(self._address, forward if level >= 0 else forward + 1, abs(level))

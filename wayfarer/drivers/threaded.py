@@ -1,0 +1,185 @@
+"""Buses over blocking devices, each behind a worker thread of its own.
+
+A blocking device is opened in its thread at the first transfer, and again after every error: a USB adapter that was
+pulled out comes back as another file, and a handle that failed once tells nothing by failing again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+
+from wayfarer.drivers.buses import Frame
+from wayfarer.drivers.worker import TRANSFER_DEADLINE_S, Worker
+from wayfarer.errors import NotResponding
+
+if TYPE_CHECKING:
+    import numpy
+    from numpy.typing import NDArray
+
+
+class BlockingDevice(Protocol):
+    """An open device; every method blocks and raises ``OSError``."""
+
+    def close(self) -> None:
+        """Release it."""
+
+
+class BlockingI2C(BlockingDevice, Protocol):
+    """An open I2C bus."""
+
+    def write(self, address: int, data: bytes) -> None:
+        """Write bytes."""
+
+    def write_read(self, address: int, data: bytes, count: int) -> bytes:
+        """Write, repeated start, read."""
+
+    def write_then_read(self, address: int, data: bytes, count: int) -> bytes:
+        """Write, stop, read."""
+
+
+class BlockingSPI(BlockingDevice, Protocol):
+    """An open SPI device."""
+
+    def transfer(self, pieces: tuple[bytes, ...]) -> tuple[bytes, ...]:
+        """Exchange pieces, chip select low for each in turn."""
+
+
+class BlockingSerial(BlockingDevice, Protocol):
+    """An open serial port."""
+
+    def write(self, data: bytes) -> None:
+        """Write bytes and wait until they are in the port's own buffer."""
+
+
+class BlockingCamera(BlockingDevice, Protocol):
+    """A running camera."""
+
+    def luma(self) -> NDArray[numpy.uint8]:
+        """Wait for the next frame and return its luma, shape (height, width)."""
+
+
+D = TypeVar("D", bound=BlockingDevice)
+T = TypeVar("T")
+
+# What a person who holds the wires should look for, by the error that Linux gives (hardware.md 7).
+_CAUSES = {
+    errno.EREMOTEIO: "no acknowledgement: is the part powered, its address right, SDA and SCL not swapped?",
+    errno.ENXIO: "no acknowledgement: is the part powered, its address right, SDA and SCL not swapped?",
+    errno.EIO: "the transfer broke off: loose wire, or the part stretches the clock",
+    errno.ETIMEDOUT: "the bus is stuck: a part holds a line low; switch its power off and on",
+    errno.ENOENT: "no such device: is the interface enabled (sudo raspi-config, Interface Options)?",
+    errno.ENODEV: "no such device: is it plugged in?",
+    errno.EACCES: "permission denied: add the user to the device's group (ls -l shows it) and log in again",
+    errno.EBUSY: "another program has it open",
+}
+
+
+def explain(error: OSError) -> str:
+    """Return what an error of a bus means for the person who holds the wires."""
+    cause = _CAUSES.get(error.errno or 0)
+    return f"{cause} ({error})" if cause else str(error) or type(error).__name__
+
+
+class Threaded(Generic[D]):
+    """A blocking device behind a worker."""
+
+    def __init__(self, name: str, open_device: Callable[[], D], deadline_s: float = TRANSFER_DEADLINE_S) -> None:
+        self.name = name
+        self._open = open_device
+        self._worker = Worker(name, deadline_s)
+        self._device: D | None = None
+
+    async def call(self, use: Callable[[D], T]) -> T:
+        """Use the device in its thread.
+
+        Raises:
+            NotResponding: the device failed, or the deadline passed.
+        """
+        try:
+            return await self._worker.call(lambda: self._use(use))
+        except OSError as error:
+            raise NotResponding(f"{self.name}: {explain(error)}") from None
+        except ImportError as error:
+            raise NotResponding(f"{self.name}: {error}; pip install 'wayfarer[pi]'") from None
+
+    def send(self, use: Callable[[D], Any]) -> None:
+        """Use the device before all that waits, without waiting for it; from any thread."""
+        self._worker.post(lambda: self._use(use))
+
+    async def close(self) -> None:
+        """Release the device, unless it hangs."""
+        await self._worker.close(self._release)
+
+    def _use(self, use: Callable[[D], T]) -> T:
+        """Open the device if need be and use it; runs in the worker's thread, as all below."""
+        if self._device is None:
+            self._device = self._open()
+        try:
+            return use(self._device)
+        except OSError:
+            self._release()
+            raise
+
+    def _release(self) -> None:
+        device, self._device = self._device, None
+        if device is not None:
+            device.close()
+
+
+class ThreadedI2C(Threaded[BlockingI2C]):
+    """Implements ``buses.I2CBus``."""
+
+    async def write(self, address: int, data: bytes) -> None:
+        """Write bytes."""
+        await self._at(address, lambda bus: bus.write(address, data))
+
+    async def write_read(self, address: int, data: bytes, count: int) -> bytes:
+        """Write, repeated start, read."""
+        return await self._at(address, lambda bus: bus.write_read(address, data, count))
+
+    async def write_then_read(self, address: int, data: bytes, count: int) -> bytes:
+        """Write, stop, read, with nothing in between."""
+        return await self._at(address, lambda bus: bus.write_then_read(address, data, count))
+
+    def post(self, address: int, data: bytes) -> None:
+        """Write without waiting."""
+        self.send(lambda bus: bus.write(address, data))
+
+    async def _at(self, address: int, use: Callable[[BlockingI2C], T]) -> T:
+        """Use the bus, and name the address if that fails."""
+        try:
+            return await self.call(use)
+        except NotResponding as error:
+            raise NotResponding(f"address 0x{address:02X} on {error}") from None
+
+
+class ThreadedSPI(Threaded[BlockingSPI]):
+    """Implements ``buses.SPIBus``."""
+
+    async def transfer(self, *pieces: bytes) -> tuple[bytes, ...]:
+        """Exchange pieces."""
+        return await self.call(lambda device: device.transfer(pieces))
+
+
+class ThreadedSerial(Threaded[BlockingSerial]):
+    """Implements ``buses.SerialPort``."""
+
+    async def write(self, data: bytes) -> None:
+        """Write bytes."""
+        await self.call(lambda port: port.write(data))
+
+    def post(self, data: bytes) -> None:
+        """Write without waiting."""
+        self.send(lambda port: port.write(data))
+
+
+class ThreadedCamera(Threaded[BlockingCamera]):
+    """Implements ``buses.Camera``."""
+
+    async def frame(self) -> Frame:
+        """Return the next frame; its time is when it was handed over, at most a frame after it was taken."""
+        luma = await self.call(lambda camera: camera.luma())
+        return Frame(asyncio.get_running_loop().time(), luma)

@@ -1,0 +1,251 @@
+"""PiBorg ThunderBorg: the motor board of a MonsterBorg, on I2C.
+
+Commands, levels and the form of a request are those of PiBorg's own ThunderBorg.py, which is the only documentation
+there is. A request is a write, a stop and a read of 6 bytes: the command echoed, the answer, and filler.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal, NamedTuple, TypeVar
+
+from annotated_types import Interval
+
+from wayfarer.drivers.buses import Buses, I2CBus
+from wayfarer.errors import BadReading, DriverError, NotResponding, WrongPart
+from wayfarer.hal import STOP, MotorHealth, WheelCommand
+
+T = TypeVar("T")
+
+DEFAULT_ADDRESS = 0x15
+DEADMAN_S = 0.25  # "every 1/4 of a second"; how exactly the board keeps it is not documented
+FULL_LEVEL = 255
+
+_ALL_OFF, _SET_FAILSAFE, _GET_FAILSAFE, _GET_VOLTS, _GET_ID = 14, 19, 20, 21, 153
+_ID = 0x15  # names the kind of board: a board moved to another address still answers this
+_FORWARD, _REVERSE = 1, 2
+_REPLY_BYTES = 6
+_RETRIES = 2  # PiBorg asks three times for a right echo; so do writes that are not acknowledged
+_FAILSAFE_TRIES = 5  # as PiBorg's own MonsterBorg scripts
+_FULL_VOLTS, _FULL_RAW = 36.3, 1023
+
+
+class Board:
+    """Writes and requests to one ThunderBorg: what its motors and its lights share."""
+
+    def __init__(self, bus: I2CBus, address: int) -> None:
+        self.where = f"ThunderBorg at 0x{address:02X} on {bus.name}"
+        self._bus = bus
+        self._address = address
+
+    async def write(self, *data: int) -> None:
+        """Send a command and its data.
+
+        Raises:
+            NotResponding: not acknowledged three times.
+        """
+        await self._insist(lambda: self._bus.write(self._address, bytes(data)))
+
+    async def request(self, command: int, count: int) -> bytes:
+        """Return the first ``count`` bytes of the answer.
+
+        Raises:
+            NotResponding: not acknowledged three times.
+            BadReading: three answers to something else.
+        """
+        return (await self._insist(lambda: self._ask_once(command)))[:count]
+
+    async def identify(self) -> None:
+        """Make sure that a ThunderBorg answers.
+
+        Raises:
+            NotResponding: nothing acknowledges.
+            WrongPart: something else does.
+        """
+        expected = "a ThunderBorg (id 0x15)"
+        try:
+            (board,) = await self.request(_GET_ID, 1)
+        except BadReading as error:
+            raise WrongPart(self.where, expected, "no echo of the request") from error
+        if board != _ID:
+            raise WrongPart(self.where, expected, f"id 0x{board:02X}")
+
+    def post(self, *data: int) -> None:
+        """Send a command without waiting, from any thread; it never raises."""
+        self._bus.post(self._address, bytes(data))
+
+    async def _ask_once(self, command: int) -> bytes:
+        echo, *answer = await self._bus.write_then_read(self._address, bytes((command,)), _REPLY_BYTES)
+        if echo != command:
+            raise BadReading(
+                f"{self.where}: asked 0x{command:02X}, answered to 0x{echo:02X}; noise on the wires, or another "
+                "program talks to the board: shorten the I2C cable, stop the other program"
+            )
+        return bytes(answer)
+
+    async def _insist(self, transfer: Callable[[], Awaitable[T]]) -> T:
+        for _ in range(_RETRIES):
+            with suppress(DriverError):
+                return await transfer()
+        try:
+            return await transfer()
+        except NotResponding as error:
+            raise NotResponding(
+                f"{self.where}: no acknowledgement ({error}); battery off or flat, or a loose plug: check the board's "
+                "power switch and its I2C cable"
+            ) from error
+
+
+@dataclass(frozen=True, slots=True)
+class ThunderBorgSettings:
+    """How the board is wired.
+
+    ``duty_limit`` is the highest share of the battery's voltage that the motors get: 0.95 for 12 V motors on ten NiMH
+    cells, as in PiBorg's scripts. ``left`` is the output of the left wheels (a MonsterBorg's motor 2, "B"); the other
+    drives the right ones. A side is ``reverse`` where its motors turn backwards when told to go forward.
+    """
+
+    bus: str = "/dev/i2c-1"
+    address: Annotated[int, Interval(ge=0x03, le=0x77)] = DEFAULT_ADDRESS
+    duty_limit: Annotated[float, Interval(gt=0, le=1)] = 0.95
+    left: Literal["A", "B"] = "B"
+    reverse_left: bool = False
+    reverse_right: bool = False
+
+
+class _Motor(NamedTuple):
+    """One output of the board: its letter, and its commands."""
+
+    letter: str
+    forward: int
+    reverse: int
+    get: int
+    get_fault: int
+
+
+_A = _Motor("A", 8, 9, 10, 15)
+_B = _Motor("B", 11, 12, 13, 16)
+
+
+class ThunderBorg:
+    """Both motors of a ThunderBorg; implements ``hal.DriveMotors``.
+
+    A duty of 1 is ``duty_limit``. Duties are cut to the board's levels, towards zero, and what ``drive`` returns is
+    what is left: level / (255 * duty_limit).
+
+    The board's failsafe, off at power-up, is the deadman: it stops the motors when no drive command came for 0.25 s.
+    Whether requests count as commands is not documented; the helm drives 20 times a second.
+    """
+
+    part: ClassVar[str] = "motors"
+    Settings = ThunderBorgSettings
+
+    def __init__(self, settings: ThunderBorgSettings, buses: Buses) -> None:
+        self._board = Board(buses.i2c(settings.bus), settings.address)
+        self.name = self._board.where
+        self.deadman_s: float | None = DEADMAN_S
+        self._steps = FULL_LEVEL * settings.duty_limit
+        self._left, self._right = (_A, _B) if settings.left == "A" else (_B, _A)
+        self._left_sign = -1 if settings.reverse_left else 1
+        self._right_sign = -1 if settings.reverse_right else 1
+        self._driven: set[_Motor] = set()
+
+    async def open(self) -> None:
+        """Find the board, arm its failsafe, read that back, and set both motors to zero."""
+        self._driven.clear()
+        await self._board.identify()
+        await self._arm_failsafe()
+        await self.drive(STOP)
+
+    async def close(self) -> None:
+        """Nothing to release; the failsafe stays armed."""
+
+    async def drive(self, command: WheelCommand) -> WheelCommand:
+        """Apply the command; duties beyond -1..1 count as these. One write for each side, the left first."""
+        left, right = self._level(command.left), self._level(command.right)
+        await self._set(self._left, left * self._left_sign)
+        await self._set(self._right, right * self._right_sign)
+        return WheelCommand(left / self._steps, right / self._steps)
+
+    async def stop(self) -> None:
+        """Switch both motors off; never raises."""
+        with suppress(Exception):
+            await self._board.write(_ALL_OFF, 0)
+
+    def halt(self) -> None:
+        """Switch both motors off without waiting."""
+        self._board.post(_ALL_OFF, 0)
+
+    async def read_back(self) -> WheelCommand:
+        """Return the duties that the board says it applies; zero once the failsafe has tripped.
+
+        Raises:
+            NotResponding: not acknowledged three times.
+            BadReading: three answers to something else, or a direction that is none.
+        """
+        left, right = await self._get(self._left), await self._get(self._right)
+        return WheelCommand(left * self._left_sign / self._steps, right * self._right_sign / self._steps)
+
+    async def health(self) -> MotorHealth:
+        """Return the battery's voltage (steps of 35 mV, sagging under load) and what is wrong.
+
+        The board's drive fault flags may be up after power-up and clear once both motors have been driven, so they
+        count from then on only.
+
+        Raises:
+            NotResponding: not acknowledged three times.
+            BadReading: three answers to something else, or a voltage beyond the board's scale.
+        """
+        battery_v = await self._battery_v()
+        faults = await self._drive_faults() if len(self._driven) == 2 else []
+        if not await self._failsafe_is_on():
+            faults.append("the failsafe is off: the board lost its power for a moment; check its plugs, then arm anew")
+        return MotorHealth(battery_v, tuple(faults))
+
+    async def _arm_failsafe(self) -> None:
+        for _ in range(_FAILSAFE_TRIES):
+            await self._board.write(_SET_FAILSAFE, 1)
+            with suppress(BadReading):
+                if await self._failsafe_is_on():
+                    return
+        raise NotResponding(
+            f"{self.name}: the failsafe does not arm: {_FAILSAFE_TRIES} times switched on, and it reads off; nothing "
+            "would stop the wheels if this computer fell silent: switch the board off and on, shorten the I2C cable"
+        )
+
+    async def _failsafe_is_on(self) -> bool:
+        (state,) = await self._board.request(_GET_FAILSAFE, 1)
+        return state != 0
+
+    def _level(self, duty: float) -> int:
+        """Return the level of a duty, negative for reverse; what is not a number raises and reaches no motor."""
+        return int(self._steps * min(max(duty, -1.0), 1.0))
+
+    async def _set(self, motor: _Motor, level: int) -> None:
+        await self._board.write(motor.forward if level >= 0 else motor.reverse, abs(level))
+        if level:
+            self._driven.add(motor)
+
+    async def _get(self, motor: _Motor) -> int:
+        direction, level = await self._board.request(motor.get, 2)
+        if direction not in (_FORWARD, _REVERSE):
+            raise BadReading(
+                f"{self.name}: motor {motor.letter} says direction {direction}, which is none; noise on the wires"
+            )
+        return level if direction == _FORWARD else -level
+
+    async def _drive_faults(self) -> list[str]:
+        return [
+            f"motor {motor.letter} ({side}): drive fault: under-voltage, a short or overheating; charge the battery, "
+            "check the motor's wires, let the board cool"
+            for motor, side in ((self._left, "left"), (self._right, "right"))
+            if any(await self._board.request(motor.get_fault, 1))
+        ]
+
+    async def _battery_v(self) -> float:
+        raw = int.from_bytes(await self._board.request(_GET_VOLTS, 2), "big")
+        if raw > _FULL_RAW:
+            raise BadReading(f"{self.name}: battery reads {raw} of at most {_FULL_RAW}; noise on the wires")
+        return raw / _FULL_RAW * _FULL_VOLTS

@@ -1,0 +1,130 @@
+"""The worker thread that keeps a hanging bus from holding the event loop.
+
+Every call on a real bus blocks, for a second and more when a wire is loose, and cannot be cut short. So each bus has
+one thread, which does its transfers in turn, and each transfer has a deadline. A transfer that misses it raises
+``NotResponding``; until the thread comes back, every further one is refused at once. What was queued and not begun is
+dropped: an old drive command must never reach the wheels late. Stops that were posted are kept, and go first.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
+from typing import Any, TypeVar
+
+from wayfarer.errors import NotResponding
+
+T = TypeVar("T")
+
+TRANSFER_DEADLINE_S = 0.1  # a block read takes 3 ms at 100 kHz; the rover's boards stop the wheels after 0.25 s
+
+
+class Worker:
+    """One daemon thread that does blocking jobs in turn, each with a deadline.
+
+    A daemon thread, because the process must be able to end while a transfer hangs in the kernel.
+    """
+
+    def __init__(self, name: str, deadline_s: float = TRANSFER_DEADLINE_S) -> None:
+        self.name = name
+        self._deadline_s = deadline_s
+        self._wake = threading.Condition()
+        self._jobs: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
+        self._posted: deque[Callable[[], Any]] = deque()
+        self._overdue = False
+        self._closed = False
+        self._thread: threading.Thread | None = None
+        self._ended: Future[None] = Future()
+
+    async def call(self, job: Callable[[], T], deadline_s: float | None = None) -> T:
+        """Do a job in the thread and return its result.
+
+        Raises:
+            NotResponding: the deadline passed, or an earlier job has missed its own and still hangs.
+        """
+        deadline_s = self._deadline_s if deadline_s is None else deadline_s
+        future: Future[T] = Future()
+        with self._wake:
+            if self._overdue or self._closed:
+                raise NotResponding(
+                    f"{self.name}: closed"
+                    if self._closed
+                    else f"{self.name}: an earlier transfer still hangs; a device holds the bus, check power and wiring"
+                )
+            self._jobs.append((job, future))
+            self._start_or_wake()
+        try:
+            async with asyncio.timeout(deadline_s):
+                return await asyncio.wrap_future(future)
+        except TimeoutError:
+            self._give_up(future)
+            raise NotResponding(
+                f"{self.name}: no end of a transfer within {deadline_s:g} s; a device holds the bus, "
+                "check power and wiring"
+            ) from None
+
+    def post(self, job: Callable[[], Any]) -> None:
+        """Do a job before all that wait, from any thread, without waiting; what it raises is dropped."""
+        with self._wake:
+            if not self._closed:
+                self._posted.append(job)
+                self._start_or_wake()
+
+    async def close(self, last: Callable[[], Any] | None = None) -> None:
+        """Let the thread end after what was posted, and ``last``; wait for it no longer than a deadline."""
+        with self._wake:
+            if last is not None and self._thread is not None and not self._closed:
+                self._posted.append(last)
+            self._closed = True
+            self._wake.notify()
+        if self._thread is not None:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(self._deadline_s):
+                    await asyncio.shield(asyncio.wrap_future(self._ended))
+
+    def _start_or_wake(self) -> None:
+        """Have the thread look; called with the lock held."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._work, name=f"bus {self.name}", daemon=True)
+            self._thread.start()
+        self._wake.notify()
+
+    def _give_up(self, future: Future[Any]) -> None:
+        """Drop all that waits behind a job that hangs."""
+        with self._wake:
+            if not future.done():
+                self._overdue = True
+            dropped, self._jobs = self._jobs, deque()
+        for _, waiting in dropped:
+            if waiting.set_running_or_notify_cancel():
+                waiting.set_exception(NotResponding(f"{self.name}: an earlier transfer hangs"))
+
+    def _work(self) -> None:
+        while (next_job := self._next()) is not None:
+            job, future = next_job
+            if future is not None and not future.set_running_or_notify_cancel():
+                continue
+            try:
+                result = job()
+            except Exception as error:
+                if future is not None:
+                    future.set_exception(error)
+            else:
+                if future is not None:
+                    future.set_result(result)
+        self._ended.set_result(None)
+
+    def _next(self) -> tuple[Callable[[], Any], Future[Any] | None] | None:
+        """Wait for a job; None once closed and nothing is left to do."""
+        with self._wake:
+            self._overdue = False
+            self._wake.wait_for(lambda: self._posted or self._jobs or self._closed)
+            if self._posted:
+                return self._posted.popleft(), None
+            if self._closed:
+                return None
+            return self._jobs.popleft()

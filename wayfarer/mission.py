@@ -1,0 +1,75 @@
+"""The limits that end a mission normally: time, commanded distance, and radius around the start. Pure.
+
+The radius is dead reckoning from commands and compass; where a receiver gives fixes, they count instead. Escape
+decisions see neither.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, hypot, radians, sin
+
+from wayfarer.hal import PositionFix
+from wayfarer.safety import SafetySettings
+
+FIX_FRESH_S = 3.0  # an older fix does not count (field catalogue, fault 56)
+FIXES_BEYOND = 5  # fixes in a row, so that one that jumps ends nothing
+METRES_PER_DEG = 111_320.0  # of latitude; plenty for a limit
+
+
+@dataclass(frozen=True, slots=True)
+class RunEnd:
+    """Why a run ended: a fixed reason such as ``requested`` or ``mission_time``, and a sentence for a person."""
+
+    reason: str
+    text: str
+
+
+class Mission:
+    """One mission, from the moment at which the wheels may turn."""
+
+    def __init__(self, settings: SafetySettings, t_s: float) -> None:
+        self._settings = settings
+        self.starts_s = t_s
+        self._ends_s = t_s + settings.mission_time_s
+        self._most_m = settings.mission_distance_m
+        self._radius_m = settings.mission_radius_m
+        self.travelled_m = 0.0
+        self.north_m = self.east_m = 0.0
+        self._home: PositionFix | None = None
+        self._fix_t_s = -FIX_FRESH_S
+        self._fixes_beyond = 0
+
+    def advance(self, forward_m: float, heading_deg: float) -> None:
+        """Take what was commanded since the last tick."""
+        self.travelled_m += abs(forward_m)
+        heading_rad = radians(heading_deg)
+        self.north_m += forward_m * cos(heading_rad)
+        self.east_m += forward_m * sin(heading_rad)
+
+    def position(self, fix: PositionFix) -> None:
+        """Take a fix; the first one is the start."""
+        if self._home is None:
+            self._home = fix
+        self._fix_t_s = fix.t_s
+        north_m = (fix.latitude_deg - self._home.latitude_deg) * METRES_PER_DEG
+        east_deg = (fix.longitude_deg - self._home.longitude_deg + 180.0) % 360.0 - 180.0
+        east_m = east_deg * METRES_PER_DEG * cos(radians(self._home.latitude_deg))
+        self._fixes_beyond = self._fixes_beyond + 1 if hypot(north_m, east_m) >= self._radius_m else 0
+
+    def end(self, t_s: float) -> RunEnd | None:
+        """Return which limit is reached, or None."""
+        settings = self._settings
+        if t_s >= self._ends_s:
+            return RunEnd("mission_time", f"the mission limit of {settings.mission_time_s:g} s was reached")
+        if self.travelled_m >= self._most_m:
+            return RunEnd("mission_distance", f"the mission limit of {settings.mission_distance_m:g} m was reached")
+        if self._beyond_radius(t_s):
+            limit = f"the mission limit of {settings.mission_radius_m:g} m around the start was reached"
+            return RunEnd("mission_radius", limit)
+        return None
+
+    def _beyond_radius(self, t_s: float) -> bool:
+        if t_s - self._fix_t_s <= FIX_FRESH_S:
+            return self._fixes_beyond >= FIXES_BEYOND
+        return self.north_m * self.north_m + self.east_m * self.east_m >= self._radius_m * self._radius_m

@@ -1,0 +1,202 @@
+"""A PMW3901 as its registers show it: banks, start-up, motion burst (hardware.md 2.2 to 2.6).
+
+It counts from the end of its start-up on: once registers 02..06 have been read after a reset and the table's last block
+has been written. Until then its counts are 0, its observation byte is not BF, and the sense is left alone; from then on
+every burst, and every read of register 02, samples the sense once. The sense knows no reset: what moved while the chip
+started anew is in the next count.
+
+What the chip does not know fails: frame grab, shutdown, and any register that no published start-up table names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from struct import pack
+from types import MappingProxyType
+
+from wayfarer.simhal.fakebus import ChipMisuse
+from wayfarer.simhal.senses import FlowSense
+
+BANK, RESET, OBSERVATION, BURST, ORIENTATION = 0x7F, 0x3A, 0x15, 0x16, 0x5B
+MOTION = range(0x02, 0x07)  # motion byte, then both displacements, low byte first
+PICTURE = range(0x07, 0x0D)  # SQUAL, raw sum, maximum and minimum, shutter lower and upper
+BURST_LENGTH = 13
+WAKE_S = 0.001  # the data sheet's least wait after a reset
+TWO_FRAMES_S = 0.015
+SQUAL_KNEE = 0x19  # below a knee it reports no motion at all (PX4 #28632); where, is not told: the data sheet's "dark"
+RAW_SUM, RAW_MAX, RAW_MIN = 0x55, 0xA0, 0x1E  # of an ordinary picture
+
+WRITABLE = {
+    bank: bytes.fromhex(registers)
+    for bank, registers in {
+        0x00: "15 3A 40 44 45 4A 4B 4D 4E 50 51 54 55 5A 5B 61 64 65 74 75",
+        0x03: "40",
+        0x05: "41 43 45 5B 5F 7B",
+        0x06: "40 44 4E 62 63",
+        0x07: "32 40 41 43 44 45 4B 4C 70",
+        0x08: "65 6A",
+        0x09: "48 49 4F 57 5F 60 61 62 63",
+        0x0A: "45",
+        0x0D: "48 6F",
+        0x0E: "43 48 70 71",
+        0x10: "5B",
+        0x14: "63 65 66 6F",
+        0x15: "48",
+    }.items()
+}
+READ_ONLY = {0x00: bytes.fromhex("00 01 02 03 04 05 06 07 08 09 0A 0B 0C 16 5F"), 0x0E: bytes.fromhex("47 67 73")}
+FACTORY: Mapping[tuple[int, int], int] = MappingProxyType(
+    {
+        (0x00, 0x00): 0x49,
+        (0x00, 0x01): 0x01,
+        (0x00, 0x5F): 0xB6,
+        (0x00, ORIENTATION): 0xA0,
+        (0x0E, 0x67): 0x80,
+        (0x0E, 0x70): 20,
+        (0x0E, 0x71): 100,
+        (0x0E, 0x73): 0x00,
+    }
+)
+
+
+def as_on_the_crazyflie(forward: int, right: int) -> tuple[int, int]:
+    """Return the chip's x and y for a displacement of a body that carries it as the Crazyflie does."""
+    return right, -forward
+
+
+class PMW3901Chip:
+    """The chip; implements ``fakebus.SPIChip``.
+
+    Args:
+        sense: the displacement of the body, in counts.
+        clock: seconds.
+        mounting: the chip's x and y counts from those forward and right.
+        factory: what registers hold after a reset, by (bank, register), where it is not what ``FACTORY`` says.
+        probes_needed: how many writes of 43=10 it takes until register 47 says 08.
+
+    Attributes:
+        writes: every write so far as (register, value), in order.
+        squal: what the picture is worth. Below 19 hex nothing is seen to move; 76 is an indoor floor.
+        shutter: exposure in 0..8191; 1F00 hex and more is the longest, in the dark.
+    """
+
+    def __init__(
+        self,
+        sense: FlowSense,
+        clock: Callable[[], float],
+        *,
+        mounting: Callable[[int, int], tuple[int, int]] = as_on_the_crazyflie,
+        factory: Mapping[tuple[int, int], int] | None = None,
+        probes_needed: int = 1,
+    ) -> None:
+        self.writes: list[tuple[int, int]] = []
+        self.squal, self.shutter = 76, 600
+        self._sense, self._clock, self._mounting = sense, clock, mounting
+        self._factory = {**FACTORY, **(factory or {})}
+        self._probes_needed = probes_needed
+        self._awake_s = 0.0
+        self.lose_power()
+
+    def lose_power(self) -> None:
+        """Forget everything, as a reset does too."""
+        self._registers = dict(self._factory)
+        self._bank = self._probes = 0
+        self._unread = set(MOTION)
+        self._running = False
+        self._observed_s = 0.0
+
+    def exchange(self, data: bytes) -> bytes:
+        """Take one write, one read of a register, or one burst.
+
+        Raises:
+            ChipMisuse: a register that is not there, a wrong length, or a word too soon after the reset.
+        """
+        if len(data) != (BURST_LENGTH if data[:1] == bytes((BURST,)) else 2):
+            raise ChipMisuse(
+                f"PMW3901: {len(data)} bytes ({data.hex(' ')}); a register takes 2, a burst {BURST_LENGTH}"
+            )
+        if self._clock() < self._awake_s:
+            raise ChipMisuse(f"PMW3901: spoken to within {WAKE_S * 1e3:g} ms of its reset")
+        register = data[0] & 0x7F
+        if data[0] & 0x80:
+            self._write(register, data[1])
+            return bytes(2)
+        self._check(register, WRITABLE, READ_ONLY)
+        return b"\0" + (self._burst() if register == BURST else bytes((self._read(register),)))
+
+    def _check(self, register: int, *maps: Mapping[int, bytes]) -> None:
+        if not any(register in registers.get(self._bank, b"") for registers in maps):
+            raise ChipMisuse(
+                f"PMW3901: no such register 0x{register:02X} in bank 0x{self._bank:02X}, or not to be written"
+            )
+
+    def _write(self, register: int, value: int) -> None:
+        self.writes.append((register, value))
+        if register == BANK:
+            if value not in WRITABLE:
+                raise ChipMisuse(f"PMW3901: no bank 0x{value:02X}")
+            self._bank = value
+            return
+        self._check(register, WRITABLE)
+        self._registers[self._bank, register] = value
+        match self._bank, register, value:
+            case 0x00, 0x3A, 0x5A:
+                self.lose_power()
+                self._awake_s = self._clock() + WAKE_S
+            case 0x00, 0x15, _:
+                self._observed_s = self._clock() + TWO_FRAMES_S
+            case 0x00, 0x40, 0x80:
+                self._running = not self._unread
+            case 0x0E, 0x43, 0x10:
+                self._probes += 1
+
+    def _read(self, register: int) -> int:
+        match self._bank, register:
+            case 0x00, 0x02:
+                for at, value in zip(MOTION, self._take_motion(), strict=True):
+                    self._registers[0x00, at] = value
+            case 0x00, 0x15:
+                return self._observation()
+            case 0x00, at if at in PICTURE:
+                upper, lower = divmod(self.shutter, 256)
+                return (self.squal, RAW_SUM, RAW_MAX, RAW_MIN, lower, upper)[at - PICTURE.start]
+            case 0x0E, 0x47:
+                return 0x08 if self._probes >= self._probes_needed else 0x00
+        if self._bank == 0x00:
+            self._unread.discard(register)
+        return self._registers.get((self._bank, register), 0x00)
+
+    def _burst(self) -> bytes:
+        motion, *displacement = self._take_motion()
+        picture = self.squal, RAW_SUM, RAW_MAX, RAW_MIN
+        return bytes((motion, self._observation(), *displacement, *picture, *divmod(self.shutter, 256)))
+
+    def _observation(self) -> int:
+        return 0xBF if self._running and self._clock() >= self._observed_s else 0x00
+
+    def _take_motion(self) -> bytes:
+        """Return the motion byte and the counts since the last time, which begin anew."""
+        x, y = self._counts() if self._running else (0, 0)
+        return pack("<Bhh", 0xB0 if x or y else 0x30, x, y)
+
+    def _counts(self) -> tuple[int, int]:
+        x, y = self._mounting(*self._sense.sample(self._clock()))
+        if self.squal < SQUAL_KNEE:
+            return 0, 0
+        x, y = orient(self._registers[0x00, ORIENTATION], x, y)
+        return _saturate(x), _saturate(y)
+
+
+def orient(register: int, x: int, y: int) -> tuple[int, int]:
+    """Return what becomes of counts under register 5B: bit 7 swaps, then bit 5 inverts x and bit 6 inverts y.
+
+    ``x`` and ``y`` are as under A0, which the start-up table leaves there.
+    """
+    x, y = y, -x  # what A0 was made of
+    if register & 0x80:
+        x, y = y, x
+    return -x if register & 0x20 else x, -y if register & 0x40 else y
+
+
+def _saturate(counts: int) -> int:
+    return max(-0x8000, min(counts, 0x7FFF))

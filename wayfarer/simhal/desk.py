@@ -1,0 +1,33 @@
+"""The simulated rover on a desk: what ``wayfarer run --sim`` drives, in real time, in one generated forest."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from wayfarer.config import RoverConfig
+from wayfarer.hal import Rover
+from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.referee import Referee
+from wayfarer.simhal.rig import Depth, build
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+
+NO_BUDGET_M = 1e9  # a person may watch for as long as they like
+
+
+def desk_rover(config: RoverConfig, depth: Depth, seed: int, finish: Callable[[str, str], None]) -> Rover:
+    """Return a rover at the start of a forest, in a world that begins now; made on the running loop.
+
+    ``finish`` is called with a reason and a sentence when the rover has left the forest, or has tipped over.
+    """
+    clock = asyncio.get_running_loop().time
+    forest, streams, physics = generate_forest(seed, 0, seed), Streams(seed), Physics()
+    world = World(forest, config.vehicle, physics, streams, starts_s=clock())
+
+    def tell(outcome: str, _: str) -> None:
+        finish(outcome, f"the simulated rover has {outcome.replace('_', ' ')} after {world.path_m:.1f} m")
+
+    world.after_step = Referee(forest, NO_BUDGET_M, physics.tip_deg, tell).watch
+    return build(depth, world, streams, config, clock)

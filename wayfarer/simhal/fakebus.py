@@ -1,0 +1,155 @@
+"""Buses that hold simulated chips: what the real drivers get at bus depth.
+
+A chip speaks whole transactions, as on the wire. It declares what it understands; an undeclared register, a wrong
+length, a device that is not there or two at one address are mistakes of whoever wrote the driver or the rig, and fail
+loudly. Transfers take no simulated time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Protocol
+
+from wayfarer.drivers.buses import Camera, Frame
+from wayfarer.errors import NotResponding
+
+
+class ChipMisuse(AssertionError):
+    """A transfer that the chip's datasheet does not know: a mistake in a driver, or in the rig."""
+
+
+class I2CChip(Protocol):
+    """A chip on an I2C bus."""
+
+    def write(self, data: bytes) -> None:
+        """Take the bytes of one write."""
+
+    def read(self, count: int) -> bytes:
+        """Give the bytes of one read."""
+
+
+class SPIChip(Protocol):
+    """A chip on an SPI bus."""
+
+    def exchange(self, data: bytes) -> bytes:
+        """Take the bytes of one chip-select period and give as many."""
+
+
+class SerialChip(Protocol):
+    """A chip that listens on a serial line."""
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes, in whatever pieces they come."""
+
+
+class FakeI2C:
+    """An I2C bus with chips on it; implements ``drivers.buses.I2CBus``."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._chips: dict[int, I2CChip] = {}
+
+    def attach(self, address: int, chip: I2CChip) -> None:
+        """Put a chip at an address."""
+        if address in self._chips:
+            raise ChipMisuse(f"{self.name}: two chips at 0x{address:02X}")
+        self._chips[address] = chip
+
+    async def write(self, address: int, data: bytes) -> None:
+        """Write to the chip at an address."""
+        self._at(address).write(data)
+
+    async def write_read(self, address: int, data: bytes, count: int) -> bytes:
+        """Write, then read."""
+        chip = self._at(address)
+        chip.write(data)
+        return chip.read(count)
+
+    write_then_read = write_read
+
+    def post(self, address: int, data: bytes) -> None:
+        """Write at once."""
+        if address in self._chips:
+            self._chips[address].write(data)
+
+    def _at(self, address: int) -> I2CChip:
+        try:
+            return self._chips[address]
+        except KeyError:
+            raise NotResponding(f"{self.name}: no answer at address 0x{address:02X}") from None
+
+
+class FakeSPI:
+    """An SPI bus with one chip or none; implements ``drivers.buses.SPIBus``."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.chip: SPIChip | None = None
+
+    async def transfer(self, *pieces: bytes) -> tuple[bytes, ...]:
+        """Exchange pieces with the chip; without one the line floats high."""
+        if self.chip is None:
+            return tuple(b"\xff" * len(piece) for piece in pieces)
+        return tuple(self.chip.exchange(piece) for piece in pieces)
+
+
+class FakeSerial:
+    """A serial line; implements ``drivers.buses.SerialPort``."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.chip: SerialChip | None = None
+
+    async def write(self, data: bytes) -> None:
+        """Send bytes to whoever listens."""
+        self.post(data)
+
+    def post(self, data: bytes) -> None:
+        """Send bytes to whoever listens."""
+        if self.chip is not None:
+            self.chip.receive(data)
+
+
+class FakeBuses:
+    """Hands out fake buses by name; implements ``drivers.buses.Buses``."""
+
+    def __init__(self) -> None:
+        self._i2c: dict[str, FakeI2C] = {}
+        self._spi: dict[str, FakeSPI] = {}
+        self._serial: dict[str, FakeSerial] = {}
+        self.cameras: dict[str, Callable[[float, int, int], Frame]] = {}
+
+    def i2c(self, name: str) -> FakeI2C:
+        """Return the I2C bus of that name."""
+        return self._i2c.setdefault(name, FakeI2C(name))
+
+    def spi(self, name: str, *, mode: int = 0, speed_hz: int = 400_000) -> FakeSPI:  # noqa: ARG002
+        """Return the SPI device of that name; its mode and speed are not simulated."""
+        return self._spi.setdefault(name, FakeSPI(name))
+
+    def serial(self, name: str, *, baud: int = 9600) -> FakeSerial:  # noqa: ARG002
+        """Return the serial port of that name; its speed is not simulated."""
+        return self._serial.setdefault(name, FakeSerial(name))
+
+    def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> Camera:  # noqa: ARG002
+        """Return the camera of that name."""
+        return FakeCamera(name, width, height, self.cameras.get(name))
+
+    async def close(self) -> None:
+        """Nothing to release."""
+
+
+class FakeCamera:
+    """A camera that sees the simulated world; implements ``drivers.buses.Camera``."""
+
+    def __init__(self, name: str, width: int, height: int, render: Callable[[float, int, int], Frame] | None) -> None:
+        self.name = f"camera {name}"
+        self._size = width, height
+        self._render = render
+
+    async def frame(self) -> Frame:
+        """Return what is seen now."""
+        if self._render is None:
+            raise NotResponding(f"{self.name}: no camera")
+        return self._render(asyncio.get_running_loop().time(), *self._size)

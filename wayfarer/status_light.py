@@ -1,0 +1,54 @@
+"""What the status light says, readable at ten metres: colour and rhythm by the state of the rover. Pure.
+
+=========  =======  ========================================
+colour     rhythm   meaning
+=========  =======  ========================================
+blue       steady   disarmed
+yellow     fast     arming: step away, it drives off soon
+green      steady   driving
+white      slow     escaping: feeling its way around something
+yellow     steady   held, goes on by itself or by ``wayfarer resume``
+magenta    slow     battery low
+red        fast     fault: armed anew only by hand
+=========  =======  ========================================
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from wayfarer.conditions import Condition, Level
+from wayfarer.escape.api import Phase
+from wayfarer.hal import Colour
+
+if TYPE_CHECKING:
+    from wayfarer.helm import Helm
+
+LIGHT_HZ = 8.0
+STEADY, SLOW_HZ, FAST_HZ = 0.0, 1.0, 4.0
+
+OFF = Colour(0.0, 0.0, 0.0)
+BLUE, GREEN, RED = Colour(0.0, 0.0, 1.0), Colour(0.0, 1.0, 0.0), Colour(1.0, 0.0, 0.0)
+YELLOW, MAGENTA, WHITE = Colour(1.0, 0.6, 0.0), Colour(1.0, 0.0, 1.0), Colour(1.0, 1.0, 1.0)
+
+
+def colour(helm: Helm, t_s: float) -> Colour:
+    """Return what the light shows now."""
+    shown, blink_hz = _signal(helm)
+    return shown if blink_hz == STEADY or (t_s * blink_hz) % 1.0 < 0.5 else OFF
+
+
+def _signal(helm: Helm) -> tuple[Colour, float]:
+    last = helm.last
+    level = Level.WELL if last is None else last.level
+    if level is Level.FAULT:
+        return RED, FAST_HZ
+    if helm.mode.value == "arming":
+        return YELLOW, FAST_HZ
+    if Condition.BATTERY_LOW in helm.conditions:
+        return MAGENTA, SLOW_HZ
+    if helm.mode.value == "disarmed" or last is None:
+        return BLUE, STEADY
+    if level is Level.HOLD:
+        return YELLOW, STEADY
+    return (GREEN, STEADY) if last.decision.phase is Phase.FOLLOW else (WHITE, SLOW_HZ)

@@ -1,0 +1,142 @@
+"""Being watched: telling systemd that the rover is well, and stopping the wheels when the event loop stands still.
+
+Two watchers with different jobs. systemd's watchdog is fed from the loop (``feed_watchdog``) and restarts a daemon that
+hangs, after seconds. The stall guard (``StallGuard``) is a thread that stops the wheels within a fraction of a second,
+because a loop that a bug has blocked can do nothing, not even stop. Where the interpreter itself is held (a library
+that keeps Python's global lock, a stopped process) no thread runs either: then the motor board's own timeout stops the
+wheels.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import faulthandler
+import os
+import socket
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+
+STALL_LIMIT_S = 0.2  # field.md, fault 37: ArduPilot's rover disarms after as long without its main loop
+HALT_AGAIN_S = 0.1  # a stop may be lost on the bus; it is repeated for as long as the loop stands still
+
+
+class Notifier:
+    """Tells systemd how the service does (sd_notify); where nobody listens, it does nothing.
+
+    Nothing here raises or waits: being watched must never hinder control.
+
+    Args:
+        address: the socket, as systemd gives it in ``NOTIFY_SOCKET``: a path, or ``@`` and an abstract name.
+    """
+
+    def __init__(self, address: str | None) -> None:
+        # An abstract socket has a zero byte where its printed name has the @ (unix(7)).
+        self._address = "\0" + address[1:] if address and address.startswith("@") else address
+
+    def ready(self) -> None:
+        """Say that the service is up: the parts are open and the control loop ticks."""
+        self._tell("READY=1")
+
+    def status(self, text: str) -> None:
+        """Show a line in ``systemctl status``."""
+        self._tell("STATUS=" + " ".join(text.split()))
+
+    def watchdog(self) -> None:
+        """Say that all is well: systemd's watchdog counts from zero again."""
+        self._tell("WATCHDOG=1")
+
+    def stopping(self) -> None:
+        """Say that the service has begun to end."""
+        self._tell("STOPPING=1")
+
+    def _tell(self, message: str) -> None:
+        if not self._address:
+            return
+        with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
+            notify.setblocking(False)
+            notify.sendto(message.encode(), self._address)
+
+
+def watchdog_period_s(environment: Mapping[str, str]) -> float | None:
+    """Return how often systemd's watchdog is to be fed: four times in ``WATCHDOG_USEC``, so that one delay is no death.
+
+    None where no watchdog watches this process (sd_watchdog_enabled(3)).
+    """
+    limit_us, watched = environment.get("WATCHDOG_USEC", ""), environment.get("WATCHDOG_PID", "")
+    if watched not in {"", str(os.getpid())} or not limit_us.isdecimal() or int(limit_us) == 0:
+        return None
+    return int(limit_us) / 4e6
+
+
+async def feed_watchdog(notifier: Notifier, is_fresh: Callable[[], bool], period_s: float) -> None:
+    """Feed systemd's watchdog for ever, but only while ``is_fresh`` says that the tick and the sensors are."""
+    while True:
+        if is_fresh():
+            notifier.watchdog()
+        await asyncio.sleep(period_s)
+
+
+class StallGuard:
+    """A thread that stops the wheels while the event loop stands still.
+
+    ``start`` it on the loop when the wheels may turn, call ``beat`` at each control tick, ``stop`` it when they may
+    not. After ``limit_s`` without a beat it halts the wheels, at once and every ``HALT_AGAIN_S`` until the next beat,
+    and writes one line and the stacks of all threads to stderr: they show what blocks the loop.
+
+    Args:
+        halt: stops the wheels without waiting, from any thread (``hal.DriveMotors.halt``).
+        recovered: called on the loop after a stall, with its length in seconds, counted from the last beat.
+        limit_s: how long the loop may be silent; seconds, above the control period.
+    """
+
+    def __init__(
+        self, halt: Callable[[], None], recovered: Callable[[float], None], limit_s: float = STALL_LIMIT_S
+    ) -> None:
+        self._halt = halt
+        self._recovered = recovered
+        self._limit_s = limit_s
+        self._beat_s = 0.0
+        self._stopped = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Begin to watch the running loop; the next beat is due within the limit. Nothing where it watches already."""
+        if self._thread is not None:
+            return
+        self._loop = asyncio.get_running_loop()
+        self._stopped = threading.Event()
+        self.beat()
+        self._thread = threading.Thread(target=self._watch, args=(self._stopped,), name="stall guard", daemon=True)
+        self._thread.start()
+
+    def beat(self) -> None:
+        """Say that the loop lives; as cheap as it looks."""
+        self._beat_s = self._loop.time()
+
+    def stop(self) -> None:
+        """Watch no longer; safe twice. A stop of the wheels that is under way may still go out."""
+        self._stopped.set()
+        self._thread = None
+
+    def _watch(self, stopped: threading.Event) -> None:
+        time = self._loop.time  # a clock that any thread may read
+        while not stopped.wait(self._beat_s + self._limit_s - time()):
+            last_beat_s = self._beat_s
+            if time() - last_beat_s >= self._limit_s:
+                self._stand_in(last_beat_s, stopped)
+
+    def _stand_in(self, last_beat_s: float, stopped: threading.Event) -> None:
+        """Keep the wheels still until the loop is back."""
+        self._halt()
+        self._tell_what_blocks()
+        while self._beat_s == last_beat_s and not stopped.wait(HALT_AGAIN_S):
+            self._halt()
+        with suppress(RuntimeError):  # the loop was closed meanwhile
+            self._loop.call_soon_threadsafe(self._recovered, self._beat_s - last_beat_s)
+
+    def _tell_what_blocks(self) -> None:
+        with suppress(OSError, ValueError, RuntimeError):  # no stderr to write to; the wheels matter more
+            print(f"wayfarer: the event loop stands still for {self._limit_s:g} s; wheels stopped", file=sys.stderr)
+            faulthandler.dump_traceback(sys.stderr)
