@@ -81,7 +81,7 @@ def test_error_raised_on_purpose_is_one_line(
 
 
 def test_missing_extra_says_how_to_get_it(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cli, "find_spec", lambda name: None if name == "numpy" else object())
+    monkeypatch.setattr("wayfarer.cli.sim.find_spec", lambda name: None if name == "numpy" else object())
     code, out, err = run("sim", "--trials", "1")
     assert (code, out) == (1, "")
     assert err == "wayfarer: simulating needs numpy, which is not installed: pip install 'wayfarer[sim]'\n"

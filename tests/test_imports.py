@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -20,28 +21,50 @@ MODULES = {
 
 # Lowest first: a module may import from its own layer and from those before it.
 LAYERS = [
-    ["angles", "bounds", "errors", "hal"],
+    ["angles", "bounds", "errors", "hal", "drivers.buses"],
     ["escape", "conditions", "latest"],
     ["detector", "safety", "records"],
-    ["arming", "config", "registry", "pace"],
-    ["helm", "fieldlog"],
+    ["arming", "board", "mission", "config", "registry", "pace", "calibration"],
+    ["helm", "fieldlog", "console_log", "status_light"],
     ["supervisor"],
+    ["assembly", "dry_run", "stop_motors", "service", "checks", "control", "watchdog"],
+    ["calibrate", "daemon"],
 ]
-PURE = ["angles", "bounds", "conditions", "hal", "escape", "detector", "latest", "safety", "arming"]
+PURE = [
+    "angles", "bounds", "conditions", "hal", "escape", "detector", "latest", "safety", "arming", "board", "mission",
+    "status_light",
+]  # fmt: skip
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
-HEAVY = {"numpy", "scipy", "skfmm", "matplotlib"}
+BUS_LIBRARIES = {"cv2", "smbus2", "spidev", "serial", "gpiozero", "picamera2"}
+HEAVY = {"numpy", "scipy", "skfmm", "matplotlib"} | BUS_LIBRARIES
+
+
+def named_by(node: ast.AST) -> Iterator[str]:
+    """The modules that an import statement names, dotted; nothing for another statement."""
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        assert node.level == 0, "relative import"
+        assert node.module is not None
+        yield node.module
+        yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
 def imports(path: Path) -> Iterator[str]:
     """Every module that a file imports, at the top or later, as a dotted name."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import"
-            assert node.module is not None
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        yield from named_by(node)
+
+
+def imports_when_run(node: ast.AST, *, in_functions: bool) -> Iterator[str]:
+    """The modules that code really imports: not under ``if TYPE_CHECKING``, and in functions only if asked for."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING":
+            continue
+        if not in_functions and isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            continue
+        yield from named_by(child)
+        yield from imports_when_run(child, in_functions=in_functions)
 
 
 def within(module: str, *parts: str) -> bool:
@@ -76,13 +99,32 @@ def test_layers_import_only_downwards(level: int) -> None:
 
 def test_every_core_module_has_its_layer() -> None:
     core = {module.split(".")[1] for module in MODULES if module.count(".")}
-    above = {"cli", "testing", "simhal", "drivers", "control", "watchdog", "replay", "__main__"}
-    assert core - above <= {part for layer in LAYERS for part in layer}
+    above = {"cli", "testing", "simhal", "drivers"}
+    assert core - above == {part for layer in LAYERS for part in layer} - {"drivers.buses"}
+
+
+def test_no_module_imports_itself_in_a_circle() -> None:
+    graph = {
+        module: {name for name in wayfarer_modules(module) if not f"{module}.".startswith(f"{name}.")}
+        for module in MODULES
+    }
+    TopologicalSorter(graph).prepare()
 
 
 def test_nothing_but_the_command_imports_the_simulator() -> None:
     users = {module for module in outside_simhal() if any(within(name, "simhal") for name in wayfarer_modules(module))}
-    assert users == {"wayfarer.cli"}
+    assert users
+    assert users <= set(modules_of("cli"))
+
+
+def test_of_the_simulator_only_the_rig_and_the_bench_know_the_drivers() -> None:
+    """They put the chips under them; chips and world know none."""
+    users = {
+        module
+        for module in modules_of("simhal")
+        if any(within(name, "drivers") and not within(name, "drivers.buses") for name in wayfarer_modules(module))
+    }
+    assert users == {"wayfarer.simhal.rig", "wayfarer.simhal.bench"}
 
 
 @pytest.mark.parametrize("module", modules_of(*PURE))
@@ -101,26 +143,45 @@ def test_pure_modules_draw_from_no_global_randomness(module: str) -> None:
 
 
 def test_drivers_see_only_the_contracts() -> None:
-    seen = ("hal", "errors", "config", "registry", "drivers")
-    for module in [each for each in MODULES if within(each, "drivers")]:
+    seen = ("hal", "errors", "angles", "bounds", "config", "registry", "drivers")
+    for module in modules_of("drivers"):
         others = {name for name in wayfarer_modules(module) if not within(name, *seen)}
         assert not others, f"{module} imports {others}"
 
 
 @pytest.mark.parametrize("module", outside_simhal())
-def test_arrays_stay_in_the_simulator(module: str) -> None:
-    assert {name.partition(".")[0] for name in imports(MODULES[module])} & HEAVY == set()
+def test_arrays_and_bus_libraries_are_loaded_by_drivers_when_they_are_used_and_by_nobody_else(module: str) -> None:
+    tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
+    loaded = imports_when_run(tree, in_functions=not within(module, "drivers"))
+    assert {name.partition(".")[0] for name in loaded} & HEAVY == set()
+
+
+def test_walk_over_imports_tells_types_functions_and_real_imports_apart() -> None:
+    """The test above can fail."""
+    tree = ast.parse(
+        "if TYPE_CHECKING:\n    import numpy\n"
+        "class A:\n    import scipy\n    def f(self):\n        from cv2 import phaseCorrelate\n"
+        "try:\n    import spidev.x\nexcept ImportError:\n    pass\n"
+    )
+    assert set(imports_when_run(tree, in_functions=False)) == {"scipy", "spidev.x"}
+    assert set(imports_when_run(tree, in_functions=True)) == {"scipy", "spidev.x", "cv2", "cv2.phaseCorrelate"}
 
 
 @pytest.mark.parametrize(
-    ("module", "kept_out"),
+    ("modules", "kept_out"),
     [
-        ("wayfarer.cli", {"numpy", "scipy", "pydantic", "asyncio"}),
-        ("wayfarer.supervisor", HEAVY),
-        ("wayfarer.testing", HEAVY),
+        (["wayfarer.cli"], {"numpy", "scipy", "pydantic", "asyncio"}),
+        (["wayfarer.supervisor"], HEAVY),
+        (["wayfarer.testing"], HEAVY),
+        (["wayfarer.daemon.service"], HEAVY),
+        (["wayfarer.stop_motors"], HEAVY),
+        (modules_of("checks", "calibrate", "assembly"), HEAVY),
+        (modules_of("drivers"), HEAVY),
     ],
+    ids=lambda value: value[0] if isinstance(value, list) else "",
 )
-def test_importing_stays_light(module: str, kept_out: set[str]) -> None:
-    code = f"import sys, {module}; print(*sys.modules)"
+def test_importing_stays_light(modules: list[str], kept_out: set[str]) -> None:
+    code = f"import sys, {', '.join(modules)}; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert set(modules) <= set(loaded)
     assert kept_out & set(loaded) == set()

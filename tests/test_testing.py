@@ -127,8 +127,8 @@ def run(check: Coroutine[Any, Any, None]) -> None:
 
 
 def sim_rover() -> Rover:
-    streams = Streams(1)
-    return device_depth(World(generate_forest(1, 0, 0), load_rover("sim").vehicle, Physics(), streams), streams)
+    config, streams = load_rover("sim"), Streams(1)
+    return device_depth(World(generate_forest(1, 0, 0), config.vehicle, Physics(), streams), streams, config)
 
 
 def part_of_sim_rover(name: str) -> Callable[[], Any]:

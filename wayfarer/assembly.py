@@ -45,13 +45,9 @@ class Scaled:
     """A motion sensor whose metres were calibrated; implements ``hal.MotionSensor``."""
 
     def __init__(self, sensor: MotionSensor, scale: float) -> None:
+        self.name = sensor.name  # calibration is kept under it
         self._sensor = sensor
         self._scale = scale
-
-    @property
-    def name(self) -> str:
-        """The sensor's own name: calibration is kept under it."""
-        return self._sensor.name
 
     async def open(self) -> None:
         """Open the sensor."""

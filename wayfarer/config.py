@@ -11,6 +11,7 @@ import json
 import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -110,10 +111,16 @@ def part_settings(part: str, table: Mapping[str, Any]) -> tuple[Any, Any]:
     if getattr(driver, "part", None) != part:
         raise ValueError(f"key '{key}.driver': '{name}' is no {part}, but a {getattr(driver, 'part', 'stranger')}")
     try:
-        return driver, TypeAdapter(driver.Settings).validate_json(json.dumps(settings), strict=True)
+        return driver, _adapter(driver.Settings).validate_json(json.dumps(settings), strict=True)
     except ValidationError as error:
         problem = _most_telling(error)
         raise ValueError(_explain(problem, driver.Settings, f"{key}.")) from None
+
+
+@cache
+def _adapter(settings: Any) -> TypeAdapter[Any]:
+    """Return what checks a driver's settings; making one takes milliseconds."""
+    return TypeAdapter(settings)
 
 
 def rover_names() -> list[str]:

@@ -11,8 +11,11 @@
     │   ├── NotResponding         no answer from the part
     │   ├── WrongPart             something answered, but it is another part
     │   └── BadReading            an answer that cannot be true (range, NaN, checksum)
+    ├── NotArmed                  the rover was asked to arm and was not; nothing has changed
     ├── MissingPart               an algorithm needs a part that this rover does not have
     └── NothingScheduled          virtual time cannot go on: every task waits for something that cannot come
+
+The control socket's own (``Refused``, ``NoDaemon``, ``AlreadyRunning``) stand beside its code.
 
 Texts say what happened, where, the likely cause and what to do, in one line.
 """
@@ -24,11 +27,15 @@ from difflib import get_close_matches
 
 
 class WayfarerError(Exception):
-    """Base of all errors raised on purpose."""
+    """Base of all errors raised on purpose; ``exit_code`` is what a command that ends by it returns."""
+
+    exit_code = 1
 
 
 class BadInput(WayfarerError):
-    """The user gave something that cannot be used; the command ends with exit code 2."""
+    """The user gave something that cannot be used."""
+
+    exit_code = 2
 
 
 class BadConfig(BadInput):
@@ -70,8 +77,14 @@ class BadReading(DriverError):
     """The part answered with a value that cannot be true; the sample is dropped."""
 
 
+class NotArmed(WayfarerError):
+    """The rover was asked to arm and was not; its wheels stand still, and the text says why."""
+
+
 class MissingPart(WayfarerError):
     """An algorithm needs a part that this rover's configuration does not give."""
+
+    exit_code = 2
 
 
 class NothingScheduled(WayfarerError):

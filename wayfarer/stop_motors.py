@@ -45,9 +45,7 @@ async def _stop(driver: Any, settings: Any, buses_name: str) -> str:
         await motors.drive(STOP)  # unlike stop(), it says whether the board was there
         turning = await motors.read_back()
     except DriverError as error:
-        raise WayfarerError(
-            f"stop was sent, but {motors.name} does not answer: {error}; switch its power off"
-        ) from None
+        raise WayfarerError(f"stop was sent, but not acknowledged: {error}; switch the motors' power off") from None
     finally:
         await motors.close()
         await buses.close()

@@ -17,7 +17,7 @@ from typing import Any
 from wayfarer.conditions import Condition
 from wayfarer.config import RoverConfig
 from wayfarer.detector import Detector
-from wayfarer.errors import DriverError, MissingPart
+from wayfarer.errors import DriverError, MissingPart, NotArmed
 from wayfarer.escape.api import EscapeHandler
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.hal import Driver, MotionReading, Rover, StatusLight
@@ -71,6 +71,7 @@ class Supervisor:
         )
         self.helm = Helm(rover.motors, self.cells, config, detector, handler, log)
         self._health_hz = config.board.health_hz
+        self._disarms = 0
         self.tasks = self._sensor_tasks(config, needs)
 
     @property
@@ -78,20 +79,35 @@ class Supervisor:
         """Whether the wheels may turn."""
         return self.helm.mode
 
-    async def arm(self, goal_heading_deg: float | None = None) -> None:
+    async def arm(
+        self, goal_heading_deg: float | None = None, check: Callable[[], Awaitable[None]] | None = None
+    ) -> None:
         """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay.
 
-        The motor board is opened anew: one that lost its power for a moment has forgotten its deadman.
+        The motor board is opened anew: one that lost its power for a moment has forgotten its deadman. Nothing has
+        changed when an error is raised.
+
+        Args:
+            goal_heading_deg: degrees clockwise from magnetic north.
+            check: is awaited first, and raises what speaks against arming.
 
         Raises:
-            DriverError: the motor board does not answer, or its deadman does not arm; nothing has changed then.
+            DriverError: the motor board does not answer, or its deadman does not arm.
+            NotArmed: somebody disarmed the rover, or ended the run, while this was under way.
         """
+        asked = self._disarms
+        if check is not None:
+            await check()
         await self._rover.motors.open()
+        if self._disarms != asked or self.helm.end is not None:
+            raise NotArmed("not armed: the rover was disarmed while it was being checked")
         self.helm.arm(asyncio.get_running_loop().time(), goal_heading_deg)
 
     def disarm(self, reason: str) -> None:
-        """Stop the wheels until armed anew; the run goes on."""
-        self.helm.disarm(asyncio.get_running_loop().time(), reason)
+        """Stop the wheels until armed anew, also if arming is only under way; the run goes on."""
+        self._disarms += 1
+        if self.mode is not Mode.DISARMED:
+            self.helm.disarm(asyncio.get_running_loop().time(), reason)
 
     def finish(self, reason: str, text: str) -> None:
         """End the run at the next tick."""
@@ -116,7 +132,7 @@ class Supervisor:
                 await part.open()
             end = await self._run_tasks()
         except Exception as error:
-            cause = _first_cause(error)
+            cause = first_cause(error)
             end = RunEnd("failed", f"{type(cause).__name__}: {cause}")
             raise
         finally:
@@ -259,7 +275,7 @@ def _check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> fro
     return frozenset(needs)
 
 
-def _first_cause(error: BaseException) -> BaseException:
+def first_cause(error: BaseException) -> BaseException:
     """Return what went wrong first, out of the groups that tasks wrap it in."""
     while isinstance(error, BaseExceptionGroup):
         error = error.exceptions[0]

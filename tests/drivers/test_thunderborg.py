@@ -255,7 +255,7 @@ async def test_two_missing_acknowledgements_are_made_good_and_three_are_told() -
     bench.cable.loose = 2
     assert (await bench.motors.drive(WheelCommand(0.5, 0.5))).left > 0.49
     bench.cable.loose = 3
-    with pytest.raises(NotResponding, match=r"ThunderBorg at 0x15 .* no acknowledgement .* battery off or flat"):
+    with pytest.raises(NotResponding, match=r"ThunderBorg at 0x15 .* no answer .* battery off or flat"):
         await bench.motors.drive(STOP)
 
 
@@ -392,7 +392,7 @@ async def test_a_light_that_was_lost_shows_its_colour_again() -> None:
     bench = Bench()
     await bench.light.open()
     bench.cable.loose = 3
-    with pytest.raises(NotResponding, match="no acknowledgement"):
+    with pytest.raises(NotResponding, match="no answer"):
         await bench.light.show(PURPLE)
     await bench.light.show(PURPLE)
     bench.chip.power_cycle()

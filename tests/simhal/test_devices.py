@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from wayfarer.config import RoverConfig
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, Compass, ContactSensor, DriveMotors, MotionSensor, Rover, Side, WheelCommand
 from wayfarer.simhal.devices import SimBumper, SimCompass, SimFlow, SimMotors
@@ -23,6 +24,7 @@ from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
 
 ROVER = Vehicle(0.4, 0.4, 0.5, 1.4)
+BARE = RoverConfig(name="bare", vehicle=ROVER)  # without parts: all that is simulated
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 FENCED = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (Trunk(20.0, 13.0, 30.0, 15.0, "across"),), ((25.0, 11.0),))
 STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
@@ -46,7 +48,7 @@ async def drive(motors: SimMotors, left: float, right: float, seconds_s: float) 
 
 
 def test_rig_gives_every_part_that_the_field_code_may_ask_for() -> None:
-    rover = device_depth(world_in(CLEARING), Streams(0))
+    rover = device_depth(world_in(CLEARING), Streams(0), BARE)
     assert isinstance(rover.compass, Compass)
     assert isinstance(rover.motors, DriveMotors)
     assert isinstance(rover.motion, MotionSensor)
@@ -155,7 +157,7 @@ def test_motors_apply_what_they_say_and_stop() -> None:
 def test_reading_the_parts_does_not_disturb_the_world(looks_s: list[float]) -> None:
     def path_of(looks_s: list[float]) -> tuple[float, ...]:
         world = World(FENCED, ROVER, Physics(), Streams(0))
-        rover = device_depth(world, Streams(0))
+        rover = device_depth(world, Streams(0), BARE)
 
         async def main() -> None:
             for part in rover.parts.values():
@@ -184,7 +186,7 @@ def test_reading_the_parts_does_not_disturb_the_world(looks_s: list[float]) -> N
 
 def test_parts_close_twice_and_after_no_opening() -> None:
     async def main() -> None:
-        for part in device_depth(world_in(CLEARING), Streams(0)).parts.values():
+        for part in device_depth(world_in(CLEARING), Streams(0), BARE).parts.values():
             await part.close()
             await part.open()
             await part.close()

@@ -13,13 +13,12 @@ import typer
 
 from wayfarer import __version__
 from wayfarer.cli import care, control, rover, sim
-from wayfarer.errors import BadInput, MissingPart, WayfarerError
+from wayfarer.errors import BadInput, WayfarerError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 BAD_INPUT = 2
-ALREADY_RUNNING = 75  # EX_TEMPFAIL of sysexits.h
 
 ROVER = "On the rover"
 CONTROL = "To a running rover"
@@ -54,10 +53,8 @@ def run(arguments: list[str]) -> int:
     """Run one command and return its exit code."""
     try:
         return int(app(arguments, prog_name="wayfarer", standalone_mode=False) or 0)
-    except (BadInput, MissingPart) as error:
-        return _fail(str(error), BAD_INPUT)
     except WayfarerError as error:
-        return _fail(str(error), 1)
+        return _fail(str(error), error.exit_code)
     except typer.TyperException as error:
         return _fail(error.format_message(), BAD_INPUT)
 

@@ -2,14 +2,153 @@
 
 from __future__ import annotations
 
+import os
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
-def check() -> None:
-    """Check every part."""
+import typer
+
+from wayfarer.cli.rover import Config, chosen
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from wayfarer.calibration import Calibration
+    from wayfarer.checks import Finding, Place
+    from wayfarer.config import RoverConfig
+
+NOT_READY = 1
 
 
-def calibrate() -> None:
-    """Calibrate."""
+class Step(StrEnum):
+    """What can be calibrated."""
+
+    compass = "compass"
+    flow = "flow"
+    motors = "motors"
 
 
-def install_service() -> None:
-    """Install."""
+def check(
+    *,
+    config: Config = None,
+    as_json: Annotated[bool, typer.Option("--json", help="All findings, as one JSON object; no wheel turns.")] = False,
+    logs: Annotated[Path, typer.Option(metavar="DIR", help="Where runs are logged.")] = Path("field_logs"),
+) -> None:
+    """Check every part, and with your consent that the wheels turn the right way and stop by themselves."""
+    from wayfarer.checks import check as look
+    from wayfarer.checks import passed
+    from wayfarer.cli import terminal
+    from wayfarer.config import load_rover
+
+    loaded = load_rover(chosen(config))
+    place = _place(loaded, logs)
+    person = terminal.Terminal()
+    ask = person.ask if terminal.is_there() and not as_json else None
+
+    async def run() -> list[Finding]:
+        buses, rover = _rover(loaded, _stored(place))
+        try:
+            return await look(loaded, rover, place, ask)
+        finally:
+            await buses.close()
+
+    with _no_daemon():
+        findings = terminal.with_a_person(run)
+    if as_json:
+        import json
+
+        print(json.dumps({"passed": passed(findings), "findings": [finding._asdict() for finding in findings]}))
+    else:
+        _print(findings)
+    raise typer.Exit(0 if passed(findings) else NOT_READY)
+
+
+def calibrate(
+    steps: Annotated[
+        list[Step] | None, typer.Argument(help="What to calibrate, in this order. (default: everything)")
+    ] = None,
+    *,
+    config: Config = None,
+) -> None:
+    """Calibrate compass and flow, and measure what the motors do to the heading; you turn and push the rover."""
+    from wayfarer.calibrate import STEPS
+    from wayfarer.calibrate import calibrate as guide
+    from wayfarer.calibration import Calibration
+    from wayfarer.cli import terminal
+    from wayfarer.config import load_rover
+    from wayfarer.errors import BadInput
+
+    if not terminal.is_there():
+        raise BadInput("calibrating asks questions: run it in a terminal")
+    loaded = load_rover(chosen(config))
+    place = _place(loaded, Path("field_logs"))
+
+    async def run() -> Calibration:
+        buses, rover = _rover(loaded, Calibration())
+        try:
+            return await guide(loaded, rover, place, terminal.Terminal(), [step.value for step in steps or ()] or STEPS)
+        finally:
+            await buses.close()
+
+    with _no_daemon():
+        terminal.with_a_person(run)
+
+
+def install_service(
+    *,
+    rover: Annotated[
+        str | None, typer.Option(metavar="NAME|FILE", help="What /etc/wayfarer/rover.toml is made from, once.")
+    ] = None,
+    root: Annotated[Path, typer.Option(metavar="DIR", help="The system to install into, such as a card.")] = Path("/"),
+    show: Annotated[bool, typer.Option("--print", help="Print the unit and change nothing.")] = False,
+) -> None:
+    """Install the systemd service; it starts disarmed at each boot."""
+    from wayfarer import service
+
+    if show:
+        print(service.unit_text(root), end="")
+        return
+    service.install(rover, root)
+
+
+def _print(findings: Iterable[Finding]) -> None:
+    for finding in findings:
+        print(f"{finding.verdict.value:<8}{finding.name}: {finding.found}")
+        if finding.cause:
+            print(f"{'':<8}  likely: {finding.cause}")
+        if finding.remedy:
+            print(f"{'':<8}  do:     {finding.remedy}")
+
+
+def _place(config: RoverConfig, logs: Path) -> Place:
+    from wayfarer.calibration import calibration_file
+    from wayfarer.checks import Place
+    from wayfarer.checks.system import device_files
+    from wayfarer.config import part_settings
+    from wayfarer.fieldlog import wall_clock
+
+    devices = device_files(part_settings(part, table)[1] for part, table in config.parts.items())
+    return Place(logs, calibration_file(os.environ, Path.home()), devices, wall_clock(0.0))
+
+
+def _stored(place: Place) -> Calibration:
+    from wayfarer.calibration import load
+
+    return load(place.calibration_file)
+
+
+def _rover(config: RoverConfig, calibration: Calibration) -> tuple[Any, Any]:
+    """Return the rover of a file, and the buses that it sits on."""
+    from wayfarer.assembly import assemble
+    from wayfarer.registry import make_buses
+
+    buses = make_buses(config.buses)
+    return buses, assemble(config, buses, calibration)
+
+
+def _no_daemon() -> Any:
+    """Keep a daemon from running at the same time: two programs on one bus corrupt each other's answers."""
+    from wayfarer.control.paths import SingleDaemon, daemon_socket
+
+    return SingleDaemon(daemon_socket())

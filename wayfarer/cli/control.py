@@ -7,6 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+ANSWER_S = 5.0
+ARM_S = 30.0  # the checks before arming may wait for every part in turn
+
 
 class North(StrEnum):
     """Which north a heading counts from."""
@@ -90,4 +93,4 @@ COMMANDS = (status, arm, disarm, hold, resume, goal, mark, stop)
 def _ask(do: str, **keys: object) -> dict[str, Any]:
     from wayfarer.control.client import ask
 
-    return ask({"do": do, **keys})
+    return ask({"do": do, **keys}, timeout_s=ARM_S if do == "arm" else ANSWER_S)

@@ -25,7 +25,9 @@ _PRIVATE = 0o700
 
 
 class AlreadyRunning(WayfarerError):
-    """Another daemon runs on this socket, and was left alone (exit code 75, EX_TEMPFAIL of sysexits.h)."""
+    """Another daemon runs on this socket, and was left alone."""
+
+    exit_code = 75  # EX_TEMPFAIL of sysexits.h
 
 
 def daemon_socket() -> Path:

@@ -21,8 +21,8 @@ from wayfarer.angles import wrap360
 from wayfarer.errors import BadInput, UnknownName, WayfarerError
 
 TEXT_CHARACTERS = 500
-# Lines have these many bytes at most, without their end. The longest request there is, a text of escaped characters, has
-# 6,100; to read 64 KiB of brackets would hold up the control tick for milliseconds, many times that on a small computer.
+# Of one line, without its end. The longest request there is, a text of escaped characters, has 6,100 bytes; reading
+# 64 KiB of brackets (the bound of field.md, fault 50) would hold up the control tick for milliseconds.
 REQUEST_BYTES = 8_192
 REPLY_BYTES = 65_536
 NORTHS = ("magnetic", "true")

@@ -1,8 +1,8 @@
 """The daemon's end of the control socket: it serves requests beside the control tick, and never at its cost.
 
 Everything that a client can use up is bounded: connections, length of a line, time to finish one, time to read the
-reply. Requests are answered on the loop itself, but only one in each turn of the loop, so that a flood waits for the tick
-and not the tick for the flood. Whatever goes wrong in a request ends as a refusal; the server goes on.
+reply. Requests are answered on the loop itself, but only one in each turn of the loop, so that a flood waits for the
+tick and not the tick for the flood. Whatever goes wrong in a request ends as a refusal; the server goes on.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from wayfarer.control.protocol import REQUEST_BYTES, Commands, Refused, accept, 
 from wayfarer.errors import BadInput, WayfarerError
 
 _CREDENTIALS = struct.Struct("iII")  # struct ucred of unix(7): process, user and group
-_ACCEPTED_A_TURN = 8  # asyncio accepts as many connections in one turn of the loop as its backlog is long
+_ACCEPTED_A_TURN = 2  # what asyncio takes for the length of the queue, it also accepts in one turn of the loop
+_QUEUE = 128
 
 
 class Limits(NamedTuple):
@@ -72,9 +73,11 @@ class ControlServer:
         self._turn = asyncio.Lock()
 
     async def __aenter__(self) -> Self:
+        bound = _bind(self._path)
         self._server = await asyncio.start_unix_server(
-            self._meet, sock=_bind(self._path), backlog=_ACCEPTED_A_TURN, limit=self._limits.line_bytes - 1
+            self._meet, sock=bound, backlog=_ACCEPTED_A_TURN, limit=self._limits.line_bytes - 1
         )
+        bound.listen(_QUEUE)
         return self
 
     async def __aexit__(

@@ -41,6 +41,7 @@ class RoverCommands:
         self._log = log
         self._about = about
         self._checking = False
+        self._warnings: list[str] = []
 
     async def status(self) -> Details:
         """Tell how things are."""
@@ -60,33 +61,41 @@ class RoverCommands:
     async def arm(self, heading_deg: float | None = None) -> Details:
         """Check everything, then begin to arm."""
         if self._helm.mode is not Mode.DISARMED or self._checking:
-            raise Refused(f"the rover is {self._helm.mode.value} already: disarm it first (wayfarer disarm)")
+            now = "being checked" if self._checking else self._helm.mode.value
+            raise Refused(f"the rover is {now} already: disarm it first (wayfarer disarm)")
         self._checking = True
         try:
-            findings = await run_checks(self._inspect(), ARMING)
-            failed = [finding for finding in findings if finding.verdict is Verdict.FAIL]
-            if failed:
-                self._log.event("arming_refused", _now_s(), failed=[finding.name for finding in failed])
-                raise Refused("not armed: " + "; ".join(_told(finding) for finding in failed))
-            await self._supervisor.arm(heading_deg)
+            await self._supervisor.arm(heading_deg, self._check)
         except DriverError as error:
             raise Refused(f"not armed: {error}") from None
         finally:
             self._checking = False
-        warnings = [_told(finding) for finding in findings if finding.verdict is Verdict.WARN]
-        return {"mode": self._helm.mode.value, "start_delay_s": self._about["start_delay_s"], "warnings": warnings}
+        return {
+            "mode": self._helm.mode.value,
+            "start_delay_s": self._about["start_delay_s"],
+            "warnings": self._warnings,
+        }
+
+    async def _check(self) -> None:
+        """Refuse to arm a rover on which a check fails."""
+        findings = await run_checks(self._inspect(), ARMING)
+        self._warnings = [_told(finding) for finding in findings if finding.verdict is Verdict.WARN]
+        failed = [finding for finding in findings if finding.verdict is Verdict.FAIL]
+        if failed:
+            self._log.event("arming_refused", _now_s(), failed=[finding.name for finding in failed])
+            raise Refused("not armed: " + "; ".join(_told(finding) for finding in failed))
 
     async def disarm(self) -> Details:
         """Stop the wheels until armed anew; never refused."""
         self._motors.halt()
-        if self._helm.mode is not Mode.DISARMED:
-            self._supervisor.disarm("asked for on the control socket")
+        self._supervisor.disarm("asked for on the control socket")
         return {"mode": self._helm.mode.value}
 
     async def hold(self) -> Details:
         """Stop the wheels until ``resume``."""
         self._motors.halt()
         if self._helm.mode is Mode.DISARMED:
+            self._supervisor.disarm("asked to hold")  # arming may be under way
             raise Refused("the rover is disarmed: its wheels stand still already")
         self._helm.hold(_now_s(), held=True)
         return {"held": True}

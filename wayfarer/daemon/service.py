@@ -16,7 +16,8 @@ from typing import Any
 from wayfarer import __version__
 from wayfarer.calibration import calibration_file
 from wayfarer.checks.api import Place
-from wayfarer.config import RoverConfig
+from wayfarer.checks.system import device_files
+from wayfarer.config import RoverConfig, part_settings
 from wayfarer.console_log import ConsoleLog
 from wayfarer.control.paths import SingleDaemon
 from wayfarer.control.server import ControlServer
@@ -24,12 +25,13 @@ from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.heartbeat import Heartbeat
 from wayfarer.daemon.inspection import Live
 from wayfarer.dry_run import DryMotors
+from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog import FieldLog, new_run_folder, wall_clock
 from wayfarer.hal import Rover
 from wayfarer.mission import RunEnd
 from wayfarer.records import Tee
-from wayfarer.supervisor import Supervisor
+from wayfarer.supervisor import Supervisor, first_cause
 from wayfarer.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
 
 
@@ -58,14 +60,18 @@ def serve(service: Service) -> RunEnd:
     Raises:
         AlreadyRunning: another daemon serves this socket.
         BadInput: the log or the socket cannot be made.
-        WayfarerError: a part did not open; the wheels were stopped.
+        WayfarerError: a part did not open; the wheels were stopped. Any other error is a bug and comes as it is.
     """
 
     async def run() -> RunEnd:
         return await Daemon(service).run()
 
     with SingleDaemon(service.socket), asyncio.Runner() as runner:
-        return runner.run(run())
+        try:
+            return runner.run(run())
+        except Exception as error:
+            cause = first_cause(error)
+            raise (cause if isinstance(cause, WayfarerError) else error) from None
 
 
 class Daemon:
@@ -136,8 +142,11 @@ class Daemon:
         }
 
     def _inspect(self) -> Live:
-        place = Place(self._service.logs, calibration_file(os.environ, Path.home()), (), wall_clock(self._loop.time()))
-        return Live(self._service.config, self._rover, place, self._supervisor)
+        config, logs = self._service.config, self._service.logs
+        settings = [] if self._service.simulated else [part_settings(*part)[1] for part in config.parts.items()]
+        calibrated = calibration_file(os.environ, Path.home())
+        place = Place(logs, calibrated, device_files(settings), wall_clock(self._loop.time()))
+        return Live(config, self._rover, place, self._supervisor)
 
     def _finish(self, reason: str, text: str) -> None:
         self._supervisor.finish(reason, text)

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any, ClassVar
 
 from wayfarer.drivers.buses import Buses
-from wayfarer.drivers.gpio_motors import Pin, claim, named, release
+from wayfarer.drivers.gpio import Pin, claim, named, release
 from wayfarer.errors import NotResponding
 from wayfarer.hal import ContactReading, Side
 

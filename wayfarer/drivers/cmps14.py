@@ -180,12 +180,10 @@ class CMPS14:
                 f"{self.name}: no answer ({error}); check power, wires and address, "
                 "and that its mode pin was open or high when it got power: low means serial"
             ) from error
-        why = flaw(block, self._version)
-        if why is not None and block.version == self._version and _has_strange_pitch(block):
+        if _has_strange_pitch(block):
             got = f"pitch {block.pitch_deg:.1f} at 0x1A and {block.pitch8_deg} at 0x04, as from a CMPS12"
             raise WrongPart(self.name, "a CMPS14", got)
-        if why is not None:
-            raise BadReading(f"{self.name}: {why}")
+        self._check(block)
 
     async def close(self) -> None:
         """Nothing to release."""
@@ -225,7 +223,7 @@ class CMPS14:
 
         Raises:
             ValueError: bits that the data sheet does not define.
-            NotResponding: a byte was not acknowledged; the part drops the unfinished command.
+            NotResponding: a byte was not acknowledged; give the whole command again.
         """
         if config & ~_CONFIG_BITS or not config & _CONFIG_FIXED:
             raise ValueError(f"calibration config 0x{config:02X}: bit 7 must be set, bits 3, 5 and 6 have no meaning")
@@ -235,7 +233,7 @@ class CMPS14:
         """Have the part keep its present calibration without power.
 
         Raises:
-            NotResponding: a byte was not acknowledged; the part drops the unfinished command.
+            NotResponding: a byte was not acknowledged; give the whole command again.
         """
         await self._command(_STORE)
 
@@ -243,7 +241,7 @@ class CMPS14:
         """Go back to the calibration of the factory, and wait until the part has settled.
 
         Raises:
-            NotResponding: a byte was not acknowledged; the part drops the unfinished command.
+            NotResponding: a byte was not acknowledged; give the whole command again.
         """
         await self._command(_ERASE)
         await asyncio.sleep(_ERASE_SETTLE_S)
@@ -276,9 +274,12 @@ class CMPS14:
 
     async def _checked_block(self) -> Block:
         block = decode(await self._read(_MAP.size))
+        self._check(block)
+        return block
+
+    def _check(self, block: Block) -> None:
         if (why := flaw(block, self._version)) is not None:
             raise BadReading(f"{self.name}: {why}")
-        return block
 
     async def _read(self, count: int) -> bytes:
         """Read registers from the first on."""

@@ -66,11 +66,11 @@ T = TypeVar("T")
 
 # What a person who holds the wires should look for, by the error that Linux gives (hardware.md 7).
 _CAUSES = {
-    errno.EREMOTEIO: "no acknowledgement: is the part powered, its address right, SDA and SCL not swapped?",
-    errno.ENXIO: "no acknowledgement: is the part powered, its address right, SDA and SCL not swapped?",
-    errno.EIO: "the transfer broke off: loose wire, or the part stretches the clock",
+    errno.EREMOTEIO: "no acknowledgement",
+    errno.ENXIO: "no acknowledgement",
+    errno.EIO: "the transfer broke off: a loose wire, or the part stretches the clock",
     errno.ETIMEDOUT: "the bus is stuck: a part holds a line low; switch its power off and on",
-    errno.ENOENT: "no such device: is the interface enabled (sudo raspi-config, Interface Options)?",
+    errno.ENOENT: "no such device file: enable the interface with sudo raspi-config",
     errno.ENODEV: "no such device: is it plugged in?",
     errno.EACCES: "permission denied: add the user to the device's group (ls -l shows it) and log in again",
     errno.EBUSY: "another program has it open",
@@ -80,7 +80,7 @@ _CAUSES = {
 def explain(error: OSError) -> str:
     """Return what an error of a bus means for the person who holds the wires."""
     cause = _CAUSES.get(error.errno or 0)
-    return f"{cause} ({error})" if cause else str(error) or type(error).__name__
+    return f"{cause} [errno {error.errno}]" if cause else str(error) or type(error).__name__
 
 
 class Threaded(Generic[D]):
@@ -134,26 +134,19 @@ class ThreadedI2C(Threaded[BlockingI2C]):
 
     async def write(self, address: int, data: bytes) -> None:
         """Write bytes."""
-        await self._at(address, lambda bus: bus.write(address, data))
+        await self.call(lambda bus: bus.write(address, data))
 
     async def write_read(self, address: int, data: bytes, count: int) -> bytes:
         """Write, repeated start, read."""
-        return await self._at(address, lambda bus: bus.write_read(address, data, count))
+        return await self.call(lambda bus: bus.write_read(address, data, count))
 
     async def write_then_read(self, address: int, data: bytes, count: int) -> bytes:
         """Write, stop, read, with nothing in between."""
-        return await self._at(address, lambda bus: bus.write_then_read(address, data, count))
+        return await self.call(lambda bus: bus.write_then_read(address, data, count))
 
     def post(self, address: int, data: bytes) -> None:
         """Write without waiting."""
         self.send(lambda bus: bus.write(address, data))
-
-    async def _at(self, address: int, use: Callable[[BlockingI2C], T]) -> T:
-        """Use the bus, and name the address if that fails."""
-        try:
-            return await self.call(use)
-        except NotResponding as error:
-            raise NotResponding(f"address 0x{address:02X} on {error}") from None
 
 
 class ThreadedSPI(Threaded[BlockingSPI]):

@@ -93,8 +93,8 @@ class Board:
             return await transfer()
         except NotResponding as error:
             raise NotResponding(
-                f"{self.where}: no acknowledgement ({error}); battery off or flat, or a loose plug: check the board's "
-                "power switch and its I2C cable"
+                f"{self.where}: no answer ({error}); battery off or flat, or a loose plug: check the board's power "
+                "switch and its I2C cable"
             ) from error
 
 

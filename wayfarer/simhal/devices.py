@@ -101,7 +101,7 @@ class SimMotors(SimPart):
     """
 
     name = "simulated motors"
-    deadman_s = 0.3
+    deadman_s: float | None = 0.3
 
     def __init__(self, world: World, steps: float = 127.0) -> None:
         super().__init__(world)

@@ -70,6 +70,10 @@ def test_registers_are_those_of_the_data_sheet(chip: CMPS14Chip) -> None:
     assert block[0x18:].hex(" ") == "00 00 ff 85 00 2d cf"
 
 
+def test_tilt_in_eight_bits_is_cut_off(clock: Clock) -> None:
+    assert registers(CMPS14Chip(Held(3599, 899, -899), clock), 0x00, 6).hex(" ") == "07 00 0e 0f 59 a7"
+
+
 @pytest.mark.parametrize(("heading", "step"), [(0, 0), (7, 0), (8, 1), (1800, 128), (3592, 255), (3593, 0), (3599, 0)])
 def test_bearing_in_eight_bits_is_the_nearest_step_of_the_turn(heading: int, step: int, clock: Clock) -> None:
     block = registers(CMPS14Chip(Held(heading), clock), 0x01, 3)
@@ -186,8 +190,8 @@ def test_configuration_and_unstored_calibration_do_not(chip: CMPS14Chip, clock: 
 def test_erasing_takes_the_calibration_and_time(chip: CMPS14Chip, clock: Clock) -> None:
     send(chip, clock, *ERASE)
     assert registers(chip, 0x1E, 1) == b"\x00"
-    send(chip, clock, 0xF0)
-    assert chip.ignored == [0xF0]
+    send(chip, clock, 0xF0, 0xF5)
+    assert chip.ignored == [0xF0, 0xF5]
     clock.t_s += 0.3
     send(chip, clock, *CONFIGURE, 0x83)
     assert chip.config == 0x83
@@ -227,6 +231,16 @@ def test_a_command_may_begin_where_another_broke_off(chip: CMPS14Chip, clock: Cl
 
 
 # -- power -------------------------------------------------------------------------------------------------------
+
+
+def test_unfinished_commands_and_the_pointer_do_not_outlive_a_loss_of_power(chip: CMPS14Chip, clock: Clock) -> None:
+    send(chip, clock, *STORE[:2])
+    chip.write(b"\x02")
+    chip.reset()
+    assert chip.read(1) == b"\x07"
+    chip.calibration = 0x8A
+    send(chip, clock, STORE[2])
+    assert chip.profile == CALIBRATED
 
 
 def test_all_but_the_firmware_reads_zero_while_it_boots(clock: Clock) -> None:

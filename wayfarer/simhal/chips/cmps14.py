@@ -26,7 +26,6 @@ _CONFIGURE, _ADDRESS = b"\x98\x95\x99", b"\xa0\xaa\xa5"  # each followed by an a
 _STORE, _ERASE = b"\xf0\xf5\xf6", b"\xe0\xe5\xe2"
 _SEQUENCES = (_CONFIGURE, _ADDRESS, _STORE, _ERASE)
 _GAP_S, _ERASE_S = 0.02, 0.3
-_ROUNDING_S = 1e-9  # a task that slept for the gap may read a clock that is a rounding error short of it
 _CONFIG_OFF = 0x80
 _CONFIG_UNDEFINED = 0x68
 _ADDRESSES = range(0xC0, 0xD0, 2)  # as 8-bit addresses
@@ -117,7 +116,7 @@ class CMPS14Chip:
         """Take the next byte of a command: one that is early or out of place breaks it."""
         now_s = self._clock()
         begun, self._sequence = self._sequence + bytes((byte,)), b""
-        early, self._deaf_until_s = now_s < self._deaf_until_s - _ROUNDING_S, max(self._deaf_until_s, now_s + _GAP_S)
+        early, self._deaf_until_s = now_s < self._deaf_until_s, max(self._deaf_until_s, now_s + _GAP_S)
         if early:
             self.ignored.append(byte)
         elif len(begun) == 4:

@@ -1,0 +1,310 @@
+"""Calibrating a simulated rover with a person who follows a script, in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from math import pi
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.checks.rigs import Needle, Rig, Script, push_by_hand, run
+from wayfarer.calibrate import STEPS, Step, calibrate
+from wayfarer.calibrate.compass import LEARN, OFF, Levels, TeachableCompass, residual_deg
+from wayfarer.calibration import Calibration, FlowEntry, load, save, stamp
+from wayfarer.errors import BadInput, BadReading, NotResponding, WayfarerError
+from wayfarer.simhal.streams import Streams
+
+Deeds = dict[str, Callable[[], Awaitable[None]]]
+
+
+class Teachable(Needle):
+    """A compass whose levels rise with each look while it may learn, unless it is stubborn."""
+
+    config = OFF
+    looks = 0
+    stubborn = False
+    fails_at = -1
+    look_error: Exception = BadReading("a shifted block")
+
+    def __init__(self, rig: Rig) -> None:
+        super().__init__(rig.world, Streams(0))
+        self.said: list[str] = []
+
+    async def calibration(self) -> Levels:
+        assert self.config == LEARN, "levels rise only while the compass may learn"
+        self.looks += 1
+        if self.looks == self.fails_at:
+            raise self.look_error
+        level = 1 if self.stubborn else min(3, self.looks // 2)
+        return SimpleNamespace(accel=level, mag=min(level, self.looks // 4))
+
+    async def configure(self, config: int) -> None:
+        self.config = config
+        self.said.append(f"{config:02X}")
+
+    async def store_profile(self) -> None:
+        self.said.append("store")
+
+    async def erase_profile(self) -> None:
+        self.said.append("erase")
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Rig:
+    return Rig(tmp_path)
+
+
+def person(rig: Rig, answers: dict[str, bool] | None = None, turn_deg: float = 90.0, push_m: float = 2.0) -> Script:
+    """Someone who does as told: quarter turns by ``turn_deg``, a push by ``push_m``."""
+
+    async def turn() -> None:
+        rig.world.heading_rad += turn_deg * pi / 180.0
+
+    async def push() -> None:
+        await push_by_hand(rig.world, push_m)
+
+    return Script(rig.world, answers or {}, {"Turn it to the right": turn, "Push it straight ahead": push})
+
+
+def take(rig: Rig, someone: Script, *steps: Step) -> Calibration:
+    found = run(calibrate(rig.config, rig.rover, rig.place, someone, steps))
+    assert rig.world.commanded == (0.0, 0.0)
+    return found
+
+
+def give_compass(rig: Rig) -> Teachable:
+    compass = Teachable(rig)
+    rig.compass = compass
+    rig.rover = replace(rig.rover, compass=compass)
+    return compass
+
+
+def test_all_steps_are_measured_and_saved_with_date_and_part(rig: Rig) -> None:
+    give_compass(rig)
+    found = run(calibrate(rig.config, rig.rover, rig.place, person(rig)))
+    assert load(rig.place.calibration_file) == found
+    assert found.compass is not None
+    assert found.flow is not None
+    assert found.motors is not None
+    assert {found.compass.date, found.flow.date, found.motors.date} == {"2026-11-18"}
+    assert (found.compass.part, found.flow.part, found.motors.part) == (
+        rig.compass.name,
+        rig.motion.name,
+        rig.motors.name,
+    )
+
+
+def test_each_step_is_saved_before_the_next_begins(rig: Rig) -> None:
+    rig.motors.dead = True
+    with pytest.raises(NotResponding):
+        take(rig, person(rig), *STEPS)
+    saved = load(rig.place.calibration_file)
+    assert saved.compass is not None
+    assert saved.flow is not None
+    assert saved.motors is None
+
+
+def test_one_step_leaves_the_others_as_they_were(rig: Rig) -> None:
+    old = FlowEntry(**stamp("flow", 1.0), scale=1.3)
+    save(rig.place.calibration_file, Calibration(flow=old))
+    assert take(rig, person(rig), "motors").flow == old
+
+
+def test_a_broken_file_is_not_overwritten(rig: Rig) -> None:
+    rig.place.calibration_file.parent.mkdir()
+    rig.place.calibration_file.write_text("{", encoding="ascii")
+    with pytest.raises(BadInput):
+        take(rig, person(rig), "flow")
+    assert rig.place.calibration_file.read_text(encoding="ascii") == "{"
+
+
+# -- compass -------------------------------------------------------------------------------------------------------
+
+
+def test_the_compass_learns_stores_and_learns_no_more(rig: Rig) -> None:
+    compass, someone = give_compass(rig), person(rig)
+    found = take(rig, someone, "compass").compass
+    assert compass.said == ["erase", "83", "store", "80"]
+    assert found is not None
+    assert (found.level, found.residual_deg < 1.0) == (3, True)
+    shown = [text for text in someone.told if text.startswith("field")]
+    assert shown[0] == "field 0 of 3, tilt 0 of 3"
+    assert shown[-1] == "field 3 of 3, tilt 3 of 3"
+    assert len(shown) == len(set(shown))
+    assert rig.world.most == 0.0
+
+
+def test_the_old_profile_may_be_kept_to_start_from(rig: Rig) -> None:
+    compass = give_compass(rig)
+    take(rig, person(rig, {"Forget": False}), "compass")
+    assert compass.said == ["83", "store", "80"]
+
+
+def test_a_compass_that_never_gets_there_stores_nothing_and_stops_learning(rig: Rig) -> None:
+    compass = give_compass(rig)
+    compass.stubborn = True
+    with pytest.raises(WayfarerError, match="not calibrated within 300 s"):
+        take(rig, person(rig), "compass")
+    assert compass.said == ["erase", "83", "80"]
+    assert not rig.place.calibration_file.exists()
+
+
+def test_one_bad_reading_while_it_is_turned_about_is_passed_over(rig: Rig) -> None:
+    compass = give_compass(rig)
+    compass.fails_at = 3
+    assert take(rig, person(rig), "compass").compass is not None
+
+
+def test_a_compass_that_falls_silent_stops_learning_if_it_hears(rig: Rig) -> None:
+    compass = give_compass(rig)
+    compass.fails_at, compass.look_error = 3, NotResponding("gone")
+    with pytest.raises(NotResponding):
+        take(rig, person(rig), "compass")
+    assert compass.said[-1] == "80"
+
+
+def test_a_compass_without_commands_is_only_measured(rig: Rig) -> None:
+    assert not isinstance(rig.compass, TeachableCompass)
+    someone = person(rig)
+    assert take(rig, someone, "compass").compass is not None
+    assert any("takes no commands" in text for text in someone.told)
+
+
+def test_quarter_turns_by_eighty_degrees_are_found_out(rig: Rig) -> None:
+    found = take(rig, person(rig, turn_deg=80.0), "compass").compass
+    assert found is not None
+    assert found.residual_deg == pytest.approx((3 * 10.0 + 30.0) / 4, abs=1.0)
+
+
+@pytest.mark.parametrize("turn_deg", [-90.0, 0.0])
+def test_a_heading_that_does_not_follow_is_refused(rig: Rig, turn_deg: float) -> None:
+    with pytest.raises(WayfarerError, match="turned to the left, or there is a magnet"):
+        take(rig, person(rig, turn_deg=turn_deg), "compass")
+    assert not rig.place.calibration_file.exists()
+
+
+@given(first_deg=st.floats(0.0, 360.0), errors_deg=st.lists(st.floats(-5.0, 5.0), min_size=4, max_size=4))
+def test_the_residual_does_not_depend_on_north_and_is_bounded_by_the_errors(
+    first_deg: float, errors_deg: Sequence[float]
+) -> None:
+    headings_deg = [(first_deg + 90.0 * n + error) % 360.0 for n, error in enumerate(errors_deg)]
+    assert residual_deg([(first_deg + 90.0 * n) % 360.0 for n in range(4)]) == pytest.approx(0.0, abs=1e-9)
+    assert residual_deg(headings_deg) <= 2.0 * max(map(abs, errors_deg)) + 1e-9
+
+
+# -- flow ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 1.6])
+def test_a_push_gives_the_scale(rig: Rig, factor: float) -> None:
+    rig.motion.ahead = factor
+    found = take(rig, person(rig), "flow").flow
+    assert found is not None
+    assert found.scale == pytest.approx(1.0 / factor, rel=0.05)
+    assert rig.world.most == 0.0
+
+
+@pytest.mark.parametrize(
+    ("ahead", "aside", "why"),
+    [
+        (-1.0, 0.0, "the other way round"),
+        (0.0, 1.0, "a quarter turn"),
+        (0.01, 0.0, "hardly pushed"),
+        (0.09, 0.0, "seen"),
+    ],
+)
+def test_a_push_that_was_seen_otherwise_is_refused_with_the_setting_to_change(
+    rig: Rig, ahead: float, aside: float, why: str
+) -> None:
+    rig.motion.ahead, rig.motion.aside = ahead, aside
+    with pytest.raises(WayfarerError, match=why) as refused:
+        take(rig, person(rig), "flow")
+    assert "[parts.motion]" in str(refused.value)
+    assert not rig.place.calibration_file.exists()
+
+
+def test_a_push_over_dark_ground_is_refused(rig: Rig) -> None:
+    rig.motion.quality = 0.1
+    with pytest.raises(WayfarerError, match="saw nothing"):
+        take(rig, person(rig), "flow")
+
+
+def test_a_push_that_lost_sight_for_a_moment_is_refused(rig: Rig) -> None:
+    async def darken() -> None:
+        rig.motion.quality = 0.1
+        await push_by_hand(rig.world, 0.4)
+        rig.motion.quality = 0.8
+        await push_by_hand(rig.world, 1.6)
+
+    with pytest.raises(WayfarerError, match="did not see the ground"):
+        take(rig, Script(rig.world, {}, {"Push it straight ahead": darken}), "flow")
+
+
+@pytest.mark.parametrize("metres", [0.0, -2.0, 1000.0, float("nan")])
+def test_a_distance_that_is_none_is_refused(rig: Rig, metres: float) -> None:
+    someone = person(rig)
+    someone.number_given = metres
+    with pytest.raises(BadInput):
+        take(rig, someone, "flow")
+
+
+def test_a_rover_without_motion_sensor_keeps_what_is_known(rig: Rig) -> None:
+    rig.rover = replace(rig.rover, motion=None)
+    assert take(rig, person(rig), "flow") == Calibration()
+
+
+# -- motors --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("full_shift_deg", "passed"), [(0.0, True), (8.0, True), (13.0, False), (-13.0, False)])
+def test_the_heading_shift_of_the_motors_is_measured_and_judged(rig: Rig, full_shift_deg: float, passed: bool) -> None:
+    rig.world.heading_rad = 0.01  # the shift goes across north
+    rig.compass.bias_deg = lambda: full_shift_deg * rig.world.commanded[0]
+    someone = person(rig)
+    found = take(rig, someone, "motors").motors
+    assert found is not None
+    assert found.shift_half_deg == pytest.approx(abs(full_shift_deg) / 2, abs=1.0)
+    assert found.shift_full_deg == pytest.approx(abs(full_shift_deg), abs=1.0)
+    assert found.passed is passed
+    assert any("mast" in text for text in someone.told) is not passed
+
+
+def test_no_wheel_turns_without_a_yes(rig: Rig) -> None:
+    assert take(rig, person(rig, {"on blocks": False}), "motors") == Calibration()
+    assert rig.world.most == 0.0
+    assert not rig.place.calibration_file.exists()
+
+
+def test_duty_grows_slowly_and_commands_never_pause(rig: Rig) -> None:
+    take(rig, person(rig), "motors")
+    duties = [command.left for command in rig.motors.commands]
+    assert max(after - before for before, after in pairwise(duties)) <= 0.1 + 1e-9
+    assert max(duties) == 1.0
+
+
+@pytest.mark.parametrize("at", [1, 50, 119])
+def test_motors_that_fail_in_the_middle_are_stopped(rig: Rig, at: int) -> None:
+    rig.motors.fails_at = at
+    with pytest.raises(NotResponding):
+        take(rig, person(rig), "motors")
+    assert rig.world.commanded == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("after_s", [0.5, 2.5, 4.5])
+def test_a_cancelled_calibration_stops_the_motors(rig: Rig, after_s: float) -> None:
+    async def main() -> None:
+        task = asyncio.ensure_future(calibrate(rig.config, rig.rover, rig.place, person(rig), ["motors"]))
+        await asyncio.sleep(after_s)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+
+    run(main())
+    assert rig.world.commanded == (0.0, 0.0)

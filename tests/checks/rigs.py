@@ -1,0 +1,206 @@
+"""A simulated rover with parts that can be broken, on blocks or on the ground, and a person with a script."""
+
+from __future__ import annotations
+
+import asyncio
+from asyncio import get_running_loop
+from collections.abc import Awaitable, Callable, Coroutine
+from pathlib import Path
+from typing import Any, TypeVar
+
+from wayfarer.checks import Place
+from wayfarer.config import RoverConfig, load_rover
+from wayfarer.errors import NotResponding
+from wayfarer.escape.api import Vehicle
+from wayfarer.hal import (
+    CompassReading,
+    ContactReading,
+    MotionReading,
+    MotorHealth,
+    Rover,
+    Side,
+    WheelCommand,
+)
+from wayfarer.simhal.devices import SimBumper, SimCompass, SimFlow, SimMotors
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
+T_WALL = 1_795_000_000.0  # 18 November 2026
+
+T = TypeVar("T")
+
+
+class WatchedWorld(World):
+    """Remembers how hard its wheels were ever told to turn."""
+
+    most = 0.0
+
+    def __init__(self) -> None:
+        super().__init__(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, Streams(0))
+
+    def command(self, left: float, right: float) -> None:
+        self.most = max(self.most, abs(left), abs(right))
+        super().command(left, right)
+
+
+class Board(SimMotors):
+    """A motor board with a deadman that works or not, can be asked or not, and may fall silent at its n-th command."""
+
+    name = "board at 0x15 on /dev/i2c-1"
+    deadman_s: float | None = 0.25  # type: ignore[assignment]
+    trips = True
+    tells = True
+    dead = False
+    health_now = MotorHealth(12.0, ())
+    fails_at = 10**9
+    stop_takes_s = 0.0
+    error: BaseException = NotResponding("board at 0x15 on /dev/i2c-1: no answer")
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
+        self._heard_s = 0.0
+        self.commands: list[WheelCommand] = []
+
+    async def open(self) -> None:
+        if self.dead:
+            raise self.error
+        await super().open()
+
+    async def drive(self, command: WheelCommand) -> WheelCommand:
+        self.commands.append(command)
+        if len(self.commands) >= self.fails_at:
+            raise self.error
+        self._heard_s = self._time()
+        return await super().drive(command)
+
+    async def stop(self) -> None:
+        await asyncio.sleep(self.stop_takes_s)
+        await super().stop()
+
+    async def read_back(self) -> WheelCommand | None:  # type: ignore[override]
+        if self.trips and self.deadman_s is not None and self._time() > self._heard_s + self.deadman_s:
+            self._world.command(0.0, 0.0)
+        return await super().read_back() if self.tells else None
+
+    async def health(self) -> MotorHealth:
+        return self.health_now
+
+
+class Needle(SimCompass):
+    """A compass that reads what the test says, where it says something."""
+
+    name = "CMPS14 at 0x60 on /dev/i2c-1"
+    level: int | None = 3
+    tilt_deg = 0.0
+    bias_deg: Callable[[], float] = staticmethod(lambda: 0.0)
+    dead = False
+    error: Exception = NotResponding("CMPS14 at 0x60 on /dev/i2c-1: no answer")
+
+    async def open(self) -> None:
+        if self.dead:
+            raise self.error
+        await super().open()
+
+    async def read(self) -> CompassReading:
+        reading = await super().read()
+        heading_deg = (reading.heading_deg + self.bias_deg()) % 360.0
+        return reading._replace(heading_deg=heading_deg, roll_deg=self.tilt_deg, calibration=self.level)
+
+
+class Flow(SimFlow):
+    """A motion sensor mounted, and seeing, as the test says; on blocks the ground does not move."""
+
+    name = "PMW3901 on /dev/spidev0.1"
+    quality = 0.8
+    ahead, aside = 1.0, 0.0
+    on_blocks = False
+    dead = False
+
+    async def open(self) -> None:
+        if self.dead:
+            raise NotResponding("PMW3901 on /dev/spidev0.1: no answer")
+        await super().open()
+
+    async def read(self) -> MotionReading:
+        reading = await super().read()
+        forward_m = 0.0 if self.on_blocks else reading.forward_m
+        return reading._replace(forward_m=self.ahead * forward_m, right_m=self.aside * forward_m, quality=self.quality)
+
+
+class Bumper(SimBumper):
+    """A bumper that may be pressed."""
+
+    sides: tuple[Side, ...] = ()
+
+    async def read(self) -> ContactReading:
+        return (await super().read())._replace(sides=self.sides)
+
+
+class Rig:
+    """A whole healthy rover, and everything around it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.world = WatchedWorld()
+        streams = Streams(0)
+        self.motors, self.compass = Board(self.world), Needle(self.world, streams)
+        self.motion, self.contact = Flow(self.world, streams), Bumper(self.world)
+        self.rover = Rover(self.compass, self.motors, self.motion, self.contact)
+        self.config: RoverConfig = load_rover("sim")
+        self.place = Place(folder / "logs", folder / "state" / "calibration.json", (), T_WALL, folder)
+        for node in ("dev/i2c-1", "dev/spidev0.1"):
+            (folder / node).parent.mkdir(exist_ok=True)
+            (folder / node).touch()
+
+
+class Script:
+    """A person who answers by the first key that is in the question, and does what the rig needs done meanwhile.
+
+    ``does`` maps a part of a text to a coroutine function that is run while the software waits for the answer. Nobody
+    is ever asked anything while the wheels turn.
+    """
+
+    def __init__(
+        self, world: World, answers: dict[str, bool], does: dict[str, Callable[[], Awaitable[None]]] | None = None
+    ) -> None:
+        self._world, self._answers, self._does = world, answers, does or {}
+        self.number_given = 2.0
+        self.told: list[str] = []
+
+    async def say(self, text: str) -> None:
+        self.told.append(text)
+
+    async def ask(self, question: str) -> bool:
+        await self.wait(question)
+        return next((answer for key, answer in self._answers.items() if key in question), True)
+
+    async def number(self, question: str, default: float) -> float:
+        self.told.append(question)
+        return self.number_given
+
+    async def wait(self, text: str) -> None:
+        assert self._world.commanded == (0.0, 0.0), f"the wheels turn while a person is asked: {text}"
+        self.told.append(text)
+        for key, deed in self._does.items():
+            if key in text:
+                await deed()
+
+
+async def push_by_hand(world: World, distance_m: float) -> None:
+    for _ in range(20):
+        await asyncio.sleep(0.1)
+        world.advance_to(get_running_loop().time())
+        if distance_m > 0.0:
+            world.forward_m += distance_m / 20
+        else:
+            world.reverse_m -= distance_m / 20
+    await asyncio.sleep(0.1)
+
+
+def run(main: Coroutine[Any, Any, T]) -> T:
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(main)

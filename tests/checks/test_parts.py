@@ -1,0 +1,282 @@
+"""Each part answers or not, and what each answer means; no wheel turns."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.checks.rigs import T_WALL, Rig, run
+from wayfarer.board import BoardSettings
+from wayfarer.calibration import Calibration, CompassEntry, FlowEntry, MotorsEntry, save, stamp
+from wayfarer.checks import ARMING, Finding, Inspection, Verdict, board, calibrated, parts, passed, run_checks
+from wayfarer.checks.standalone import Standalone
+from wayfarer.errors import BadReading, NotResponding, WrongPart
+from wayfarer.hal import CompassReading, ContactReading, MotorHealth, Side
+from wayfarer.safety import SafetySettings
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    rig = Rig(tmp_path)
+    yield rig
+    assert rig.world.most == 0.0, "a wheel turned without consent"
+
+
+def look(rig: Rig, check: Callable[[Inspection], Awaitable[Finding]]) -> Finding:
+    async def main() -> Finding:
+        async with Standalone(rig.config, rig.rover, rig.place) as inspection:
+            return await check(inspection)
+
+    return run(main())
+
+
+def with_safety(rig: Rig, **changes: object) -> None:
+    rig.config = rig.config.model_copy(update={"safety": replace(SafetySettings(), **changes)})  # type: ignore[arg-type]
+
+
+def whole_calibration(rig: Rig) -> Calibration:
+    return Calibration(
+        compass=CompassEntry(**stamp(rig.compass.name, T_WALL), level=3, residual_deg=2.0),
+        flow=FlowEntry(**stamp(rig.motion.name, T_WALL), scale=1.1),
+        motors=MotorsEntry(**stamp(rig.motors.name, T_WALL), shift_half_deg=1.0, shift_full_deg=3.0, passed=True),
+    )
+
+
+# -- compass, motion, contact, helpers -----------------------------------------------------------------------------
+
+
+def test_a_compass_that_answers_is_well(rig: Rig) -> None:
+    finding = look(rig, parts.compass)
+    assert finding.verdict is Verdict.OK
+    assert "heading" in finding.found
+
+
+def test_a_tilted_compass_is_a_warning(rig: Rig) -> None:
+    rig.compass.tilt_deg = -90.0
+    finding = look(rig, parts.compass)
+    assert finding.verdict is Verdict.WARN
+    assert "[parts.compass]" in finding.remedy
+
+
+@pytest.mark.parametrize(
+    ("error", "remedy"),
+    [
+        (NotResponding("no answer"), "`i2cdetect -y 1`"),
+        (WrongPart("0x60", "CMPS14", "CMPS12"), "[parts.compass]"),
+        (BadReading("bearing 4000"), "shorten"),
+    ],
+)
+def test_a_compass_that_does_not_open_fails_with_the_remedy_for_its_error(
+    rig: Rig, error: Exception, remedy: str
+) -> None:
+    rig.compass.dead, rig.compass.error = True, error
+    finding = look(rig, parts.compass)
+    assert (finding.verdict, finding.found) == (Verdict.FAIL, str(error))
+    assert remedy in finding.remedy
+
+
+def test_a_silent_motion_sensor_may_be_at_the_other_chip_select(rig: Rig) -> None:
+    rig.motion.dead = True
+    assert "/dev/spidev0.0" in look(rig, parts.motion).remedy
+
+
+def test_a_silent_part_on_a_bus_that_is_not_enabled_gives_the_step_that_enables_it(rig: Rig) -> None:
+    rig.compass.dead = True
+    rig.place = replace(rig.place, devices=("/dev/spidev0.1", "/dev/i2c-1"))
+    (rig.place.root / "dev/i2c-1").unlink()
+    assert look(rig, parts.compass).remedy == "sudo raspi-config nonint do_i2c 0 && sudo reboot"
+
+
+def test_a_silent_part_behind_a_forbidden_bus_gives_the_group(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig.compass.dead = True
+    rig.place = replace(rig.place, devices=("/dev/i2c-1",))
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    assert "usermod -aG i2c" in look(rig, parts.compass).remedy
+
+
+def test_no_reading_yet_is_no_answer(rig: Rig) -> None:
+    class Daemon(Standalone):
+        async def compass(self) -> CompassReading | None:  # type: ignore[override]
+            return None
+
+    async def main() -> Finding:
+        return await parts.compass(Daemon(rig.config, rig.rover, rig.place))
+
+    finding = run(main())
+    assert finding.verdict is Verdict.FAIL
+    assert "no reading yet" in finding.found
+
+
+def test_the_motion_sensor_must_see_the_ground(rig: Rig) -> None:
+    assert look(rig, parts.motion).verdict is Verdict.OK
+    rig.motion.quality = 0.1
+    assert look(rig, parts.motion).verdict is Verdict.WARN
+    rig.motion.dead = True
+    assert look(rig, parts.motion).verdict is Verdict.FAIL
+    rig.rover = replace(rig.rover, motion=None)
+    assert look(rig, parts.motion).verdict is Verdict.SKIPPED
+
+
+def test_a_pressed_bumper_is_a_warning(rig: Rig) -> None:
+    assert look(rig, parts.contact).verdict is Verdict.OK
+    rig.contact.sides = (Side.LEFT, Side.REAR)
+    finding = look(rig, parts.contact)
+    assert (finding.verdict, finding.found) == (Verdict.WARN, "pressed at left, rear")
+    rig.rover = replace(rig.rover, contact=None)
+    assert look(rig, parts.contact).verdict is Verdict.SKIPPED
+
+
+def test_a_part_that_can_be_done_without_is_only_a_warning(rig: Rig) -> None:
+    assert run(parts.helper("light", Standalone(rig.config, rig.rover, rig.place))).verdict is Verdict.SKIPPED
+    rig.rover = replace(rig.rover, light=rig.compass)  # type: ignore[arg-type]  # any part that opens, or not
+    assert run(parts.helper("light", Standalone(rig.config, rig.rover, rig.place))).verdict is Verdict.OK
+    rig.compass.dead = True
+    assert run(parts.helper("light", Standalone(rig.config, rig.rover, rig.place))).verdict is Verdict.WARN
+
+
+def test_a_bumper_that_the_run_does_not_use_does_not_keep_the_rover_from_driving(rig: Rig) -> None:
+    class Daemon(Standalone):
+        async def contact(self) -> ContactReading | None:
+            return None
+
+    async def main() -> Finding:
+        return await parts.contact(Daemon(rig.config, rig.rover, rig.place))
+
+    assert run(main()).verdict is Verdict.SKIPPED
+
+
+# -- motor board ---------------------------------------------------------------------------------------------------
+
+
+def test_an_armed_deadman_is_well(rig: Rig) -> None:
+    finding = look(rig, board.motor_board)
+    assert finding.verdict is Verdict.OK
+    assert "0.25 s" in finding.found
+
+
+@pytest.mark.parametrize(("allowed", "verdict"), [(False, Verdict.FAIL), (True, Verdict.WARN)])
+def test_a_board_without_deadman_must_be_allowed(rig: Rig, allowed: bool, verdict: Verdict) -> None:
+    rig.motors.deadman_s = None
+    with_safety(rig, allow_no_deadman=allowed)
+    assert look(rig, board.motor_board).verdict is verdict
+
+
+def test_a_silent_board_is_one_failure(rig: Rig) -> None:
+    rig.motors.dead = True
+    assert look(rig, board.motor_board).verdict is Verdict.FAIL
+    assert look(rig, board.battery).verdict is Verdict.SKIPPED
+    assert look(rig, board.motor_faults).verdict is Verdict.SKIPPED
+
+
+@pytest.mark.parametrize(
+    ("volts", "low_v", "verdict"),
+    [
+        (11.0, 10.5, Verdict.OK),
+        (10.4, 10.5, Verdict.FAIL),
+        (3.0, None, Verdict.OK),
+        (None, 10.5, Verdict.SKIPPED),
+    ],
+)
+def test_the_battery_is_judged_by_the_rovers_own_limit(
+    rig: Rig, volts: float | None, low_v: float | None, verdict: Verdict
+) -> None:
+    rig.motors.health_now = MotorHealth(volts, ())
+    rig.config = rig.config.model_copy(update={"board": BoardSettings(battery_low_v=low_v)})
+    assert look(rig, board.battery).verdict is verdict
+
+
+def test_a_fault_of_the_board_fails(rig: Rig) -> None:
+    assert look(rig, board.motor_faults).verdict is Verdict.OK
+    rig.motors.health_now = MotorHealth(12.0, ("motor A: drive fault",))
+    finding = look(rig, board.motor_faults)
+    assert (finding.verdict, finding.found) == (Verdict.FAIL, "motor A: drive fault")
+
+
+# -- calibration ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("level", "verdict"), [(3, Verdict.OK), (2, Verdict.OK), (1, Verdict.FAIL), (None, Verdict.SKIPPED)]
+)
+def test_the_compass_must_be_calibrated_to_the_level_asked_for(rig: Rig, level: int | None, verdict: Verdict) -> None:
+    rig.compass.level = level
+    assert look(rig, calibrated.compass_level).verdict is verdict
+
+
+def test_a_heading_that_swings_at_rest_fails(rig: Rig) -> None:
+    with_safety(rig, settle_spread_deg=6.0)
+    assert look(rig, calibrated.heading_at_rest).verdict is Verdict.OK
+    swing_deg = iter(range(0, 1000, 3))
+    rig.compass.bias_deg = lambda: float(next(swing_deg))
+    finding = look(rig, calibrated.heading_at_rest)
+    assert finding.verdict is Verdict.FAIL
+    assert "keys" in finding.remedy
+
+
+@pytest.mark.parametrize("kind", ["compass", "flow", "motors"])
+def test_each_entry_of_the_calibration_file_must_be_there_sound_and_of_this_part(rig: Rig, kind: str) -> None:
+    def finding() -> Finding:
+        return run(calibrated.calibrated(kind, Standalone(rig.config, rig.rover, rig.place)))
+
+    path, whole = rig.place.calibration_file, whole_calibration(rig)
+    assert finding().verdict is Verdict.WARN
+    save(path, whole)
+    assert finding().verdict is Verdict.OK
+    save(path, replace(whole, **{kind: replace(getattr(whole, kind), part="another part")}))
+    assert (finding().verdict, "another part" in finding().found) == (Verdict.FAIL, True)
+    save(path, replace(whole, **{kind: replace(getattr(whole, kind), t_wall=T_WALL - 200 * 86_400.0)}))
+    assert finding().verdict is Verdict.WARN
+    path.write_text("{", encoding="utf-8")
+    assert (finding().verdict, str(path) in finding().found) == (Verdict.FAIL, True)
+
+
+def test_motors_that_turn_the_heading_keep_the_rover_from_driving(rig: Rig) -> None:
+    entry = MotorsEntry(**stamp(rig.motors.name, T_WALL), shift_half_deg=4.0, shift_full_deg=17.0, passed=False)
+    save(rig.place.calibration_file, Calibration(motors=entry))
+    finding = run(calibrated.calibrated("motors", Standalone(rig.config, rig.rover, rig.place)))
+    assert (finding.verdict, "17°" in finding.found) == (Verdict.FAIL, True)
+
+
+def test_a_compass_with_a_large_residual_is_a_warning(rig: Rig) -> None:
+    entry = CompassEntry(**stamp(rig.compass.name, T_WALL), level=3, residual_deg=12.0)
+    save(rig.place.calibration_file, Calibration(compass=entry))
+    finding = run(calibrated.calibrated("compass", Standalone(rig.config, rig.rover, rig.place)))
+    assert finding.verdict is Verdict.WARN
+
+
+# -- together ------------------------------------------------------------------------------------------------------
+
+
+def test_a_healthy_rover_may_be_armed_within_a_second(rig: Rig) -> None:
+    save(rig.place.calibration_file, whole_calibration(rig))
+
+    async def main() -> tuple[list[Finding], float]:
+        inspection = Standalone(rig.config, rig.rover, rig.place)
+        findings = await run_checks(inspection, ARMING)
+        return findings, asyncio.get_running_loop().time()
+
+    findings, took_s = run(main())
+    assert passed(findings)
+    assert {finding.name for finding in findings if finding.verdict is not Verdict.OK} == {"computer power"}
+    assert took_s < 1.0
+    assert len({finding.name for finding in findings}) == len(ARMING)
+
+
+def test_every_failure_says_why_and_what_to_do_in_one_line(rig: Rig) -> None:
+    rig.compass.dead = rig.motors.dead = rig.motion.dead = True
+    rig.place = replace(rig.place, t_wall=0.0)
+
+    async def main() -> list[Finding]:
+        return await run_checks(Standalone(rig.config, rig.rover, rig.place), ARMING)
+
+    findings = run(main())
+    assert not passed(findings)
+    for finding in findings:
+        troubled = finding.verdict in (Verdict.FAIL, Verdict.WARN)
+        assert bool(finding.cause) is bool(finding.remedy) is troubled, finding
+        assert all("\n" not in text for text in finding)

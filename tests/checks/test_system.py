@@ -1,0 +1,146 @@
+"""Device files, groups, power, disk and clock, over a tree of system files of their own."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tests.checks.rigs import Rig, run
+from wayfarer.checks import Finding, Inspection, Verdict, system
+from wayfarer.checks.standalone import Standalone
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Rig:
+    return Rig(tmp_path)
+
+
+def look(rig: Rig, check: Callable[[Inspection], Coroutine[Any, Any, Finding]]) -> Finding:
+    return run(check(Standalone(rig.config, rig.rover, rig.place)))
+
+
+def look_at_device(rig: Rig, name: str) -> Finding:
+    return run(system.device(name, Standalone(rig.config, rig.rover, rig.place)))
+
+
+def give_flags(rig: Rig, text: str) -> None:
+    path = rig.place.path(system.THROTTLED)
+    path.parent.mkdir(parents=True)
+    path.write_text(text, encoding="ascii")
+
+
+def test_a_device_file_that_may_be_used_is_well(rig: Rig) -> None:
+    assert look_at_device(rig, "/dev/i2c-1").verdict is Verdict.OK
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [
+        ("/dev/i2c-7", "sudo raspi-config nonint do_i2c 0 && sudo reboot"),
+        ("/dev/spidev0.0", "sudo raspi-config nonint do_spi 0 && sudo reboot"),
+        ("/dev/serial0", "do_serial_hw 0"),
+        ("/dev/ttyAMA0", "do_serial_hw 0"),
+        ("/dev/serial/by-id/usb-x", "plug it in"),
+        ("/dev/ttyUSB0", "plug it in"),
+        ("/dev/gpiochip9", "ls /dev/gpio*"),
+        ("/dev/strange", "correct its name"),
+    ],
+)
+def test_a_missing_device_file_names_the_step_that_makes_it(rig: Rig, name: str, remedy: str) -> None:
+    finding = look_at_device(rig, name)
+    assert finding.verdict is Verdict.FAIL
+    assert finding.found == f"{name} is not there"
+    assert remedy in finding.remedy
+
+
+@pytest.mark.parametrize(("name", "group"), [("/dev/i2c-1", "i2c"), ("/dev/spidev0.1", "spi")])
+def test_a_forbidden_device_file_names_its_group(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, name: str, group: str
+) -> None:
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    finding = look_at_device(rig, name)
+    assert finding.verdict is Verdict.FAIL
+    assert finding.remedy.startswith(f"sudo usermod -aG {group} $USER")
+
+
+def test_device_files_are_found_in_the_settings_of_parts_each_once() -> None:
+    @dataclass
+    class OnI2C:
+        bus: str = "/dev/i2c-1"
+        address: int = 0x60
+
+    @dataclass
+    class OnSerial:
+        port: str = "/dev/serial0"
+        note: str = "see /dev/null"
+
+    assert system.device_files([OnI2C(), OnSerial(), OnI2C(), object()]) == ("/dev/i2c-1", "/dev/serial0")
+
+
+@pytest.mark.parametrize(
+    ("flags", "verdict", "found"),
+    [
+        ("0\n", Verdict.OK, "no under-voltage"),
+        ("50005", Verdict.FAIL, "under-voltage now"),
+        ("0x1", Verdict.FAIL, "under-voltage now"),
+        ("50000", Verdict.WARN, "since boot"),
+        ("8", Verdict.WARN, "slowed down"),
+        ("20000", Verdict.OK, "no under-voltage"),
+        ("garbage", Verdict.SKIPPED, "does not tell"),
+    ],
+)
+def test_power_is_judged_by_the_firmware_flags(rig: Rig, flags: str, verdict: Verdict, found: str) -> None:
+    give_flags(rig, flags)
+    finding = look(rig, system.power)
+    assert finding.verdict is verdict
+    assert found in finding.found
+
+
+def test_a_computer_without_power_flags_is_not_judged(rig: Rig) -> None:
+    assert look(rig, system.power).verdict is Verdict.SKIPPED
+
+
+def test_a_writable_log_folder_with_room_is_well_and_is_not_made(rig: Rig) -> None:
+    finding = look(rig, system.disk)
+    assert finding.verdict is Verdict.OK
+    assert "MB free" in finding.found
+    assert not rig.place.log_folder.exists()
+
+
+@pytest.mark.parametrize(("free_bytes", "verdict"), [(49_999_999, Verdict.FAIL), (50_000_000, Verdict.OK)])
+def test_fifty_megabytes_must_be_free(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, free_bytes: int, verdict: Verdict
+) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=free_bytes))
+    assert look(rig, system.disk).verdict is verdict
+
+
+def test_a_log_folder_that_cannot_be_written_fails(rig: Rig) -> None:
+    rig.place.log_folder.write_text("a file stands in its place", encoding="ascii")
+    finding = look(rig, system.disk)
+    assert finding.verdict is Verdict.FAIL
+    assert "cannot be written" in finding.found
+    assert "sudo chown" in finding.remedy
+
+
+def test_a_log_folder_that_may_not_be_looked_into_fails(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    def forbidden(path: Path) -> bool:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "exists", forbidden)
+    finding = look(rig, system.disk)
+    assert finding.verdict is Verdict.FAIL
+    assert finding.found.endswith("logs cannot be written: Permission denied")
+
+
+@pytest.mark.parametrize(("t_wall", "verdict"), [(0.0, Verdict.WARN), (1_795_000_000.0, Verdict.OK)])
+def test_a_clock_that_was_never_set_is_a_warning(rig: Rig, t_wall: float, verdict: Verdict) -> None:
+    rig.place = replace(rig.place, t_wall=t_wall)
+    assert look(rig, system.clock).verdict is verdict

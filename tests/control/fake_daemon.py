@@ -1,0 +1,106 @@
+"""A daemon that only notes what it is told, and a raw client that may misbehave."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from wayfarer.control.protocol import Details, Refused
+from wayfarer.control.server import LIMITS, ControlServer, Limits
+
+
+class FakeDaemon:
+    """Notes every command; ``fails_with`` is raised by ``hold``, ``waits`` keeps ``arm`` from ending."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[object, ...]] = []
+        self.errors: list[Exception] = []
+        self.fails_with: Exception = Refused("nothing to hold: arm first")
+        self.answers: Details = {"mode": "disarmed"}
+        self.waits = asyncio.Event()
+        self.waits.set()
+
+    async def status(self) -> Details:
+        self.told.append(("status",))
+        return self.answers
+
+    async def arm(self, heading_deg: float | None = None) -> Details:
+        self.told.append(("arm", heading_deg))
+        await self.waits.wait()
+        return {"start_delay_s": 10.0}
+
+    async def disarm(self) -> Details:
+        self.told.append(("disarm",))
+        return {}
+
+    async def hold(self) -> Details:
+        raise self.fails_with
+
+    async def resume(self) -> Details:
+        self.told.append(("resume",))
+        return {}
+
+    async def goal(self, heading_deg: float) -> Details:
+        self.told.append(("goal", heading_deg))
+        return {}
+
+    async def mark(self, text: str) -> Details:
+        self.told.append(("mark", text))
+        return {}
+
+    async def stop(self) -> Details:
+        self.told.append(("stop",))
+        return {}
+
+
+def serve(
+    daemon: FakeDaemon, path: Path, limits: Limits = LIMITS, declination_deg: float | None = 3.5
+) -> ControlServer:
+    return ControlServer(path, daemon, declination_deg=declination_deg, on_error=daemon.errors.append, limits=limits)
+
+
+def open_files() -> int:
+    """How many files and sockets this process holds."""
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+class RawClient:
+    """Sends any bytes; ``async with`` closes it."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    async def __aenter__(self) -> RawClient:
+        while True:
+            try:
+                self.reader, self.writer = await asyncio.open_unix_connection(str(self._path))
+                return self
+            except BlockingIOError:  # the queue of the server is full for the moment
+                await asyncio.sleep(0.001)
+
+    async def __aexit__(self, *_: object) -> None:
+        self.writer.transport.abort()
+        await asyncio.sleep(0)
+
+    async def reply_to(self, data: bytes) -> dict[str, Any]:
+        self.writer.write(data)
+        return await self.reply()
+
+    async def reply(self) -> dict[str, Any]:
+        line = await asyncio.wait_for(self.reader.readline(), 2.0)
+        reply: dict[str, Any] = orjson.loads(line)
+        return reply
+
+    async def is_closed(self) -> bool:
+        """Wait for the server to close; what it had sent before is dropped."""
+        try:
+            while await asyncio.wait_for(self.reader.read(65_536), 2.0):
+                pass
+        except ConnectionResetError:  # closed with something unread
+            return True
+        except TimeoutError:
+            return False
+        return True

@@ -1,0 +1,169 @@
+"""One question, one answer; and a line for the person where there is none."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.control.fake_daemon import FakeDaemon, RawClient, serve
+from wayfarer.control import client, server
+from wayfarer.control.client import NoDaemon, ask
+from wayfarer.control.protocol import Refused
+from wayfarer.control.server import Limits
+from wayfarer.errors import BadInput, WayfarerError
+
+STATUS = {"do": "status"}
+
+
+@contextmanager
+def something_else(path: Path, says: bytes | None) -> Iterator[list[OSError]]:
+    """Listen as no daemon does: answer these bytes and close, or with None never accept; yields what went wrong."""
+    errors: list[OSError] = []
+
+    def speak() -> None:
+        connection, _ = listening.accept()
+        with connection:
+            connection.recv(1000)
+            try:
+                connection.sendall(says or b"")
+            except OSError as error:
+                errors.append(error)
+
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(path))
+        listening.listen(0)
+        speaker = threading.Thread(target=speak)
+        if says is not None:
+            speaker.start()
+        yield errors
+        if says is not None:
+            speaker.join()
+
+
+async def test_answer_is_the_details(path: Path, daemon: FakeDaemon) -> None:
+    async with serve(daemon, path):
+        assert await asyncio.to_thread(ask, STATUS, path) == {"mode": "disarmed"}
+        assert await asyncio.to_thread(ask, {"do": "arm", "heading_deg": None}, path) == {"start_delay_s": 10.0}
+    assert daemon.told == [("status",), ("arm", None)]
+
+
+async def test_refusal_is_raised_with_its_reason(path: Path, daemon: FakeDaemon) -> None:
+    async with serve(daemon, path):
+        with pytest.raises(Refused, match=r"^nothing to hold: arm first$"):
+            await asyncio.to_thread(ask, {"do": "hold"}, path)
+
+
+async def test_client_that_is_turned_away_hears_why(path: Path, daemon: FakeDaemon) -> None:
+    async with serve(daemon, path, Limits(clients=1)), RawClient(path) as first:
+        await first.reply_to(b"\n")
+        for _ in range(20):  # whether the request was sent before or after the door closed
+            with pytest.raises(Refused, match="1 clients are connected, which is the limit"):
+                await asyncio.to_thread(ask, STATUS, path)
+
+
+async def test_another_user_hears_why(path: Path, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "peer_uid", lambda _: 4711)
+    async with serve(daemon, path):
+        with pytest.raises(Refused, match="not user 4711: use sudo"):
+            await asyncio.to_thread(ask, STATUS, path)
+
+
+async def test_daemon_is_found_where_it_may_be(path: Path, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    stale = path.with_name("stale.sock")
+    with socket.socket(socket.AF_UNIX) as killed:
+        killed.bind(str(stale))
+    places = [path.parent / "nowhere" / "control.sock", stale, path]
+    monkeypatch.setattr(client, "known_sockets", lambda: iter(places))
+    async with serve(daemon, path):
+        assert await asyncio.to_thread(ask, STATUS) == {"mode": "disarmed"}
+
+
+def test_no_socket_means_no_daemon(path: Path) -> None:
+    with pytest.raises(NoDaemon, match=rf"no wayfarer daemon is running \(nobody listens at {path}\): start it with"):
+        ask(STATUS, path)
+
+
+def test_socket_of_a_killed_daemon_means_no_daemon(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as killed:
+        killed.bind(str(path))
+    with pytest.raises(NoDaemon, match="start it with 'wayfarer run'"):
+        ask(STATUS, path)
+
+
+def test_path_that_no_socket_can_have_is_the_users_to_mend(path: Path) -> None:
+    with pytest.raises(BadInput, match=r"cannot be the control socket: .*too long"):
+        ask(STATUS, path.parent / ("x" * 108))
+
+
+def test_socket_of_another_user_is_told(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Barred(socket.socket):
+        def connect(self, address: object) -> None:
+            raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(socket, "socket", Barred)
+    with pytest.raises(WayfarerError, match="belongs to another user: use sudo"):
+        ask(STATUS, path)
+
+
+@pytest.mark.parametrize("heading_deg", [float("nan"), float("inf"), 360.0, "north"])
+def test_wrong_request_is_not_sent(path: Path, heading_deg: object) -> None:
+    with pytest.raises(BadInput, match="heading_deg must be a number of degrees"):
+        ask({"do": "arm", "heading_deg": heading_deg}, path)
+
+
+def test_daemon_that_hangs_is_reported_in_time(path: Path) -> None:
+    with (
+        something_else(path, None),
+        pytest.raises(WayfarerError, match=r"did not answer within 0\.05 s, .* switch off"),
+    ):
+        ask(STATUS, path, timeout_s=0.05)
+
+
+def test_daemon_that_does_not_even_accept_is_reported_in_time(path: Path) -> None:
+    with something_else(path, None), socket.socket(socket.AF_UNIX) as waiting:
+        waiting.connect(str(path))
+        with pytest.raises(WayfarerError, match="accepts no connection; it hangs, or is flooded"):
+            ask(STATUS, path, timeout_s=0.05)
+
+
+@pytest.mark.parametrize(
+    "says",
+    [
+        b"hello\n",
+        b"HTTP/1.1 400 Bad Request\r\n",
+        b"{}\n",
+        b'{"ok": false}\n',
+        b'{"ok": 1}\n',
+        b'{"ok": tr',
+        b"\0" * 99,
+    ],
+)
+def test_something_else_at_the_socket_is_reported(path: Path, says: bytes) -> None:
+    with something_else(path, says), pytest.raises(WayfarerError, match="what answers there is no wayfarer daemon: b"):
+        ask(STATUS, path)
+
+
+def test_daemon_that_closes_without_an_answer_is_reported(path: Path) -> None:
+    with something_else(path, b""), pytest.raises(WayfarerError, match="without an answer: it may be ending"):
+        ask(STATUS, path)
+
+
+def test_answer_without_end_is_cut_off(path: Path) -> None:
+    with (
+        something_else(path, b"x" * 10_000_000) as errors,
+        pytest.raises(WayfarerError, match="is no wayfarer daemon"),
+    ):
+        ask(STATUS, path)
+    assert len(errors) == 1
+
+
+async def test_answer_of_many_pieces_is_put_together(path: Path, daemon: FakeDaemon) -> None:
+    daemon.answers = {"text": "x" * 65_000}
+    async with serve(daemon, path):
+        assert await asyncio.to_thread(ask, STATUS, path) == daemon.answers

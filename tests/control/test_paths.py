@@ -1,0 +1,188 @@
+"""Daemon and client meet at the same place, and one daemon at a time."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from stat import S_IMODE
+
+import pytest
+
+from tests.control.fake_daemon import open_files
+from wayfarer.control import paths
+from wayfarer.control.paths import AlreadyRunning, SingleDaemon, daemon_socket, known_sockets
+from wayfarer.errors import BadInput
+
+HOLDER = """
+import sys, pathlib, wayfarer.control.paths as paths
+with paths.SingleDaemon(pathlib.Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A machine without any of the folders: ``run`` and ``tmp`` are its /run and /tmp."""
+    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    monkeypatch.setattr(paths, "SYSTEM_FOLDER", tmp_path / "run" / "wayfarer")
+    monkeypatch.setattr(paths, "SHARED_FOLDER", tmp_path / "tmp")
+    (tmp_path / "tmp").mkdir()
+    (tmp_path / "run").mkdir()
+    return tmp_path
+
+
+# -- where ---------------------------------------------------------------------------------------------------------
+
+
+def test_last_resort_is_a_folder_of_the_users_own(places: Path) -> None:
+    assert daemon_socket() == places / "tmp" / f"wayfarer-{os.geteuid()}" / "control.sock"
+
+
+def test_session_folder_is_better(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (places / "session").mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places / "session"))
+    assert daemon_socket() == places / "session" / "wayfarer" / "control.sock"
+
+
+@pytest.mark.parametrize("session", ["gone", "relative", ""])
+def test_session_folder_that_is_not_there_is_passed_over(
+    places: Path, monkeypatch: pytest.MonkeyPatch, session: str
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places / session) if session == "gone" else session)
+    assert daemon_socket().parent.parent == places / "tmp"
+
+
+def test_system_folder_is_better_still(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places))
+    (places / "run" / "wayfarer").mkdir()
+    assert daemon_socket() == places / "run" / "wayfarer" / "control.sock"
+
+
+def test_system_folder_of_somebody_else_is_passed_over_by_a_daemon(
+    places: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (places / "run" / "wayfarer").mkdir()
+    monkeypatch.setattr(os, "access", lambda _path, _mode: False)
+    assert daemon_socket().parent.parent == places / "tmp"
+
+
+def test_folder_that_systemd_made_is_best(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (places / "run" / "wayfarer").mkdir()
+    monkeypatch.setenv("RUNTIME_DIRECTORY", "/run/rover:/run/other")
+    assert daemon_socket() == Path("/run/rover/control.sock")
+
+
+def test_client_looks_wherever_a_daemon_may_be(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sockets = list(known_sockets())
+    assert sockets == [places / "run/wayfarer/control.sock", daemon_socket()]
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places))
+    assert list(known_sockets()) == [sockets[0], daemon_socket(), sockets[1]]
+
+
+def test_own_private_folder_is_used_again(places: Path) -> None:
+    with SingleDaemon(daemon_socket()):
+        pass
+    assert daemon_socket().parent.is_dir()
+
+
+@pytest.mark.parametrize("mode", [0o755, 0o770, 0o1777])
+def test_folder_that_others_can_enter_is_refused(places: Path, mode: int) -> None:
+    folder = daemon_socket().parent
+    folder.mkdir()
+    folder.chmod(mode)
+    with pytest.raises(BadInput, match=f"mode 0700.* with mode {mode:04o}: .*; remove it"):
+        daemon_socket()
+
+
+def test_folder_of_another_user_is_refused(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = os.geteuid()
+    (places / "tmp" / f"wayfarer-{own + 1}").mkdir(mode=0o700)
+    monkeypatch.setattr(os, "geteuid", lambda: own + 1)
+    with pytest.raises(BadInput, match=f"only user {own + 1} can enter .* belongs to user {own} "):
+        daemon_socket()
+
+
+def test_link_to_a_private_folder_is_refused(places: Path) -> None:
+    (places / "mine").mkdir(mode=0o700)
+    daemon_socket().parent.symlink_to(places / "mine")
+    with pytest.raises(BadInput, match="remove it"):
+        daemon_socket()
+
+
+def test_shared_folder_matters_only_where_it_is_needed(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    daemon_socket().parent.mkdir(mode=0o755)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places))
+    assert daemon_socket() == places / "wayfarer" / "control.sock"
+
+
+# -- the lock ------------------------------------------------------------------------------------------------------
+
+
+def test_folder_of_the_socket_is_made_for_its_owner(path: Path) -> None:
+    with SingleDaemon(path.parent / "new" / "control.sock"):
+        assert S_IMODE((path.parent / "new").stat().st_mode) == 0o700
+
+
+def test_second_daemon_is_told_who_runs_and_leaves_the_first_alone(path: Path) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDER, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as first:
+        assert first.stdout is not None
+        assert first.stdout.readline() == b"held\n"
+        path.touch()
+        with pytest.raises(AlreadyRunning, match=rf"process {first.pid}, socket {path}\): .*'wayfarer stop'"):
+            SingleDaemon(path).__enter__()
+        assert path.exists()
+        first.kill()
+    with SingleDaemon(path):
+        assert not path.exists(), "what the killed one left is cleared away by the next"
+
+
+def test_second_in_the_same_process_is_refused_too(path: Path) -> None:
+    before = open_files()
+    with SingleDaemon(path):
+        for _ in range(2):
+            with pytest.raises(AlreadyRunning, match=f"process {os.getpid()},"):
+                SingleDaemon(path).__enter__()
+        assert open_files() == before + 1
+    assert open_files() == before
+
+
+def test_holder_that_has_not_signed_yet_is_not_named(path: Path) -> None:
+    with SingleDaemon(path):
+        path.with_name("control.sock.lock").write_bytes(b"")
+        with pytest.raises(AlreadyRunning, match="process not known yet,"):
+            SingleDaemon(path).__enter__()
+
+
+def test_next_daemon_may_begin_when_the_first_has_ended(path: Path) -> None:
+    for _ in range(3):
+        with SingleDaemon(path), socket.socket(socket.AF_UNIX) as listening:
+            listening.bind(str(path))
+        assert not path.exists()
+
+
+def test_longer_process_id_of_before_leaves_no_digits(path: Path) -> None:
+    lock = path.with_name("control.sock.lock")
+    lock.write_bytes(b"99999999999\n")
+    with SingleDaemon(path):
+        assert lock.read_text() == f"{os.getpid()}\n"
+    assert lock.read_bytes() == b""
+
+
+def test_lock_that_is_a_link_is_refused(path: Path) -> None:
+    path.with_name("control.sock.lock").symlink_to(path.parent / "victim")
+    with pytest.raises(BadInput, match="the daemon's lock cannot be made"):
+        SingleDaemon(path).__enter__()
+    assert not (path.parent / "victim").exists()
+
+
+def test_folder_that_cannot_be_made_is_the_users_to_mend(path: Path) -> None:
+    path.touch()
+    with pytest.raises(BadInput, match=r"control\.sock/x\.lock: the daemon's lock cannot be made"):
+        SingleDaemon(path / "x").__enter__()

@@ -1,0 +1,211 @@
+"""What is done to the service inside the booted system. Runs there as root; each step writes down what it saw.
+
+Nothing is judged here: the report goes to /results/report.json, and test_systemd.py asks it.
+"""
+
+# ruff: noqa: TID251 - real time passes in a real systemd
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+RESULTS = Path("/results")
+WAYFARER = "/opt/wayfarer/bin/wayfarer"
+RUN = f"{WAYFARER} run --sim --config /etc/wayfarer/rover.toml --logs /var/lib/wayfarer/field_logs"
+ROVER = "/opt/wayfarer/source/tests/system/rover.toml"
+WHEELS = Path("/var/lib/wayfarer/wheels.txt")  # what tests.system.wheels was told
+DROP_IN = Path("/etc/systemd/system/wayfarer.service.d/simulated.conf")
+SERVICE = "wayfarer.service"
+PROPERTIES = "ActiveState,SubState,StatusText,MainPID,NRestarts,Result"
+POLL_S = 0.02
+
+
+def run(*command: str) -> dict[str, Any]:
+    """Run a command; return its exit code and what it said."""
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return {"code": done.returncode, "out": done.stdout, "err": done.stderr}
+
+
+def shown() -> dict[str, str]:
+    """What systemd says of the service now."""
+    lines = run("systemctl", "show", "--property", PROPERTIES, SERVICE)["out"].splitlines()
+    return dict(line.split("=", 1) for line in lines)
+
+
+def mode() -> str | None:
+    """What the daemon says of itself: disarmed, arming, armed; None where it does not answer."""
+    answer = run(WAYFARER, "status", "--json")
+    return str(json.loads(answer["out"])["mode"]) if answer["code"] == 0 else None
+
+
+def wait_until(holds: Callable[[dict[str, str]], bool], limit_s: float) -> dict[str, str]:
+    """Poll until systemd's view of the service is as wanted; return it, together with how long that took."""
+    began_s = time.monotonic()
+    while not holds(state := shown()):
+        if time.monotonic() - began_s > limit_s:
+            raise TimeoutError(f"after {limit_s} s the service is {state}")
+        time.sleep(POLL_S)
+    return state | {"after_s": f"{time.monotonic() - began_s:.2f}"}
+
+
+def wait_for_mode(wanted: str, limit_s: float = 10.0) -> None:
+    """Poll until the daemon is in a mode."""
+    ends_s = time.monotonic() + limit_s
+    while (now := mode()) != wanted:
+        if time.monotonic() > ends_s:
+            raise TimeoutError(f"after {limit_s} s the daemon is {now}, not {wanted}")
+        time.sleep(POLL_S)
+
+
+def drive_simulated(more: str = "") -> None:
+    """Have the installed service drive a simulated rover; all else of the unit stays as installed."""
+    DROP_IN.parent.mkdir(exist_ok=True)
+    DROP_IN.write_text(f"[Service]\nExecStart=\nExecStart={RUN} {more}\n", encoding="utf-8")
+    subprocess.run(["systemctl", "daemon-reload"], check=True)
+
+
+def install() -> dict[str, Any]:
+    """Install twice: the second time must find everything in place."""
+    first = run(WAYFARER, "install-service", "--rover", ROVER)
+    return {
+        "first": first,
+        "second": run(WAYFARER, "install-service"),
+        "verify": run("systemd-analyze", "verify", f"/etc/systemd/system/{SERVICE}"),
+        "user": run("id", "wayfarer"),
+    }
+
+
+def security() -> dict[str, Any]:
+    """Ask systemd how exposed the service is."""
+    return run("systemd-analyze", "security", "--no-pager", SERVICE)
+
+
+def start() -> dict[str, Any]:
+    """Start, and watch it become active."""
+    drive_simulated()
+    subprocess.run(["systemctl", "start", "--no-block", SERVICE], check=True)
+    states: list[str] = []
+
+    def active(state: dict[str, str]) -> bool:
+        if state["ActiveState"] not in states:
+            states.append(state["ActiveState"])
+        return state["ActiveState"] in {"active", "failed"}
+
+    state = wait_until(active, 30)
+    return {"states": states, "state": state, "mode": mode()}
+
+
+def arm() -> dict[str, Any]:
+    """Arm by hand."""
+    answer = run(WAYFARER, "arm")
+    wait_for_mode("armed")
+    return {"answer": answer, "mode": mode()}
+
+
+def stops_sent() -> int:
+    """How often another process than the daemon has stopped the wheels so far."""
+    return WHEELS.read_text(encoding="utf-8").splitlines().count("stop") if WHEELS.exists() else 0
+
+
+def restart_after(harm: Callable[[int], object], limit_s: float) -> dict[str, Any]:
+    """Do something to the daemon's process; return what systemd made of it."""
+    before = shown()
+    pid = int(before["MainPID"])
+    sent = stops_sent()
+    began_s = time.monotonic()
+    harm(pid)
+    down = wait_until(lambda state: state["SubState"] == "auto-restart", limit_s)
+    sent = stops_sent() - sent
+    up = wait_until(lambda state: state["ActiveState"] == "active" and int(state["MainPID"]) != pid, limit_s)
+    took_s = time.monotonic() - began_s
+    return {"before": before, "down": down, "up": up, "took_s": took_s, "stops_sent": sent, "mode": mode()}
+
+
+def kill() -> dict[str, Any]:
+    """Kill the armed daemon."""
+    return restart_after(lambda pid: os.kill(pid, signal.SIGKILL), 15)
+
+
+def suspend() -> dict[str, Any]:
+    """Stop the armed daemon's process: only the watchdog can notice."""
+    arm()
+    return restart_after(lambda pid: os.kill(pid, signal.SIGSTOP), 30)
+
+
+def exception() -> dict[str, Any]:
+    """Arm an algorithm that raises at its first decision."""
+    drive_simulated("--algorithm tests.system.faulty:FAULTY")
+    subprocess.run(["systemctl", "reset-failed", SERVICE], check=False)
+    subprocess.run(["systemctl", "restart", SERVICE], check=True)
+    return restart_after(lambda pid: run(WAYFARER, "arm"), 15)
+
+
+def stop() -> dict[str, Any]:
+    """Stop the service while it drives."""
+    drive_simulated()
+    subprocess.run(["systemctl", "reset-failed", SERVICE], check=False)
+    subprocess.run(["systemctl", "restart", SERVICE], check=True)
+    arm()
+    time.sleep(1)  # let it drive
+    sent = stops_sent()
+    began_s = time.monotonic()
+    stopped = run("systemctl", "stop", SERVICE)
+    took_s = time.monotonic() - began_s
+    newest = max(Path("/var/lib/wayfarer/field_logs").rglob("run.jsonl"), key=lambda path: path.stat().st_mtime_ns)
+    records = [json.loads(line) for line in newest.read_text(encoding="utf-8").splitlines()]
+    return {
+        "stopped": stopped,
+        "state": shown(),
+        "took_s": took_s,
+        "stops_sent": stops_sent() - sent,
+        "last": records[-1],
+        "events": [record for record in records if record["record"] == "event"],
+        "moved": any(record.get("applied_left") for record in records),
+        "left_in_run": [str(path) for path in Path("/run").glob("wayfarer*")],
+    }
+
+
+def end() -> dict[str, Any]:
+    """Have the daemon end its run as it should."""
+    subprocess.run(["systemctl", "reset-failed", SERVICE], check=False)
+    subprocess.run(["systemctl", "start", SERVICE], check=True)
+    answer = run(WAYFARER, "stop")
+    wait_until(lambda state: state["ActiveState"] == "inactive", 10)
+    time.sleep(3)  # longer than RestartSec
+    return {"answer": answer, "state": shown()}
+
+
+def bad_rover_file() -> dict[str, Any]:
+    """Start with a rover file that cannot be used."""
+    Path("/etc/wayfarer/rover.toml").write_text("nonsense\n", encoding="utf-8")
+    subprocess.run(["systemctl", "reset-failed", SERVICE], check=False)
+    subprocess.run(["systemctl", "start", SERVICE], check=False, capture_output=True)
+    time.sleep(3)  # longer than RestartSec
+    return shown()
+
+
+STEPS = (install, security, start, arm, kill, suspend, exception, stop, end, bad_rover_file)
+
+
+def main() -> None:
+    """Do all steps in turn; one that goes wrong does not hide the others."""
+    report: dict[str, Any] = {}
+    for step in STEPS:
+        try:
+            report[step.__name__] = step()
+        except Exception:
+            report[step.__name__] = {"error": traceback.format_exc()}
+        (RESULTS / "report.json").write_text(json.dumps(report, indent=1), encoding="utf-8")
+    journal = run("journalctl", "--no-pager", "--output=short-monotonic", "--unit", SERVICE)
+    (RESULTS / "journal.txt").write_text(journal["out"] + journal["err"], encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

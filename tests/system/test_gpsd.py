@@ -1,0 +1,118 @@
+"""The real gpsd, fed by gpsfake: packages gpsd and gpsd-clients of Debian 12."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import signal
+import socket
+import subprocess
+from collections.abc import Iterator
+from functools import reduce
+from operator import xor
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from wayfarer.drivers.gpsd import Gpsd, GpsdSettings
+from wayfarer.errors import NotResponding
+from wayfarer.hal import PositionFix
+from wayfarer.simhal.fakebus import FakeBuses
+
+START_S = 20.0  # a busy machine takes seconds to start both
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not (shutil.which("gpsfake") and shutil.which("gpsd")),
+        reason="gpsfake and gpsd are not on PATH; apt-get install gpsd gpsd-clients",
+    ),
+]
+
+
+class Daemon(NamedTuple):
+    process: subprocess.Popen[bytes]
+    client: Gpsd
+
+    def kill(self) -> None:
+        os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+
+
+def sentence(body: str) -> str:
+    return f"${body}*{reduce(xor, body.encode()):02X}\r\n"
+
+
+def epoch(second: int) -> str:
+    """Return the two sentences of hardware.md 8.5, at a second after 12:00."""
+    time = f"12{second // 60:02d}{second % 60:02d}.00"
+    return sentence(f"GPRMC,{time},A,5130.1000,N,00007.5000,W,2.00,090.0,200725,,,A") + sentence(
+        f"GPGGA,{time},5130.1000,N,00007.5000,W,1,08,0.9,35.0,M,46.0,M,,"
+    )
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@pytest.fixture
+def daemon(tmp_path: Path) -> Iterator[Daemon]:
+    track = tmp_path / "track.nmea"
+    track.write_text("".join(map(epoch, range(600))), encoding="ascii")
+    port = free_port()
+    command = ["gpsfake", "-n", "-q", "-c", "0.05", "-P", str(port), str(track)]
+    with (tmp_path / "gpsfake.log").open("wb") as log:
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
+    daemon = Daemon(process, Gpsd(GpsdSettings(port=port), FakeBuses()))
+    yield daemon
+    if process.poll() is None:
+        daemon.kill()
+
+
+async def opened(daemon: Daemon) -> None:
+    """Open as soon as gpsd listens."""
+    async with asyncio.timeout(START_S):
+        while True:
+            try:
+                return await daemon.client.open()
+            except NotResponding:
+                await asyncio.sleep(0.05)
+
+
+async def next_fix(client: Gpsd, after_s: float) -> PositionFix:
+    for _ in range(round(START_S / 0.02)):
+        fix = await client.read()
+        if fix is not None and fix.t_s > after_s:
+            return fix
+        await asyncio.sleep(0.02)
+    raise AssertionError("no fix came")
+
+
+def test_sentences_are_those_of_the_vector() -> None:
+    assert epoch(0).splitlines() == [
+        "$GPRMC,120000.00,A,5130.1000,N,00007.5000,W,2.00,090.0,200725,,,A*72",
+        "$GPGGA,120000.00,5130.1000,N,00007.5000,W,1,08,0.9,35.0,M,46.0,M,,*4C",
+    ]
+
+
+async def test_fixes_come_while_gpsd_runs_and_its_death_is_noticed(daemon: Daemon) -> None:
+    await opened(daemon)
+    try:
+        first = await next_fix(daemon.client, 0.0)
+        second = await next_fix(daemon.client, first.t_s)
+        for fix in (first, second):
+            assert fix.latitude_deg == pytest.approx(51.5016667, abs=1e-6)
+            assert fix.longitude_deg == pytest.approx(-0.125, abs=1e-6)
+            assert fix.error_m is None or 0.0 < fix.error_m < 100.0
+        daemon.kill()
+        with pytest.raises(NotResponding, match="hung up"):
+            await next_fix(daemon.client, float("inf"))
+        with pytest.raises(NotResponding, match="sudo apt install gpsd"):
+            await daemon.client.open()
+    finally:
+        await daemon.client.close()

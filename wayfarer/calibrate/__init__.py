@@ -1,0 +1,72 @@
+"""Guided calibration, ``wayfarer calibrate``: the compass, the motion sensor, and what the motors do to the heading.
+
+What was found is kept in the calibration file (``wayfarer.calibration``) with its date and part; the compass keeps its
+own profile besides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+from wayfarer.calibrate.compass import calibrate_compass
+from wayfarer.calibrate.flow import calibrate_flow
+from wayfarer.calibrate.motors import calibrate_motors
+from wayfarer.calibrate.person import Person
+from wayfarer.calibration import Calibration, load, save
+from wayfarer.checks.api import Place
+from wayfarer.checks.standalone import Standalone
+from wayfarer.config import RoverConfig
+from wayfarer.hal import Rover
+
+__all__ = ["STEPS", "Person", "Step", "calibrate"]
+
+Step = Literal["compass", "flow", "motors"]
+STEPS: tuple[Step, ...] = ("compass", "flow", "motors")
+
+
+async def calibrate(
+    config: RoverConfig, rover: Rover, place: Place, person: Person, steps: Sequence[Step] = STEPS
+) -> Calibration:
+    """Guide a person through some steps, and return what is known afterwards; each step is saved when it is done.
+
+    Args:
+        config: the rover file.
+        rover: its parts, not open, without an earlier calibration applied; they are closed afterwards.
+        place: where the calibration file is, and the time.
+        person: who turns and pushes the rover; wheels turn only after a yes.
+        steps: in this order.
+
+    Raises:
+        BadInput: the calibration file is there and cannot be read, or an answer is of no use.
+        DriverError: a part does not open, or stopped answering.
+        WayfarerError: what was measured cannot be used, or the file cannot be written.
+    """
+    calibration = load(place.calibration_file)
+    async with Standalone(config, rover, place) as bench:
+        for step in steps:
+            before, calibration = calibration, await _take(step, calibration, bench, person)
+            if calibration is before:
+                await person.say(f"{step}: left as it was.")
+                continue
+            save(place.calibration_file, calibration)
+            await person.say(f"{step}: saved in {place.calibration_file}.")
+    return calibration
+
+
+async def _take(step: Step, known: Calibration, bench: Standalone, person: Person) -> Calibration:
+    """Return what is known after a step; the same where the person declined, or the rover has no such part."""
+    rover, t_wall = bench.rover, bench.place.t_wall
+    if step == "flow":
+        if rover.motion is None:
+            return known
+        await bench.open("motion")
+        flow = await calibrate_flow(rover.motion, person, bench.config.detector.quality_min, t_wall)
+        return replace(known, flow=flow)
+    await bench.open("compass")
+    if step == "compass":
+        return replace(known, compass=await calibrate_compass(rover.compass, person, t_wall))
+    await bench.open("motors")
+    shift = await calibrate_motors(rover.motors, rover.compass, person, t_wall)
+    return known if shift is None else replace(known, motors=shift)

@@ -1,0 +1,52 @@
+"""Calibrating the motion sensor: push the rover a known way, compare.
+
+Published scales of the PMW3901 differ by half (hardware.md 2.6), and the lens height on a rover is a guess; one push of
+two metres corrects both. Signs and axes are not corrected but refused, with the setting to change: a sensor that is
+mounted otherwise than the rover file says is wrong sideways as well.
+"""
+
+from __future__ import annotations
+
+from wayfarer.calibrate.person import Person
+from wayfarer.calibration import FlowEntry, stamp
+from wayfarer.checks.api import Verdict
+from wayfarer.checks.bench import measure_push
+from wayfarer.checks.motion import judge_push
+from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.hal import MotionSensor
+
+DISTANCE_M = 2.0
+DISTANCE_MIN_M, DISTANCE_MAX_M = 0.5, 50.0
+SCALE_MIN, SCALE_MAX = 0.1, 10.0  # as calibration.FlowEntry
+UNKNOWN_MAX = 0.05  # share of readings without quality: the way made during them is missing
+
+
+async def calibrate_flow(motion: MotionSensor, person: Person, quality_min: float, t_wall: float) -> FlowEntry:
+    """Guide a person through a push; the open sensor must be read as it is, without an earlier scale.
+
+    Raises:
+        BadInput: a distance that is none.
+        DriverError: the sensor stopped answering.
+        WayfarerError: what it saw cannot be used; the text says why and what to do.
+    """
+    distance_m = await person.number("How many metres are you going to push it, along a measured line?", DISTANCE_M)
+    if not DISTANCE_MIN_M <= distance_m <= DISTANCE_MAX_M:
+        raise BadInput(f"a push of {distance_m:g} m: {DISTANCE_MIN_M:g} to {DISTANCE_MAX_M:g} m are of use")
+    await person.wait("Set the rover at the line's start, wheels free, and step behind it.")
+    told = person.wait(f"Push it straight ahead by {distance_m:g} m, at a slow walk, and stop there.")
+    seen = await measure_push(motion.read, told, quality_min)
+    finding = judge_push(seen)
+    if finding.verdict is Verdict.FAIL:
+        raise WayfarerError(f"{motion.name}: {finding.found}; {finding.cause}: {finding.remedy}")
+    if seen.unknown > UNKNOWN_MAX:
+        raise WayfarerError(
+            f"{motion.name}: {seen.unknown:.0%} of the readings did not see the ground; push on grass in daylight"
+        )
+    scale = distance_m / seen.forward_m
+    if not SCALE_MIN <= scale <= SCALE_MAX:
+        raise WayfarerError(
+            f"{motion.name}: {distance_m:g} m were seen as {seen.forward_m:.2f} m; correct the lens height or the "
+            "scale under [parts.motion] and push again"
+        )
+    await person.say(f"{distance_m:g} m were seen as {seen.forward_m:.2f} m: scale {scale:.3f}.")
+    return FlowEntry(**stamp(motion.name, t_wall), scale=scale)

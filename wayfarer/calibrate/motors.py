@@ -1,0 +1,59 @@
+"""What the motors do to the heading: their current makes a field of its own, which no calibration can remove.
+
+The rover stands on blocks, so its true heading stays; what the compass says while the wheels turn is the motors' doing.
+More than 10 degrees are refused (field.md 2, item 19): the cure is a mast and twisted wires, not software.
+"""
+
+from __future__ import annotations
+
+from wayfarer.angles import circular_mean, wrap180
+from wayfarer.calibrate.person import Person
+from wayfarer.calibration import MotorsEntry, stamp
+from wayfarer.checks.bench import RATE_HZ, wheels_stopped_after
+from wayfarer.hal import Compass, DriveMotors, WheelCommand
+from wayfarer.pace import Pace
+
+SHIFT_MAX_DEG = 10.0
+TICKS = round(2.0 * RATE_HZ)  # of each duty; the heading is taken in the second half
+RAMP_TICKS = round(0.5 * RATE_HZ)  # a start at full duty may pull the computer's supply down
+ON_BLOCKS = (
+    "The wheels are going to turn, up to full speed, for five seconds. "
+    "Does the rover stand firmly on blocks, all wheels free, with nobody's hands near them?"
+)
+
+
+async def calibrate_motors(motors: DriveMotors, compass: Compass, person: Person, t_wall: float) -> MotorsEntry | None:
+    """Measure the shift of an open compass at half and full duty of open motors; None where the person declines.
+
+    Raises:
+        DriverError: one of them stopped answering; the wheels were stopped.
+    """
+    if not await person.ask(ON_BLOCKS):
+        return None
+    async with wheels_stopped_after(motors):
+        still_deg, half_deg, full_deg = [await _heading_at(duty, motors, compass) for duty in (0.0, 0.5, 1.0)]
+    shift_half_deg, shift_full_deg = abs(wrap180(half_deg - still_deg)), abs(wrap180(full_deg - still_deg))
+    passed = max(shift_half_deg, shift_full_deg) <= SHIFT_MAX_DEG
+    await person.say(
+        f"The motors turn the heading by {shift_half_deg:.1f}° at half, {shift_full_deg:.1f}° at full duty."
+    )
+    if not passed:
+        await person.say(
+            f"That is too much: {SHIFT_MAX_DEG:g}° are allowed. Raise the compass on a mast and twist the motor wires."
+        )
+    return MotorsEntry(
+        **stamp(motors.name, t_wall), shift_half_deg=shift_half_deg, shift_full_deg=shift_full_deg, passed=passed
+    )
+
+
+async def _heading_at(duty: float, motors: DriveMotors, compass: Compass) -> float:
+    """Return the mean heading while both sides turn ahead."""
+    pace, headings_deg = Pace(RATE_HZ), []
+    for tick in range(1, TICKS + 1):
+        ramped = duty * min(1.0, tick / RAMP_TICKS)
+        await motors.drive(WheelCommand(ramped, ramped))
+        await pace.wait()
+        if 2 * tick > TICKS:
+            headings_deg.append((await compass.read()).heading_deg)
+    mean_deg, _ = circular_mean(headings_deg)
+    return mean_deg

@@ -1,0 +1,21 @@
+"""The person beside the rover, as calibration and checks speak to one."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+
+class Person(Protocol):
+    """Reads, answers, and moves the rover about. While one is waited for, the event loop runs on."""
+
+    async def say(self, text: str) -> None:
+        """Show a line."""
+
+    async def ask(self, question: str) -> bool:
+        """Return the answer to a question of yes or no."""
+
+    async def number(self, question: str, default: float) -> float:
+        """Return the answer to a question for a number."""
+
+    async def wait(self, text: str) -> None:
+        """Show what is to be done, and return when the person says that it is."""

@@ -1,0 +1,60 @@
+"""Checks of the rover and of the computer it carries, before it drives: ``wayfarer check``, and before each arming.
+
+::
+
+    findings = await run_checks(inspection, ARMING)          # in the daemon: no motion, less than a second
+    findings = await check(config, rover, place, ask=None)   # the command: everything; motion only if a person agrees
+    may_arm = passed(findings)
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+from wayfarer.checks import board, calibrated, parts, system
+from wayfarer.checks.api import Check, Finding, Inspection, Place, Verdict, passed, run_checks
+from wayfarer.checks.motion import Ask, check_motion
+from wayfarer.checks.standalone import Standalone
+from wayfarer.config import RoverConfig
+from wayfarer.hal import Rover
+
+__all__ = ["ARMING", "Ask", "Check", "Finding", "Inspection", "Place", "Verdict", "check", "passed", "run_checks"]
+
+ARMING: tuple[Check, ...] = (
+    system.power,
+    system.disk,
+    system.clock,
+    board.motor_board,
+    board.battery,
+    board.motor_faults,
+    parts.compass,
+    calibrated.compass_level,
+    partial(calibrated.calibrated, "compass"),
+    partial(calibrated.calibrated, "motors"),
+    parts.motion,
+    partial(calibrated.calibrated, "flow"),
+    parts.contact,
+)
+"""What gates arming."""
+
+AT_REST: tuple[Check, ...] = (
+    calibrated.heading_at_rest,
+    partial(parts.helper, "light"),
+    partial(parts.helper, "position"),
+)
+"""What a person wants to know besides; arming itself waits for the heading to rest."""
+
+
+async def check(config: RoverConfig, rover: Rover, place: Place, ask: Ask | None) -> list[Finding]:
+    """Return everything that can be found out about a rover that nothing else uses, in the order of looking.
+
+    Args:
+        config: the rover file.
+        rover: its parts, not open; they are closed afterwards.
+        place: files, clock and device files (``system.device_files`` lists those of the parts' settings).
+        ask: asks a person, who must agree before a wheel turns; None where there is nobody.
+    """
+    devices = [partial(system.device, name) for name in place.devices]
+    async with Standalone(config, rover, place) as inspection:
+        findings = await run_checks(inspection, [*devices, *ARMING, *AT_REST])
+        return findings + await check_motion(inspection, ask)

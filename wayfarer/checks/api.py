@@ -1,0 +1,140 @@
+"""What a check is: it looks at one thing and gives one finding, with the likely cause and the exact remedy.
+
+The same checks run twice: for a person (``wayfarer check``), who may have wired the rover a minute ago, and before each
+arming, inside the daemon. They differ in how readings are come by, which is what ``Inspection`` hides: alone, parts are
+opened and read (``standalone.py``); in the daemon they are open already, and readings come from the sensor tasks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from wayfarer.config import RoverConfig
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
+
+
+class Verdict(StrEnum):
+    """How a check ended; only ``fail`` keeps a rover from being armed."""
+
+    OK = "ok"
+    WARN = "warn"
+    FAIL = "fail"
+    SKIPPED = "skipped"
+
+
+class Finding(NamedTuple):
+    """What a check found, one line each; ``cause`` and ``remedy`` are empty where nothing is wrong."""
+
+    name: str
+    verdict: Verdict
+    found: str
+    cause: str = ""
+    remedy: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the rover's software runs, and when.
+
+    Attributes:
+        log_folder: where runs are logged; it need not exist yet.
+        calibration_file: see ``wayfarer.calibration``.
+        devices: the device files that the rover's parts use, such as ``/dev/i2c-1``.
+        t_wall: the wall clock in seconds since 1970.
+        root: what all system files are looked up under.
+    """
+
+    log_folder: Path
+    calibration_file: Path
+    devices: tuple[str, ...]
+    t_wall: float
+    root: Path = Path("/")
+
+    def path(self, absolute: str) -> Path:
+        """Return a system file by its absolute path."""
+        return self.root / absolute.lstrip("/")
+
+
+class Inspection(Protocol):
+    """What checks may look at. They speak to parts through it only, and none of its methods turns a wheel."""
+
+    @property
+    def config(self) -> RoverConfig:
+        """The rover file."""
+
+    @property
+    def rover(self) -> Rover:
+        """The parts: for their names, and for the motors once a person has agreed to motion."""
+
+    @property
+    def place(self) -> Place:
+        """Files, clock and device files."""
+
+    async def open(self, name: str) -> None:
+        """Make sure that a part of the rover (a member of ``hal.Rover``) is open.
+
+        Raises:
+            DriverError: it does not open.
+        """
+
+    async def compass(self) -> CompassReading | None:
+        """Return a fresh reading, None where there is none.
+
+        Raises:
+            DriverError: the part does not give one.
+        """
+
+    async def motion(self) -> MotionReading | None:
+        """Return a fresh reading, as ``compass``; None as well on a rover without this sense."""
+
+    async def contact(self) -> ContactReading | None:
+        """Return a fresh reading, as ``compass``; None as well where the bumper is not in use."""
+
+    async def motor_health(self) -> MotorHealth | None:
+        """Return the state of the motor board, as ``compass``."""
+
+
+Check = Callable[[Inspection], Awaitable[Finding]]
+
+
+def ok(name: str, found: str) -> Finding:
+    """Return that all is well."""
+    return Finding(name, Verdict.OK, found)
+
+
+def skipped(name: str, why: str) -> Finding:
+    """Return that this could not be looked at, or need not be."""
+    return Finding(name, Verdict.SKIPPED, why)
+
+
+def warn(name: str, found: str, cause: str, remedy: str) -> Finding:
+    """Return something to be put right, which does not keep the rover from driving."""
+    return Finding(name, Verdict.WARN, found, cause, remedy)
+
+
+def fail(name: str, found: str, cause: str, remedy: str) -> Finding:
+    """Return something that must be put right before the rover may drive."""
+    return Finding(name, Verdict.FAIL, found, cause, remedy)
+
+
+def passed(findings: Iterable[Finding]) -> bool:
+    """Tell whether nothing failed: the rover may be armed."""
+    return all(finding.verdict is not Verdict.FAIL for finding in findings)
+
+
+async def run_checks(inspection: Inspection, checks: Iterable[Check]) -> list[Finding]:
+    """Return what each check found, in their order; one that breaks is itself a finding."""
+    return [await _run(check, inspection) for check in checks]
+
+
+async def _run(check: Check, inspection: Inspection) -> Finding:
+    try:
+        return await check(inspection)
+    except Exception as error:  # a third party's driver; arming must be refused, not the daemon ended
+        name = getattr(check, "__name__", "check").replace("_", " ")
+        found = " ".join(f"{type(error).__name__}: {error}".split())
+        return fail(name, found, "an error in a driver or in wayfarer itself", "report it with this text")

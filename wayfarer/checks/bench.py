@@ -1,0 +1,83 @@
+"""A rover on the bench or in a person's hands: turning its wheels for a moment, adding up a push, taking a heading."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncGenerator, Awaitable, Callable, Coroutine
+from contextlib import asynccontextmanager
+from typing import Any, NamedTuple
+
+from wayfarer.hal import CompassReading, DriveMotors, MotionReading, WheelCommand
+from wayfarer.pace import Pace
+
+RATE_HZ = 20.0  # of commands: a ThunderBorg stops after 0.25 s without one; and of readings
+
+
+@asynccontextmanager
+async def wheels_stopped_after(motors: DriveMotors) -> AsyncGenerator[None]:
+    """Stop the wheels on the way out, whatever happened; ``halt`` first, for no cancellation can cut it short."""
+    try:
+        yield
+    finally:
+        motors.halt()
+        await motors.stop()
+
+
+async def keep_driving(motors: DriveMotors, command: WheelCommand, for_s: float) -> None:
+    """Give a command again and again for a time; what then stops the wheels is the caller's business.
+
+    Raises:
+        NotResponding: the board did not acknowledge.
+    """
+    pace = Pace(RATE_HZ)
+    for _ in range(round(for_s * RATE_HZ)):
+        await motors.drive(command)
+        await pace.wait()
+
+
+async def sample_headings(read: Callable[[], Awaitable[CompassReading]], for_s: float) -> list[float]:
+    """Return the headings of a time, in degrees.
+
+    Raises:
+        DriverError: the compass did not answer.
+    """
+    pace, headings_deg = Pace(RATE_HZ), [(await read()).heading_deg]
+    for _ in range(round(for_s * RATE_HZ)):
+        await pace.wait()
+        headings_deg.append((await read()).heading_deg)
+    return headings_deg
+
+
+class Push(NamedTuple):
+    """What a motion sensor saw while the rover was pushed; ``unknown`` is the share of readings that said nothing."""
+
+    forward_m: float
+    right_m: float
+    unknown: float
+    signed: bool
+
+
+async def measure_push(
+    read: Callable[[], Awaitable[MotionReading]], pushing: Coroutine[Any, Any, object], quality_min: float
+) -> Push:
+    """Add up what the motion sensor sees until ``pushing`` (a person's answer) is there.
+
+    Raises:
+        DriverError: the sensor did not answer.
+    """
+    await read()  # what came before is not ours
+    pushed = asyncio.ensure_future(pushing)
+    readings: list[MotionReading] = []
+    try:
+        while not pushed.done():
+            await asyncio.wait({pushed}, timeout=1.0 / RATE_HZ)
+            readings.append(await read())
+    finally:
+        pushed.cancel()  # a sensor failed; nobody waits for the answer any more
+    await pushed
+    return Push(
+        sum(reading.forward_m for reading in readings),
+        sum(reading.right_m for reading in readings),
+        sum(reading.quality < quality_min for reading in readings) / len(readings),
+        all(reading.signed for reading in readings),
+    )

@@ -1,0 +1,53 @@
+"""The motor board: it answers, its deadman is armed, its battery and its outputs are well. No wheel turns."""
+
+from __future__ import annotations
+
+from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped, warn
+from wayfarer.checks.parts import heard, silent
+from wayfarer.errors import DriverError
+
+
+async def motor_board(inspection: Inspection) -> Finding:
+    """Check that the motor board answers, and that opening it armed a deadman that stops the wheels by itself."""
+    name = "motor board"
+    try:
+        await inspection.open("motors")
+    except DriverError as error:
+        return silent(inspection, name, "motors", error)
+    deadman_s = inspection.rover.motors.deadman_s
+    if deadman_s is not None:
+        return ok(name, f"answers; its deadman stops the wheels {deadman_s:g} s after the last command")
+    found, cause = "it cannot stop the wheels by itself", "plain H-bridges have no deadman"
+    if inspection.config.safety.allow_no_deadman:
+        return warn(name, f"{found}; the rover file allows it", cause, "stay within reach of its power switch")
+    return fail(name, found, cause, "use a board that has one, or set [safety] allow_no_deadman = true")
+
+
+async def battery(inspection: Inspection) -> Finding:
+    """Check the battery against the rover's own limit."""
+    try:
+        volts, _ = await heard(inspection.motor_health())
+    except DriverError:
+        return skipped("battery", "the motor board does not answer")
+    if volts is None:
+        return skipped("battery", "the motor board does not measure it")
+    low_v = inspection.config.board.battery_low_v
+    if low_v is None:
+        return ok("battery", f"{volts:.1f} V; not judged, the rover file gives no [board] battery_low_v")
+    found = f"{volts:.1f} V, the limit is {low_v:g} V"
+    if volts < low_v:
+        return fail("battery", found, "it is empty, cold or old", "charge it, warm it or change it")
+    return ok("battery", found)
+
+
+async def motor_faults(inspection: Inspection) -> Finding:
+    """Check that the motor board reports no fault."""
+    try:
+        _, faults = await heard(inspection.motor_health())
+    except DriverError:
+        return skipped("motor faults", "the motor board does not answer")
+    if faults:
+        cause = "a low battery, a short circuit, a blocked wheel or a hot board"
+        remedy = "look for bare wires and blocked wheels, let the board cool, switch it off and on"
+        return fail("motor faults", "; ".join(faults), cause, remedy)
+    return ok("motor faults", "none")

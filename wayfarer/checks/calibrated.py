@@ -1,0 +1,84 @@
+"""Calibration: what the compass says of itself, whether its heading rests, and what the calibration file holds."""
+
+from __future__ import annotations
+
+from wayfarer.angles import circular_mean, wrap180
+from wayfarer.calibration import CompassEntry, Entry, MotorsEntry, load
+from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped, warn
+from wayfarer.checks.bench import sample_headings
+from wayfarer.checks.parts import heard
+from wayfarer.errors import BadInput, DriverError
+
+# Half a year: field, screws and cables of a rover change within a season.
+STALE_S = 180 * 86_400.0
+# A rotation-vector chip is typically right within 5 degrees (hardware.md 1.5); twice that is a bad calibration.
+RESIDUAL_MAX_DEG = 10.0
+AWAY = "keep keys and phones 0.15 m, computers 0.5 m, wire fences 2 m and cars 5 m away"  # field.md 6, item 2
+# What each entry of the file was made with.
+PARTS = {"compass": "compass", "flow": "motion", "motors": "motors"}
+
+
+async def compass_level(inspection: Inspection) -> Finding:
+    """Check how well the compass says that it is calibrated now."""
+    name, least = "compass calibration", inspection.config.safety.calibration_min
+    try:
+        level = (await heard(inspection.compass())).calibration
+    except DriverError:
+        return skipped(name, "the compass does not answer")
+    if level is None:
+        return skipped(name, "the compass does not tell")
+    if level < least:
+        cause = "its profile is not stored, or there is iron or current near it"
+        return fail(name, f"level {level} of 3, at least {least} is needed", cause, f"{AWAY}; wayfarer calibrate")
+    return ok(name, f"level {level} of 3")
+
+
+async def heading_at_rest(inspection: Inspection) -> Finding:
+    """Check that the heading of the standing rover stays where it is."""
+    name, settings = "heading at rest", inspection.config.safety
+    try:
+        headings_deg = await sample_headings(lambda: heard(inspection.compass()), settings.settle_s)
+    except DriverError:
+        return skipped(name, "the compass does not answer")
+    mean_deg, _ = circular_mean(headings_deg)
+    spread_deg = max(abs(wrap180(heading_deg - mean_deg)) for heading_deg in headings_deg)
+    found = f"{spread_deg:.1f}° off its mean in {settings.settle_s:g} s, {settings.settle_spread_deg:g}° are allowed"
+    if spread_deg > settings.settle_spread_deg:
+        cause = "the rover is being moved, or there is iron or current near its compass"
+        return fail(name, found, cause, f"let it stand; {AWAY}")
+    return ok(name, found)
+
+
+async def calibrated(kind: str, inspection: Inspection) -> Finding:
+    """Check an entry of the calibration file (``compass``, ``flow``, ``motors``), and that it is of this very part."""
+    name, path, part_name = f"calibrated {kind}", inspection.place.calibration_file, PARTS[kind]
+    part = inspection.rover.parts.get(part_name)
+    if part is None:
+        return skipped(name, f"this rover has no {part_name} sensor")
+    try:
+        entry: Entry | None = getattr(load(path), kind)
+    except BadInput as error:
+        return fail(name, str(error), "it was edited, or the card is failing", f"rm '{path}'; wayfarer calibrate")
+    if entry is None:
+        return warn(name, f"not in {path}", "it was never calibrated, or by another user", "wayfarer calibrate")
+    try:
+        await inspection.open(part_name)  # some parts know their full name only then
+    except DriverError:
+        return skipped(name, f"the {part_name} part does not answer")
+    if entry.part != part.name:
+        found = f"made with {entry.part}, but this is {part.name}"
+        return fail(name, found, "the part was changed, or the file is another rover's", "wayfarer calibrate")
+    return _judge(name, entry, inspection.place.t_wall)
+
+
+def _judge(name: str, entry: Entry, t_wall: float) -> Finding:
+    if isinstance(entry, MotorsEntry) and not entry.passed:
+        found = f"the motors turn the heading by {max(entry.shift_half_deg, entry.shift_full_deg):.0f}°"
+        remedy = "raise the compass on a mast, twist the motor wires; wayfarer calibrate"
+        return fail(name, found, "the field of their current reaches the compass", remedy)
+    if isinstance(entry, CompassEntry) and entry.residual_deg > RESIDUAL_MAX_DEG:
+        found = f"quarter turns were wrong by {entry.residual_deg:.0f}° on {entry.date}"
+        return warn(name, found, "there was iron near it, or there is iron on the rover", f"{AWAY}; wayfarer calibrate")
+    if t_wall - entry.t_wall > STALE_S:
+        return warn(name, f"on {entry.date}, more than half a year ago", "rovers change", "wayfarer calibrate")
+    return ok(name, f"on {entry.date}")

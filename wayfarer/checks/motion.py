@@ -1,0 +1,238 @@
+"""Checks with motion: the deadman trips, each side turns the right way, the rover notices that it is stuck or pushed.
+
+Nothing here turns a wheel before a person has agreed that the rover stands on blocks; without a person to ask all of it
+is skipped. Each drive is a second long or less, and the wheels are stopped after it whatever happens, before anybody is
+asked what was seen.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from functools import partial
+
+from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped
+from wayfarer.checks.bench import RATE_HZ, Push, keep_driving, measure_push, wheels_stopped_after
+from wayfarer.checks.parts import heard, silent
+from wayfarer.detector import Stall
+from wayfarer.errors import DriverError
+from wayfarer.hal import STOP, DriveMotors, WheelCommand
+from wayfarer.pace import Pace
+
+Ask = Callable[[str], Awaitable[bool]]
+"""Asks a person a question of yes or no."""
+
+ON_BLOCKS = (
+    "The wheels are going to turn, slowly, for a few seconds. "
+    "Does the rover stand on blocks, all wheels free, with nobody's hands near them?"
+)
+COUNT = "This board cannot be asked: please count the seconds that the wheels turn now. Ready?"
+PUSH = "Set the rover on the ground and push it half a metre straight ahead by hand; then answer. Is it done?"
+
+DUTY = 0.25  # enough to turn free wheels, too little to jump off the blocks
+DEADMAN_DUTY = 0.2
+DRIVE_S = 0.5
+DEADMAN_MARGIN_S = 0.15  # how late a deadman may be
+WATCH_S = 2.5  # how much longer wheels turn if the deadman does not trip: enough for an eye to tell
+STALL_DUTY = 0.5
+STALL_S = 1.0
+PUSHED_MIN_M = (
+    0.15  # of the half metre asked for: scales are wrong by up to a half before calibration (hardware.md 2.6)
+)
+UNKNOWN_MAX = 0.5  # share of readings without quality beyond which nothing was seen
+
+NO_DEADMAN = (
+    "the board was not told, or its command timeout does not work",
+    "switch the board off and on and check again; do not let it drive before this is right",
+)
+
+
+async def check_motion(inspection: Inspection, ask: Ask | None) -> list[Finding]:
+    """Return what each check with motion found; ``ask`` None: there is nobody to agree."""
+    if ask is None:
+        return [skipped(name, "nobody to ask; run it at a terminal") for name in (*WHEEL_CHECKS, "push")]
+    return [*await _on_blocks(ask, inspection), await push(ask, inspection)]
+
+
+async def _on_blocks(ask: Ask, inspection: Inspection) -> list[Finding]:
+    """Return what the checks that turn the wheels found; once a part is gone, no wheel turns again."""
+    why, findings = await _why_not(ask, inspection), []
+    for name, wheel_check in WHEEL_CHECKS.items():
+        if why:
+            findings.append(skipped(name, why))
+            continue
+        try:
+            findings.append(await wheel_check(ask, inspection))
+        except DriverError as error:
+            findings.append(silent(inspection, name, "motors", error))
+            why = f"'{name}' broke off"
+    return findings
+
+
+async def _why_not(ask: Ask, inspection: Inspection) -> str:
+    """Return why the wheels may not turn, nothing where they may."""
+    try:
+        await inspection.open("motors")
+    except DriverError:
+        return "the motor board does not answer"
+    return "" if await ask(ON_BLOCKS) else "it needs the rover on blocks"
+
+
+async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
+    """Drive, fall silent, and see whether the board stops the wheels by itself.
+
+    A board that can be asked is asked. Otherwise a person counts: wheels that turn for longer than the deadman allows
+    were stopped by us.
+
+    Raises:
+        DriverError: the board did not answer.
+    """
+    name, motors = "deadman trips", inspection.rover.motors
+    if motors.deadman_s is None:
+        return skipped(name, "this board has none")
+    if await motors.read_back() is None:
+        return await _deadman_seen(name, ask, motors, motors.deadman_s)
+    silence_s = motors.deadman_s + DEADMAN_MARGIN_S
+    before, after = await _fall_silent(motors, silence_s)
+    if before == STOP:
+        return fail(name, "the wheels did not start", "no motor power", "check battery, fuse and motor switch")
+    if after != STOP:
+        return fail(name, f"the wheels still turned after {silence_s:g} s of silence", *NO_DEADMAN)
+    return ok(name, f"the wheels stopped within {silence_s:g} s of silence")
+
+
+async def _deadman_seen(name: str, ask: Ask, motors: DriveMotors, deadman_s: float) -> Finding:
+    if not await ask(COUNT):
+        return skipped(name, "nobody watched")
+    silence_s = deadman_s + DEADMAN_MARGIN_S + WATCH_S
+    await _fall_silent(motors, silence_s)
+    if not await ask(f"Did they turn for about {DRIVE_S + deadman_s:.1f} s, and not for {DRIVE_S + silence_s:.1f} s?"):
+        return fail(name, "the wheels did not stop by themselves", *NO_DEADMAN)
+    return ok(name, "the wheels were seen to stop by themselves")
+
+
+async def _fall_silent(motors: DriveMotors, for_s: float) -> tuple[WheelCommand | None, WheelCommand | None]:
+    """Return what the board applied before and after a silence."""
+    async with wheels_stopped_after(motors):
+        await keep_driving(motors, WheelCommand(DEADMAN_DUTY, DEADMAN_DUTY), DRIVE_S)
+        before = await motors.read_back()
+        await asyncio.sleep(for_s)
+        return before, await motors.read_back()
+
+
+async def side(which: str, ask: Ask, inspection: Inspection) -> Finding:
+    """Turn one side ahead and back, and ask what was seen; a wrong answer gives the setting to change.
+
+    Raises:
+        DriverError: the board did not answer.
+    """
+    name, other = f"{which} wheels", "right" if which == "left" else "left"
+    await _turn(inspection.rover.motors, which, DUTY)
+    if not await ask(f"Did the {which} wheels turn, only they, and ahead (their tops moved forward)?"):
+        return await _name_the_mistake(name, which, other, ask)
+    await _turn(inspection.rover.motors, which, -DUTY)
+    if not await ask(f"Did the {which} wheels turn again, only they, and back?"):
+        cause = "half of the board's output, or of its wiring, is dead"
+        return fail(
+            name, "turn ahead, but not back", cause, f"swap the plugs of the {which} and {other} motors to tell"
+        )
+    return ok(name, "turn ahead and back")
+
+
+async def _turn(motors: DriveMotors, which: str, duty: float) -> None:
+    command = WheelCommand(duty, 0.0) if which == "left" else WheelCommand(0.0, duty)
+    async with wheels_stopped_after(motors):
+        await keep_driving(motors, command, DRIVE_S)
+
+
+async def _name_the_mistake(name: str, which: str, other: str, ask: Ask) -> Finding:
+    if await ask(f"Did the {which} wheels turn, but back?"):
+        remedy = f"change reverse_{which} under [parts.motors]: true if it is false or not there, else false"
+        return fail(name, "turn back instead of ahead", "the motor is wired the other way round", remedy)
+    if await ask(f"Did the {other} wheels turn instead?"):
+        remedy = "change left under [parts.motors] to the board's other channel (A or B, 1 or 2), or swap the pins"
+        return fail(name, f"the {other} wheels turned instead", "left and right are swapped", remedy)
+    cause = "no motor power, a loose motor wire, or a blocked gear"
+    return fail(name, "did not turn as told", cause, "check battery, fuse, motor switch and the motor's two wires")
+
+
+async def notices_being_stuck(_ask: Ask, inspection: Inspection) -> Finding:
+    """Turn the wheels of the lifted rover and see whether the detector's own rule calls it immobilised.
+
+    Raises:
+        DriverError: the board or the motion sensor did not answer.
+    """
+    name, config = "notices being stuck", inspection.config
+    if inspection.rover.motion is None:
+        return skipped(name, "this rover has no motion sensor")
+    await inspection.open("motion")
+    found, unknown = await _watch_stall(inspection)
+    if unknown > UNKNOWN_MAX:
+        return skipped(name, "the motion sensor saw nothing: too dark, or the lens too far from the ground")
+    if not found:
+        cause = "a wheel moved in the sensor's view, or [detector] immobilised_* fit no drive at "
+        cause += f"{STALL_DUTY * config.vehicle.max_speed_m_s:g} m/s"
+        return fail(name, "the wheels turned, and the rover believed that it moved", cause, "clear its view; try again")
+    return ok(name, "wheels that turn on blocks are noticed")
+
+
+async def _watch_stall(inspection: Inspection) -> tuple[bool, float]:
+    """Return whether a stall was found, and the share of readings that said nothing."""
+    config, motors = inspection.config, inspection.rover.motors
+    stall, unknown, found = Stall(config.detector), 0, False
+    commanded_m = STALL_DUTY * config.vehicle.max_speed_m_s / RATE_HZ
+    ticks, pace = round(STALL_S * RATE_HZ), Pace(RATE_HZ)
+    async with wheels_stopped_after(motors):
+        await heard(inspection.motion())  # what came before is not ours
+        for _ in range(ticks):
+            await motors.drive(WheelCommand(STALL_DUTY, STALL_DUTY))
+            await pace.wait()
+            reading = await heard(inspection.motion())
+            unknown += reading.quality < config.detector.quality_min
+            stall.add(1.0 / RATE_HZ, commanded_m, reading.forward_m)
+            found = found or stall.found
+    return found, unknown / ticks
+
+
+WHEEL_CHECKS: dict[str, Callable[[Ask, Inspection], Awaitable[Finding]]] = {
+    "deadman trips": deadman_trips,
+    "left wheels": partial(side, "left"),
+    "right wheels": partial(side, "right"),
+    "notices being stuck": notices_being_stuck,
+}
+
+
+async def push(ask: Ask, inspection: Inspection) -> Finding:
+    """Let a person push the rover ahead, and see whether the motion sensor says so; no wheel is driven."""
+    if inspection.rover.motion is None:
+        return skipped("push", "this rover has no motion sensor")
+    done = False
+
+    async def pushed() -> None:
+        nonlocal done
+        done = await ask(PUSH)
+
+    try:
+        await inspection.open("motion")
+        seen = await measure_push(lambda: heard(inspection.motion()), pushed(), inspection.config.detector.quality_min)
+    except DriverError as error:
+        return silent(inspection, "push", "motion", error)
+    return judge_push(seen) if done else skipped("push", "it was not pushed")
+
+
+def judge_push(seen: Push) -> Finding:
+    """Return what a push ahead says of the sensor's mounting; a wrong one gives the setting to change."""
+    found = f"{seen.forward_m:+.2f} m ahead, {seen.right_m:+.2f} m to the right"
+    if seen.unknown > UNKNOWN_MAX:
+        cause = "too dark, too plain a ground, or a leaf on the lens"
+        return fail("push", "the motion sensor saw nothing", cause, "clean the lens; push on grass in daylight")
+    if max(abs(seen.forward_m), abs(seen.right_m)) < PUSHED_MIN_M:
+        remedy = "push it half a metre; if you did, correct the lens height or the scale under [parts.motion]"
+        return fail("push", found, "it was hardly pushed, or the sensor's scale is wrong", remedy)
+    if abs(seen.right_m) >= abs(seen.forward_m):
+        remedy = "change forward and right under [parts.motion]: give each the other's axis"
+        return fail("push", found, "the sensor is mounted a quarter turn round", remedy)
+    if seen.forward_m < 0.0:
+        remedy = "change the sign of forward under [parts.motion], and of right if it is mounted half a turn round"
+        return fail("push", found, "the sensor is mounted the other way round", remedy)
+    return ok("push", found)

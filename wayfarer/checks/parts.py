@@ -1,0 +1,131 @@
+"""The parts: each opens, answers, and says what can be true. No wheel turns.
+
+A part that does not answer is one failure, not five: what else would be asked of it is skipped.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Awaitable
+from typing import NamedTuple, TypeVar
+
+from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped, warn
+from wayfarer.checks.system import diagnose
+from wayfarer.errors import BadReading, DriverError, NotResponding, WrongPart
+
+# A rover that is set down for a start stands about level; beyond this the compass is mounted otherwise than believed.
+LEVEL_DEG = 20.0
+
+R = TypeVar("R")
+
+
+class Advice(NamedTuple):
+    """Why a part may be silent, and what to do."""
+
+    cause: str
+    remedy: str
+
+
+async def heard(reading: Awaitable[R | None]) -> R:
+    """Return a reading.
+
+    Raises:
+        DriverError: there is none.
+    """
+    if (there := await reading) is None:
+        raise NotResponding("there is no reading yet")
+    return there
+
+
+def silent(inspection: Inspection, name: str, part: str, error: DriverError) -> Finding:
+    """Return that a part failed: if its device file is the reason, that; else what the kind of error tells."""
+    where = inspection.rover.parts[part].name
+    devices = (device for device in inspection.place.devices if device in where)
+    trouble = next((trouble for device in devices if (trouble := diagnose(inspection.place, device))), None)
+    if trouble:
+        return fail(name, str(error), trouble.cause, trouble.remedy)
+    return fail(name, str(error), *_advice(where, part, error))
+
+
+def _advice(where: str, part: str, error: DriverError) -> Advice:
+    if isinstance(error, WrongPart):
+        return Advice(
+            "another part is at this address, or the wires are swapped", f"correct [parts.{part}] in the rover file"
+        )
+    if isinstance(error, BadReading):
+        return Advice("long or loose wires corrupt what it says", "shorten and fasten its wires; use 100 kHz or less")
+    return _wiring(where)
+
+
+def _wiring(where: str) -> Advice:
+    """Return the advice for a silent part by where its name says that it is connected."""
+    if bus := re.search(r"/dev/i2c-(\d+)", where):
+        remedy = f"check its four wires and its power switch; `i2cdetect -y {bus[1]}` must show its address"
+        return Advice("no power, a loose wire, or another address", remedy)
+    if "/dev/spidev" in where:
+        remedy = "check its wires; try the other one of /dev/spidev0.0 and /dev/spidev0.1 in the rover file"
+        return Advice("no power, a loose wire, or the other chip select", remedy)
+    return Advice("no power, or a loose wire", "check its plug and its power, and its section of the rover file")
+
+
+async def compass(inspection: Inspection) -> Finding:
+    """Check that the compass answers, with a tilt that a rover on its wheels can have."""
+    try:
+        await inspection.open("compass")
+        reading = await heard(inspection.compass())
+    except DriverError as error:
+        return silent(inspection, "compass", "compass", error)
+    found = f"heading {reading.heading_deg:.0f}°, pitch {reading.pitch_deg:.0f}°, roll {reading.roll_deg:.0f}°"
+    if max(abs(reading.pitch_deg), abs(reading.roll_deg)) > LEVEL_DEG:
+        cause = "the rover does not stand level, or its compass is not mounted as the rover file says"
+        return warn("compass", found, cause, "stand it on level ground; if it does, correct [parts.compass]")
+    return ok("compass", found)
+
+
+async def motion(inspection: Inspection) -> Finding:
+    """Check that the motion sensor answers and sees the ground."""
+    if inspection.rover.motion is None:
+        return skipped("motion", "this rover has no motion sensor")
+    try:
+        await inspection.open("motion")
+        quality = (await heard(inspection.motion())).quality
+    except DriverError as error:
+        return silent(inspection, "motion", "motion", error)
+    found, least = f"quality {quality:.2f} of 1", inspection.config.detector.quality_min
+    if quality < least:
+        cause = "too dark, too plain a ground, a leaf on the lens, or the lens too near the ground"
+        return warn(
+            "motion", f"{found}, at least {least:g} is needed", cause, "clean the lens; try on grass in daylight"
+        )
+    return ok("motion", found)
+
+
+async def contact(inspection: Inspection) -> Finding:
+    """Check that the bumper answers and that nothing presses on it."""
+    if inspection.rover.contact is None:
+        return skipped("contact", "this rover has no bumper")
+    try:
+        await inspection.open("contact")
+        reading = await inspection.contact()
+    except DriverError as error:
+        return silent(inspection, "contact", "contact", error)
+    if reading is None:
+        return skipped("contact", "this run does not use the bumper")
+    if reading.sides:
+        found = f"pressed at {', '.join(side.value for side in reading.sides)}"
+        cause = "something leans on it, a switch sticks, or its pull-up is set the wrong way"
+        return warn("contact", found, cause, "free it; if nothing touches it, correct [parts.contact]")
+    return ok("contact", "answers, and nothing is pressed")
+
+
+async def helper(name: str, inspection: Inspection) -> Finding:
+    """Check that a part that a rover can drive without (light, position) opens."""
+    part = inspection.rover.parts.get(name)
+    if part is None:
+        return skipped(name, f"this rover has no {name} part")
+    try:
+        await inspection.open(name)
+    except DriverError as error:
+        failed = silent(inspection, name, name, error)
+        return warn(name, failed.found, failed.cause, failed.remedy)
+    return ok(name, f"{part.name} answers")

@@ -1,0 +1,72 @@
+"""Inspecting a rover that nothing else uses: parts are opened when they are asked for, and read directly."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Self
+
+from wayfarer.checks.api import Place
+from wayfarer.config import RoverConfig
+from wayfarer.errors import DriverError
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
+
+
+class Standalone:
+    """An ``Inspection`` of its own; leaving its context stops the wheels and closes every part.
+
+    A part that failed to open is not tried again: the same failure is raised to whoever asks next.
+    """
+
+    def __init__(self, config: RoverConfig, rover: Rover, place: Place) -> None:
+        self.config = config
+        self.rover = rover
+        self.place = place
+        self._tried: dict[str, DriverError | None] = {}
+
+    async def __aenter__(self) -> Self:
+        """Open nothing yet."""
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Stop the wheels, if the motors were opened, and close what was."""
+        if "motors" in self._tried:
+            await self.rover.motors.stop()
+        for name in self._tried:
+            await self.rover.parts[name].close()
+
+    async def open(self, name: str) -> None:
+        """Open a part, once."""
+        if name not in self._tried:
+            self._tried[name] = None
+            try:
+                await self.rover.parts[name].open()
+            except DriverError as error:
+                self._tried[name] = error
+        if (failed := self._tried[name]) is not None:
+            raise failed
+
+    async def compass(self) -> CompassReading:
+        """Read the compass."""
+        await self.open("compass")
+        return await self.rover.compass.read()
+
+    async def motion(self) -> MotionReading | None:
+        """Read the motion sensor."""
+        if self.rover.motion is None:
+            return None
+        await self.open("motion")
+        return await self.rover.motion.read()
+
+    async def contact(self) -> ContactReading | None:
+        """Read the bumper."""
+        if self.rover.contact is None:
+            return None
+        await self.open("contact")
+        return await self.rover.contact.read()
+
+    async def motor_health(self) -> MotorHealth:
+        """Ask the motor board."""
+        await self.open("motors")
+        return await self.rover.motors.health()

@@ -1,0 +1,153 @@
+"""The computer: device files and who may use them, power, disk and clock."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable
+from dataclasses import fields, is_dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from wayfarer.checks.api import Finding, Inspection, Place, fail, ok, skipped, warn
+
+# At 22 MB an hour of field log (field.md 4) this is two hours and a bit: a mission's limit is one.
+DISK_FREE_MIN_BYTES = 50_000_000
+# A clock that was never set stands at 1970, or at the day its system image was made.
+YEAR_MIN = 2024
+# The firmware's power and heat flags, in hexadecimal: bits 0-3 now, 16-19 since boot (field.md 4).
+THROTTLED = "/sys/devices/platform/soc/soc:firmware/get_throttled"
+UNDER_VOLTAGE_NOW, SLOWED_NOW, UNDER_VOLTAGE_SINCE_BOOT = 0x1, 0xE, 0x10000
+
+
+class Trouble(NamedTuple):
+    """What is wrong with a device file, why, and what to do."""
+
+    found: str
+    cause: str
+    remedy: str
+
+
+class DeviceKind(NamedTuple):
+    """Device files of one kind: their names, the group that may use them, how they come to be there."""
+
+    prefixes: tuple[str, ...]
+    group: str
+    absent: str
+    enable: str
+
+
+# Groups: udev rules of Raspberry Pi OS (hardware.md 7). raspi-config takes 0 for yes.
+DEVICE_KINDS = (
+    DeviceKind(("/dev/i2c-",), "i2c", "the I2C bus is not enabled", "sudo raspi-config nonint do_i2c 0 && sudo reboot"),
+    DeviceKind(
+        ("/dev/spidev",), "spi", "the SPI bus is not enabled", "sudo raspi-config nonint do_spi 0 && sudo reboot"
+    ),
+    DeviceKind(
+        ("/dev/serial/", "/dev/ttyUSB", "/dev/ttyACM"),
+        "dialout",
+        "the USB serial adapter is not plugged in, or has another name",
+        "plug it in; its name is what `ls /dev/serial/by-id` shows",
+    ),
+    DeviceKind(
+        ("/dev/serial", "/dev/ttyAMA", "/dev/ttyS"),
+        "dialout",
+        "the serial port is not enabled",
+        "sudo raspi-config nonint do_serial_hw 0 && sudo raspi-config nonint do_serial_cons 1 && sudo reboot",
+    ),
+    DeviceKind(("/dev/gpiochip",), "gpio", "this computer has no such GPIO", "correct the rover file: `ls /dev/gpio*`"),
+    DeviceKind(
+        ("/dev/video",), "video", "the camera is not connected", "check its ribbon; rpicam-hello --list-cameras"
+    ),
+)
+OTHER_DEVICE = DeviceKind(("",), "root", "no such device", "correct its name in the rover file")
+
+
+def device_files(settings: Iterable[object]) -> tuple[str, ...]:
+    """Return the device files that parts' settings (dataclasses) name, each once, in their order."""
+    values = [
+        getattr(each, field.name)
+        for each in settings
+        if is_dataclass(each) and not isinstance(each, type)
+        for field in fields(each)
+    ]
+    return tuple(dict.fromkeys(value for value in values if isinstance(value, str) and value.startswith("/dev/")))
+
+
+def diagnose(place: Place, device: str) -> Trouble | None:
+    """Return why a device file cannot be used, None where it can."""
+    kind = next((kind for kind in DEVICE_KINDS if device.startswith(kind.prefixes)), OTHER_DEVICE)
+    path = place.path(device)
+    if not path.exists():
+        return Trouble(f"{device} is not there", kind.absent, kind.enable)
+    if not os.access(path, os.R_OK | os.W_OK):
+        return Trouble(
+            f"{device} may not be used by this user",
+            f"the user is not in group '{kind.group}', or has been added to it since logging in",
+            f"sudo usermod -aG {kind.group} $USER, then log out and in again",
+        )
+    return None
+
+
+async def device(name: str, inspection: Inspection) -> Finding:
+    """Check that a device file is there and may be used."""
+    trouble = diagnose(inspection.place, name)
+    return fail(name, *trouble) if trouble else ok(name, "there, and may be used")
+
+
+async def power(inspection: Inspection) -> Finding:
+    """Check whether the computer gets its voltage and keeps cool, as the Raspberry Pi's firmware sees it."""
+    name = "computer power"
+    try:
+        flags = int(inspection.place.path(THROTTLED).read_text(encoding="ascii"), 16)
+    except (OSError, ValueError):
+        return skipped(name, "this computer does not tell")
+    cause, remedy = "its supply sags, most of all when the motors start", "give it a 5 V supply of its own, thick wires"
+    if flags & UNDER_VOLTAGE_NOW:
+        return fail(name, f"under-voltage now (flags {flags:#x})", cause, remedy)
+    if flags & SLOWED_NOW:
+        return warn(name, f"slowed down now (flags {flags:#x})", "it is too hot", "shade it, give its case air")
+    if flags & UNDER_VOLTAGE_SINCE_BOOT:
+        return warn(name, f"there was under-voltage since boot (flags {flags:#x})", cause, remedy)
+    return ok(name, "no under-voltage since boot")
+
+
+async def disk(inspection: Inspection) -> Finding:
+    """Check that the log folder can be written and has room."""
+    return await asyncio.to_thread(_disk, inspection.place.log_folder)
+
+
+def _disk(folder: Path) -> Finding:
+    there = folder.absolute()
+    try:
+        there = next(path for path in (there, *there.parents) if path.exists())
+        with tempfile.TemporaryFile(dir=there) as file:
+            file.write(b"wayfarer")
+        free_bytes = shutil.disk_usage(there).free
+    except OSError as error:
+        return fail(
+            "disk",
+            f"{there} cannot be written: {error.strerror}",
+            "the folder belongs to another user, or the card went read-only after an error",
+            f"sudo chown $USER {there}; if it is read-only, reboot and look at `dmesg`",
+        )
+    found = f"{free_bytes / 1e6:.0f} MB free in {there}"
+    if free_bytes < DISK_FREE_MIN_BYTES:
+        return fail("disk", found, "old runs fill it", f"copy old runs from {folder} and delete them; 50 MB are needed")
+    return ok("disk", found)
+
+
+async def clock(inspection: Inspection) -> Finding:
+    """Check that the wall clock was set; nothing but the names and dates in logs depends on it."""
+    now = datetime.fromtimestamp(inspection.place.t_wall, UTC)
+    if now.year < YEAR_MIN:
+        return warn(
+            "clock",
+            f"it is {now:%Y-%m-%d}",
+            "no network since power-up, and no clock chip with a battery",
+            "sudo date --set '2026-05-31 14:00', or connect to a network once",
+        )
+    return ok("clock", f"{now:%Y-%m-%d %H:%M} UTC")
