@@ -130,6 +130,7 @@ class Supervisor:
         try:
             for part in self._parts:
                 await part.open()
+            self._log.event("opened", asyncio.get_running_loop().time(), parts=[part.name for part in self._parts])
             end = await self._run_tasks()
         except Exception as error:
             cause = first_cause(error)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from wayfarer.angles import wrap180
-from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings, Levels, decode, flaw
+from wayfarer.drivers.cmps14 import CMPS14, OPEN_S, CMPS14Settings, Levels, decode, flaw
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import Compass, CompassReading
@@ -325,7 +325,7 @@ def test_waits_while_the_part_boots() -> None:
         bench = Bench(sense, boot_s=0.75)
         bench.chip.reset()
         await bench.opened()
-        assert asyncio.get_running_loop().time() == pytest.approx(0.8)
+        assert asyncio.get_running_loop().time() == pytest.approx(0.8 + OPEN_S)
         assert sense.samples == 1
 
     run(main)
@@ -364,7 +364,7 @@ def test_attitude_comes_through_as_it_is(heading: int, pitch: int, roll: int) ->
         sense = Held(heading, pitch, roll)
         compass = await Bench(sense).opened()
         await asyncio.sleep(0.5)
-        assert await compass.read() == (0.5, heading / 10, pitch / 10, roll / 10, 3)
+        assert await compass.read() == (0.5 + OPEN_S, heading / 10, pitch / 10, roll / 10, 3)
         assert sense.samples == 2
 
     run(main)
@@ -388,7 +388,7 @@ def test_reads_what_the_simulated_compass_reads() -> None:
     def over_a_bus(world: World, streams: Streams) -> Compass:
         return Bench(HeadingSense(world, streams)).compass
 
-    taken = run(lambda: readings(SimCompass))
+    taken = run(lambda: readings(lambda world, streams: SimCompass(world, streams, OPEN_S)))
     assert taken == run(lambda: readings(over_a_bus))
     assert len({reading.heading_deg for reading in taken}) > 50
 
@@ -490,7 +490,7 @@ def test_silence_is_an_error_in_every_read() -> None:
         for _ in range(10):
             with pytest.raises(NotResponding):
                 await compass.read()
-        assert asyncio.get_running_loop().time() == 0.0
+        assert asyncio.get_running_loop().time() == OPEN_S
 
     run(main)
 
@@ -572,3 +572,23 @@ def test_undefined_configuration_is_not_sent(config: int) -> None:
 def test_settings_out_of_range_are_refused(settings: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         TypeAdapter(CMPS14Settings).validate_python(settings)
+
+
+@pytest.mark.parametrize(("background", "left_at"), [(False, 0x80), (True, 0x93)])
+def test_opening_switches_background_calibration_off_unless_it_is_wanted(background: bool, left_at: int) -> None:
+    async def main() -> None:
+        bench = Bench(settings=CMPS14Settings(background_calibration=background))
+        bench.chip.config = 0x93
+        await bench.opened()
+        assert bench.chip.config == left_at
+
+    run(main)
+
+
+def test_one_lost_transfer_does_not_keep_it_from_opening() -> None:
+    async def main() -> None:
+        bench = Bench()
+        bench.bus.troubles = (nack,)
+        await bench.opened()
+
+    run(main)

@@ -35,6 +35,7 @@ _BOOT_TRIES, _BOOT_PAUSE_S = 10, 0.1
 
 _CONFIGURE, _STORE, _ERASE = b"\x98\x95\x99", b"\xf0\xf5\xf6", b"\xe0\xe5\xe2"
 _COMMAND_GAP_S = 0.02  # data sheet page 3: after each byte of a command
+OPEN_S = 4 * _COMMAND_GAP_S  # switching background calibration off
 _ERASE_SETTLE_S = 0.6  # published drivers wait 0.3 to 0.6 s
 _CONFIG_FIXED, _CONFIG_BITS = 0x80, 0x97
 
@@ -136,6 +137,9 @@ class CMPS14Settings:
     nose needs -90. The signs of the part's tilt are not documented: compare with a rover that is held nose up (pitch
     positive) and then right side down (roll positive). A part that is mounted across needs ``swap_pitch_roll``, which
     comes before either is reversed.
+
+    Background calibration is switched off when the part is opened, unless ``background_calibration``: near iron, or
+    beside motors, it learns what is wrong there. ``wayfarer calibrate`` does it well once, and has the part keep it.
     """
 
     bus: str = "/dev/i2c-1"
@@ -144,6 +148,7 @@ class CMPS14Settings:
     reverse_pitch: bool = False
     reverse_roll: bool = False
     swap_pitch_roll: bool = False
+    background_calibration: bool = False
 
 
 class CMPS14:
@@ -184,6 +189,8 @@ class CMPS14:
             got = f"pitch {block.pitch_deg:.1f} at 0x1A and {block.pitch8_deg} at 0x04, as from a CMPS12"
             raise WrongPart(self.name, "a CMPS14", got)
         self._check(block)
+        if not self._settings.background_calibration:
+            await self.configure(_CONFIG_FIXED)
 
     async def close(self) -> None:
         """Nothing to release."""
@@ -249,7 +256,7 @@ class CMPS14:
     # -- transfers -----------------------------------------------------------------------------------------------
 
     async def _identify(self) -> None:
-        version = (await self._read(1))[0]
+        (version,) = await self._insist(1)
         if version in _SILENT_LINE:
             raise WrongPart(self.name, "a firmware number", f"0x{version:02X}")
         self._version = version
@@ -258,7 +265,7 @@ class CMPS14:
     async def _first_block(self) -> Block:
         """Return the first block that can be true or, when the time to boot is over, one that cannot."""
         for _ in range(_BOOT_TRIES):
-            block = decode(await self._read(_MAP.size))
+            block = decode(await self._insist(_MAP.size))
             if flaw(block, self._version) is None:
                 break
             await asyncio.sleep(_BOOT_PAUSE_S)
@@ -280,6 +287,13 @@ class CMPS14:
     def _check(self, block: Block) -> None:
         if (why := flaw(block, self._version)) is not None:
             raise BadReading(f"{self.name}: {why}")
+
+    async def _insist(self, count: int) -> bytes:
+        """Read, and once more where that fails: one lost transfer must not end a run before it has begun."""
+        try:
+            return await self._read(count)
+        except NotResponding:
+            return await self._read(count)
 
     async def _read(self, count: int) -> bytes:
         """Read registers from the first on."""

@@ -34,18 +34,23 @@ class SimPart:
 
 
 class SimCompass(SimPart):
-    """A compass with noise on bearing and tilt, quantised to 0.1 degrees as the CMPS14's 16-bit registers are."""
+    """A compass with noise on bearing and tilt, quantised to 0.1 degrees as the CMPS14's 16-bit registers are.
+
+    It takes ``opens_s`` to start up.
+    """
 
     name = "simulated compass"
 
-    def __init__(self, world: World, streams: Streams) -> None:
+    def __init__(self, world: World, streams: Streams, opens_s: float = 0.0) -> None:
         super().__init__(world)
         self._sample = HeadingSense(world, streams).sample
+        self._opens_s = opens_s
 
     async def open(self) -> None:
-        """Take the clock, and one sample, as a real one is asked who it is."""
+        """Take the clock, one sample, as a real one is asked who it is, and the time that starting up takes."""
         await super().open()
         self._sample(self._time())
+        await sleep(self._opens_s)
 
     async def read(self) -> CompassReading:
         """Return heading and tilt now."""

@@ -13,10 +13,10 @@ from typing import Any
 
 from wayfarer.assembly import assemble
 from wayfarer.config import RoverConfig, part_settings
-from wayfarer.drivers import sabertooth, thunderborg
+from wayfarer.drivers import cmps14, pmw3901, sabertooth, thunderborg
 from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
 from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings
-from wayfarer.drivers.pmw3901 import OPEN_S, PMW3901, PMW3901Settings
+from wayfarer.drivers.pmw3901 import PMW3901, PMW3901Settings
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.drivers.thunderborg_light import ThunderBorgLight
@@ -58,10 +58,11 @@ def build(depth: Depth, world: World, streams: Streams, config: RoverConfig, clo
 def device_depth(world: World, streams: Streams, config: RoverConfig) -> Rover:
     """Return a rover whose parts implement the driver protocols directly; parts in the file give their quanta."""
     settings = {part: part_settings(part, table)[1] for part, table in config.parts.items()}
-    flow = settings.get("motion")
-    of_the_chip = (flow.m_per_count, OPEN_S) if isinstance(flow, PMW3901Settings) else ()
+    compass, flow = settings.get("compass"), settings.get("motion")
+    compass_opens_s = cmps14.OPEN_S if isinstance(compass, CMPS14Settings) else 0.0
+    of_the_chip = (flow.m_per_count, pmw3901.OPEN_S) if isinstance(flow, PMW3901Settings) else ()
     return Rover(
-        compass=SimCompass(world, streams),
+        compass=SimCompass(world, streams, compass_opens_s),
         motors=SimMotors(world, _steps(settings.get("motors"))),
         motion=SimFlow(world, streams, *of_the_chip),
         contact=SimBumper(world) if _has_bumper(config) else None,
@@ -118,12 +119,12 @@ class Solder:
         return self._clock()
 
     def _cmps14(self, settings: CMPS14Settings) -> None:
-        chip = CMPS14Chip(HeadingSense(self._world, self._streams), self._sense_clock)
+        chip = CMPS14Chip(MountedCompass(self._world, self._streams, settings), self._sense_clock)
         self._buses.i2c(settings.bus).attach(settings.address, chip)
 
     def _pmw3901(self, settings: PMW3901Settings) -> None:
         sense = FlowSense(self._world, self._streams, settings.m_per_count)
-        self._buses.spi(settings.bus).chip = PMW3901Chip(sense, self._sense_clock)
+        self._buses.spi(settings.bus).chip = PMW3901Chip(sense, self._sense_clock, mounting=_mounting(settings))
 
     def _camera(self, settings: CameraMotionSettings) -> None:
         from wayfarer.simhal.ground import GroundCamera
@@ -155,6 +156,36 @@ class Solder:
         )
         self._boards.append(chip)
         self._buses.serial(settings.port).chip = chip
+
+
+class MountedCompass(HeadingSense):
+    """What a compass feels that is mounted as the rover file says: the driver's settings, undone."""
+
+    def __init__(self, world: World, streams: Streams, settings: CMPS14Settings) -> None:
+        super().__init__(world, streams)
+        self._settings = settings
+
+    def sample(self, t_s: float) -> tuple[int, int, int]:
+        """Return heading, pitch and roll in the part's own frame, in tenths of a degree."""
+        heading, pitch, roll = super().sample(t_s)
+        settings = self._settings
+        pitch = -pitch if settings.reverse_pitch else pitch
+        roll = -roll if settings.reverse_roll else roll
+        if settings.swap_pitch_roll:
+            pitch, roll = roll, pitch
+        return (heading - round(settings.heading_offset_deg * 10.0)) % 3600, pitch, roll
+
+
+def _mounting(settings: PMW3901Settings) -> Callable[[int, int], tuple[int, int]]:
+    """Return the flow chip's x and y for a displacement forward and right, mounted as the rover file says."""
+
+    def turned(forward: int, right: int) -> tuple[int, int]:
+        counts = {}
+        for axis, along in ((settings.forward, forward), (settings.right, right)):
+            counts[axis[1]] = along if axis[0] == "+" else -along
+        return counts["x"], counts["y"]
+
+    return turned
 
 
 def _steps(settings: Any) -> float:
