@@ -345,7 +345,7 @@ def test_part_that_never_boots_is_given_up_after_a_second() -> None:
 def test_opens_again_after_a_failure() -> None:
     async def main() -> None:
         bench = Bench()
-        bench.bus.troubles = (nack,)
+        bench.bus.troubles = (nack, nack)
         with pytest.raises(NotResponding):
             await bench.opened()
         await bench.compass.close()
