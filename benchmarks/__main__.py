@@ -6,7 +6,7 @@ import argparse
 import os
 import platform
 
-from benchmarks import command, stack
+from benchmarks import command, rover, stack
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
 from wayfarer import __version__
@@ -33,6 +33,8 @@ def _figures(quick: bool) -> list[Figure]:
         *stack.set_up(trials=50 if quick else 200),
         command.version(runs=7),
         *stack.wake_ups(runs=3 if quick else 7),
+        *rover.depths(trials=5 if quick else 50),
+        *rover.hanging_bus(runs=1 if quick else 5),
     ]
 
 

@@ -20,14 +20,33 @@ from wayfarer.escape.api import Decision, EscapeHandler, EscapeSettings, Observa
 from wayfarer.escape.catalogue import CATALOGUE, Algorithm
 from wayfarer.escape.handler import PhasedHandler, Recipe
 from wayfarer.escape.phases import PLEDGE
-from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, Rover, Side, WheelCommand
+from wayfarer.hal import (
+    STOP,
+    Colour,
+    CompassReading,
+    ContactReading,
+    MotionReading,
+    MotorHealth,
+    PositionFix,
+    Rover,
+    Side,
+    WheelCommand,
+)
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.rig import device_depth
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
-from wayfarer.testing import check_algorithm, check_compass, check_contact_sensor, check_motion_sensor, check_motors
+from wayfarer.testing import (
+    check_algorithm,
+    check_compass,
+    check_contact_sensor,
+    check_motion_sensor,
+    check_motors,
+    check_position_logger,
+    check_status_light,
+)
 
 # -- algorithms --------------------------------------------------------------------------------------------------
 
@@ -140,10 +159,12 @@ CHECKS: dict[str, Callable[..., Coroutine[Any, Any, None]]] = {
     "motion": check_motion_sensor,
     "contact": check_contact_sensor,
     "motors": check_motors,
+    "position": check_position_logger,
+    "light": check_status_light,
 }
 
 
-@pytest.mark.parametrize("part", CHECKS)
+@pytest.mark.parametrize("part", sorted(set(CHECKS) - {"position", "light"}))
 def test_simulated_parts_pass(part: str) -> None:
     run(CHECKS[part](part_of_sim_rover(part)))
 
@@ -173,8 +194,15 @@ class Part:
 
     async def stop(self) -> None: ...
 
+    def halt(self) -> None: ...
+
+    async def read_back(self) -> WheelCommand | None:
+        return None
+
     async def health(self) -> MotorHealth:
         return MotorHealth(None, ())
+
+    async def show(self, colour: Colour) -> None: ...
 
 
 async def fail(*_: Any) -> Any:
@@ -191,6 +219,7 @@ async def cheat(_: WheelCommand) -> WheelCommand:
 
 READINGS: dict[str, Callable[[float], Any]] = {
     "compass": lambda t_s: CompassReading(t_s, 0.0, -3.0, 3.0, None),
+    "position": lambda t_s: PositionFix(t_s, 52.0, 13.0, None),
     "motion": lambda t_s: MotionReading(t_s, 0.0, 0.0, 1.0),
     "contact": lambda t_s: ContactReading(t_s, (Side.LEFT,), 179.0),
     "motors": lambda t_s: None,
@@ -198,7 +227,7 @@ READINGS: dict[str, Callable[[float], Any]] = {
 
 
 def part(kind: str, **changes: Any) -> Callable[[], Part]:
-    return lambda: Part(**({"reading": READINGS[kind]} | changes))
+    return lambda: Part(**({"reading": READINGS.get(kind)} | changes))
 
 
 @pytest.mark.parametrize("kind", CHECKS)
@@ -259,6 +288,7 @@ def test_second_close_must_not_raise() -> None:
         ("motion", "forward_m 12.0 is not in", lambda t_s: MotionReading(t_s, 12.0, 0.0, 1.0)),
         ("contact", "readings are immutable", lambda t_s: ContactReading(t_s, [Side.LEFT], None)),  # type: ignore[arg-type]
         ("contact", "are not all hal.Side", lambda t_s: ContactReading(t_s, ("left",), None)),  # type: ignore[arg-type]
+        ("position", "latitude_deg 91.0 is not in", lambda t_s: PositionFix(t_s, 91.0, 13.0, None)),
         ("contact", "obstacle_bearing_deg 200.0 is not in", lambda t_s: ContactReading(t_s, (), 200.0)),
     ],
 )
@@ -268,7 +298,11 @@ def test_reading_that_cannot_be_true_is_told(kind: str, text: str, reading: Call
 
 
 async def no_answer() -> MotorHealth:
-    return MotorHealth(0.0, ())
+    return MotorHealth(-0.1, ())
+
+
+async def still_turning() -> WheelCommand:
+    return WheelCommand(0.2, 0.2)
 
 
 @pytest.mark.parametrize(
@@ -277,6 +311,7 @@ async def no_answer() -> MotorHealth:
         (r"stop\(\) before open\(\) raised OSError", {"stop": fail}),
         ("was applied as", {"drive": cheat}),
         ("None means unknown", {"health": no_answer}),
+        ("after a stop", {"read_back": still_turning}),
     ],
 )
 def test_motors_that_cannot_be_trusted_are_told(text: str, changes: dict[str, Any]) -> None:

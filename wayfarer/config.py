@@ -16,7 +16,16 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    field_validator,
+    model_validator,
+    with_config,
+)
 from pydantic_core import ErrorDetails
 
 from wayfarer.board import BoardSettings
@@ -119,8 +128,8 @@ def part_settings(part: str, table: Mapping[str, Any]) -> tuple[Any, Any]:
 
 @cache
 def _adapter(settings: Any) -> TypeAdapter[Any]:
-    """Return what checks a driver's settings; making one takes milliseconds."""
-    return TypeAdapter(settings)
+    """Return what checks a driver's settings and knows no others; making one takes milliseconds."""
+    return TypeAdapter(with_config(ConfigDict(extra="forbid"))(settings))
 
 
 def rover_names() -> list[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wayfarer.cli.rover import Config, chosen
+from wayfarer.cli.rover import Config, Logs, chosen, log_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -33,7 +33,7 @@ def check(
     *,
     config: Config = None,
     as_json: Annotated[bool, typer.Option("--json", help="All findings, as one JSON object; no wheel turns.")] = False,
-    logs: Annotated[Path, typer.Option(metavar="DIR", help="Where runs are logged.")] = Path("field_logs"),
+    logs: Logs = None,
 ) -> None:
     """Check every part, and with your consent that the wheels turn the right way and stop by themselves."""
     from wayfarer.checks import check as look
@@ -42,7 +42,7 @@ def check(
     from wayfarer.config import load_rover
 
     loaded = load_rover(chosen(config))
-    place = _place(loaded, logs)
+    place = _place(loaded, log_folder(logs))
     person = terminal.Terminal()
     ask = person.ask if terminal.is_there() and not as_json else None
 
@@ -82,7 +82,7 @@ def calibrate(
     if not terminal.is_there():
         raise BadInput("calibrating asks questions: run it in a terminal")
     loaded = load_rover(chosen(config))
-    place = _place(loaded, Path("field_logs"))
+    place = _place(loaded, log_folder(None))
 
     async def run() -> Calibration:
         buses, rover = _rover(loaded, Calibration())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,6 +29,15 @@ wayfarer run --config /etc/wayfarer/rover.toml --logs /var/lib/wayfarer/field_lo
 then, from another terminal: wayfarer arm
 """
 
+SYSTEM_LOGS = Path("/var/lib/wayfarer/field_logs")
+OWN_LOGS = Path("field_logs")
+
+Logs = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR", help=f"Where each run gets its folder. (default: {SYSTEM_LOGS} if it is yours, or ./{OWN_LOGS})"
+    ),
+]
 Config = Annotated[
     str | None,
     typer.Option(metavar="NAME|FILE", help=f"A shipped rover or a TOML file. (default: {ROVER_FILE})"),
@@ -40,7 +50,7 @@ def run(
     sim: Annotated[bool, typer.Option("--sim", help="Drive the simulated rover, in real time.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Everything but the motors.")] = False,
     algorithm: Annotated[str, typer.Option(metavar="NAME", help="What decides; see wayfarer list.")] = "forest-pledge",
-    logs: Annotated[Path, typer.Option(metavar="DIR", help="Where each run gets its folder.")] = Path("field_logs"),
+    logs: Logs = None,
     depth: Annotated[
         Depth, typer.Option(help="With --sim: simulated parts, or the real drivers over simulated chips.")
     ] = Depth.device,
@@ -60,7 +70,7 @@ def run(
         seed=seed,
         make_rover=make_rover,
         close_buses=close_buses,
-        logs=logs,
+        logs=log_folder(logs),
         socket=daemon_socket(),
         simulated=sim,
         dry_run=dry_run,
@@ -93,9 +103,14 @@ def chosen(config: str | None, default: str | None = None) -> str:
     )
 
 
-def _real(config: RoverConfig) -> tuple[Callable[[Any], Rover], Callable[[], Any]]:
-    import os
+def log_folder(logs: Path | None) -> Path:
+    """Return where runs are logged."""
+    if logs is not None:
+        return logs
+    return SYSTEM_LOGS if os.access(SYSTEM_LOGS.parent, os.W_OK) else OWN_LOGS
 
+
+def _real(config: RoverConfig) -> tuple[Callable[[Any], Rover], Callable[[], Any]]:
     from wayfarer.assembly import assemble
     from wayfarer.calibration import calibration_file, load
     from wayfarer.registry import make_buses

@@ -145,19 +145,23 @@ class LibCamera:
         try:
             self._camera = Picamera2(number)
         except IndexError:  # how picamera2 says that there is none (its issue 1081)
-            raise OSError(errno.ENODEV, "no camera is connected, or its ribbon sits badly") from None
+            raise OSError("no camera is connected, or its ribbon sits badly") from None
         except RuntimeError as error:
             raise OSError(errno.EBUSY, str(error)) from None
         frame_us = round(1e6 / rate_hz)
         controls: dict[str, Any] = {"FrameDurationLimits": (frame_us, frame_us)}
         if exposure_us is not None:
             controls |= {"ExposureTime": exposure_us, "AnalogueGain": 1.0}
-        self._camera.configure(
-            self._camera.create_video_configuration(
-                main={"size": MAIN_SIZE}, lores={"size": size, "format": "YUV420"}, controls=controls
+        try:
+            self._camera.configure(
+                self._camera.create_video_configuration(
+                    main={"size": MAIN_SIZE}, lores={"size": size, "format": "YUV420"}, controls=controls
+                )
             )
-        )
-        self._camera.start()
+            self._camera.start()
+        except RuntimeError as error:
+            self.close()  # or else it would be busy at the next try
+            raise OSError(f"the camera does not start: {error}") from None
 
     def luma(self) -> NDArray[numpy.uint8]:
         """Wait for the next frame and return its luma."""

@@ -35,6 +35,7 @@ class Worker:
         self._wake = threading.Condition()
         self._jobs: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._posted: deque[Callable[[], Any]] = deque()
+        self._busy = False
         self._overdue = False
         self._closed = False
         self._thread: threading.Thread | None = None
@@ -58,10 +59,12 @@ class Worker:
             self._jobs.append((job, future))
             self._start_or_wake()
         try:
-            async with asyncio.timeout(deadline_s):
+            async with asyncio.timeout(deadline_s) as deadline:
                 return await asyncio.wrap_future(future)
         except TimeoutError:
-            self._give_up(future)
+            if not deadline.expired():
+                raise  # the job's own: a driver in the kernel gave the bus up
+            self._give_up()
             raise NotResponding(
                 f"{self.name}: no end of a transfer within {deadline_s:g} s; a device holds the bus, "
                 "check power and wiring"
@@ -93,11 +96,10 @@ class Worker:
             self._thread.start()
         self._wake.notify()
 
-    def _give_up(self, future: Future[Any]) -> None:
-        """Drop all that waits behind a job that hangs."""
+    def _give_up(self) -> None:
+        """Drop all that waits behind a job that hangs, be that a call, one that nobody awaits any more, or a stop."""
         with self._wake:
-            if not future.done():
-                self._overdue = True
+            self._overdue = self._busy
             dropped, self._jobs = self._jobs, deque()
         for _, waiting in dropped:
             if waiting.set_running_or_notify_cancel():
@@ -121,8 +123,9 @@ class Worker:
     def _next(self) -> tuple[Callable[[], Any], Future[Any] | None] | None:
         """Wait for a job; None once closed and nothing is left to do."""
         with self._wake:
-            self._overdue = False
+            self._busy = self._overdue = False
             self._wake.wait_for(lambda: self._posted or self._jobs or self._closed)
+            self._busy = True
             if self._posted:
                 return self._posted.popleft(), None
             if self._closed:

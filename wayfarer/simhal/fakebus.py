@@ -58,11 +58,11 @@ class FakeI2C:
 
     async def write(self, address: int, data: bytes) -> None:
         """Write to the chip at an address."""
-        self._at(address).write(data)
+        self.chip_at(address).write(data)
 
     async def write_read(self, address: int, data: bytes, count: int) -> bytes:
         """Write, then read."""
-        chip = self._at(address)
+        chip = self.chip_at(address)
         chip.write(data)
         return chip.read(count)
 
@@ -73,7 +73,12 @@ class FakeI2C:
         if address in self._chips:
             self._chips[address].write(data)
 
-    def _at(self, address: int) -> I2CChip:
+    def chip_at(self, address: int) -> I2CChip:
+        """Return the chip that answers at an address.
+
+        Raises:
+            NotResponding: there is none.
+        """
         try:
             return self._chips[address]
         except KeyError:

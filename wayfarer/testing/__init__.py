@@ -1,0 +1,35 @@
+"""Checks that an algorithm or a part from outside must pass; wayfarer's own pass them too.
+
+::
+
+    def test_my_algorithm():
+        check_algorithm(my_algorithm)
+
+    def test_my_compass():
+        asyncio.run(check_compass(lambda: MyCompass(bus), unreachable=lambda: MyCompass(dead_bus)))
+
+A part comes as a factory, because a fresh one is needed again and again. ``unreachable`` makes one whose hardware does
+not answer: only with it can a failed ``open`` be checked. What is wrong is said by an ``AssertionError``.
+"""
+
+from __future__ import annotations
+
+from wayfarer.testing.algorithms import check_algorithm
+from wayfarer.testing.parts import (
+    check_compass,
+    check_contact_sensor,
+    check_motion_sensor,
+    check_motors,
+    check_position_logger,
+    check_status_light,
+)
+
+__all__ = [
+    "check_algorithm",
+    "check_compass",
+    "check_contact_sensor",
+    "check_motion_sensor",
+    "check_motors",
+    "check_position_logger",
+    "check_status_light",
+]
