@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wayfarer.config import RoverConfig, load_rover, rover_names
+from wayfarer.config import RoverConfig, load_rover, part_settings, rover_names
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 
 BODY = {"length_m": "0.4", "width_m": "0.4", "track_m": "0.5", "max_speed_m_s": "1.4"}
@@ -38,6 +38,28 @@ def complaint(folder: Path, text: str | bytes) -> str:
 @pytest.mark.parametrize("name", rover_names())
 def test_shipped_rovers_load_under_their_own_name(name: str) -> None:
     assert load_rover(name).name == name
+
+
+@pytest.mark.parametrize("name", rover_names())
+def test_parts_of_shipped_rovers_are_those_that_their_drivers_can_be(name: str) -> None:
+    rover = load_rover(name)
+    assert {"compass", "motion", "motors"} <= set(rover.parts)
+    for part, table in rover.parts.items():
+        driver, settings = part_settings(part, table)
+        assert driver.part == part
+        assert isinstance(settings, driver.Settings)
+        for key in table.keys() - {"driver"}:
+            assert getattr(settings, key) == table[key]
+    assert rover.buses == "linux"
+
+
+@pytest.mark.parametrize("name", set(rover_names()) - {"sim"})
+def test_shipped_rovers_for_the_field_leave_time_to_step_away_and_have_limits(name: str) -> None:
+    safety = load_rover(name).safety
+    assert safety.start_delay_s >= 10.0
+    assert safety.mission_time_s <= 3600.0
+    assert safety.mission_radius_m <= 300.0
+    assert not safety.allow_no_deadman
 
 
 def test_sim_rover_is_that_of_the_paper_s_forest() -> None:
@@ -81,6 +103,12 @@ def test_other_sense_is_another_rover_and_this_one_stays() -> None:
         (rover_toml(length_m="-1"), "key 'vehicle.length_m' = -1: input should be greater than 0"),
         (rover_toml(length_m='"long"'), "key 'vehicle.length_m' = 'long': input should be a valid number"),
         (rover_toml(length_m="[1]"), "key 'vehicle.length_m' = [1]: input should be a valid number"),
+        (rover_toml(rest="[board]\nbattery_low = 11"), "unknown key 'board.battery_low'; did you mean"),
+        (rover_toml(rest="[board]\nbattery_low_v = 0"), "key 'board.battery_low_v' = 0: input should be"),
+        (rover_toml(rest="[board]\nhealth_hz = 0"), "key 'board.health_hz' = 0: input should be greater than or"),
+        (rover_toml("declination_deg = 181"), "key 'declination_deg' = 181: input should be less than or equal to 180"),
+        (rover_toml("buses = 3"), "key 'buses' = 3: input should be a valid string"),
+        (rover_toml("parts = 3"), "key 'parts' = 3: input should be a table"),
         (rover_toml('anomaly_source = "x"'), "key 'anomaly_source' = 'x': input should be 'motion' or 'contact'"),
         ('name = 3\n[vehicle]\nlength_m = 1', "key 'name' = 3: input should be a valid string"),
         ("vehicle = 3\nname = 'x'", "key 'vehicle' = 3: input should be a table"),
@@ -169,3 +197,26 @@ def test_any_file_is_a_rover_or_a_bad_configuration(folder: Path, content: bytes
 def test_rover_too_slow_for_its_own_deadlines_is_refused(tmp_path: Path) -> None:
     said = complaint(tmp_path, "control_hz = 4\n" + rover_toml())
     assert said.startswith("key 'control_hz' = 4: too slow, safety.tick_late_s = 0.2 s")
+
+
+def test_battery_limits_that_are_upside_down_are_refused(tmp_path: Path) -> None:
+    said = complaint(tmp_path, rover_toml(rest="[board]\nbattery_low_v = 10\nbattery_critical_v = 11"))
+    assert "battery_critical_v = 11 must be below battery_low_v = 10" in said
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ('driver = "cmps14"\nadress = 0x61', "unknown key 'parts.compass.adress'; did you mean 'address'?"),
+        ('driver = "cmps14"\nzzz = 1', "unknown key 'parts.compass.zzz'"),
+        ('drver = "cmps14"', "key 'parts.compass.driver' is missing"),
+        ('driver = "cmps14"\naddress = 0x30', "key 'parts.compass.address' = 48: input should be"),
+    ],
+)
+def test_unknown_key_of_a_part_is_refused_by_name(tmp_path: Path, table: str, said: str) -> None:
+    assert complaint(tmp_path, rover_toml(rest=f"[parts.compass]\n{table}")).startswith(said)
+
+
+def test_settings_that_a_part_s_table_leaves_out_are_the_driver_s_defaults() -> None:
+    driver, settings = part_settings("compass", {"driver": "cmps14"})
+    assert settings == driver.Settings()

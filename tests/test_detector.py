@@ -40,12 +40,13 @@ class Rover:
         *,
         compass: bool = True,
         quality: float = 1.0,
+        signed: bool = True,
         **tilt: Any,
     ) -> Detection:
         """One tick; ``moved_m`` None and ``compass`` False mean that the sensor is silent."""
         self.t_s += TICK_S
         reading = CompassReading(self.t_s, 0.0, 0.0, 0.0, None)._replace(**tilt) if compass else self.detector.compass
-        motion = MotionReading(self.t_s, moved_m, 0.0, quality) if moved_m is not None else None
+        motion = MotionReading(self.t_s, moved_m, 0.0, quality, signed) if moved_m is not None else None
         return self.detector.update(Snapshot(self.t_s, reading, motion, self.contact), applied)
 
     def drive(self, ticks: int, applied: WheelCommand = FULL, moved_m: float = 0.0) -> list[bool]:
@@ -139,6 +140,16 @@ def test_slow_motion_sensor_loses_no_commanded_distance() -> None:
     assert found == [()] * 30
     stalled = [rover.tick(FULL, 0.0 if n % 3 == 2 else None).anomalies for n in range(12)]
     assert stalled[-1] == (Anomaly.IMMOBILISED,)
+
+
+@pytest.mark.parametrize("wheels", [FULL, BACK])
+def test_sense_without_a_direction_tells_a_moving_rover_from_a_stuck_one_both_ways(wheels: WheelCommand) -> None:
+    """A forward-looking camera sees that it moves, not which way: its metres are magnitudes."""
+    moving, stuck = started(), started()
+    for _ in range(20):
+        assert moving.tick(wheels, STEP_M, signed=False) == ALL_WELL
+        found = stuck.tick(wheels, 0.0, signed=False)
+    assert found.anomalies == (Anomaly.IMMOBILISED,)
 
 
 # -- tilt --------------------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from wayfarer.board import BoardSettings
 from wayfarer.conditions import Condition, Level
 from wayfarer.config import RoverConfig
 from wayfarer.detector import Detector
@@ -18,18 +19,22 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, CompassReading, MotorHealth, PositionFix, WheelCommand
 from wayfarer.helm import Helm, Mode
 from wayfarer.latest import Cells
+from wayfarer.mission import FIX_FRESH_S, FIXES_BEYOND, METRES_PER_DEG
 from wayfarer.records import TickRecord
 from wayfarer.safety import SafetySettings
 
 TICK_S = 0.05
 AHEAD = WheelCommand(0.5, 0.5)
 VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=1.0)
+BOARD = BoardSettings(battery_low_v=11.0, battery_critical_v=10.0, battery_low_s=0.5, battery_critical_s=0.5)
+HOME = PositionFix(0.0, 52.0, 13.0, 3.0)
 
 
 class Motors:
     """Remembers each command; ``error`` is raised instead while it is set."""
 
     name = "bench motors"
+    deadman_s: float | None = None
 
     def __init__(self) -> None:
         self.commands: list[WheelCommand] = []
@@ -47,6 +52,11 @@ class Motors:
 
     async def stop(self) -> None: ...
 
+    def halt(self) -> None: ...
+
+    async def read_back(self) -> WheelCommand | None:
+        return None
+
     async def health(self) -> MotorHealth:
         return MotorHealth(None, ())
 
@@ -57,6 +67,7 @@ class Log:
     def __init__(self) -> None:
         self.ticks: list[TickRecord] = []
         self.events: list[tuple[str, dict[str, Any]]] = []
+        self.fixes: list[PositionFix | None] = []
 
     def tick(self, record: TickRecord) -> None:
         self.ticks.append(record)
@@ -64,7 +75,8 @@ class Log:
     def event(self, name: str, t_s: float, **details: object) -> None:
         self.events.append((name, details))
 
-    def position(self, fix: PositionFix | None) -> None: ...
+    def position(self, fix: PositionFix | None) -> None:
+        self.fixes.append(fix)
 
     def close(self, reason: str, text: str) -> None: ...
 
@@ -93,9 +105,9 @@ class Wanting:
 class Bench:
     """A helm with parts of which the test has the other end; the compass speaks each tick unless told otherwise."""
 
-    def __init__(self, handler: EscapeHandler | None = None, **safety: float) -> None:
+    def __init__(self, handler: EscapeHandler | None = None, **safety: Any) -> None:
         limits = SafetySettings(**{"start_delay_s": 0.0, "settle_s": 0.2, "slew_per_s": 1000.0} | safety)
-        self.config = RoverConfig(name="bench", vehicle=VEHICLE, safety=limits)
+        self.config = RoverConfig(name="bench", vehicle=VEHICLE, safety=limits, board=BOARD)
         self.motors, self.cells, self.log = Motors(), Cells(), Log()
         self.handler = Wanting()
         detector = Detector(self.config.detector, VEHICLE.max_speed_m_s, watches_motion=False)
@@ -119,6 +131,24 @@ class Bench:
         assert self.helm.mode is Mode.ARMED
         assert self.wheels == AHEAD
         return self
+
+    async def board_says(self, battery_v: float | None, *faults: str, for_s: float = 1.0) -> None:
+        """Let the board answer the same at each tick for a while."""
+        for _ in range(round(for_s / TICK_S)):
+            self.helm.board.update(self.t_s + TICK_S, MotorHealth(battery_v, faults))
+            await self.tick()
+
+    async def fixes(self, *norths_m: float, every_s: float = 0.5) -> None:
+        """Let a receiver give fixes, so many metres north of home, while the rover goes on."""
+        for north_m in norths_m:
+            fix = HOME._replace(t_s=self.t_s, latitude_deg=HOME.latitude_deg + north_m / METRES_PER_DEG)
+            self.helm.position(fix)
+            await self.tick(round(every_s / TICK_S))
+
+    @property
+    def end(self) -> str | None:
+        """Why the run ended, if it did."""
+        return None if self.helm.end is None else self.helm.end.reason
 
     @property
     def wheels(self) -> WheelCommand:
@@ -263,6 +293,211 @@ async def test_first_reason_to_end_stands() -> None:
     assert helm.end.reason == "escaped"
 
 
+async def test_radius_by_dead_reckoning_ends_the_run_at_its_edge() -> None:
+    bench = await Bench(mission_radius_m=2.0).armed()
+    await bench.tick(78, heading_deg=40.0)
+    assert bench.end is None
+    await bench.tick(4, heading_deg=40.0)
+    assert bench.end == "mission_radius"
+    assert bench.helm.end is not None
+    assert "2 m" in bench.helm.end.text
+
+
+async def test_rover_that_goes_to_and_fro_does_not_reach_its_radius() -> None:
+    bench = await Bench(mission_radius_m=1.0).armed()
+    for leg in range(20):
+        bench.handler.wheels = AHEAD if leg % 2 == 0 else WheelCommand(-0.5, -0.5)
+        await bench.tick(30)
+    assert bench.end is None
+    assert bench.handler.seen[-1].travelled_m > 10.0
+
+
+async def test_fixes_beyond_the_radius_end_the_run_and_one_that_jumps_does_not() -> None:
+    bench = await Bench(mission_radius_m=100.0).armed()
+    await bench.fixes(0.0, 3.0, 5000.0, 4.0, *[101.0] * (FIXES_BEYOND - 1), 5.0)
+    assert bench.end is None
+    await bench.fixes(*[-101.0] * (FIXES_BEYOND - 1))
+    assert bench.end is None
+    await bench.fixes(101.0)
+    assert bench.end == "mission_radius"
+
+
+async def test_fixes_count_more_than_dead_reckoning() -> None:
+    """The wheels slip, the rover stands still and believes that it is far away."""
+    bench = await Bench(mission_radius_m=1.0).armed()
+    await bench.fixes(*[0.0] * 20)
+    assert bench.handler.seen[-1].travelled_m > 4.0
+    assert bench.end is None
+
+
+async def test_receiver_that_falls_silent_leaves_the_radius_to_dead_reckoning() -> None:
+    bench = await Bench(mission_radius_m=1.0).armed()
+    await bench.fixes(*[0.0] * 20)
+    await bench.tick(round(FIX_FRESH_S / TICK_S) - 15)
+    assert bench.end is None
+    await bench.tick(10)
+    assert bench.end == "mission_radius"
+
+
+async def test_position_is_logged_and_no_decision_sees_it() -> None:
+    bench = await Bench().armed()
+    before = bench.handler.seen[-1]
+    await bench.fixes(0.0, 50.0)
+    bench.helm.position(None)
+    assert [None if fix is None else fix.latitude_deg for fix in bench.log.fixes] == [
+        52.0, pytest.approx(52.00045, abs=1e-5), None,
+    ]  # fmt: skip
+    assert bench.handler.seen[-1]._replace(t_s=before.t_s, travelled_m=before.travelled_m) == before
+
+
+async def test_mission_begins_anew_at_each_arming() -> None:
+    """The start around which the radius lies is where the wheels were allowed to turn."""
+    bench = await Bench(mission_radius_m=2.0).armed()
+    for _ in range(3):
+        await bench.tick(60)
+        assert bench.end is None
+        bench.helm.disarm(bench.t_s, "asked")
+        await bench.tick()
+        bench.helm.arm(bench.t_s, 0.0)
+
+
+# -- the operator ------------------------------------------------------------------------------------------------
+
+
+async def test_hold_stops_the_wheels_at_the_next_tick_until_resumed_and_the_mission_goes_on() -> None:
+    bench = await Bench().armed()
+    mission = bench.helm.mission
+    bench.helm.hold(bench.t_s, held=True)
+    await bench.tick(200)
+    assert set(bench.motors.commands[-200:]) == {STOP}
+    assert bench.health == (Level.HOLD, Condition.OPERATOR_HOLD)
+    assert bench.helm.mode is Mode.ARMED
+    bench.helm.hold(bench.t_s, held=False)
+    await bench.tick()
+    assert bench.wheels == AHEAD
+    assert bench.helm.mission is mission
+    assert [name for name, _ in bench.log.events if name in {"armed", "hold", "resume", "disarmed"}] == [
+        "armed", "hold", "resume",
+    ]  # fmt: skip
+
+
+async def test_handler_is_not_asked_during_a_hold_and_its_time_stands_still() -> None:
+    bench = await Bench().armed()
+    await bench.tick(3)
+    before, asked = bench.handler.seen[-1], len(bench.handler.seen)
+    for held_ticks in (1, 200):
+        bench.helm.hold(bench.t_s, held=True)
+        await bench.tick(held_ticks)
+        bench.helm.hold(bench.t_s, held=False)
+    assert len(bench.handler.seen) == asked
+    await bench.tick(2)
+    after = bench.handler.seen[asked:]
+    assert [seen.t_s - before.t_s for seen in after] == pytest.approx([TICK_S, 2 * TICK_S])
+    assert after[0].travelled_m - before.travelled_m == pytest.approx(0.5 * TICK_S), "only the tick before the hold"
+
+
+async def test_mission_time_goes_on_during_a_hold() -> None:
+    bench = await Bench(mission_time_s=3.0).armed()
+    bench.helm.hold(bench.t_s, held=True)
+    await bench.tick(61)
+    assert bench.end == "mission_time"
+
+
+async def test_hold_does_not_outlive_arming_anew() -> None:
+    bench = await Bench().armed()
+    bench.helm.hold(bench.t_s, held=True)
+    bench.helm.disarm(bench.t_s, "asked")
+    await bench.tick()
+    await bench.armed()
+
+
+async def test_rover_that_is_held_while_it_arms_waits_for_the_resume() -> None:
+    bench = Bench()
+    await bench.tick()
+    bench.helm.arm(bench.t_s, 0.0)
+    bench.helm.hold(bench.t_s, held=True)
+    await bench.tick(20)
+    assert (bench.helm.mode, set(bench.motors.commands)) == (Mode.ARMING, {STOP})
+    bench.helm.hold(bench.t_s, held=False)
+    await bench.tick()
+    assert (bench.helm.mode, bench.wheels) == (Mode.ARMED, AHEAD)
+
+
+async def test_goal_is_changed_for_the_decisions_and_nothing_else() -> None:
+    bench = await Bench().armed(goal_heading_deg=30.0)
+    mission = bench.helm.mission
+    assert bench.handler.seen[-1].goal_heading_deg == 30.0
+    bench.helm.head_for(bench.t_s, 275.0)
+    await bench.tick()
+    assert bench.handler.seen[-1].goal_heading_deg == 275.0
+    assert bench.helm.mission is mission
+    assert bench.wheels == AHEAD
+    assert bench.log.named("goal") == [{"goal_heading_deg": 275.0}]
+
+
+async def test_reason_for_being_disarmed_is_kept_for_who_asks() -> None:
+    bench = Bench()
+    assert bench.helm.why_disarmed == "not armed since the start"
+    await bench.armed()
+    bench.helm.disarm(bench.t_s, "asked by the operator")
+    assert bench.helm.why_disarmed == "asked by the operator"
+    assert bench.helm.mission is None
+
+
+# -- the motor board ---------------------------------------------------------------------------------------------
+
+
+async def test_arming_is_refused_while_the_battery_is_low() -> None:
+    bench = Bench()
+    await bench.board_says(10.9)
+    bench.helm.arm(bench.t_s, 0.0)
+    await bench.board_says(10.9, for_s=3.0)
+    assert bench.log.named("disarmed") == [{"reason": "not armed: battery_low"}]
+    assert set(bench.motors.commands) == {STOP}
+
+
+async def test_battery_that_gets_low_on_the_way_is_told_and_stops_nothing() -> None:
+    bench = await Bench().armed()
+    await bench.board_says(10.9)
+    assert (bench.helm.mode, bench.wheels) == (Mode.ARMED, AHEAD)
+    assert bench.health == (Level.DEGRADE, Condition.BATTERY_LOW)
+    assert [details["cause"] for details in bench.log.named("health")][-1] == "battery_low"
+
+
+async def test_critical_battery_is_a_fault() -> None:
+    bench = await Bench().armed()
+    await bench.board_says(9.9)
+    assert (bench.wheels, bench.helm.mode) == (STOP, Mode.DISARMED)
+    assert bench.log.named("disarmed") == [{"reason": "fault: battery_critical"}]
+
+
+async def test_board_fault_latches_and_disarms() -> None:
+    bench = await Bench().armed()
+    await bench.board_says(12.0, "motor A: drive fault", for_s=2 * TICK_S)
+    assert (bench.wheels, bench.helm.mode) == (STOP, Mode.DISARMED)
+    await bench.board_says(12.0)
+    assert (bench.wheels, bench.health) == (STOP, (Level.FAULT, Condition.BOARD_FAULT)), "latched though it has gone"
+    assert bench.log.named("disarmed") == [{"reason": "fault: board_fault"}]
+    await bench.armed()
+    assert bench.health == (Level.WELL, None)
+
+
+async def test_board_fault_that_stays_refuses_arming() -> None:
+    bench = Bench()
+    await bench.board_says(12.0, "motor A: drive fault")
+    bench.helm.arm(bench.t_s, 0.0)
+    await bench.board_says(12.0, "motor A: drive fault", for_s=3.0)
+    assert bench.helm.mode is Mode.DISARMED
+    assert set(bench.motors.commands) == {STOP}
+
+
+async def test_board_that_falls_silent_degrades_and_does_not_stop_a_rover_on_its_way() -> None:
+    bench = await Bench().armed()
+    bench.helm.board.silent()
+    await bench.tick(20)
+    assert (bench.wheels, bench.health) == (AHEAD, (Level.DEGRADE, Condition.BOARD_SILENT))
+
+
 # -- the tick ----------------------------------------------------------------------------------------------------
 
 
@@ -343,6 +578,7 @@ async def test_motors_that_stay_silent_are_told_once() -> None:
     bench = await Bench().armed()
     bench.motors.error = NotResponding("bench motors: no answer")
     await bench.tick(40)
+    assert len(bench.log.named("motors_failed")) == 1
     assert len(bench.log.named("disarmed")) == 1
     assert len(bench.log.named("health")) <= 2
 

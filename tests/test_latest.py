@@ -31,6 +31,13 @@ def test_displacements_add_up_until_they_are_taken() -> None:
     assert cells.snapshot(0.4).motion is None
 
 
+def test_displacements_without_a_direction_stay_without_one() -> None:
+    cells = Cells()
+    for t_s in (0.1, 0.2):
+        cells.motion.write(MotionReading(t_s, 0.25, 0.0, 0.9, signed=False))
+    assert cells.snapshot(0.2).motion == MotionReading(0.2, 0.5, 0.0, 0.9, signed=False)
+
+
 @pytest.mark.parametrize("readings", [1, 2, 7])
 def test_no_ground_is_lost_at_any_rate(readings: int) -> None:
     cells = Cells()

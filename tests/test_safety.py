@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import inf, nan
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -22,7 +23,7 @@ COMMANDS = st.builds(WheelCommand, DUTIES, DUTIES)
 CONDITIONS = st.lists(st.sampled_from(Condition), max_size=2).map(tuple)
 
 
-def gate(**settings: float) -> Gate:
+def gate(**settings: Any) -> Gate:
     return Gate(SafetySettings(**settings), HZ)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from itertools import pairwise
 from typing import Any
@@ -11,11 +11,12 @@ from typing import Any
 import pytest
 
 from wayfarer.config import RoverConfig
-from wayfarer.errors import DriverError, MissingPart, NotResponding
+from wayfarer.errors import DriverError, MissingPart, NotArmed, NotResponding, WayfarerError
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import (
     STOP,
+    Colour,
     CompassReading,
     ContactReading,
     MotionReading,
@@ -29,9 +30,11 @@ from wayfarer.mission import RunEnd
 from wayfarer.records import TickRecord
 from wayfarer.safety import SafetySettings
 from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.status_light import BLUE, GREEN, OFF, RED, YELLOW
 from wayfarer.supervisor import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S, Supervisor
 
 AHEAD = WheelCommand(0.5, 0.5)
+ENDS_WITHIN_S = 2.0  # after a request, a signal or a bug: what systemd and a person may rely on
 VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=1.0)
 PARTS = {"motors", "compass", "motion"}
 
@@ -47,6 +50,8 @@ class Workshop:
         self.cancel_at: range = range(0)
         self.run: asyncio.Task[RunEnd] | None = None
         self.wheels = STOP
+        self.faults: tuple[str, ...] = ()
+        self.colours: list[tuple[float, Colour]] = []
         self.events: list[tuple[str, dict[str, Any]]] = []
         self.outcome: list[tuple[str, str]] = []
 
@@ -112,6 +117,8 @@ class Position(Part):
 
 
 class Motors(Part):
+    deadman_s: float | None = None
+
     async def drive(self, command: WheelCommand) -> WheelCommand:
         await self.shop.point("motors.drive")
         self.shop.wheels = command
@@ -122,8 +129,22 @@ class Motors(Part):
         self.shop.wheels = STOP
         self.shop.note("motors.stop")
 
+    def halt(self) -> None:
+        self.shop.wheels = STOP
+        self.shop.note("motors.halt")
+
+    async def read_back(self) -> WheelCommand | None:
+        return None
+
     async def health(self) -> MotorHealth:
-        return MotorHealth(None, ())
+        await self.shop.point("motors.health")
+        return MotorHealth(12.0, self.shop.faults)
+
+
+class Light(Part):
+    async def show(self, colour: Colour) -> None:
+        await self.shop.point("light.show")
+        self.shop.colours.append((asyncio.get_running_loop().time(), colour))
 
 
 class Log:
@@ -160,9 +181,11 @@ class Handler:
         return {}
 
 
-def supervisor(shop: Workshop, algorithm: str = "pledge", source: str = "motion", **parts: Part | None) -> Supervisor:
+def supervisor(
+    shop: Workshop, algorithm: str = "pledge", source: str = "motion", start_delay_s: float = 0.0, **parts: Part | None
+) -> Supervisor:
     config = RoverConfig.model_validate({"name": "bench", "vehicle": VEHICLE, "anomaly_source": source})
-    config = config.model_copy(update={"safety": SafetySettings(start_delay_s=0.0, slew_per_s=1000.0)})
+    config = config.model_copy(update={"safety": SafetySettings(start_delay_s=start_delay_s, slew_per_s=1000.0)})
     bundle: dict[str, Any] = {"motion": Motion(shop, "motion")} | parts
     rover = Rover(Compass(shop, "compass"), Motors(shop, "motors"), **bundle)
     handler: EscapeHandler = Handler(shop)
@@ -338,6 +361,13 @@ def test_wheels_are_held_while_the_compass_is_silent_and_go_on_afterwards() -> N
     assert wheels == {0.99: AHEAD, 1.26: AHEAD, 1.42: STOP, 2.9: STOP, 5.5: AHEAD}
 
 
+def test_wheels_are_held_all_the_time_while_the_motion_sensor_is_gone() -> None:
+    """Each attempt to reopen it fails anew; that must not count as a sign of life."""
+    shop = Workshop()
+    drive(shop, {1.01: breaking(shop, "motion.read", NotResponding("gone"))}, for_s=20.0)
+    assert 1.01 < max(shop.times("handler.decide")) < 1.7
+
+
 def test_sensor_that_hangs_stops_the_wheels_and_not_the_others() -> None:
     shop = Workshop()
     end = drive(shop, {1.0: lambda _: shop.silent.add("compass.read")}, for_s=3.0)
@@ -357,6 +387,270 @@ def test_motors_that_do_not_answer_disarm_and_the_run_goes_on() -> None:
     assert drive(shop, script).reason == "requested"
     assert modes == [Mode.DISARMED]
     assert_wheels_stopped_first(shop)
+
+
+# -- arming ------------------------------------------------------------------------------------------------------
+
+
+class Armer:
+    """Arms from a script, after a check; ``refusals`` are the errors that came of it."""
+
+    def __init__(self, check: Callable[[], Awaitable[None]] | None = None) -> None:
+        self.check = check
+        self.refusals: list[WayfarerError] = []
+
+    async def _arm(self, it: Supervisor) -> None:
+        try:
+            await it.arm(0.0, self.check)
+        except WayfarerError as error:
+            self.refusals.append(error)
+
+    def __call__(self, it: Supervisor) -> None:
+        self.task = asyncio.ensure_future(self._arm(it))
+
+
+def test_arming_opens_the_motors_anew_before_the_wheels_may_turn() -> None:
+    """A board that lost its power for a moment has forgotten its deadman."""
+    shop, arm = Workshop(), Armer()
+    drive(shop, {0.31: lambda it: it.disarm("asked"), 0.51: arm})
+    assert arm.refusals == []
+    assert shop.times("motors.open") == pytest.approx([0.0, 0.51])
+    decided = shop.times("handler.decide")
+    assert [t_s for t_s in decided if 0.36 < t_s < 0.51] == []
+    assert decided[-1] > 0.9
+
+
+def test_motor_board_that_does_not_open_refuses_to_arm_and_nothing_has_changed() -> None:
+    shop, arm = Workshop(), Armer()
+    modes: list[tuple[Mode, str]] = []
+    script: dict[float, Callable[[Supervisor], object]] = {
+        0.31: lambda it: it.disarm("asked"),
+        0.4: breaking(shop, "motors.open", NotResponding("board: no answer; switch it on")),
+        0.51: arm,
+        0.9: lambda it: modes.append((it.mode, it.helm.why_disarmed)),
+    }
+    assert drive(shop, script).reason == "requested"
+    assert [str(refusal) for refusal in arm.refusals] == ["board: no answer; switch it on"]
+    assert modes == [(Mode.DISARMED, "asked")]
+    assert len(shop.named("arming")) == 1, "only that at the start of the run"
+    assert max(shop.times("handler.decide")) < 0.4
+
+
+def test_motors_that_failed_are_opened_anew_by_arming_and_drive_again() -> None:
+    shop, arm = Workshop(), Armer()
+    script: dict[float, Callable[[Supervisor], object]] = {
+        0.5: breaking(shop, "motors.drive", NotResponding("no acknowledgement")),
+        0.9: mending(shop),
+        1.5: arm,
+    }
+    assert drive(shop, script, for_s=2.0).reason == "requested"
+    assert [details["error"] for details in shop.named("motors_failed")] == ["no acknowledgement"]
+    assert shop.times("motors.open") == pytest.approx([0.0, 1.5])
+    decided = shop.times("handler.decide")
+    assert [t_s for t_s in decided if 0.56 < t_s < 1.5] == []
+    assert decided[-1] > 1.9
+
+
+def test_check_that_speaks_against_arming_is_made_before_the_motors_are_touched() -> None:
+    async def refuse() -> None:
+        raise NotArmed("the compass is not calibrated")
+
+    shop, arm = Workshop(), Armer(refuse)
+    drive(shop, {0.31: lambda it: it.disarm("asked"), 0.51: arm})
+    assert [str(refusal) for refusal in arm.refusals] == ["the compass is not calibrated"]
+    assert shop.done.count("motors.open") == 1
+    assert max(shop.times("handler.decide")) < 0.36
+
+
+@pytest.mark.parametrize("act", [lambda it: it.disarm("stop!"), lambda it: it.finish("requested", "stop!")])
+def test_rover_that_is_disarmed_while_it_is_checked_is_not_armed_afterwards(
+    act: Callable[[Supervisor], object],
+) -> None:
+    """Whoever says stop last must be right."""
+
+    async def takes_long() -> None:
+        await asyncio.sleep(0.17)
+
+    shop, arm = Workshop(), Armer(takes_long)
+    drive(shop, {0.31: lambda it: it.disarm("asked"), 0.51: arm, 0.67: act})
+    assert [type(refusal) for refusal in arm.refusals] == [NotArmed]
+    assert max(shop.times("handler.decide")) < 0.36
+    assert len(shop.named("arming")) == 1, "only that at the start of the run"
+
+
+# -- the motor board ---------------------------------------------------------------------------------------------
+
+
+def test_board_is_asked_at_its_own_rate() -> None:
+    shop = Workshop()
+    drive(shop, for_s=10.0)
+    assert len(shop.times("motors.health")) == pytest.approx(40, abs=1)
+
+
+def test_board_that_falls_silent_is_told_once_and_the_rover_drives_on() -> None:
+    shop = Workshop()
+    gone = NotResponding("board: no answer")
+    script: dict[float, Callable[[Supervisor], object]] = {
+        1.1: breaking(shop, "motors.health", gone),
+        4.1: mending(shop),
+        6.1: breaking(shop, "motors.health", gone),
+    }
+    assert drive(shop, script, for_s=8.0).reason == "requested"
+    assert shop.named("board_silent") == [{"error": "board: no answer"}] * 2, "once for each time"
+    causes = [details["cause"] for details in shop.named("health")]
+    assert causes[-3:] == ["board_silent", None, "board_silent"]
+    assert len(shop.times("handler.decide")) == pytest.approx(8.0 * 20, abs=5)
+
+
+def test_board_fault_stops_the_wheels_within_half_a_second() -> None:
+    shop = Workshop()
+    drive(shop, {1.01: lambda _: setattr(shop, "faults", ("motor A: drive fault",))}, for_s=3.0)
+    assert shop.named("disarmed") == [{"reason": "fault: board_fault"}]
+    assert 1.01 < max(shop.times("handler.decide")) <= 1.51
+
+
+def test_board_that_hangs_stops_neither_the_ticks_nor_the_end() -> None:
+    shop = Workshop()
+    shop.silent.add("motors.health")
+    assert drive(shop, for_s=2.0).reason == "requested"
+    assert len(shop.times("handler.decide")) == pytest.approx(40, abs=5)
+    assert_wheels_stopped_first(shop)
+
+
+# -- the status light --------------------------------------------------------------------------------------------
+
+
+def shown(shop: Workshop, from_s: float, to_s: float) -> set[Colour]:
+    return {colour for t_s, colour in shop.colours if from_s <= t_s < to_s}
+
+
+def test_light_shows_arming_driving_and_fault() -> None:
+    shop = Workshop()
+    broken = breaking(shop, "motors.drive", NotResponding("gone"))
+    drive(shop, {0.01: lambda it: None, 4.01: broken}, for_s=6.0, light=Light(shop, "light"), start_delay_s=2.0)
+    assert shown(shop, 0.1, 1.9) == {YELLOW, OFF}
+    assert shown(shop, 2.2, 4.0) == {GREEN}
+    assert shown(shop, 4.3, 6.0) == {RED, OFF}
+
+
+def test_light_shows_a_rover_that_is_disarmed() -> None:
+    shop = Workshop()
+    drive(shop, {0.5: lambda it: it.disarm("asked")}, for_s=2.0, light=Light(shop, "light"))
+    assert shown(shop, 0.8, 2.0) == {BLUE}
+
+
+def test_light_that_fails_stops_nothing_and_is_told_once() -> None:
+    shop = Workshop()
+    gone = NotResponding("light: no answer")
+    script: dict[float, Callable[[Supervisor], object]] = {
+        1.1: breaking(shop, "light.show", gone),
+        3.1: mending(shop),
+        5.1: breaking(shop, "light.show", gone),
+    }
+    assert drive(shop, script, for_s=6.0, light=Light(shop, "light")).reason == "requested"
+    assert shop.named("light_failed") == [{"error": "light: no answer"}] * 2, "once for each time"
+    assert len(shop.times("handler.decide")) == pytest.approx(6.0 * 20, abs=5)
+    assert shown(shop, 3.3, 5.0) == {GREEN}, "it is tried again"
+
+
+def test_light_that_hangs_stops_nothing() -> None:
+    shop = Workshop()
+    script = {1.1: lambda _: shop.silent.add("light.show")}
+    assert drive(shop, script, for_s=2.0, light=Light(shop, "light")).reason == "requested"
+    assert shop.times("handler.decide")[-1] > 1.9
+    assert "light.close" in shop.done
+    assert_wheels_stopped_first(shop)
+
+
+# -- freshness, for the watchdog ---------------------------------------------------------------------------------
+
+
+def freshness(shop: Workshop, script: Script, at_s: tuple[float, ...], **rover: Any) -> list[bool]:
+    """Return what ``is_fresh`` says at some times of a run."""
+    fresh: list[bool] = []
+    asking = {t_s: lambda it: fresh.append(it.is_fresh()) for t_s in at_s}
+    drive(shop, {**asking, **script}, for_s=max(at_s) + 0.1, **rover)
+    return fresh
+
+
+def test_run_is_not_fresh_before_its_first_tick_and_fresh_while_it_drives() -> None:
+    shop = Workshop()
+    assert not supervisor(shop).is_fresh()
+    assert freshness(shop, {}, (0.3, 1.0, 9.0)) == [True, True, True]
+
+
+def test_run_is_not_fresh_while_a_tick_hangs() -> None:
+    shop = Workshop()
+    script = {1.01: lambda _: shop.silent.add("motors.drive")}
+    fresh: list[bool] = []
+    ask = {t_s: lambda it: fresh.append(it.is_fresh()) for t_s in (1.5, 2.2)}
+    cancel = {3.0: lambda _: shop.run is not None and shop.run.cancel()}
+    with pytest.raises(asyncio.CancelledError):
+        drive(shop, {**ask, **script, **cancel}, for_s=9.0)
+    assert fresh == [True, False]
+
+
+@pytest.mark.parametrize("sensor", ["compass", "motion", "contact"])
+def test_run_is_not_fresh_while_a_sensor_that_it_needs_is_silent(sensor: str) -> None:
+    shop = Workshop()
+    script = {1.01: lambda _: shop.silent.add(f"{sensor}.read")}
+    rover = {"algorithm": "cv-pledge", "contact": Contact(shop, "contact")}
+    assert freshness(shop, script, (0.9, 2.0, 5.0), **rover) == [True, False, False]
+
+
+@pytest.mark.parametrize("sensor", ["compass", "motion", "contact"])
+def test_run_is_fresh_again_when_the_sensor_is_back(sensor: str) -> None:
+    shop = Workshop()
+    script = {1.01: breaking(shop, f"{sensor}.read", NotResponding("gone")), 3.01: mending(shop)}
+    rover = {"algorithm": "cv-pledge", "contact": Contact(shop, "contact")}
+    assert freshness(shop, script, (0.9, 2.0, 5.5), **rover) == [True, False, True]
+
+
+def test_run_is_fresh_without_a_position_a_light_or_a_battery() -> None:
+    shop = Workshop()
+    shop.broken = {what: NotResponding("gone") for what in ("position.read", "light.show", "motors.health")}
+    parts = {"position": Position(shop, "position"), "light": Light(shop, "light")}
+    assert freshness(shop, {}, (1.0, 4.0), **parts) == [True, True]
+
+
+# -- the end, whatever hangs -------------------------------------------------------------------------------------
+
+
+def test_stop_that_never_returns_is_sent_without_waiting_and_the_run_ends_soon() -> None:
+    shop = Workshop()
+    end = drive(shop, {0.5: lambda _: shop.silent.add("motors.stopping")}, for_s=1.0)
+    assert end.reason == "requested"
+    assert shop.wheels == STOP
+    assert shop.times("motors.halt")[0] < 1.5
+    assert max(shop.times("motors.drive")) < shop.times("motors.halt")[0]
+    assert {f"{part}.close" for part in PARTS} <= set(shop.done)
+    assert shop.named("stop_hangs")[0] == {"part": "motors"}
+    assert shop.times("log.close")[0] < 1.0 + ENDS_WITHIN_S
+
+
+@pytest.mark.parametrize("part", sorted(PARTS))
+def test_part_whose_close_never_returns_is_told_and_the_others_are_closed(part: str) -> None:
+    shop = Workshop()
+    shop.silent.add(f"{part}.closing")
+    assert drive(shop).reason == "requested"
+    assert {f"{other}.close" for other in PARTS} - set(shop.done) == {f"{part}.close"}
+    assert shop.named("close_hangs") == [{"part": part}]
+    assert shop.outcome == [("requested", "enough")]
+    assert shop.times("log.close")[0] < 1.0 + ENDS_WITHIN_S
+
+
+def test_run_ends_soon_even_if_nothing_of_a_fully_equipped_rover_lets_go() -> None:
+    shop = Workshop()
+    parts: dict[str, Any] = {
+        "contact": Contact(shop, "contact"),
+        "position": Position(shop, "position"),
+        "light": Light(shop, "light"),
+    }
+    shop.silent = {"motors.stopping", *(f"{part}.closing" for part in PARTS | set(parts))}
+    drive(shop, algorithm="cv-pledge", **parts)
+    assert len(shop.named("close_hangs")) == 6
+    assert shop.wheels == STOP
+    assert shop.times("log.close")[0] < 1.0 + ENDS_WITHIN_S
 
 
 # -- bugs and cancellation ---------------------------------------------------------------------------------------

@@ -173,6 +173,7 @@ class Part:
     """A part that keeps every promise; tests replace one method or value."""
 
     name = "bench part"
+    deadman_s: float | None = None
     reading: Callable[[float], Any]
 
     def __init__(self, **changes: Any) -> None:

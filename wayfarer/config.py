@@ -188,7 +188,9 @@ def _most_telling(error: ValidationError) -> ErrorDetails:
 def _explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
     """Say what is wrong with one key: the key, what was found, what is allowed."""
     text = problem["msg"].removeprefix("Value error, ")
-    if not problem["loc"] or (problem["type"] == "value_error" and text.startswith("key '")):
+    if not problem["loc"]:
+        return f"key '{prefix[:-1]}': {text}" if prefix else text
+    if problem["type"] == "value_error" and text.startswith(("key '", "unknown key '")):
         return text
     *section, key = (str(part) for part in problem["loc"])
     dotted = prefix + ".".join([*section, key])

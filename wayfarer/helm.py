@@ -204,7 +204,11 @@ class Helm:
         self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
 
     def _lose_motors(self, t_s: float, error: DriverError) -> WheelCommand:
-        """Without an acknowledgement nobody knows what the wheels do: latch a fault; the board's deadman stops them."""
+        """Without an acknowledgement nobody knows what the wheels do: latch a fault; the board's deadman stops them.
+
+        A command that hangs in the wire may still get through: a stop follows right behind it.
+        """
+        self._motors.halt()
         if not self._motors_failed:
             self._log.event("motors_failed", t_s, error=str(error))
         self._motors_failed = True

@@ -52,7 +52,7 @@ class Board(SimMotors):
     """A motor board with a deadman that works or not, can be asked or not, and may fall silent at its n-th command."""
 
     name = "board at 0x15 on /dev/i2c-1"
-    deadman_s: float | None = 0.25  # type: ignore[assignment]
+    deadman_s: float | None = 0.25
     trips = True
     tells = True
     dead = False

@@ -143,7 +143,8 @@ class Daemon:
 
     def _inspect(self) -> Live:
         config, logs = self._service.config, self._service.logs
-        settings = [] if self._service.simulated else [part_settings(*part)[1] for part in config.parts.items()]
+        has_files = config.buses == "linux" and not self._service.simulated
+        settings = [part_settings(*part)[1] for part in config.parts.items()] if has_files else []
         calibrated = calibration_file(os.environ, Path.home())
         place = Place(logs, calibrated, device_files(settings), wall_clock(self._loop.time()))
         return Live(config, self._rover, place, self._supervisor)

@@ -1,0 +1,271 @@
+"""A daemon on a real loop: what it leaves in its log, what ends it, and that its wheels stand still whatever does."""
+
+# ruff: noqa: ASYNC110, TID251 - a daemon lives in real time, and is polled
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import socket
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+
+from wayfarer.config import load_rover
+from wayfarer.control.client import ask
+from wayfarer.control.paths import AlreadyRunning, SingleDaemon
+from wayfarer.daemon.service import Daemon, Service, serve
+from wayfarer.errors import NotResponding
+from wayfarer.escape.api import Decision, EscapeHandler, EscapeSettings, Observation, Vehicle
+from wayfarer.escape.catalogue import CATALOGUE, Algorithm
+from wayfarer.hal import STOP, Rover, WheelCommand
+from wayfarer.mission import RunEnd
+from wayfarer.simhal.desk import desk_rover
+from wayfarer.simhal.rig import Depth
+
+LONG_S = 10.0
+
+Finish = Callable[[str, str], None]
+
+
+class Site:
+    """A simulated rover that a daemon is to drive, and what became of both."""
+
+    def __init__(self, folder: Path) -> None:
+        self.logs, self.socket = folder / "logs", folder / "control.sock"
+        self.closed = 0
+        self.stops: list[float] = []
+        self.service = Service(
+            config=load_rover("sim"),
+            algorithm=CATALOGUE["forest-pledge"],
+            seed=7,
+            make_rover=self.make_rover,
+            close_buses=self.close_buses,
+            logs=self.logs,
+            socket=self.socket,
+            simulated=True,
+            dry_run=False,
+        )
+
+    def make_rover(self, finish: Finish) -> Rover:
+        self.finish = finish
+        self.rover = desk_rover(self.service.config, Depth.DEVICE, 7, finish)
+        halt = self.rover.motors.halt
+
+        def noted_halt() -> None:
+            self.stops.append(time.monotonic())
+            halt()
+
+        self.rover.motors.halt = noted_halt  # type: ignore[method-assign]
+        return self.rover
+
+    async def close_buses(self) -> None:
+        self.closed += 1
+
+    async def wheels(self) -> WheelCommand:
+        told = await self.rover.motors.read_back()
+        assert told is not None
+        return told
+
+    async def ask(self, do: str, **keys: object) -> dict[str, Any]:
+        return await asyncio.to_thread(ask, {"do": do, **keys}, self.socket)
+
+    def log(self) -> list[dict[str, Any]]:
+        (folder,) = self.logs.iterdir()
+        return [json.loads(line) for line in (folder / "run.jsonl").read_text(encoding="utf-8").splitlines()]
+
+    def events(self, name: str) -> list[dict[str, Any]]:
+        return [record for record in self.log() if record["record"] == "event" and record["name"] == name]
+
+
+class Running:
+    """A daemon that runs, for ``async with``: its end is awaited, and the wheels must stand still then."""
+
+    def __init__(self, site: Site) -> None:
+        self.site = site
+
+    async def __aenter__(self) -> Running:
+        self._run = asyncio.create_task(Daemon(self.site.service).run())
+        await self.until(lambda: self.site.logs.exists() and any(each.get("heading_deg") for each in self.site.log()))
+        return self
+
+    async def __aexit__(self, kind: object, error: object, where: object) -> None:
+        if error is not None:
+            self._run.cancel()
+
+    async def until(self, holds: Callable[[], bool]) -> None:
+        """Wait until something holds, or the daemon has ended."""
+        async with asyncio.timeout(LONG_S):
+            while not self._run.done() and not holds():
+                await asyncio.sleep(0.01)
+
+    async def drives(self) -> None:
+        await self.site.ask("arm", heading_deg=0.0)
+        async with asyncio.timeout(LONG_S):
+            while await self.site.wheels() == STOP:
+                await asyncio.sleep(0.01)
+
+    async def end(self) -> RunEnd:
+        async with asyncio.timeout(LONG_S):
+            try:
+                return await self._run
+            finally:
+                assert await self.site.wheels() == STOP
+
+
+@pytest.fixture
+def site(monkeypatch: pytest.MonkeyPatch) -> Iterator[Site]:
+    with tempfile.TemporaryDirectory(prefix="wf-") as folder:  # a socket's path must be short
+        for name in ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"):
+            monkeypatch.delenv(name, raising=False)
+        monkeypatch.setenv("XDG_STATE_HOME", folder)
+        yield Site(Path(folder))
+
+
+async def test_log_begins_with_what_runs_and_ends_with_how_it_ended(site: Site) -> None:
+    async with Running(site) as daemon:
+        site.finish("escaped", "the simulated rover has escaped after 3.0 m")
+        assert await daemon.end() == RunEnd("escaped", "the simulated rover has escaped after 3.0 m")
+    first, *_, last = site.log()
+    told = {key: first[key] for key in ("record", "rover", "algorithm", "seed", "simulated", "dry_run")}
+    assert told == {
+        "record": "run", "rover": "sim", "algorithm": "forest-pledge", "seed": 7, "simulated": True, "dry_run": False,
+    }  # fmt: skip
+    assert first["parts"]["compass"] == "simulated compass"
+    assert first["config"]["vehicle"]["max_speed_m_s"] == site.service.config.vehicle.max_speed_m_s
+    assert (last["record"], last["reason"]) == ("outcome", "escaped")
+    assert site.closed == 1
+
+
+async def test_it_is_armed_asked_and_ended_over_its_socket(site: Site) -> None:
+    async with Running(site) as daemon:
+        assert (await site.ask("status"))["mode"] == "disarmed"
+        await daemon.drives()
+        assert (await site.ask("status"))["mode"] == "armed"
+        await site.ask("stop")
+        assert (await daemon.end()).reason == "requested"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+async def test_signal_stops_the_wheels_at_once_and_ends_the_run_in_order(site: Site, number: signal.Signals) -> None:
+    async with Running(site) as daemon:
+        await daemon.drives()
+        os.kill(os.getpid(), number)
+        await daemon.until(lambda: bool(site.stops))
+        assert await site.wheels() == STOP
+        assert await daemon.end() == RunEnd("signal", f"ended by {number.name}")
+    assert site.log()[-1]["reason"] == "signal"
+
+
+async def test_loop_that_stands_still_has_its_wheels_stopped_meanwhile(site: Site) -> None:
+    async with Running(site) as daemon:
+        await daemon.drives()
+        began_s = time.monotonic()
+        time.sleep(0.5)  # noqa: ASYNC251 - the bug that is guarded against
+        assert site.stops, "nobody stopped the wheels"
+        assert site.stops[0] - began_s < 0.45
+        await daemon.until(lambda: bool(site.events("loop_stalled")))
+        assert site.events("loop_stalled")[0]["stall_s"] >= 0.4
+        await site.ask("stop")
+        await daemon.end()
+
+
+async def test_dry_run_does_everything_but_turn_the_wheels(site: Site) -> None:
+    site.service = replace(site.service, dry_run=True)
+    async with Running(site) as daemon:
+        await site.ask("arm", heading_deg=0.0)
+        await daemon.until(lambda: any(record.get("wanted_left") for record in site.log()))
+        assert await site.wheels() == STOP
+        await site.ask("stop")
+        await daemon.end()
+
+
+class Faulty:
+    """A third party's handler with a bug."""
+
+    def decide(self, observation: Observation) -> Decision:
+        raise ZeroDivisionError("the bug of a third party")
+
+    def reset(self) -> None:
+        pass
+
+    def memory(self) -> Mapping[str, float | str]:
+        return {}
+
+
+def make_faulty(settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> EscapeHandler:
+    return Faulty()
+
+
+async def test_bug_ends_the_run_and_is_in_its_log(site: Site) -> None:
+    site.service = replace(site.service, algorithm=Algorithm("faulty", "test", "raises", make_faulty))
+    async with Running(site) as daemon:
+        await site.ask("arm", heading_deg=0.0)
+        with pytest.raises(ExceptionGroup) as caught:
+            await daemon.end()
+        assert caught.group_contains(ZeroDivisionError, depth=None)
+    assert site.log()[-1]["text"] == "ZeroDivisionError: the bug of a third party"
+    assert site.closed == 1
+
+
+async def test_systemd_is_told_when_it_is_up_that_it_lives_and_when_it_stops(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+        systemd.bind(str(site.socket.parent / "notify"))
+        systemd.setblocking(False)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(site.socket.parent / "notify"))
+        monkeypatch.setenv("WATCHDOG_USEC", "80000")
+        told: list[str] = []
+
+        def heard(message: str) -> bool:
+            try:
+                while True:
+                    told.append(systemd.recv(1000).decode())
+            except BlockingIOError:
+                return message in told
+
+        async with Running(site) as daemon:
+            await daemon.until(lambda: heard("WATCHDOG=1"))
+            site.finish("over", "the test is over")
+            await daemon.end()
+        assert heard("STOPPING=1")
+    assert told[0] == "READY=1"
+    assert told.index("WATCHDOG=1") < told.index("STOPPING=1")
+
+
+# -- serve: one daemon, and errors for people --------------------------------------------------------------------------
+
+
+def test_second_daemon_leaves_the_first_alone(site: Site) -> None:
+    with SingleDaemon(site.socket), pytest.raises(AlreadyRunning):
+        serve(site.service)
+    assert not site.logs.exists(), "a run that never was leaves no log"
+
+
+def test_part_that_does_not_open_is_named_and_everything_is_let_go(site: Site) -> None:
+    make_rover = site.make_rover
+
+    def make_broken(finish: Finish) -> Rover:
+        rover = make_rover(finish)
+
+        async def fail() -> None:
+            raise NotResponding("CMPS14 at 0x60 on /dev/i2c-1: no answer")
+
+        rover.compass.open = fail  # type: ignore[method-assign]
+        return rover
+
+    site.service = replace(site.service, make_rover=make_broken)
+    with pytest.raises(NotResponding, match="CMPS14 at 0x60"):
+        serve(site.service)
+    assert site.closed == 1
+    assert site.log()[-1]["reason"] == "failed"
+    with SingleDaemon(site.socket):
+        pass  # the socket is free again

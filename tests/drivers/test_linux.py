@@ -1,0 +1,399 @@
+"""A Linux board's buses: what the libraries are told, with stand-ins for them, and pyserial itself over a pty."""
+
+from __future__ import annotations
+
+import errno
+import os
+import pty
+import select
+import sys
+import tty
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from wayfarer.drivers.linux import LinuxBuses
+from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
+from wayfarer.errors import NotResponding
+from wayfarer.escape.api import Vehicle
+from wayfarer.hal import WheelCommand
+from wayfarer.simhal.chips.sabertooth import SabertoothChip
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+WIDTH, HEIGHT, STRIDE = 60, 40, 64
+
+
+class Calls:
+    """What was asked of a library."""
+
+    def __init__(self) -> None:
+        self.made: list[tuple[Any, ...]] = []
+
+    def note(self, *what: Any) -> None:
+        self.made.append(what)
+
+
+@pytest.fixture
+def calls() -> Calls:
+    return Calls()
+
+
+def install(monkeypatch: pytest.MonkeyPatch, name: str, **contents: object) -> None:
+    module = ModuleType(name)
+    vars(module).update(contents)
+    monkeypatch.setitem(sys.modules, name, module)
+
+
+# -- I2C through smbus2 ------------------------------------------------------------------------------------------------
+
+
+class Message:
+    """smbus2.i2c_msg, as far as it is used."""
+
+    def __init__(self, kind: str, address: int, data: bytes) -> None:
+        self.kind, self.address, self.data = kind, address, data
+
+    @classmethod
+    def write(cls, address: int, data: bytes) -> Message:
+        return cls("write", address, bytes(data))
+
+    @classmethod
+    def read(cls, address: int, count: int) -> Message:
+        return cls("read", address, bytes(count))
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.data)
+
+
+@pytest.fixture
+def smbus(monkeypatch: pytest.MonkeyPatch, calls: Calls) -> Calls:
+    class SMBus:
+        def __init__(self, path: str) -> None:
+            calls.note("open", path)
+
+        def i2c_rdwr(self, *messages: Message) -> None:
+            calls.note(*((each.kind, each.address, len(each.data)) for each in messages))
+            for each in messages:
+                if each.kind == "read":
+                    each.data = bytes(range(1, len(each.data) + 1))
+
+        def close(self) -> None:
+            calls.note("close")
+
+    install(monkeypatch, "smbus2", SMBus=SMBus, i2c_msg=Message)
+    return calls
+
+
+async def test_i2c_combines_a_write_and_a_read_or_separates_them_by_a_stop(smbus: Calls) -> None:
+    buses = LinuxBuses()
+    bus = buses.i2c("/dev/i2c-1")
+    await bus.write(0x15, b"\x0e\x00")
+    assert await bus.write_read(0x60, b"\0", 3) == b"\1\2\3"
+    assert await bus.write_then_read(0x15, b"\x99", 2) == b"\1\2"
+    await buses.close()
+    assert smbus.made == [
+        ("open", "/dev/i2c-1"),
+        (("write", 0x15, 2),),
+        (("write", 0x60, 1), ("read", 0x60, 3)),
+        (("write", 0x15, 1),),
+        (("read", 0x15, 2),),
+        ("close",),
+    ]
+
+
+async def test_parts_on_one_bus_share_it(smbus: Calls) -> None:
+    buses = LinuxBuses()
+    assert buses.i2c("/dev/i2c-1") is buses.i2c("/dev/i2c-1")
+    assert buses.i2c("/dev/i2c-0") is not buses.i2c("/dev/i2c-1")
+    await buses.close()
+    assert smbus.made == [], "nothing is touched before it is used"
+
+
+async def test_real_smbus2_without_a_bus_says_what_to_do() -> None:
+    pytest.importorskip("smbus2")
+    buses = LinuxBuses()
+    with pytest.raises(NotResponding, match="/dev/i2c-99: no such device file"):
+        await buses.i2c("/dev/i2c-99").write(0x15, b"\0")
+    await buses.close()
+
+
+# -- SPI through spidev ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def spidev(monkeypatch: pytest.MonkeyPatch, calls: Calls) -> Calls:
+    class SpiDev:
+        mode = max_speed_hz = -1
+
+        def open_path(self, path: str) -> None:
+            calls.note("open", path)
+
+        def xfer2(self, values: list[int]) -> list[int]:
+            calls.note(self.mode, self.max_speed_hz, values)
+            return [value ^ 0xFF for value in values]
+
+        def close(self) -> None:
+            calls.note("close")
+
+    install(monkeypatch, "spidev", SpiDev=SpiDev)
+    return calls
+
+
+async def test_spi_sets_mode_and_speed_and_exchanges_each_piece_by_itself(spidev: Calls) -> None:
+    buses = LinuxBuses()
+    device = buses.spi("/dev/spidev0.1", mode=3, speed_hz=400_000)
+    assert await device.transfer(b"\x00\x00", b"\x16") == (b"\xff\xff", b"\xe9")
+    await buses.close()
+    assert spidev.made == [("open", "/dev/spidev0.1"), (3, 400_000, [0, 0]), (3, 400_000, [0x16]), ("close",)]
+
+
+# -- serial through pyserial, over a pty -----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, str]]:
+    """The far end of a serial line, and the name of its near end."""
+    pytest.importorskip("serial")
+    far, near = pty.openpty()
+    tty.setraw(near)
+    yield far, os.ttyname(near)
+    for end in (far, near):
+        os.close(end)
+
+
+def received(far: int) -> bytes:
+    """All that has arrived."""
+    data = b""
+    while select.select([far], [], [], 0.02)[0]:
+        data += os.read(far, 1024)
+    return data
+
+
+async def test_real_serial_port_brings_packets_to_the_board_whole(terminal: tuple[int, str]) -> None:
+    far, near = terminal
+    world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), Streams(0))
+    chip = SabertoothChip(world, lambda: 0.0)
+    buses = LinuxBuses()
+    motors = Sabertooth(SabertoothSettings(port=near), buses)
+    await motors.open()
+    for duty in (1.0, -1.0, 0.25, -0.5):
+        applied = await motors.drive(WheelCommand(duty, -duty))
+        chip.receive(received(far))
+        assert world.commanded == pytest.approx(applied)
+        assert applied.left == pytest.approx(duty, abs=0.01)
+    motors.halt()
+    await buses.close()
+    chip.receive(received(far))
+    assert world.commanded == (0.0, 0.0)
+    assert chip.dropped == 0
+    assert chip.settings == {14: 3}, "the deadman's packet came too"
+
+
+async def test_serial_port_that_is_not_there_says_what_to_do(tmp_path: Path) -> None:
+    pytest.importorskip("serial")
+    buses = LinuxBuses()
+    with pytest.raises(NotResponding, match="no such device file"):
+        await buses.serial(str(tmp_path / "ttyUSB0"), baud=9600).write(b"\0")
+    await buses.close()
+
+
+async def test_serial_port_that_was_pulled_out_is_opened_again(tmp_path: Path) -> None:
+    pytest.importorskip("serial")
+    device = tmp_path / "serial0"
+    buses = LinuxBuses()
+    port = buses.serial(str(device), baud=9600)
+    first_far, first_near = pty.openpty()
+    device.symlink_to(os.ttyname(first_near))
+    await port.write(b"\1")
+    os.close(first_far)
+    os.close(first_near)
+    with pytest.raises(NotResponding):
+        await port.write(b"\2")
+    far, near = pty.openpty()
+    tty.setraw(near)
+    device.unlink()
+    device.symlink_to(os.ttyname(near))
+    await port.write(b"\3")
+    assert received(far) == b"\3"
+    await buses.close()
+    os.close(far)
+    os.close(near)
+
+
+# -- the camera through picamera2 ------------------------------------------------------------------------------------
+
+
+class FakeCamera:
+    """picamera2.Picamera2, as far as it is used."""
+
+    calls: Calls
+    luma: NDArray[np.uint8]
+    fails_with: Exception | None = None
+    start_fails_with: Exception | None = None
+    frame_fails_with: Exception | None = None
+
+    def __init__(self, number: int) -> None:
+        self.calls.note("open", number)
+        if self.fails_with is not None:
+            raise self.fails_with
+
+    def create_video_configuration(self, **configuration: Any) -> dict[str, Any]:
+        return configuration
+
+    def configure(self, configuration: dict[str, Any]) -> None:
+        self.calls.note("configure", configuration)
+
+    def start(self) -> None:
+        self.calls.note("start")
+        if self.start_fails_with is not None:
+            raise self.start_fails_with
+
+    def capture_request(self, wait: float) -> FakeCamera:
+        self.calls.note("capture")
+        return self
+
+    def make_array(self, name: str) -> NDArray[np.uint8]:
+        if self.frame_fails_with is not None:
+            raise self.frame_fails_with
+        assert name == "lores"
+        return self.luma
+
+    def release(self) -> None:
+        self.calls.note("release")
+
+    def close(self) -> None:
+        self.calls.note("close")
+
+
+@pytest.fixture
+def camera(monkeypatch: pytest.MonkeyPatch, calls: Calls) -> type[FakeCamera]:
+    """A camera whose lines are padded, above the chroma planes of YUV420."""
+    padded = np.full((HEIGHT * 3 // 2, STRIDE), 255, np.uint8)
+    padded[:HEIGHT, :WIDTH] = np.arange(WIDTH, dtype=np.uint8)
+
+    class Camera(FakeCamera):
+        luma = padded
+
+    Camera.calls = calls
+    install(monkeypatch, "picamera2", Picamera2=Camera)
+    return Camera
+
+
+def names(calls: Calls) -> list[str]:
+    return [what[0] for what in calls.made]
+
+
+async def test_frame_is_the_luma_without_padding_and_chroma_and_is_our_own(
+    camera: type[FakeCamera], calls: Calls
+) -> None:
+    buses = LinuxBuses()
+    frame = await buses.camera("1", width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=8000).frame()
+    await buses.close()
+    assert frame.luma.shape == (HEIGHT, WIDTH)
+    assert frame.luma.max() == WIDTH - 1
+    assert not np.shares_memory(frame.luma, camera.luma), "the library uses its buffer again"
+    assert names(calls) == ["open", "configure", "start", "capture", "release", "close"]
+    (_, number), (_, configuration), *_ = calls.made
+    assert number == 1
+    assert configuration["lores"] == {"size": (WIDTH, HEIGHT), "format": "YUV420"}
+    assert configuration["controls"] == {
+        "FrameDurationLimits": (100_000, 100_000),
+        "ExposureTime": 8000,
+        "AnalogueGain": 1.0,
+    }
+
+
+async def test_exposure_is_left_to_the_camera_where_none_is_given(camera: type[FakeCamera], calls: Calls) -> None:
+    buses = LinuxBuses()
+    await buses.camera("0", width=WIDTH, height=HEIGHT, rate_hz=20.0, exposure_us=None).frame()
+    await buses.close()
+    assert calls.made[1][1]["controls"] == {"FrameDurationLimits": (50_000, 50_000)}
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (IndexError("list index out of range"), "no camera is connected"),
+        (RuntimeError("Camera __init__ sequence did not complete."), "another program has it open"),
+    ],
+)
+async def test_camera_that_does_not_open_is_told_as_a_part_that_does_not_answer(
+    camera: type[FakeCamera], error: Exception, text: str
+) -> None:
+    camera.fails_with = error
+    buses = LinuxBuses()
+    with pytest.raises(NotResponding, match=f"camera 0: .*({text})"):
+        await buses.camera("0", width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=None).frame()
+    await buses.close()
+
+
+async def test_camera_that_does_not_start_is_let_go_and_can_be_tried_again(
+    camera: type[FakeCamera], calls: Calls
+) -> None:
+    camera.start_fails_with = RuntimeError("Camera did not start properly.")
+    buses = LinuxBuses()
+    device = buses.camera("0", width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=None)
+    with pytest.raises(NotResponding, match="does not start: Camera did not"):
+        await device.frame()
+    assert names(calls)[-1] == "close"
+    camera.start_fails_with = None
+    assert (await device.frame()).luma.shape == (HEIGHT, WIDTH)
+    await buses.close()
+
+
+@pytest.mark.parametrize("error", [TimeoutError(), OSError(errno.EIO, "")])
+async def test_frame_is_given_back_to_the_camera_whatever_happens(
+    camera: type[FakeCamera], calls: Calls, error: Exception
+) -> None:
+    camera.frame_fails_with = error
+    buses = LinuxBuses()
+    with pytest.raises(NotResponding, match="camera 0"):
+        await buses.camera("0", width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=None).frame()
+    await buses.close()
+    assert names(calls)[-3:] == ["capture", "release", "close"]
+
+
+async def test_missing_camera_library_is_told_with_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "picamera2", None)
+    buses = LinuxBuses()
+    with pytest.raises(NotResponding, match="apt install python3-picamera2"):
+        await buses.camera("0", width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=None).frame()
+    await buses.close()
+
+
+@pytest.mark.parametrize("library", ["smbus2", "spidev", "serial"])
+async def test_missing_library_is_told_with_the_extra_that_brings_it(
+    monkeypatch: pytest.MonkeyPatch, library: str
+) -> None:
+    monkeypatch.setitem(sys.modules, library, None)
+    buses = LinuxBuses()
+    uses: dict[str, Callable[[], Awaitable[object]]] = {
+        "smbus2": lambda: buses.i2c("/dev/i2c-1").write(0x15, b"\0"),
+        "spidev": lambda: buses.spi("/dev/spidev0.1", mode=0, speed_hz=400_000).transfer(b"\0"),
+        "serial": lambda: buses.serial("/dev/serial0", baud=9600).write(b"\0"),
+    }
+    with pytest.raises(NotResponding, match=rf"{library}.*pip install 'wayfarer\[pi\]'"):
+        await uses[library]()
+    await buses.close()
+
+
+async def test_bus_that_does_not_close_keeps_no_other_open(smbus: Calls, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: object) -> None:
+        smbus.note("close")
+        raise OSError(errno.EIO, "")
+
+    monkeypatch.setattr(sys.modules["smbus2"].SMBus, "close", refuse)
+    buses = LinuxBuses()
+    await buses.i2c("/dev/i2c-0").write(0x15, b"\0")
+    await buses.i2c("/dev/i2c-1").write(0x15, b"\0")
+    await buses.close()
+    assert names(smbus)[-2:] == ["close", "close"]

@@ -1,0 +1,156 @@
+"""From a rover file to its drivers: nothing is touched, and what is missing or wrong is told by its key."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wayfarer.assembly import Scaled, assemble
+from wayfarer.calibration import Calibration, FlowEntry
+from wayfarer.config import RoverConfig, load_rover
+from wayfarer.drivers.bumper import Bumper
+from wayfarer.drivers.buses import Buses
+from wayfarer.drivers.camera_motion import CameraMotion
+from wayfarer.drivers.cmps14 import CMPS14
+from wayfarer.drivers.pmw3901 import PMW3901
+from wayfarer.drivers.sabertooth import Sabertooth
+from wayfarer.drivers.thunderborg import ThunderBorg
+from wayfarer.drivers.thunderborg_light import ThunderBorgLight
+from wayfarer.errors import BadConfig, NotResponding
+from wayfarer.hal import MotionReading, MotionSensor
+from wayfarer.simhal.fakebus import FakeBuses
+
+TOP = 'name = "test"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.4\n'
+COMPASS = '[parts.compass]\ndriver = "cmps14"\n'
+MOTORS = '[parts.motors]\ndriver = "sabertooth"\n'
+FLOW = FlowEntry(t_wall=0.0, date="1970-01-01", part="bench flow", scale=1.25)
+
+
+class OwnCompass(CMPS14):
+    """A third party's driver, named by module and attribute."""
+
+
+def loaded(folder: Path, *tables: str) -> RoverConfig:
+    path = folder / "rover.toml"
+    path.write_text(TOP + "".join(tables), encoding="utf-8")
+    return load_rover(str(path))
+
+
+@pytest.mark.parametrize(
+    ("name", "parts"),
+    [
+        ("forestrover", {"motors": Sabertooth, "compass": CMPS14, "motion": PMW3901}),
+        (
+            "minirover",
+            {"motors": ThunderBorg, "compass": CMPS14, "motion": CameraMotion, "light": ThunderBorgLight},
+        ),
+        ("sim", {"motors": Sabertooth, "compass": CMPS14, "motion": PMW3901, "contact": Bumper}),
+    ],
+)
+def test_shipped_rovers_have_the_parts_of_their_files(name: str, parts: dict[str, type]) -> None:
+    """The buses have no chips: nothing may be touched yet."""
+    rover = assemble(load_rover(name), FakeBuses())
+    assert {part: type(driver) for part, driver in rover.parts.items()} == parts
+    assert next(iter(rover.parts)) == "motors", "what is opened first is closed last, and stopped first"
+
+
+def test_settings_of_the_file_reach_the_drivers(tmp_path: Path) -> None:
+    tables = (COMPASS + 'bus = "/dev/i2c-7"\naddress = 0x61\n', MOTORS + "address = 130\ntimeout_s = 0.5\n")
+    rover = assemble(loaded(tmp_path, *tables), FakeBuses())
+    assert rover.compass.name == "CMPS14 at 0x61 on /dev/i2c-7"
+    assert rover.motors.name == "Sabertooth 130 on /dev/serial0"
+    assert rover.motors.deadman_s == 0.5
+
+
+@pytest.mark.parametrize(("given", "missing"), [(COMPASS, "motors"), (MOTORS, "compass"), ("", "compass")])
+def test_rover_without_a_part_that_every_rover_needs_can_only_be_simulated(
+    tmp_path: Path, given: str, missing: str
+) -> None:
+    with pytest.raises(BadConfig, match=rf"rover 'test' has no \[parts\.{missing}\]: it can only be simulated"):
+        assemble(loaded(tmp_path, given), FakeBuses())
+
+
+def test_driver_of_a_third_party_is_named_by_module_and_attribute(tmp_path: Path) -> None:
+    own = '[parts.compass]\ndriver = "tests.test_assembly:OwnCompass"\naddress = 0x62\n'
+    rover = assemble(loaded(tmp_path, own, MOTORS), FakeBuses())
+    assert type(rover.compass).__name__ == "OwnCompass"
+    assert "0x62" in rover.compass.name
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        ('[parts.compass]\ndriver = "cmps41"\n', "key 'parts.compass.driver': unknown driver 'cmps41': did you mean"),
+        ('[parts.compass]\ndriver = "pmw3901"\n', "key 'parts.compass.driver': 'pmw3901' is no compass, but a motion"),
+        ('[parts.compass]\ndriver = "os:getcwd"\n', "key 'parts.compass.driver': 'os:getcwd' is no compass"),
+        ('[parts.compass]\ndriver = "no_such:x"\n', "key 'parts.compass.driver': driver 'no_such:x': cannot import"),
+        ('[parts.compass]\nbus = "/dev/i2c-1"\n', "key 'parts.compass.driver' is missing"),
+        ("[parts.compass]\ndriver = 3\n", "key 'parts.compass.driver' is missing"),
+        (COMPASS + "adress = 0x61\n", "unknown key 'parts.compass.adress'; did you mean 'address'?"),
+        (COMPASS + "address = 3000\n", "key 'parts.compass.address' = 3000: input should be"),
+        (COMPASS + 'address = "0x60"\n', "key 'parts.compass.address' = '0x60': input should be"),
+        (MOTORS + "timeout_s = 13\n", "key 'parts.motors.timeout_s' = 13: input should be less than or equal to 12.7"),
+        (MOTORS + "left = 3\n", "key 'parts.motors.left' = 3: input should be 1 or 2"),
+        ('[parts.motion]\ndriver = "pmw3901"\nforward = "+x"\nright = "-x"\n', "key 'parts.motion': forward '+x'"),
+        ('[parts.motion]\ndriver = "camera_motion"\n', "key 'parts.motion': method 'displacement' needs"),
+        ('[parts.lidar]\ndriver = "cmps14"\n', "key 'parts.lidar.driver': 'cmps14' is no lidar, but a compass"),
+        ("[parts]\ncompass = 3\n", "key 'parts.compass' = 3: input should be a table"),
+    ],
+)  # fmt: skip
+def test_part_that_cannot_be_used_is_told_by_its_key(tmp_path: Path, tables: str, said: str) -> None:
+    with pytest.raises(BadConfig) as caught:
+        loaded(tmp_path, tables)
+    assert str(caught.value).startswith(f"{tmp_path}/rover.toml: {said}")
+    assert "\n" not in str(caught.value)
+
+
+# -- calibration -------------------------------------------------------------------------------------------------
+
+
+class Flow:
+    """A motion sensor that notes what is done to it."""
+
+    name = "bench flow"
+
+    def __init__(self, reading: MotionReading) -> None:
+        self.reading = reading
+        self.done: list[str] = []
+
+    async def open(self) -> None:
+        self.done.append("open")
+
+    async def close(self) -> None:
+        self.done.append("close")
+
+    async def read(self) -> MotionReading:
+        if self.reading.quality == 0.0:
+            raise NotResponding("bench flow: gone")
+        return self.reading
+
+
+async def test_calibrated_metres_are_scaled_and_nothing_else_is() -> None:
+    flow = Flow(MotionReading(3.0, 0.4, -0.2, 0.7, signed=False))
+    scaled = Scaled(flow, 1.25)
+    assert isinstance(scaled, MotionSensor)
+    assert scaled.name == "bench flow", "the calibration is kept under this name"
+    await scaled.open()
+    assert await scaled.read() == MotionReading(3.0, 0.4 * 1.25, -0.2 * 1.25, 0.7, signed=False)
+    await scaled.close()
+    assert flow.done == ["open", "close"]
+
+
+async def test_error_of_a_scaled_sensor_is_its_own() -> None:
+    with pytest.raises(NotResponding, match="bench flow: gone"):
+        await Scaled(Flow(MotionReading(0.0, 0.0, 0.0, 0.0)), 2.0).read()
+
+
+def test_only_a_rover_whose_flow_was_calibrated_is_scaled(tmp_path: Path) -> None:
+    buses: Buses = FakeBuses()
+    config = load_rover("forestrover")
+    plain, scaled = assemble(config, buses), assemble(config, buses, Calibration(flow=FLOW))
+    assert isinstance(plain.motion, PMW3901)
+    assert isinstance(scaled.motion, Scaled)
+    assert scaled.motion.name == plain.motion.name
+    blind = assemble(loaded(tmp_path, COMPASS, MOTORS), buses, Calibration(flow=FLOW))
+    assert blind.motion is None

@@ -1,0 +1,75 @@
+"""What a person sees of a run on the terminal."""
+
+from __future__ import annotations
+
+import pytest
+
+from wayfarer.conditions import Level
+from wayfarer.console_log import ConsoleLog
+from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
+from wayfarer.hal import STOP, PositionFix
+from wayfarer.latest import Snapshot
+from wayfarer.records import TickRecord
+
+
+@pytest.fixture
+def said() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def log(said: list[str]) -> ConsoleLog:
+    return ConsoleLog(said.append)
+
+
+def record(phase: Phase, why: str = "", *anomalies: Anomaly, seen: bool = True) -> TickRecord:
+    observation = Observation(5.0, 271.6, 0.0, 0.0, anomalies, None, 90.0, 12.34) if seen else None
+    snapshot = Snapshot(5.0, None, None, None)
+    return TickRecord(
+        5.0, snapshot, observation, Decision(STOP, phase, why or phase.value), STOP, Level.WELL, None, dict
+    )
+
+
+def test_each_change_of_phase_is_one_line_that_says_why_and_where(log: ConsoleLog, said: list[str]) -> None:
+    for _ in range(20):
+        log.tick(record(Phase.FOLLOW, "goal"))
+    log.tick(record(Phase.BACK_OFF, "anomaly", Anomaly.IMMOBILISED, Anomaly.NOSE_UP))
+    log.tick(record(Phase.BACK_OFF, "anomaly"))
+    assert said == [
+        "follow (goal) heading 272, 12.3 m",
+        f"{Phase.BACK_OFF.value} (anomaly: {Anomaly.IMMOBILISED.value}, {Anomaly.NOSE_UP.value}) heading 272, 12.3 m",
+    ]
+
+
+def test_rover_that_stands_says_nothing(log: ConsoleLog, said: list[str]) -> None:
+    for _ in range(20):
+        log.tick(record(Phase.HALT, seen=False))
+    assert said == []
+
+
+def test_phase_that_comes_back_is_told_again(log: ConsoleLog, said: list[str]) -> None:
+    for phase in (Phase.FOLLOW, Phase.HALT, Phase.FOLLOW):
+        log.tick(record(phase))
+    assert [line.split()[0] for line in said] == ["follow", "halt", "follow"]
+
+
+@pytest.mark.parametrize(
+    ("name", "details", "line"),
+    [
+        ("armed", {"goal_heading_deg": 123.456}, "armed: goal_heading_deg 123.5"),
+        ("wheels_stopped", {}, "wheels stopped"),
+        ("health", {"level": "well", "cause": None}, "health: level well"),
+        ("sensor_failed", {"sensor": "compass", "retry_in_s": 1.6}, "sensor failed: sensor compass, retry_in_s 1.6"),
+        ("hold", {}, "hold"),
+    ],
+)
+def test_event_is_a_line(log: ConsoleLog, said: list[str], name: str, details: dict[str, object], line: str) -> None:
+    log.event(name, 3.0, **details)
+    assert said == [line]
+
+
+def test_positions_are_not_shown_and_the_end_is(log: ConsoleLog, said: list[str]) -> None:
+    log.position(PositionFix(0.0, 52.0, 13.0, 3.0))
+    log.position(None)
+    log.close("mission_time", "the mission limit of 900 s was reached")
+    assert said == ["ended: mission_time: the mission limit of 900 s was reached"]

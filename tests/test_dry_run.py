@@ -1,0 +1,105 @@
+"""A dry run: everything happens but motion."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wayfarer.config import load_rover
+from wayfarer.dry_run import DryMotors
+from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand
+from wayfarer.simhal import trial
+from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.rig import Depth, build
+from wayfarer.testing import check_motors
+
+
+class Motors:
+    """Notes what is done to it."""
+
+    name = "bench motors"
+    deadman_s: float | None = 0.25
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+        self.commands: list[WheelCommand] = []
+        self.turning = WheelCommand(0.25, 0.5)
+
+    async def open(self) -> None:
+        self.done.append("open")
+
+    async def close(self) -> None:
+        self.done.append("close")
+
+    async def drive(self, command: WheelCommand) -> WheelCommand:
+        self.commands.append(command)
+        self.turning = command
+        return command
+
+    async def stop(self) -> None:
+        self.done.append("stop")
+
+    def halt(self) -> None:
+        self.done.append("halt")
+
+    async def read_back(self) -> WheelCommand | None:
+        return self.turning
+
+    async def health(self) -> MotorHealth:
+        return MotorHealth(11.5, ("hot",))
+
+
+DUTIES = st.floats(-1, 1)
+
+
+@given(st.lists(st.builds(WheelCommand, DUTIES, DUTIES), min_size=1, max_size=20))
+def test_board_never_sees_a_command_that_is_not_zero(commands: list[WheelCommand]) -> None:
+    motors = Motors()
+    dry = DryMotors(motors)
+
+    async def main() -> list[WheelCommand]:
+        return [await dry.drive(command) for command in commands]
+
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        applied = runner.run(main())
+    assert applied == [STOP] * len(commands), "what was applied is told, not what was wanted"
+    assert motors.commands == [STOP] * len(commands), "the board is asked each time: its deadman is watched as ever"
+
+
+async def test_everything_else_reaches_the_board() -> None:
+    motors = Motors()
+    dry = DryMotors(motors)
+    assert isinstance(dry, DriveMotors)
+    assert (dry.name, dry.deadman_s) == ("bench motors (dry run)", 0.25)
+    await dry.open()
+    await dry.stop()
+    dry.halt()
+    await dry.close()
+    assert motors.done == ["open", "stop", "halt", "close"]
+    assert await dry.read_back() == WheelCommand(0.25, 0.5)
+    assert await dry.health() == MotorHealth(11.5, ("hot",))
+
+
+async def test_dry_motors_keep_the_promises_of_motors() -> None:
+    await check_motors(lambda: DryMotors(Motors()))
+
+
+def test_dry_run_of_a_whole_trial_at_bus_depth_moves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rover feels that it does not move, and tries to escape from a place that it never leaves."""
+
+    def dry_build(*parts: Any) -> Rover:
+        rover = build(*parts)
+        return replace(rover, motors=DryMotors(rover.motors))
+
+    monkeypatch.setattr(trial, "build", dry_build)
+    forest = generate_forest(1, 0, 0)
+    spec = trial.TrialSpec(0, "forest-pledge", forest, 1, load_rover("sim"), budget_m=5.0, depth=Depth.BUS)
+    result = trial.run_trial(spec)
+    assert (result.path_m, result.reverse_m) == (0.0, 0.0)
+    assert result.ticks > 300

@@ -1,0 +1,152 @@
+"""The limits of a mission: time, distance, and a radius that a receiver measures better than dead reckoning."""
+
+from __future__ import annotations
+
+from math import asin, cos, degrees, hypot, inf, radians, sin, sqrt
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from wayfarer.hal import PositionFix
+from wayfarer.mission import FIX_FRESH_S, FIXES_BEYOND, METRES_PER_DEG, Mission
+from wayfarer.safety import SafetySettings
+
+SETTINGS = SafetySettings(mission_time_s=600.0, mission_distance_m=400.0, mission_radius_m=100.0)
+STARTS_S = 1000.0
+EARTH_M = 6_371_000.0
+
+
+def mission() -> Mission:
+    return Mission(SETTINGS, STARTS_S)
+
+
+def reason(under_test: Mission, t_s: float = STARTS_S + 1.0) -> str | None:
+    end = under_test.end(t_s)
+    return None if end is None else end.reason
+
+
+def fix(north_m: float, t_s: float = STARTS_S, latitude_deg: float = 52.0) -> PositionFix:
+    return PositionFix(t_s, latitude_deg + north_m / METRES_PER_DEG, 13.0, 3.0)
+
+
+def great_circle_m(a: PositionFix, b: PositionFix) -> float:
+    """The haversine formula on a sphere: what the flat reckoning must agree with over a mission's distances."""
+    lat_a, lat_b = radians(a.latitude_deg), radians(b.latitude_deg)
+    half_lat, half_lon = (lat_b - lat_a) / 2, radians(b.longitude_deg - a.longitude_deg) / 2
+    return 2 * EARTH_M * asin(sqrt(sin(half_lat) ** 2 + cos(lat_a) * cos(lat_b) * sin(half_lon) ** 2))
+
+
+def test_mission_that_has_reached_no_limit_goes_on() -> None:
+    assert reason(mission(), STARTS_S) is None
+    assert reason(mission(), STARTS_S + 599.99) is None
+
+
+def test_time_counts_from_the_start_of_the_mission() -> None:
+    end = mission().end(STARTS_S + 600.0)
+    assert end is not None
+    assert (end.reason, end.text) == ("mission_time", "the mission limit of 600 s was reached")
+
+
+def test_distance_counts_both_ways() -> None:
+    under_test = mission()
+    for step in range(399):
+        under_test.advance(1.0 if step % 2 else -1.0, 0.0)
+    assert reason(under_test) is None
+    under_test.advance(-1.0, 0.0)
+    assert reason(under_test) == "mission_distance"
+
+
+STEPS = st.lists(st.tuples(st.floats(-20, 20), st.floats(0, 360, exclude_max=True)), max_size=15)
+
+
+@given(STEPS)
+def test_dead_reckoning_adds_up_commands_along_the_compass(steps: list[tuple[float, float]]) -> None:
+    under_test = mission()
+    for forward_m, heading_deg in steps:
+        under_test.advance(forward_m, heading_deg)
+    north_m = sum(forward_m * cos(radians(heading_deg)) for forward_m, heading_deg in steps)
+    east_m = sum(forward_m * sin(radians(heading_deg)) for forward_m, heading_deg in steps)
+    assert (under_test.north_m, under_test.east_m) == pytest.approx((north_m, east_m), abs=1e-6)
+    off_m = hypot(north_m, east_m)
+    assume(abs(off_m - 100.0) > 1e-6)
+    assert (reason(under_test) == "mission_radius") is (off_m > 100.0)
+
+
+@given(st.floats(0, 360, exclude_max=True))
+def test_way_out_and_back_is_no_distance_from_the_start(heading_deg: float) -> None:
+    under_test = mission()
+    for _ in range(95):
+        under_test.advance(1.0, heading_deg)
+    for _ in range(95):
+        under_test.advance(1.0, (heading_deg + 180.0) % 360.0)
+    assert hypot(under_test.north_m, under_test.east_m) == pytest.approx(0.0, abs=1e-9)
+    assert reason(under_test) is None
+
+
+@given(
+    latitude_deg=st.floats(-70, 70),
+    longitude_deg=st.floats(-180, 180),
+    north_m=st.floats(-300, 300),
+    east_m=st.floats(-300, 300),
+)
+def test_radius_by_fixes_is_that_on_the_globe(
+    latitude_deg: float, longitude_deg: float, north_m: float, east_m: float
+) -> None:
+    """Also across the date line."""
+    home = PositionFix(STARTS_S, latitude_deg, longitude_deg, None)
+    east_deg = degrees(east_m / (EARTH_M * cos(radians(latitude_deg))))
+    there = PositionFix(
+        STARTS_S,
+        latitude_deg + degrees(north_m / EARTH_M),
+        (longitude_deg + east_deg + 180.0) % 360.0 - 180.0,
+        None,
+    )
+    off_m = great_circle_m(home, there)
+    assume(abs(off_m - 100.0) > 1.0)
+    under_test = mission()
+    for each in (home, *[there] * FIXES_BEYOND):
+        under_test.position(each)
+    assert (reason(under_test) == "mission_radius") is (off_m > 100.0)
+
+
+@given(st.lists(st.sampled_from([0.0, 99.0, 101.0, 1e6]), max_size=30))
+def test_only_fixes_beyond_in_a_row_end_a_mission(norths_m: list[float]) -> None:
+    under_test = mission()
+    under_test.position(fix(0.0))
+    beyond = 0
+    for north_m in norths_m:
+        under_test.position(fix(north_m))
+        beyond = beyond + 1 if north_m > 100.0 else 0
+        assert (reason(under_test) == "mission_radius") is (beyond >= FIXES_BEYOND)
+
+
+def test_first_fix_is_the_start_wherever_that_is() -> None:
+    under_test = mission()
+    for _ in range(20):
+        under_test.position(fix(5000.0))
+    assert reason(under_test) is None
+
+
+def test_fresh_fix_at_home_counts_more_than_dead_reckoning_and_an_old_one_less() -> None:
+    under_test = mission()
+    under_test.advance(150.0, 30.0)
+    assert reason(under_test) == "mission_radius"
+    under_test.position(fix(0.0, STARTS_S + 10.0))
+    assert reason(under_test, STARTS_S + 10.0 + FIX_FRESH_S) is None
+    assert reason(under_test, STARTS_S + 10.1 + FIX_FRESH_S) == "mission_radius"
+
+
+def test_old_fixes_beyond_the_radius_end_nothing() -> None:
+    under_test = mission()
+    for north_m in (0.0, *[150.0] * FIXES_BEYOND):
+        under_test.position(fix(north_m))
+    assert reason(under_test, STARTS_S + FIX_FRESH_S) == "mission_radius"
+    assert reason(under_test, STARTS_S + FIX_FRESH_S + 0.1) is None
+
+
+def test_the_first_limit_of_several_is_told() -> None:
+    under_test = mission()
+    under_test.advance(500.0, 0.0)
+    assert reason(under_test) == "mission_distance"
+    assert reason(under_test, inf) == "mission_time"

@@ -1,0 +1,202 @@
+"""Stopping the wheels without the daemon: whatever else is wrong, they stop, and what is not certain is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wayfarer import cli
+from wayfarer.errors import BadConfig, BadInput, UnknownName, WayfarerError
+from wayfarer.escape.api import Vehicle
+from wayfarer.simhal.chips.sabertooth import SabertoothChip
+from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.fakebus import FakeBuses
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+from wayfarer.stop_motors import stop_motors
+
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+AHEAD = (1.0, 1.0)
+STILL = (0.0, 0.0)
+BUSES = 'buses = "tests.test_stop_motors:buses"\n'
+THUNDERBORG = '[parts.motors]\ndriver = "thunderborg"\n'
+SABERTOOTH = '[parts.motors]\ndriver = "sabertooth"\n'
+
+
+class Bench:
+    """A rover whose wheels turn though its daemon is gone; a ThunderBorg's world and a Sabertooth's."""
+
+    def __init__(self) -> None:
+        self.buses = FakeBuses()
+        self.by_i2c, self.by_serial = (
+            World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), Streams(0)) for _ in "12"
+        )
+        thunderborg, sabertooth = ThunderBorgChip(self.by_i2c, self.clock), SabertoothChip(self.by_serial, self.clock)
+        self.buses.i2c("/dev/i2c-1").attach(0x15, thunderborg)
+        self.buses.serial("/dev/serial0").chip = sabertooth
+        for letter in (8, 11):
+            thunderborg.write(bytes((letter, 242)))
+        sabertooth.receive(bytes.fromhex("80 00 7F 7F 80 04 7F 03"))
+
+    def clock(self) -> float:
+        return 0.0
+
+
+class StuckThunderBorg(ThunderBorgChip):
+    """Takes every command and goes on turning."""
+
+    def write(self, data: bytes) -> None:
+        super().write(data)
+        self.levels = (100, 100)
+
+
+bench = Bench()
+
+
+def buses() -> FakeBuses:
+    return bench.buses
+
+
+@pytest.fixture(autouse=True)
+def fresh_bench() -> None:
+    globals()["bench"] = Bench()
+    assert bench.by_i2c.commanded == pytest.approx(AHEAD, abs=0.01)
+    assert bench.by_serial.commanded == AHEAD
+
+
+@pytest.fixture
+def rover_file(tmp_path: Path) -> Path:
+    return tmp_path / "rover.toml"
+
+
+def stop(rover_file: Path, text: str) -> str:
+    rover_file.write_text(text, encoding="utf-8")
+    return stop_motors(str(rover_file))
+
+
+def test_board_that_can_be_asked_says_that_the_wheels_stand_still(rover_file: Path) -> None:
+    said = stop(rover_file, BUSES + THUNDERBORG)
+    assert bench.by_i2c.commanded == STILL
+    assert said == "ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels stand still"
+
+
+def test_board_that_cannot_be_asked_is_stopped_and_nothing_is_claimed(rover_file: Path) -> None:
+    said = stop(rover_file, BUSES + SABERTOOTH)
+    assert bench.by_serial.commanded == STILL
+    assert said == "stop was sent to Sabertooth 128 on /dev/serial0, which cannot confirm it"
+
+
+def test_settings_of_the_motors_are_used(rover_file: Path) -> None:
+    bench.buses.i2c("/dev/i2c-7").attach(0x16, chip := ThunderBorgChip(bench.by_i2c, bench.clock))
+    chip.write(bytes((8, 200)))
+    assert bench.by_i2c.commanded != STILL
+    stop(rover_file, BUSES + THUNDERBORG + 'bus = "/dev/i2c-7"\naddress = 0x16\n')
+    assert bench.by_i2c.commanded == STILL
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        "control_hz = -3\nnonsense = true\n",
+        "[vehicle]\nlength_m = 0\n",
+        '[parts.compass]\ndriver = "no_such_compass"\n',
+        '[parts.compass]\ndriver = "cmps14"\naddress = "somewhere"\n',
+        "[safety]\nstart_delay_s = nan\n",
+        "[escape]\nturn_angle = 3\n",
+    ],
+)
+def test_mistake_elsewhere_in_the_file_does_not_keep_the_wheels_turning(rover_file: Path, broken: str) -> None:
+    stop(rover_file, BUSES + broken + THUNDERBORG)
+    assert bench.by_i2c.commanded == STILL
+
+
+def test_silent_board_is_told_with_what_to_do(rover_file: Path) -> None:
+    with pytest.raises(WayfarerError) as caught:
+        stop(rover_file, BUSES + THUNDERBORG + "address = 0x17\n")
+    assert not isinstance(caught.value, BadInput)
+    said = str(caught.value)
+    assert said.startswith("stop was sent, but ")
+    assert "0x17" in said
+    assert said.endswith("power off")
+
+
+def test_board_that_goes_on_turning_is_told_with_what_to_do(rover_file: Path) -> None:
+    bench.buses.i2c("/dev/i2c-1").attach(0x16, StuckThunderBorg(bench.by_i2c, bench.clock))
+    with pytest.raises(WayfarerError, match=r"was told to stop and still says .*: switch its power off"):
+        stop(rover_file, BUSES + THUNDERBORG + "address = 0x16\n")
+
+
+@pytest.mark.parametrize("text", ["", "[parts.motors]\n", '[parts.compass]\ndriver = "cmps14"\n'])
+def test_rover_without_motors_has_no_wheels_to_stop(rover_file: Path, text: str) -> None:
+    with pytest.raises(BadConfig, match=r"rover\.toml: no \[parts\.motors\] with a driver"):
+        stop(rover_file, BUSES + text)
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "said"),
+    [
+        (BUSES + THUNDERBORG + "adress = 0x16\n", BadConfig, r"rover\.toml: \[parts\.motors\]: .*adress"),
+        ('[parts.motors]\ndriver = "thunderbrg"\n', UnknownName, "unknown driver 'thunderbrg': did you mean thunderb"),
+        ('buses = "lunix"\n' + THUNDERBORG, UnknownName, "unknown buses 'lunix': did you mean linux"),
+        ("a = = 3", BadConfig, r"rover\.toml: not valid TOML"),
+    ],
+)
+def test_what_keeps_the_motors_from_being_found_is_told(
+    rover_file: Path, text: str, error: type[Exception], said: str
+) -> None:
+    with pytest.raises(error, match=said):
+        stop(rover_file, text)
+
+
+@pytest.mark.parametrize("name", ["no/such.toml", "nosuchrover"])
+def test_rover_file_that_is_not_there_is_told(name: str) -> None:
+    with pytest.raises(BadInput, match=r"no\w*.*\.toml: cannot be read: No such file"):
+        stop_motors(name)
+
+
+def test_shipped_rover_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wayfarer.stop_motors.make_buses", lambda name: bench.buses)
+    assert "Sabertooth" in stop_motors("forestrover")
+    assert "ThunderBorg" in stop_motors("minirover")
+    assert (bench.by_i2c.commanded, bench.by_serial.commanded) == (STILL, STILL)
+
+
+# -- the command -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("table", "code", "out", "err"),
+    [
+        (THUNDERBORG, 0, "says that the wheels stand still\n", ""),
+        (THUNDERBORG + "address = 0x17\n", 1, "", "power off\n"),
+        ("", 2, "", "this rover has no wheels to stop\n"),
+    ],
+    ids=["stopped", "silent board", "no motors"],
+)
+def test_command_says_in_one_line_and_by_its_exit_code_whether_the_wheels_stand_still(
+    capsys: pytest.CaptureFixture[str], rover_file: Path, table: str, code: int, out: str, err: str
+) -> None:
+    rover_file.write_text(BUSES + table, encoding="utf-8")
+    assert cli.run(["stop-motors", "--config", str(rover_file)]) == code
+    captured = capsys.readouterr()
+    for said, expected in ((captured.out, out), (captured.err, err)):
+        assert said.endswith(expected)
+        assert said.count("\n") == (1 if expected else 0)
+
+
+def test_command_without_any_rover_file_says_what_to_name(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("wayfarer.cli.rover.ROVER_FILE", tmp_path / "none.toml")
+    assert cli.run(["stop-motors"]) == 2
+    assert "name one with --config" in capsys.readouterr().err
+
+
+def test_file_of_the_system_is_stopped_without_being_named(monkeypatch: pytest.MonkeyPatch, rover_file: Path) -> None:
+    rover_file.write_text(BUSES + SABERTOOTH, encoding="utf-8")
+    monkeypatch.setattr("wayfarer.cli.rover.ROVER_FILE", rover_file)
+    assert cli.run(["stop-motors"]) == 0
+    assert bench.by_serial.commanded == STILL
