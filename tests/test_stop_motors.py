@@ -129,7 +129,14 @@ def test_board_that_goes_on_turning_is_told_with_what_to_do(rover_file: Path) ->
         stop(rover_file, BUSES + THUNDERBORG + "address = 0x16\n")
 
 
-@pytest.mark.parametrize("text", ["", "[parts.motors]\n", '[parts.compass]\ndriver = "cmps14"\n'])
+def test_mistyped_key_does_not_keep_the_wheels_turning(rover_file: Path) -> None:
+    stop(rover_file, BUSES + THUNDERBORG + "adress = 0x16\n")
+    assert bench.by_i2c.commanded == STILL
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[parts.motors]\n", "parts = 3\n", "[parts]\nmotors = 3\n", '[parts.compass]\ndriver = "cmps14"\n']
+)
 def test_rover_without_motors_has_no_wheels_to_stop(rover_file: Path, text: str) -> None:
     with pytest.raises(BadConfig, match=r"rover\.toml: no \[parts\.motors\] with a driver"):
         stop(rover_file, BUSES + text)
@@ -138,7 +145,8 @@ def test_rover_without_motors_has_no_wheels_to_stop(rover_file: Path, text: str)
 @pytest.mark.parametrize(
     ("text", "error", "said"),
     [
-        (BUSES + THUNDERBORG + "adress = 0x16\n", BadConfig, r"rover\.toml: \[parts\.motors\]: .*adress"),
+        (BUSES + THUNDERBORG + 'address = "x"\n', BadConfig, r"\[parts\.motors\] cannot be used"),
+        ('[parts.motors]\ndriver = "cmps14"\n', BadConfig, "'cmps14' in .parts.motors. drives no motors"),
         ('[parts.motors]\ndriver = "thunderbrg"\n', UnknownName, "unknown driver 'thunderbrg': did you mean thunderb"),
         ('buses = "lunix"\n' + THUNDERBORG, UnknownName, "unknown buses 'lunix': did you mean linux"),
         ("a = = 3", BadConfig, r"rover\.toml: not valid TOML"),

@@ -313,6 +313,16 @@ def test_part_that_does_not_open_ends_the_run_with_its_error(part: str) -> None:
     assert f"{part}: no answer" in shop.outcome[0][1]
 
 
+@pytest.mark.parametrize("part", ["light", "position"])
+def test_run_begins_without_a_light_or_a_receiver_that_does_not_open(part: str) -> None:
+    shop = Workshop()
+    shop.broken[f"{part}.open"] = NotResponding(f"{part}: no answer")
+    kind = {"light": Light, "position": Position}[part]
+    assert drive(shop, **{part: kind(shop, part)}).reason == "requested"
+    assert {"part": part, "error": f"{part}: no answer"} in shop.named("part_failed")
+    assert "motors.drive" in shop.done
+
+
 @pytest.mark.parametrize("sensor", ["compass", "motion"])
 def test_one_missed_answer_is_asked_again_soon_and_nothing_stops(sensor: str) -> None:
     shop = Workshop()

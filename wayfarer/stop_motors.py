@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import tomllib
+from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -26,20 +28,31 @@ def stop_motors(name_or_path: str) -> str:
         WayfarerError: the board did not answer.
     """
     rover = _read(name_or_path)
-    table = dict(rover.get("parts", {}).get("motors", {}))
-    if "driver" not in table:
+    parts = rover.get("parts")
+    table = parts.get("motors") if isinstance(parts, dict) else None
+    if not isinstance(table, dict) or not isinstance(table.get("driver"), str):
         raise BadConfig(f"{name_or_path}: no [parts.motors] with a driver: this rover has no wheels to stop")
-    driver = find_driver(table.pop("driver"))
+    driver = find_driver(table["driver"])
+    if getattr(driver, "part", None) != "motors":
+        raise BadConfig(f"{name_or_path}: driver '{table['driver']}' in [parts.motors] drives no motors")
+    return asyncio.run(_stop(driver, _settings(name_or_path, driver, table), str(rover.get("buses", "linux"))))
+
+
+def _settings(where: str, driver: Any, table: Mapping[str, Any]) -> Any:
+    """Return a driver's settings; a mistyped key is left out, for it must not keep the wheels turning."""
+    known = {field.name for field in fields(driver.Settings)}
     try:
-        settings = driver.Settings(**table)
+        return driver.Settings(**{key: value for key, value in table.items() if key in known})
     except (TypeError, ValueError) as error:
-        raise BadConfig(f"{name_or_path}: [parts.motors]: {error}") from None
-    return asyncio.run(_stop(driver, settings, rover.get("buses", "linux")))
+        raise BadConfig(f"{where}: [parts.motors]: {error}") from None
 
 
 async def _stop(driver: Any, settings: Any, buses_name: str) -> str:
     buses = make_buses(buses_name)
-    motors: DriveMotors = driver(settings, buses)
+    try:
+        motors: DriveMotors = driver(settings, buses)
+    except (TypeError, ValueError, AttributeError) as error:  # a value of the wrong kind, which nobody has checked
+        raise BadConfig(f"[parts.motors] cannot be used: {error}") from None
     try:
         await motors.stop()
         await motors.drive(STOP)  # unlike stop(), it says whether the board was there

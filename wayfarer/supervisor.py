@@ -129,7 +129,7 @@ class Supervisor:
         end = RunEnd("failed", "the run was cancelled")
         try:
             for part in self._parts:
-                await part.open()
+                await self._open(part)
             self._log.event("opened", asyncio.get_running_loop().time(), parts=[part.name for part in self._parts])
             end = await self._run_tasks()
         except Exception as error:
@@ -139,6 +139,15 @@ class Supervisor:
         finally:
             await unhindered(self._stop_and_close(end))
         return end
+
+    async def _open(self, part: Driver) -> None:
+        """Open a part; without light and receiver a run begins all the same."""
+        try:
+            await part.open()
+        except DriverError as error:
+            if part is not self._rover.light and part is not self._rover.position:
+                raise
+            self._log.event("part_failed", asyncio.get_running_loop().time(), part=part.name, error=str(error))
 
     @property
     def _parts(self) -> tuple[Driver, ...]:

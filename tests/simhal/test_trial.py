@@ -56,6 +56,14 @@ def test_every_algorithm_drives(algorithm: str) -> None:
     assert result.anomalies > 0
 
 
+def test_rover_that_uses_up_its_own_mission_did_not_get_out_and_is_no_fault() -> None:
+    spec = spec_of()
+    limits = replace(spec.rover.safety, mission_distance_m=5.0)
+    result = run_trial(replace(spec, rover=spec.rover.model_copy(update={"safety": limits})))
+    assert result.outcome == "entrapped"
+    assert result.path_m < 6.0
+
+
 def test_budget_ends_a_trial() -> None:
     result = run_trial(spec_of(budget_m=5.0))
     assert result.outcome == "entrapped"

@@ -20,6 +20,7 @@ from wayfarer.errors import NotResponding
 
 T = TypeVar("T")
 
+POSTED_KEPT = 8  # stops pile up while a bus hangs, and one is as good as the next
 TRANSFER_DEADLINE_S = 0.1  # a block read takes 3 ms at 100 kHz; the rover's boards stop the wheels after 0.25 s
 
 
@@ -34,7 +35,7 @@ class Worker:
         self._deadline_s = deadline_s
         self._wake = threading.Condition()
         self._jobs: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
-        self._posted: deque[Callable[[], Any]] = deque()
+        self._posted: deque[Callable[[], Any]] = deque(maxlen=POSTED_KEPT)
         self._busy = False
         self._overdue = False
         self._closed = False

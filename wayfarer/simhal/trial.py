@@ -10,6 +10,7 @@ from typing import NamedTuple
 from wayfarer.config import RoverConfig
 from wayfarer.escape.api import Phase
 from wayfarer.hal import PositionFix
+from wayfarer.mission import RunEnd
 from wayfarer.records import RunLog, Tee, TickRecord
 from wayfarer.registry import find_algorithm
 from wayfarer.simhal.forest import Forest
@@ -113,8 +114,15 @@ async def _run(spec: TrialSpec, log_dir: Path | None) -> TrialResult:
     referee = Referee(spec.forest, spec.budget_m, physics.tip_deg, supervisor.finish)
     world.after_step = referee.watch
     await supervisor.arm(spec.forest.heading_deg)
-    await supervisor.run()
-    return _result(spec, referee, world, tally)
+    end = await supervisor.run()
+    return _result(spec, _outcome(referee, tally, end), referee, world, tally)
+
+
+def _outcome(referee: Referee, tally: Tally, end: RunEnd) -> Outcome:
+    """Return how a trial ended; a rover that used up its own mission's limits did not get out either."""
+    if tally.disarmed:
+        return "fault"
+    return referee.outcome or ("entrapped" if end.reason.startswith("mission_") else "fault")
 
 
 def _field_log(spec: TrialSpec, folder: Path) -> RunLog:
@@ -135,9 +143,8 @@ def _field_log(spec: TrialSpec, folder: Path) -> RunLog:
     return FieldLog(folder, details, wall=lambda t_s: t_s)
 
 
-def _result(spec: TrialSpec, referee: Referee, world: World, tally: Tally) -> TrialResult:
+def _result(spec: TrialSpec, outcome: Outcome, referee: Referee, world: World, tally: Tally) -> TrialResult:
     forest = spec.forest
-    outcome = "fault" if tally.disarmed else referee.outcome or "fault"
     path_m = referee.path_m(world)
     shortest_m = forest.shortest_path_m
     succeeded = outcome in ("escaped", "left_bounds")
