@@ -149,6 +149,7 @@ def _seen(observation: Observation | None) -> dict[str, Any]:
     if observation is None:
         return {"heading_deg": None}
     return {
+        "decision_t_s": round(observation.t_s, 6),
         "heading_deg": observation.heading_deg,
         "pitch_deg": observation.pitch_deg,
         "roll_deg": observation.roll_deg,

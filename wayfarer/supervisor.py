@@ -61,7 +61,7 @@ class Supervisor:
         self._control_hz = config.control_hz
         self._log = log
         self.cells = Cells()
-        needs = _check_parts(rover, algorithm, config)
+        needs = check_parts(rover, algorithm, config)
         detector = Detector(
             config.detector,
             config.vehicle.max_speed_m_s,
@@ -272,8 +272,12 @@ class Supervisor:
             await pace.wait()
 
 
-def _check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> frozenset[str]:
-    """Return the optional parts that this run uses."""
+def check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> frozenset[str]:
+    """Return the optional parts that a run uses.
+
+    Raises:
+        MissingPart: the rover has not got one of them.
+    """
     needs = set(algorithm.requires)
     needs.add(config.anomaly_source)
     for name in sorted(needs):

@@ -31,7 +31,7 @@ from wayfarer.fieldlog import FieldLog, new_run_folder, wall_clock
 from wayfarer.hal import Rover
 from wayfarer.mission import RunEnd
 from wayfarer.records import Tee
-from wayfarer.supervisor import Supervisor, first_cause
+from wayfarer.supervisor import Supervisor, check_parts, first_cause
 from wayfarer.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
 
 
@@ -82,6 +82,7 @@ class Daemon:
         self._loop = asyncio.get_running_loop()
         config = service.config
         rover = service.make_rover(self._finish)
+        check_parts(rover, service.algorithm, config)  # before there is a log of a run that cannot be
         self._rover = replace(rover, motors=DryMotors(rover.motors)) if service.dry_run else rover
         self._notifier = Notifier(os.environ.get("NOTIFY_SOCKET"))
         self._guard = StallGuard(self._rover.motors.halt, self._tell_of_stall)

@@ -132,7 +132,8 @@ def _field_log(spec: TrialSpec, folder: Path) -> RunLog:
     forest = spec.forest
     details = {
         "algorithm": spec.algorithm,
-        "rover": spec.rover.model_dump(mode="json"),
+        "rover": spec.rover.name,
+        "config": spec.rover.model_dump(mode="json"),
         "trial": spec.trial,
         "forest": forest.forest,
         "noise": forest.noise,

@@ -1,0 +1,213 @@
+"""The commands for a rover: what they ask of the daemon, what they print, and how they refuse."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from time import monotonic  # noqa: TID251 - the chips of a real-time check need the loop's own clock
+from typing import Any
+
+import pytest
+
+from wayfarer import cli
+from wayfarer.cli import terminal
+from wayfarer.cli.status_text import status_text
+from wayfarer.config import load_rover, part_settings
+from wayfarer.control.paths import SingleDaemon, daemon_socket
+from wayfarer.control.protocol import Refused
+from wayfarer.simhal.fakebus import FakeBuses
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.rig import Solder
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+STATUS: dict[str, Any] = {
+    "rover": "minirover", "algorithm": "forest-pledge", "log": "logs/1", "simulated": False, "dry_run": True,
+    "mode": "armed", "why_disarmed": None, "held": False, "conditions": [], "motor_faults": [], "battery_v": 12.04,
+    "heading_deg": 359.7, "pitch_deg": 2.0, "roll_deg": -1.0, "goal_heading_deg": 20.0, "why": "probe.unwound",
+    "anomalies": ["immobilised"], "counter_deg": 30.2, "mission_s": 61.0, "travelled_m": 12.34,
+}  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def own_socket(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Keep away from daemons that may run on this machine."""
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr("wayfarer.control.paths.SYSTEM_FOLDER", tmp_path / "none")
+    monkeypatch.setenv("HOME", str(tmp_path))
+
+
+class Daemon:
+    """Stands in for the daemon: keeps what it is asked and gives a set answer."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, answer: dict[str, Any] | Exception) -> None:
+        self.asked: list[dict[str, object]] = []
+        self.answer = answer
+        monkeypatch.setattr("wayfarer.control.client.ask", self.ask)
+
+    def ask(self, request: dict[str, object], timeout_s: float) -> dict[str, Any]:
+        self.asked.append(request)
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
+
+
+# -- to a running rover ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "asked"),
+    [
+        (["arm"], {"do": "arm"}),
+        (["arm", "360"], {"do": "arm", "heading_deg": 0.0, "north": "magnetic"}),
+        (["goal", "20.5", "--north", "true"], {"do": "goal", "heading_deg": 20.5, "north": "true"}),
+        (["mark", "hit log"], {"do": "mark", "text": "hit log"}),
+        (["hold"], {"do": "hold"}),
+        (["resume"], {"do": "resume"}),
+        (["disarm"], {"do": "disarm"}),
+        (["stop"], {"do": "stop"}),
+    ],
+)
+def test_verb_is_asked_of_the_daemon(
+    monkeypatch: pytest.MonkeyPatch, arguments: list[str], asked: dict[str, object]
+) -> None:
+    daemon = Daemon(monkeypatch, {"warnings": [], "start_delay_s": 10.0, "goal_heading_deg": 20.0, "log": "logs/1"})
+    assert cli.run(arguments) == 0
+    assert daemon.asked == [asked]
+
+
+def test_arming_tells_of_warnings_and_of_the_time_to_step_away(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Daemon(monkeypatch, {"warnings": ["clock: it is 1970"], "start_delay_s": 10.0})
+    assert cli.run(["arm"]) == 0
+    assert capsys.readouterr().out == "warning: clock: it is 1970\narming: the wheels may turn in 10 s\n"
+
+
+def test_refusal_is_one_line_and_exit_code_1(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Daemon(monkeypatch, Refused("not armed: battery: 9.1 V"))
+    assert cli.run(["arm"]) == 1
+    assert capsys.readouterr().err == "wayfarer: not armed: battery: 9.1 V\n"
+
+
+@pytest.mark.parametrize("verb", ["status", "arm", "disarm", "hold", "resume", "stop"])
+def test_without_a_daemon_each_verb_says_how_to_start_one(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run([verb]) == 1
+    assert "wayfarer run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [["arm", "361"], ["goal", "nan"], ["goal"], ["arm", "20", "--north", "left"]])
+def test_heading_that_cannot_be_is_refused_before_anything_is_asked(
+    monkeypatch: pytest.MonkeyPatch, arguments: list[str]
+) -> None:
+    monkeypatch.setattr("socket.socket.connect", lambda *_: pytest.fail("nothing may be sent"))
+    assert cli.run(arguments) == 2
+
+
+def test_status_says_the_most_important_first() -> None:
+    assert status_text(STATUS).splitlines() == [
+        "minirover armed (dry run)",
+        "health    well",
+        "doing     probe.unwound (forest-pledge), counter 30, immobilised",
+        "heading   0, goal 20, pitch +2, roll -1",
+        "mission   61 s, 12.3 m commanded",
+        "battery   12.0 V",
+        "log       logs/1",
+    ]
+
+
+def test_status_of_a_disarmed_rover_says_why() -> None:
+    disarmed = {"mode": "disarmed", "why_disarmed": "fault: compass_lost", "conditions": ["compass_lost"]}
+    lines = status_text({**STATUS, **disarmed, "motor_faults": ["motor A: drive fault"]}).splitlines()
+    assert lines[0] == "minirover disarmed: fault: compass_lost (dry run)"
+    assert lines[1] == "health    compass_lost, motor A: drive fault"
+    assert not any(line.startswith("doing") for line in lines)
+
+
+def test_status_as_json_is_everything(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    Daemon(monkeypatch, STATUS)
+    assert cli.run(["status", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == STATUS
+
+
+# -- run ---------------------------------------------------------------------------------------------------------
+
+
+def test_run_without_a_rover_names_what_to_do(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("wayfarer.cli.rover.ROVER_FILE", tmp_path / "none.toml")
+    assert cli.run(["run"]) == 2
+    assert "wayfarer run --sim" in capsys.readouterr().err
+
+
+def test_second_daemon_is_refused_with_the_exit_code_for_later(capsys: pytest.CaptureFixture[str]) -> None:
+    with SingleDaemon(daemon_socket()):
+        assert cli.run(["run", "--sim"]) == 75
+    assert "is running already" in capsys.readouterr().err
+
+
+def test_rover_that_cannot_give_what_an_algorithm_needs_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    arguments = ["run", "--sim", "--config", "forestrover", "--algorithm", "cv-pledge", "--logs", str(tmp_path)]
+    assert cli.run(arguments) == 2
+    assert "needs a contact sensor" in capsys.readouterr().err
+
+
+# -- check -------------------------------------------------------------------------------------------------------
+
+
+def buses() -> FakeBuses:
+    """Forestrover's chips, in a clearing."""
+    chips = FakeBuses()
+    config = load_rover("forestrover")
+    world = World(CLEARING, config.vehicle, Physics(), Streams(0), starts_s=monotonic())
+    solder = Solder(world, Streams(0), monotonic, chips)
+    for part, table in config.parts.items():
+        driver, settings = part_settings(part, table)
+        solder.chips[driver](settings)
+    return chips
+
+
+@pytest.fixture
+def rover_file(tmp_path: Path) -> Path:
+    shipped = (Path(cli.__file__).parents[1] / "rovers/forestrover.toml").read_text(encoding="utf-8")
+    path = tmp_path / "rover.toml"
+    path.write_text('buses = "tests.test_cli_rover:buses"\n' + shipped, encoding="utf-8")
+    return path
+
+
+def test_check_of_a_sound_rover_passes_and_turns_no_wheel_without_a_person(
+    rover_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run(["check", "--json", "--config", str(rover_file), "--logs", str(tmp_path)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    verdicts = {finding["name"]: finding["verdict"] for finding in told["findings"]}
+    assert told["passed"]
+    assert (verdicts["compass"], verdicts["motion"], verdicts["motor board"]) == ("ok", "ok", "ok")
+    assert (verdicts["deadman trips"], verdicts["left wheels"]) == ("skipped", "skipped")
+
+
+def test_check_for_people_gives_cause_and_remedy(rover_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rover_file.write_text(rover_file.read_text(encoding="utf-8").replace("address = 0x60", "address = 0x61"))
+    assert cli.run(["check", "--config", str(rover_file), "--logs", str(rover_file.parent)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    at = next(number for number, line in enumerate(lines) if line.startswith("fail    compass:"))
+    assert "0x61" in lines[at]
+    assert lines[at + 1].startswith("          likely: ")
+    assert lines[at + 2].startswith("          do:     ")
+
+
+def test_check_leaves_a_running_daemon_alone(rover_file: Path) -> None:
+    with SingleDaemon(daemon_socket()):
+        assert cli.run(["check", "--config", str(rover_file)]) == 75
+
+
+def test_calibrating_wants_a_person(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(terminal, "is_there", lambda: False)
+    assert cli.run(["calibrate", "--config", str(rover_file)]) == 2
