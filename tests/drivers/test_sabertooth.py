@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
-from functools import wraps
 from math import nan
-from typing import Any, Literal
+from typing import Literal
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
+from tests.virtual import virtual
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings, packet
 from wayfarer.errors import NotResponding
 from wayfarer.escape.api import Vehicle
@@ -21,7 +20,6 @@ from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.devices import SimMotors
 from wayfarer.simhal.fakebus import FakeBuses, FakeSerial
 from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
@@ -32,17 +30,6 @@ STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, t
 TIMEOUT, STAND = "80 0E 03 11", "80 00 00 00 80 04 00 04"
 
 DUTIES = st.floats(-1.0, 1.0)
-
-
-def virtual(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
-    """Run a test in virtual time."""
-
-    @wraps(test)
-    def run(*args: Any, **kwargs: Any) -> None:
-        with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-            runner.run(test(*args, **kwargs))
-
-    return run
 
 
 class Wire:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
-from functools import wraps
 from math import nan
-from typing import Any, Literal
+from typing import Literal
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
+from tests.virtual import virtual
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings
 from wayfarer.errors import BadReading, NotResponding, WrongPart
@@ -22,7 +21,6 @@ from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.devices import SimMotors
 from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
@@ -34,17 +32,6 @@ STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, t
 PURPLE = Colour(1.0, 0.0, 1.0)
 
 DUTIES = st.floats(-1.0, 1.0)
-
-
-def virtual(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
-    """Run a test in virtual time."""
-
-    @wraps(test)
-    def run(*args: Any, **kwargs: Any) -> None:
-        with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-            runner.run(test(*args, **kwargs))
-
-    return run
 
 
 def now_s() -> float:

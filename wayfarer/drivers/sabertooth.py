@@ -7,7 +7,6 @@ the board answers nothing, acknowledges nothing, and drops a packet with a wrong
 from __future__ import annotations
 
 import asyncio
-from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
 from typing import Annotated, ClassVar, Literal
@@ -15,6 +14,7 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Interval, MultipleOf
 
 from wayfarer.drivers.buses import Buses
+from wayfarer.drivers.levels import Levels
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 
 FULL_LEVEL = 127
@@ -75,10 +75,13 @@ class Sabertooth:
         timeout_units = round(settings.timeout_s * _TIMEOUT_UNITS_PER_S)
         self.deadman_s: float | None = timeout_units / _TIMEOUT_UNITS_PER_S
         self._address = settings.address
-        self._steps = FULL_LEVEL * settings.duty_limit
+        self._levels = Levels(
+            FULL_LEVEL,
+            settings.duty_limit,
+            reverse_left=settings.reverse_left,
+            reverse_right=settings.reverse_right,
+        )
         self._left, self._right = (_M1, _M2) if settings.left == 1 else (_M2, _M1)
-        self._left_sign = -1 if settings.reverse_left else 1
-        self._right_sign = -1 if settings.reverse_right else 1
         self._board_settings = packet(settings.address, _SERIAL_TIMEOUT, timeout_units)
         if settings.battery_min_v is not None:
             units = round((settings.battery_min_v - _LOWEST_V) * _UNITS_PER_VOLT)
@@ -103,19 +106,21 @@ class Sabertooth:
         Raises:
             NotResponding: the port is gone.
         """
-        left, right = self._level(command.left), self._level(command.right)
+        left, right = self._levels.of(command)
         now_s = asyncio.get_running_loop().time()
         if now_s < self._resend_at_s:
             await self._port.write(self._motor_packets(left, right))
         else:
             await self._port.write(self._board_settings + self._motor_packets(left, right))
             self._resend_at_s = now_s + _RESEND_S
-        return WheelCommand(left / self._steps, right / self._steps)
+        return self._levels.duties(left, right)
 
     async def stop(self) -> None:
-        """Stop both motors, said three times; never raises."""
-        with suppress(Exception):
+        """Stop both motors, said three times; never raises. Where the port hangs, it goes out first after that."""
+        try:
             await self._port.write(self._motor_packets(0, 0) * _STOPS)
+        except Exception:
+            self.halt()
 
     def halt(self) -> None:
         """Stop both motors without waiting."""
@@ -128,12 +133,8 @@ class Sabertooth:
         """Return that nothing is known: the board tells neither voltage nor faults."""
         return MotorHealth(None, ())
 
-    def _level(self, duty: float) -> int:
-        """Return the level of a duty, negative for back; what is not a number raises and reaches no motor."""
-        return int(self._steps * min(max(duty, -1.0), 1.0))
-
     def _motor_packets(self, left: int, right: int) -> bytes:
-        return self._motor(self._left, left * self._left_sign) + self._motor(self._right, right * self._right_sign)
+        return self._motor(self._left, left) + self._motor(self._right, right)
 
     def _motor(self, forward: int, level: int) -> bytes:
         return packet(self._address, forward if level >= 0 else forward + 1, abs(level))

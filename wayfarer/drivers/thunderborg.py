@@ -14,6 +14,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple, TypeVar
 from annotated_types import Interval
 
 from wayfarer.drivers.buses import Buses, I2CBus
+from wayfarer.drivers.levels import Levels
 from wayfarer.errors import BadReading, DriverError, NotResponding, WrongPart
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 
@@ -146,10 +147,13 @@ class ThunderBorg:
         self._board = Board(buses.i2c(settings.bus), settings.address)
         self.name = self._board.where
         self.deadman_s: float | None = DEADMAN_S
-        self._steps = FULL_LEVEL * settings.duty_limit
+        self._levels = Levels(
+            FULL_LEVEL,
+            settings.duty_limit,
+            reverse_left=settings.reverse_left,
+            reverse_right=settings.reverse_right,
+        )
         self._left, self._right = (_A, _B) if settings.left == "A" else (_B, _A)
-        self._left_sign = -1 if settings.reverse_left else 1
-        self._right_sign = -1 if settings.reverse_right else 1
         self._driven: set[_Motor] = set()
 
     async def open(self) -> None:
@@ -164,15 +168,17 @@ class ThunderBorg:
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Apply the command; duties beyond -1..1 count as these. One write for each side, the left first."""
-        left, right = self._level(command.left), self._level(command.right)
-        await self._set(self._left, left * self._left_sign)
-        await self._set(self._right, right * self._right_sign)
-        return WheelCommand(left / self._steps, right / self._steps)
+        left, right = self._levels.of(command)
+        await self._set(self._left, left)
+        await self._set(self._right, right)
+        return self._levels.duties(left, right)
 
     async def stop(self) -> None:
-        """Switch both motors off; never raises."""
-        with suppress(Exception):
+        """Switch both motors off; never raises. Where the bus hangs, it is the first thing that goes out after that."""
+        try:
             await self._board.write(_ALL_OFF, 0)
+        except Exception:
+            self.halt()
 
     def halt(self) -> None:
         """Switch both motors off without waiting."""
@@ -185,8 +191,7 @@ class ThunderBorg:
             NotResponding: not acknowledged three times.
             BadReading: three answers to something else, or a direction that is none.
         """
-        left, right = await self._get(self._left), await self._get(self._right)
-        return WheelCommand(left * self._left_sign / self._steps, right * self._right_sign / self._steps)
+        return self._levels.duties(await self._get(self._left), await self._get(self._right))
 
     async def health(self) -> MotorHealth:
         """Return the battery's voltage (steps of 35 mV, sagging under load) and what is wrong.
@@ -218,10 +223,6 @@ class ThunderBorg:
     async def _failsafe_is_on(self) -> bool:
         (state,) = await self._board.request(_GET_FAILSAFE, 1)
         return state != 0
-
-    def _level(self, duty: float) -> int:
-        """Return the level of a duty, negative for reverse; what is not a number raises and reaches no motor."""
-        return int(self._steps * min(max(duty, -1.0), 1.0))
 
     async def _set(self, motor: _Motor, level: int) -> None:
         await self._board.write(motor.forward if level >= 0 else motor.reverse, abs(level))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Protocol
 
 from wayfarer.drivers.buses import Camera, Frame
@@ -70,8 +71,8 @@ class FakeI2C:
 
     def post(self, address: int, data: bytes) -> None:
         """Write at once."""
-        if address in self._chips:
-            self._chips[address].write(data)
+        with suppress(NotResponding):
+            self.chip_at(address).write(data)
 
     def chip_at(self, address: int) -> I2CChip:
         """Return the chip that answers at an address.
