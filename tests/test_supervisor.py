@@ -317,8 +317,9 @@ def test_part_that_does_not_open_ends_the_run_with_its_error(part: str) -> None:
 def test_run_begins_without_a_light_or_a_receiver_that_does_not_open(part: str) -> None:
     shop = Workshop()
     shop.broken[f"{part}.open"] = NotResponding(f"{part}: no answer")
-    kind = {"light": Light, "position": Position}[part]
-    assert drive(shop, **{part: kind(shop, part)}).reason == "requested"
+    kind: Callable[[Workshop, str], Part] = {"light": Light, "position": Position}[part]
+    rover: dict[str, Any] = {part: kind(shop, part)}
+    assert drive(shop, **rover).reason == "requested"
     assert {"part": part, "error": f"{part}: no answer"} in shop.named("part_failed")
     assert "motors.drive" in shop.done
 
