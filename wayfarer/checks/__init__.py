@@ -18,7 +18,26 @@ from wayfarer.checks.standalone import Standalone
 from wayfarer.config import RoverConfig
 from wayfarer.hal import Rover
 
-__all__ = ["ARMING", "Ask", "Check", "Finding", "Inspection", "Place", "Verdict", "check", "passed", "run_checks"]
+__all__ = [
+    "ARMING",
+    "CALIBRATED",
+    "Ask",
+    "Check",
+    "Finding",
+    "Inspection",
+    "Place",
+    "Verdict",
+    "check",
+    "passed",
+    "run_checks",
+]
+
+CALIBRATED: tuple[Check, ...] = (
+    partial(calibrated.calibrated, "compass"),
+    partial(calibrated.calibrated, "motors"),
+    partial(calibrated.calibrated, "flow"),
+)
+"""What a simulated rover need not be."""
 
 ARMING: tuple[Check, ...] = (
     system.power,
@@ -29,11 +48,9 @@ ARMING: tuple[Check, ...] = (
     board.motor_faults,
     parts.compass,
     calibrated.compass_level,
-    partial(calibrated.calibrated, "compass"),
-    partial(calibrated.calibrated, "motors"),
     parts.motion,
-    partial(calibrated.calibrated, "flow"),
     parts.contact,
+    *CALIBRATED,
 )
 """What gates arming."""
 

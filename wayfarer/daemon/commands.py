@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from wayfarer.checks import ARMING, Finding, Inspection, Verdict, run_checks
+from wayfarer.checks import ARMING, Check, Finding, Inspection, Verdict, run_checks
 from wayfarer.control.protocol import Details, Refused
 from wayfarer.errors import DriverError
 from wayfarer.hal import DriveMotors
@@ -24,6 +24,7 @@ class RoverCommands:
         inspect: gives what the checks before arming look at, as it is at that moment.
         log: the run's log.
         about: what ``status`` says besides: version, rover, algorithm.
+        checks: what must not fail before the rover is armed.
     """
 
     def __init__(
@@ -33,6 +34,7 @@ class RoverCommands:
         inspect: Callable[[], Inspection],
         log: RunLog,
         about: Mapping[str, Any],
+        checks: Sequence[Check] = ARMING,
     ) -> None:
         self._supervisor = supervisor
         self._helm = supervisor.helm
@@ -40,6 +42,7 @@ class RoverCommands:
         self._inspect = inspect
         self._log = log
         self._about = about
+        self._checks = checks
         self._checking = False
         self._warnings: list[str] = []
 
@@ -78,7 +81,7 @@ class RoverCommands:
 
     async def _check(self) -> None:
         """Refuse to arm a rover on which a check fails."""
-        findings = await run_checks(self._inspect(), ARMING)
+        findings = await run_checks(self._inspect(), self._checks)
         self._warnings = [_told(finding) for finding in findings if finding.verdict is Verdict.WARN]
         failed = [finding for finding in findings if finding.verdict is Verdict.FAIL]
         if failed:

@@ -15,7 +15,7 @@ from typing import Any
 
 from wayfarer import __version__
 from wayfarer.calibration import calibration_file
-from wayfarer.checks.api import Place
+from wayfarer.checks import ARMING, CALIBRATED, Place
 from wayfarer.checks.system import device_files
 from wayfarer.config import RoverConfig, part_settings
 from wayfarer.console_log import ConsoleLog
@@ -100,7 +100,8 @@ class Daemon:
         self._log = Tee(FieldLog(folder, self._header(about)), ConsoleLog(say), heartbeat)
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
-        self._commands = RoverCommands(self._supervisor, self._rover.motors, self._inspect, self._log, about)
+        checks = [check for check in ARMING if not (service.simulated and check in CALIBRATED)]
+        self._commands = RoverCommands(self._supervisor, self._rover.motors, self._inspect, self._log, about, checks)
 
     async def run(self) -> RunEnd:
         """Run until something ends it."""
