@@ -50,6 +50,7 @@ class Workshop:
         self.cancel_at: range = range(0)
         self.run: asyncio.Task[RunEnd] | None = None
         self.wheels = STOP
+        self.answer: WheelCommand | Exception | None = None
         self.faults: tuple[str, ...] = ()
         self.colours: list[tuple[float, Colour]] = []
         self.events: list[tuple[str, dict[str, Any]]] = []
@@ -134,6 +135,10 @@ class Motors(Part):
         self.shop.note("motors.halt")
 
     async def read_back(self) -> WheelCommand | None:
+        if isinstance(self.shop.answer, Exception):
+            raise self.shop.answer
+        if self.shop.answer is not None:
+            return self.shop.answer
         return None
 
     async def health(self) -> MotorHealth:
@@ -635,7 +640,7 @@ def test_stop_that_never_returns_is_sent_without_waiting_and_the_run_ends_soon()
     assert shop.times("motors.halt")[0] < 1.5
     assert max(shop.times("motors.drive")) < shop.times("motors.halt")[0]
     assert {f"{part}.close" for part in PARTS} <= set(shop.done)
-    assert shop.named("stop_hangs")[0] == {"part": "motors"}
+    assert shop.named("stop_not_confirmed")[0] == {"part": "motors", "error": "no end within 0.3 s"}
     assert shop.times("log.close")[0] < 1.0 + ENDS_WITHIN_S
 
 
@@ -715,6 +720,23 @@ def test_cancellation_while_everything_sleeps(t_s: float) -> None:
     assert_wheels_stopped_first(shop)
     assert shop.times("motors.stop")[0] == pytest.approx(t_s, abs=1e-6)
     assert shop.outcome[0][0] == "failed"
+
+
+def test_run_that_is_ended_while_a_part_opens_ends_at_once() -> None:
+    shop = Workshop()
+    shop.silent.add("motion.open")
+    assert drive(shop, {0.5: lambda it: it.finish("signal", "SIGTERM")}).reason == "signal"
+    assert shop.times("log.close")[0] == pytest.approx(0.5, abs=0.01)
+    assert_wheels_stopped_first(shop)
+
+
+def test_stop_that_the_board_does_not_confirm_is_sent_again_and_told() -> None:
+    for answer in (WheelCommand(0.3, 0.0), NotResponding("no answer")):
+        shop = Workshop()
+        shop.answer = answer
+        drive(shop)
+        assert shop.done.count("motors.halt") >= 1
+        assert shop.named("stop_not_confirmed")[0]["error"] in {"the board still says 0.30 and 0.00", "no answer"}
 
 
 def test_cancellation_while_a_part_hangs_while_opening() -> None:

@@ -9,8 +9,7 @@ a request, an error, a cancellation), the wheels are stopped on a path that canc
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine
-from contextlib import AsyncExitStack
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,9 +26,8 @@ from wayfarer.mission import RunEnd
 from wayfarer.pace import Pace
 from wayfarer.records import RunLog
 from wayfarer.status_light import LIGHT_HZ, colour
+from wayfarer.stop_path import StopPath, unhindered
 
-STOP_DEADLINE_S = 0.3  # for the wheels, before the stop is sent without waiting for it
-CLOSE_DEADLINE_S = 0.2  # for each of at most six parts: the run must have ended 2 s after SIGTERM
 FRESH_S = 1.0  # a control tick older than this feeds no watchdog
 STALE = frozenset({Condition.COMPASS_STALE, Condition.COMPASS_LOST, Condition.MOTION_STALE, Condition.CONTACT_STALE})
 RETRY_PAUSE_S = 0.05  # a single missed answer is asked again within one control period (field.md, fault 1)
@@ -73,6 +71,10 @@ class Supervisor:
         self._health_hz = config.board.health_hz
         self._disarms = 0
         self.tasks = self._sensor_tasks(config, needs)
+        lights = () if rover.light is None else (rover.light,)
+        self._parts: tuple[Driver, ...] = (rover.motors, *lights, *(row.part for row in self.tasks))
+        self._stopping = StopPath(rover.motors, self._parts, log)
+        self._opening: asyncio.Task[None] | None = None
 
     @property
     def mode(self) -> Mode:
@@ -110,8 +112,10 @@ class Supervisor:
             self.helm.disarm(asyncio.get_running_loop().time(), reason)
 
     def finish(self, reason: str, text: str) -> None:
-        """End the run at the next tick."""
+        """End the run: at the next tick, or at once if its parts are still being opened."""
         self.helm.finish(reason, text)
+        if self._opening is not None:
+            self._opening.cancel()
 
     def is_fresh(self) -> bool:
         """Tell whether the control tick runs and every sensor that the run needs has spoken of late."""
@@ -128,17 +132,31 @@ class Supervisor:
         """
         end = RunEnd("failed", "the run was cancelled")
         try:
-            for part in self._parts:
-                await self._open(part)
-            self._log.event("opened", asyncio.get_running_loop().time(), parts=[part.name for part in self._parts])
-            end = await self._run_tasks()
+            await self._open_parts()
+            end = self.helm.end or await self._run_tasks()
         except Exception as error:
             cause = first_cause(error)
             end = RunEnd("failed", f"{type(cause).__name__}: {cause}")
             raise
         finally:
-            await unhindered(self._stop_and_close(end))
+            await unhindered(self._stopping.end(end))
         return end
+
+    async def _open_parts(self) -> None:
+        """Open all parts, unless the run is ended meanwhile: a camera may take seconds."""
+        self._opening = asyncio.ensure_future(self._open_each())
+        try:
+            await self._opening
+        except asyncio.CancelledError:
+            if self.helm.end is None:
+                raise
+        finally:
+            self._opening = None
+
+    async def _open_each(self) -> None:
+        for part in self._parts:
+            await self._open(part)
+        self._log.event("opened", asyncio.get_running_loop().time(), parts=[part.name for part in self._parts])
 
     async def _open(self, part: Driver) -> None:
         """Open a part; without light and receiver a run begins all the same."""
@@ -148,11 +166,6 @@ class Supervisor:
             if part is not self._rover.light and part is not self._rover.position:
                 raise
             self._log.event("part_failed", asyncio.get_running_loop().time(), part=part.name, error=str(error))
-
-    @property
-    def _parts(self) -> tuple[Driver, ...]:
-        lights = () if self._rover.light is None else (self._rover.light,)
-        return (self._rover.motors, *lights, *(row.part for row in self.tasks))
 
     async def _run_tasks(self) -> RunEnd:
         async with asyncio.TaskGroup() as group:
@@ -164,43 +177,18 @@ class Supervisor:
             try:
                 end = await self._control()
             finally:  # the wheels first: a sensor may take its time to let go
-                await unhindered(self._stop_wheels())
+                await unhindered(self._stopping.stop_wheels())
                 for task in beside:
                     task.cancel()
         return end
-
-    async def _stop_and_close(self, end: RunEnd) -> None:
-        """Do the last things, each even if another fails or hangs: the wheels first, the log last."""
-        t_s = asyncio.get_running_loop().time()
-        async with AsyncExitStack() as last_things:  # from the last line to the first
-            last_things.callback(self._log.close, end.reason, end.text)
-            for part in self._parts:
-                last_things.push_async_callback(self._let_go, part)
-            last_things.callback(self._log.event, "wheels_stopped", t_s, reason=end.reason)
-            last_things.push_async_callback(self._stop_wheels)
-
-    async def _stop_wheels(self) -> None:
-        """Stop the wheels; where that hangs, send the stop and go on: the board's deadman does the rest."""
-        try:
-            async with asyncio.timeout(STOP_DEADLINE_S):
-                await self._rover.motors.stop()
-        except TimeoutError:
-            self._rover.motors.halt()
-            self._log.event("stop_hangs", asyncio.get_running_loop().time(), part=self._rover.motors.name)
-
-    async def _let_go(self, part: Driver) -> None:
-        try:
-            async with asyncio.timeout(CLOSE_DEADLINE_S):
-                await part.close()
-        except TimeoutError:
-            self._log.event("close_hangs", asyncio.get_running_loop().time(), part=part.name)
 
     async def _control(self) -> RunEnd:
         """Tick at the control rate until something ends the run; return what did."""
         helm, pace, time = self.helm, Pace(self._control_hz), asyncio.get_running_loop().time
         while helm.end is None:
             await helm.tick(time())
-            await pace.wait()
+            if helm.end is None:
+                await pace.wait()
         return helm.end
 
     def _sensor_tasks(self, config: RoverConfig, needs: frozenset[str]) -> tuple[SensorTask, ...]:
@@ -294,19 +282,3 @@ def first_cause(error: BaseException) -> BaseException:
     while isinstance(error, BaseExceptionGroup):
         error = error.exceptions[0]
     return error
-
-
-async def unhindered(work: Coroutine[Any, Any, None]) -> None:
-    """Do the work to its end even while being cancelled; the cancellation is raised afterwards."""
-    task = asyncio.ensure_future(work)
-    cancelled: asyncio.CancelledError | None = None
-    while not task.done():
-        try:
-            await asyncio.shield(task)
-        except asyncio.CancelledError as error:
-            if task.cancelled():
-                raise
-            cancelled = error
-    task.result()
-    if cancelled is not None:
-        raise cancelled

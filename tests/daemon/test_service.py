@@ -153,7 +153,7 @@ async def test_it_is_armed_asked_and_ended_over_its_socket(site: Site) -> None:
         assert (await daemon.end()).reason == "requested"
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT])
 async def test_signal_stops_the_wheels_at_once_and_ends_the_run_in_order(site: Site, number: signal.Signals) -> None:
     async with Running(site) as daemon:
         await daemon.drives()

@@ -308,3 +308,19 @@ def test_settings_that_no_board_has_are_refused(wrong: dict[str, object]) -> Non
 def test_every_tenth_of_a_second_can_be_set(tenths: int) -> None:
     settings = TypeAdapter(SabertoothSettings).validate_python({"timeout_s": tenths / 10, "battery_min_v": None})
     assert settings.timeout_s == tenths / 10
+
+
+@virtual
+async def test_halt_that_comes_amid_a_drive_command_wins() -> None:
+    bench = Bench()
+    await bench.motors.open()
+    write = bench.wire.receive
+
+    def halted_first(data: bytes) -> None:
+        bench.wire.receive = write  # type: ignore[method-assign]
+        bench.motors.halt()
+        write(data)  # the drive command, which was under way
+
+    bench.wire.receive = halted_first  # type: ignore[method-assign]
+    assert await bench.motors.drive(WheelCommand(0.5, 0.5)) == STOP
+    assert bench.world.commanded == STOP

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from tests.virtual import virtual
-from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
+from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings, _Motor
 from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.escape.api import Vehicle
@@ -395,3 +395,21 @@ async def test_a_light_closes_twice_and_after_no_opening() -> None:
     await bench.light.open()
     await bench.light.close()
     await bench.light.close()
+
+
+class HaltsBetween(ThunderBorg):
+    """Somebody halts it between the writes of its two sides."""
+
+    async def _set(self, motor: _Motor, level: int) -> None:
+        await super()._set(motor, level)
+        if level and motor is self._left:
+            self.halt()
+
+
+@virtual
+async def test_halt_that_comes_amid_a_drive_command_wins() -> None:
+    bench = Bench()
+    motors = HaltsBetween(ThunderBorgSettings(), bench.buses)
+    await motors.open()
+    assert await motors.drive(WheelCommand(0.5, 0.5)) == STOP
+    assert bench.world.commanded == STOP

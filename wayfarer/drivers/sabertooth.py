@@ -75,6 +75,7 @@ class Sabertooth:
         timeout_units = round(settings.timeout_s * _TIMEOUT_UNITS_PER_S)
         self.deadman_s: float | None = timeout_units / _TIMEOUT_UNITS_PER_S
         self._address = settings.address
+        self._halts = 0
         self._levels = Levels(
             FULL_LEVEL,
             settings.duty_limit,
@@ -103,16 +104,22 @@ class Sabertooth:
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Apply the command; duties beyond -1..1 count as these. Both sides, and what else is due, in one write.
 
+        A ``halt`` that comes meanwhile wins: what was written around it is taken back.
+
         Raises:
             NotResponding: the port is gone.
         """
         left, right = self._levels.of(command)
+        halts = self._halts
         now_s = asyncio.get_running_loop().time()
         if now_s < self._resend_at_s:
             await self._port.write(self._motor_packets(left, right))
         else:
             await self._port.write(self._board_settings + self._motor_packets(left, right))
             self._resend_at_s = now_s + _RESEND_S
+        if self._halts != halts:
+            await self.stop()
+            return STOP
         return self._levels.duties(left, right)
 
     async def stop(self) -> None:
@@ -124,6 +131,7 @@ class Sabertooth:
 
     def halt(self) -> None:
         """Stop both motors without waiting."""
+        self._halts += 1
         self._port.post(self._motor_packets(0, 0) * _STOPS)
 
     async def read_back(self) -> None:

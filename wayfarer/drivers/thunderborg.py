@@ -147,6 +147,7 @@ class ThunderBorg:
         self._board = Board(buses.i2c(settings.bus), settings.address)
         self.name = self._board.where
         self.deadman_s: float | None = DEADMAN_S
+        self._halts = 0
         self._levels = Levels(
             FULL_LEVEL,
             settings.duty_limit,
@@ -167,10 +168,17 @@ class ThunderBorg:
         """Nothing to release; the failsafe stays armed."""
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
-        """Apply the command; duties beyond -1..1 count as these. One write for each side, the left first."""
+        """Apply the command; duties beyond -1..1 count as these. One write for each side, the left first.
+
+        A ``halt`` that comes meanwhile wins: what was written around it is taken back.
+        """
         left, right = self._levels.of(command)
+        halts = self._halts
         await self._set(self._left, left)
         await self._set(self._right, right)
+        if self._halts != halts:
+            await self.stop()
+            return STOP
         return self._levels.duties(left, right)
 
     async def stop(self) -> None:
@@ -182,6 +190,7 @@ class ThunderBorg:
 
     def halt(self) -> None:
         """Switch both motors off without waiting."""
+        self._halts += 1
         self._board.post(_ALL_OFF, 0)
 
     async def read_back(self) -> WheelCommand:

@@ -1,0 +1,78 @@
+"""The stop path of a run: the wheels first, then the parts, the log last; nothing can cut it short or hold it up."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Coroutine, Sequence
+from contextlib import AsyncExitStack
+from typing import Any
+
+from wayfarer.errors import DriverError
+from wayfarer.hal import STOP, DriveMotors, Driver
+from wayfarer.mission import RunEnd
+from wayfarer.records import RunLog
+
+STOP_DEADLINE_S = 0.3  # for the wheels, before the stop is sent without waiting for it
+CLOSE_DEADLINE_S = 0.2  # for each part: the run must have ended 2 s after SIGTERM
+
+
+class StopPath:
+    """Ends a run. ``parts`` are closed, the motors among them."""
+
+    def __init__(self, motors: DriveMotors, parts: Sequence[Driver], log: RunLog) -> None:
+        self._motors = motors
+        self._parts = parts
+        self._log = log
+
+    async def stop_wheels(self) -> None:
+        """Stop the wheels and ask the board whether they stand.
+
+        Where that hangs, or the board says otherwise, the stop is sent once more without waiting, and the log says so:
+        the board's own deadman does the rest.
+        """
+        try:
+            async with asyncio.timeout(STOP_DEADLINE_S):
+                await self._motors.stop()
+                turning = await self._motors.read_back()
+        except (TimeoutError, DriverError) as error:
+            self._not_confirmed(str(error) or f"no end within {STOP_DEADLINE_S:g} s")
+        else:
+            if turning is not None and turning != STOP:
+                self._not_confirmed(f"the board still says {turning.left:.2f} and {turning.right:.2f}")
+
+    async def end(self, end: RunEnd) -> None:
+        """Do the last things, each even if another fails or hangs."""
+        t_s = asyncio.get_running_loop().time()
+        async with AsyncExitStack() as last_things:  # from the last line to the first
+            last_things.callback(self._log.close, end.reason, end.text)
+            for part in self._parts:
+                last_things.push_async_callback(self._let_go, part)
+            last_things.callback(self._log.event, "wheels_stopped", t_s, reason=end.reason)
+            last_things.push_async_callback(self.stop_wheels)
+
+    def _not_confirmed(self, why: str) -> None:
+        self._motors.halt()
+        self._log.event("stop_not_confirmed", asyncio.get_running_loop().time(), part=self._motors.name, error=why)
+
+    async def _let_go(self, part: Driver) -> None:
+        try:
+            async with asyncio.timeout(CLOSE_DEADLINE_S):
+                await part.close()
+        except TimeoutError:
+            self._log.event("close_hangs", asyncio.get_running_loop().time(), part=part.name)
+
+
+async def unhindered(work: Coroutine[Any, Any, None]) -> None:
+    """Do the work to its end even while being cancelled; the cancellation is raised afterwards."""
+    task = asyncio.ensure_future(work)
+    cancelled: asyncio.CancelledError | None = None
+    while not task.done():
+        try:
+            await asyncio.shield(task)
+        except asyncio.CancelledError as error:
+            if task.cancelled():
+                raise
+            cancelled = error
+    task.result()
+    if cancelled is not None:
+        raise cancelled
