@@ -1,4 +1,7 @@
-"""All figures beside their limits, as a Markdown table; with ``profile``, where the time of a control tick goes."""
+"""All figures beside their limits, as a Markdown table.
+
+With ``daemon`` only those of ``wayfarer run --sim``; with ``profile``, where the time of a control tick goes.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import argparse
 import os
 import platform
 
-from benchmarks import command, rover, stack
+from benchmarks import command, daemon, rover, stack
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
 from wayfarer import __version__
@@ -15,13 +18,15 @@ from wayfarer import __version__
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("what", nargs="?", choices=("figures", "profile"), default="figures")
+    parser.add_argument("what", nargs="?", choices=("figures", "profile", "daemon"), default="figures")
     parser.add_argument("--quick", action="store_true", help="fewer trials and runs: half a minute")
     asked = parser.parse_args()
     cores = len(os.sched_getaffinity(0))
     print(f"wayfarer {__version__}, Python {platform.python_version()}, {cores} cores, {platform.machine()}\n")
     if asked.what == "profile":
         print_breakdown(trials=20 if asked.quick else 200)
+    elif asked.what == "daemon":
+        print_table(HEADER, [figure.row() for figure in daemon.figures(for_s=10 if asked.quick else 60)])
     else:
         print_table(HEADER, [figure.row() for figure in _figures(asked.quick)])
 
@@ -35,6 +40,7 @@ def _figures(quick: bool) -> list[Figure]:
         *stack.wake_ups(runs=3 if quick else 7),
         *rover.depths(trials=5 if quick else 50),
         *rover.hanging_bus(runs=1 if quick else 5),
+        *daemon.figures(for_s=10 if quick else 60),
     ]
 
 

@@ -150,6 +150,6 @@ class HangingBuses(FakeBuses):
         """Return the bus that blocks."""
         return self._threaded
 
-    async def close(self) -> None:
+    async def close(self, wait_s: float = 0.2) -> None:  # noqa: ARG002
         """Release the bus."""
         await self._threaded.close()

@@ -51,6 +51,13 @@ def test_what_is_saved_is_loaded(tmp_path_factory: pytest.TempPathFactory, calib
     assert load(path) == calibration
 
 
+def test_what_checks_a_file_is_built_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    load(tmp_path / FILE_NAME)
+    monkeypatch.setattr("wayfarer.calibration.TypeAdapter", None)
+    save(tmp_path / FILE_NAME, Calibration())
+    assert load(tmp_path / FILE_NAME) == Calibration()
+
+
 def test_no_file_is_an_empty_calibration(tmp_path: Path) -> None:
     assert load(tmp_path / FILE_NAME) == Calibration()
 

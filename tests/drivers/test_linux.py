@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import errno
 import os
 import pty
 import select
 import sys
+import threading
 import tty
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
@@ -17,8 +19,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from wayfarer.drivers.buses import CLOSE_WAIT_S
 from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
+from wayfarer.drivers.worker import TRANSFER_DEADLINE_S
 from wayfarer.errors import NotResponding
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import WheelCommand
@@ -30,6 +34,7 @@ from wayfarer.simhal.world import World
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 WIDTH, HEIGHT, STRIDE = 60, 40, 64
+LONG_S = 5.0  # a test that needs as long has failed
 
 
 class Calls:
@@ -397,3 +402,68 @@ async def test_bus_that_does_not_close_keeps_no_other_open(smbus: Calls, monkeyp
     await buses.i2c("/dev/i2c-1").write(0x15, b"\0")
     await buses.close()
     assert names(smbus)[-2:] == ["close", "close"]
+
+
+async def test_buses_are_closed_at_once_and_none_is_waited_for_beyond_the_time_given(
+    camera: type[FakeCamera], calls: Calls
+) -> None:
+    all_hang, freed = threading.Barrier(9), threading.Event()
+
+    def hang(self: FakeCamera, wait: float) -> FakeCamera:
+        all_hang.wait(LONG_S)
+        assert freed.wait(LONG_S)
+        return self
+
+    camera.capture_request = hang  # type: ignore[method-assign]
+    buses = LinuxBuses()
+    pictures = [
+        asyncio.create_task(buses.camera(number, width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=None).frame())
+        for number in "01234567"
+    ]
+    await asyncio.to_thread(all_hang.wait, LONG_S)
+    began_s = asyncio.get_running_loop().time()
+    await buses.close()
+    assert asyncio.get_running_loop().time() - began_s < 4 * CLOSE_WAIT_S
+    freed.set()
+    await asyncio.gather(*pictures)
+
+
+async def test_posted_stop_has_as_long_as_close_is_given(smbus: Calls, monkeypatch: pytest.MonkeyPatch) -> None:
+    freed = threading.Event()
+
+    def write_late(_: object, *messages: Message) -> None:
+        assert freed.wait(LONG_S)
+        smbus.note("write")
+
+    monkeypatch.setattr(sys.modules["smbus2"].SMBus, "i2c_rdwr", write_late)
+    buses = LinuxBuses()
+    buses.i2c("/dev/i2c-1").post(0x15, b"\x0e\0")
+    asyncio.get_running_loop().call_later(2 * CLOSE_WAIT_S, freed.set)
+    await buses.close(LONG_S)
+    assert names(smbus) == ["open", "write", "close"]
+
+
+async def test_bus_may_take_longer_to_open_than_to_transfer(smbus: Calls, monkeypatch: pytest.MonkeyPatch) -> None:
+    def open_late(_: object, path: str) -> None:
+        threading.Event().wait(2 * TRANSFER_DEADLINE_S)
+        smbus.note("open", path)
+
+    monkeypatch.setattr(sys.modules["smbus2"].SMBus, "__init__", open_late)
+    buses = LinuxBuses()
+    await buses.i2c("/dev/i2c-1").write(0x15, b"\x0e\0")
+    await buses.close()
+    assert smbus.made == [("open", "/dev/i2c-1"), (("write", 0x15, 2),), ("close",)]
+
+
+async def test_camera_may_take_longer_to_start_than_for_a_frame(
+    camera: type[FakeCamera], calls: Calls, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def start_late(_: FakeCamera) -> None:
+        threading.Event().wait(0.2)
+
+    monkeypatch.setattr(camera, "start", start_late)
+    monkeypatch.setattr("wayfarer.drivers.linux.FRAME_DEADLINE_S", 0.1)
+    buses = LinuxBuses()
+    await buses.camera("0", width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=None).frame()
+    await buses.close()
+    assert names(calls)[-2:] == ["release", "close"]

@@ -16,6 +16,8 @@ from wayfarer.drivers.threaded import ThreadedCamera, ThreadedI2C, ThreadedSeria
 from wayfarer.errors import NotResponding
 
 LONG_S = 5.0
+DEADLINE_S = 0.1
+SLOW_S = 2 * DEADLINE_S  # too slow for a transfer
 
 
 class Device:
@@ -25,10 +27,16 @@ class Device:
         self.done: list[tuple[object, ...]] = []
         self.fails: list[Exception] = []
         self.opens_with: Exception | None = None
+        self.opens_slowly = False
+        self.opening = threading.Event()
+        self.may_open = threading.Event()
         self.threads: set[str] = set()
 
     def open(self) -> Device:
         self.note("open")
+        if self.opens_slowly:
+            self.opening.set()
+            assert self.may_open.wait(LONG_S)
         if self.opens_with is not None:
             raise self.opens_with
         return self
@@ -140,6 +148,58 @@ async def test_device_that_does_not_open_is_tried_anew_at_each_transfer() -> Non
     await bus.write(0x15, b"\0")
     await bus.close()
     assert [what[0] for what in device.done] == ["open", "open", "open", "write", "close"]
+
+
+def slow_to_open() -> tuple[ThreadedI2C, I2CDevice]:
+    device = I2CDevice()
+    device.opens_slowly = True
+    return ThreadedI2C("/dev/i2c-1", device.open, DEADLINE_S, LONG_S), device
+
+
+async def test_first_opening_may_take_longer_than_a_transfer_for_all_parts_on_the_bus() -> None:
+    bus, device = slow_to_open()
+    asyncio.get_running_loop().call_later(SLOW_S, device.may_open.set)
+    await asyncio.gather(bus.write(0x15, b"\1"), bus.write(0x60, b"\2"))
+    await bus.close()
+    assert device.done == [("open",), ("write", 0x15, b"\1"), ("write", 0x60, b"\2"), ("close",)]
+
+
+async def test_first_opening_that_a_posted_stop_began_is_waited_for_too() -> None:
+    bus, device = slow_to_open()
+    bus.post(0x15, b"\x0e")
+    assert await asyncio.to_thread(device.opening.wait, LONG_S)
+    asyncio.get_running_loop().call_later(SLOW_S, device.may_open.set)
+    await bus.write(0x15, b"\1")
+    await bus.close()
+    assert device.done == [("open",), ("write", 0x15, b"\x0e"), ("write", 0x15, b"\1"), ("close",)]
+
+
+async def test_first_opening_that_hangs_is_given_up_at_its_own_deadline() -> None:
+    device = I2CDevice()
+    device.opens_slowly = True
+    bus = ThreadedI2C("/dev/i2c-1", device.open, DEADLINE_S, SLOW_S)
+    with pytest.raises(NotResponding, match=r"/dev/i2c-1: .* within 0\.2 s"):
+        await bus.write(0x15, b"\1")
+    device.may_open.set()
+    await bus.close()
+    assert device.done == [("open",), ("close",)], "what was to be written is too late now"
+
+
+@pytest.mark.parametrize("opened_at_first", [True, False])
+async def test_reopening_in_a_run_holds_nobody_longer_than_a_transfer(opened_at_first: bool) -> None:
+    bus, device = slow_to_open()
+    device.may_open.set()
+    if opened_at_first:
+        device.fails = [oserror(errno.EIO)]
+    else:
+        device.opens_with = oserror(errno.ENOENT)
+    with pytest.raises(NotResponding, match="errno"):
+        await bus.write(0x15, b"\0")
+    device.may_open.clear()
+    with pytest.raises(NotResponding, match=r"within 0\.1 s"):
+        await bus.write(0x15, b"\1")
+    device.may_open.set()
+    await bus.close()
 
 
 async def test_error_that_is_no_failure_of_the_bus_leaves_the_device_open() -> None:

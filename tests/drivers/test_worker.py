@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 
+from wayfarer.drivers.buses import CLOSE_WAIT_S
 from wayfarer.drivers.worker import Worker
 from wayfarer.errors import NotResponding
 
@@ -230,6 +231,24 @@ async def test_close_does_not_wait_for_a_job_that_hangs(bus: Bus) -> None:
     bus.freed.set()
     await bus.worker.close()
     assert bus.done == ["hung", "stop", "release"], "the stop goes out even then"
+
+
+async def test_close_waits_as_long_as_it_is_told_for_a_posted_stop(bus: Bus) -> None:
+    with pytest.raises(NotResponding):
+        await bus.worker.call(bus.hang)
+    bus.worker.post(bus.job("stop"))
+    asyncio.get_running_loop().call_later(2 * CLOSE_WAIT_S, bus.freed.set)
+    await bus.worker.close(bus.job("release"), LONG_S)
+    assert bus.done == ["hung", "stop", "release"]
+
+
+async def test_close_waits_no_longer_for_a_patient_worker_than_for_others(bus: Bus) -> None:
+    patient = Worker("camera", LONG_S)
+    patient.post(bus.hang)
+    await bus.is_hanging()
+    async with asyncio.timeout(LONG_S / 2):
+        await patient.close()
+    assert bus.done == []
 
 
 async def test_closed_worker_refuses_calls_and_forgets_stops(bus: Bus) -> None:
