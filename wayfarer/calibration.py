@@ -14,6 +14,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -105,7 +106,7 @@ def load(path: Path) -> Calibration:
         BadInput: the file cannot be read or is not right; the text names it and the reason.
     """
     try:
-        return TypeAdapter(Calibration).validate_json(path.read_bytes())
+        return _adapter().validate_json(path.read_bytes())
     except FileNotFoundError:
         return Calibration()
     except ValidationError as error:
@@ -114,6 +115,12 @@ def load(path: Path) -> Calibration:
         raise BadInput(f"{path}: not a calibration: {f'{where}: ' if where else ''}{problem['msg']}") from None
     except OSError as error:
         raise BadInput(f"{path}: the calibration cannot be read: {error.strerror}") from None
+
+
+@cache
+def _adapter() -> TypeAdapter[Calibration]:
+    """Return what checks a file; building it takes longer than checking, and arming waits on the event loop."""
+    return TypeAdapter(Calibration)
 
 
 def save(path: Path, calibration: Calibration) -> None:

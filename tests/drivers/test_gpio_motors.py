@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import sys
 import threading
+import warnings
 from collections.abc import Coroutine, Iterator
+from math import inf, nan
 from typing import Any
 
 import pytest
@@ -202,6 +204,54 @@ def test_one_side_that_fails_does_not_keep_the_other_from_stopping(board: Any, m
     run(main())
 
 
+def test_duties_beyond_full_are_full(board: Any) -> None:
+    async def main() -> None:
+        motors = motors_on(GpioMotorsSettings(17, 18, 22, 23, duty_limit=0.5))
+        await motors.open()
+        assert await motors.drive(WheelCommand(inf, 0.1)) == (0.5, 0.05)
+        assert await motors.drive(WheelCommand(-7.0, 1.5)) == (-0.5, 0.5)
+        assert states(board, 17, 18, 22, 23) == [0, 0.5, 0.5, 0]
+        await motors.close()
+
+    run(main())
+
+
+@pytest.mark.parametrize("broken", [WheelCommand(0.5, nan), WheelCommand(nan, 0.5)])
+def test_what_is_no_number_reaches_no_pin(board: Any, broken: WheelCommand) -> None:
+    async def main() -> None:
+        motors = motors_on()
+        await motors.open()
+        with pytest.raises(ValueError, match="NaN"):
+            await motors.drive(broken)
+        assert states(board, 17, 18, 22, 23) == [0, 0, 0, 0]
+        await motors.close()
+
+    run(main())
+
+
+@pytest.mark.parametrize("broken", [17, 22])
+def test_a_pin_that_fails_stops_both_sides(board: Any, monkeypatch: pytest.MonkeyPatch, broken: int) -> None:
+    async def main() -> None:
+        motors = motors_on()
+        await motors.open()
+        await motors.drive(WheelCommand(0.4, 0.4))
+        set_state = board.pin(broken)._set_state
+
+        def only_low(state: float) -> None:
+            if state:
+                raise RuntimeError("lost touch")
+            set_state(state)
+
+        with monkeypatch.context() as failing:
+            failing.setattr(board.pin(broken), "_set_state", only_low)
+            with pytest.raises(NotResponding, match="lost touch"):
+                await motors.drive(WheelCommand(0.6, 0.6))
+        assert states(board, 17, 18, 22, 23) == [0, 0, 0, 0]
+        await motors.close()
+
+    run(main())
+
+
 def test_there_is_no_deadman_and_nothing_is_known_of_the_battery() -> None:
     async def main() -> None:
         assert motors_on().deadman_s is None
@@ -231,5 +281,31 @@ def test_missing_library_and_missing_board_are_told_apart_with_their_remedies(mo
             desk.setenv("GPIOZERO_PIN_FACTORY", "none-of-these")
             with pytest.raises(NotResponding, match=r"group gpio.*python3-lgpio"):
                 await motors_on().open()
+
+    run(main())
+
+
+def test_no_pin_library_at_all_is_one_error_and_no_warnings(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def main() -> None:
+        monkeypatch.setattr(gpiozero.Device, "pin_factory", None)
+        monkeypatch.delenv("GPIOZERO_PIN_FACTORY", raising=False)
+        for library in ("lgpio", "rpigpio", "pigpio", "native"):
+            monkeypatch.setitem(sys.modules, f"gpiozero.pins.{library}", None)
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            with pytest.raises(NotResponding, match="Unable to load any default pin factory"):
+                await motors_on().open()
+        assert told == []
+
+    run(main())
+
+
+def test_other_warnings_about_pins_are_let_through(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def main() -> None:
+        motors = motors_on()
+        slow = gpiozero.PWMSoftwareFallback("slow")
+        monkeypatch.setattr(motors, "_make", lambda gpiozero: warnings.warn(slow, stacklevel=1))
+        with pytest.warns(gpiozero.PWMSoftwareFallback, match="slow"):
+            await motors.open()
 
     run(main())

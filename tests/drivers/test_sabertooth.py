@@ -257,6 +257,14 @@ async def test_the_timeout_is_told_in_tenths_of_a_second(timeout_s: float, units
     assert bench.motors.deadman_s == timeout_s
 
 
+@pytest.mark.parametrize(("battery_min_v", "units"), [(6.0, 0), (6.6, 3), (10.15, 21), (18.4, 62), (30.0, 120)])
+@virtual
+async def test_the_lowest_voltage_is_told_in_the_nearest_fifth_of_a_volt(battery_min_v: float, units: int) -> None:
+    bench = Bench(SabertoothSettings(battery_min_v=battery_min_v))
+    await bench.motors.open()
+    assert bench.chip.settings[2] == units
+
+
 # -- what it cannot know ---------------------------------------------------------------------------------------------
 
 

@@ -2,7 +2,8 @@
 
 A driver asks ``Buses`` for the bus that its settings name and awaits transfers on it. Whether behind them are a
 Raspberry Pi's device files (``linux.py``), simulated chips (``simhal.fakebus``) or another process is not its business.
-No transfer ever waits longer than a deadline: a bus that hangs raises ``NotResponding``.
+No transfer ever waits longer than a deadline: a bus that hangs raises ``NotResponding``. The first one may take seconds
+more, for it opens the bus.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 if TYPE_CHECKING:
     import numpy
     from numpy.typing import NDArray
+
+CLOSE_WAIT_S = 0.2  # as for each part: a run must have ended 2 s after SIGTERM
 
 
 class I2CBus(Protocol):
@@ -108,5 +111,5 @@ class Buses(Protocol):
     def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> Camera:
         """Return a camera by its number among the connected ones, as text; ``exposure_us`` None is automatic."""
 
-    async def close(self) -> None:
-        """Release everything; never raises, and does not wait for a bus that hangs."""
+    async def close(self, wait_s: float = CLOSE_WAIT_S) -> None:
+        """Send what was posted, then release everything; never raises, and waits for all of it at most ``wait_s``."""

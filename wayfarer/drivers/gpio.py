@@ -5,6 +5,7 @@ gpiozero is imported when the first pin is claimed. Its pin library (lgpio) come
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
@@ -30,7 +31,11 @@ def claim(name: str, make: Callable[[Any], T]) -> T:
     except ImportError:
         raise NotResponding(f"{name}: gpiozero is not installed; pip install 'wayfarer[pi]'") from None
     try:
-        return make(gpiozero)
+        with warnings.catch_warnings():
+            # Two lines for each pin library that is not there; where none is, the error below says so in one.
+            for expected in (gpiozero.PinFactoryFallback, gpiozero.NativePinFactoryFallback):
+                warnings.simplefilter("ignore", expected)
+            return make(gpiozero)
     except Exception as error:  # lgpio's own error, for one, is a bare Exception
         reason = " ".join(str(error).split())
     # Raised here, not in the handler: a traceback kept by a caller would keep the pins that were claimed before.

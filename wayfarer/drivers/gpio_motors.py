@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from math import isnan
 from typing import Annotated, Any, ClassVar
 
 from annotated_types import Interval
@@ -75,16 +76,22 @@ class GpioMotors:
         self._release()
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
-        """Set the duty of both sides and return what was set, within the limit.
+        """Set the duty of both sides and return what was set, within the limit; duties beyond -1..1 count as these.
 
         Raises:
-            NotResponding: the pins are not open or failed; the wheels may go on turning.
+            ValueError: a duty is not a number; it reaches no pin.
+            NotResponding: the pins are not open or failed; both sides were stopped as far as their pins obey.
         """
-        scale = min(1.0, self._settings.duty_limit / max(abs(command.left), abs(command.right), 1e-9))
-        applied = WheelCommand(command.left * scale, command.right * scale)
+        asked = WheelCommand(_duty(command.left), _duty(command.right))
+        scale = min(1.0, self._settings.duty_limit / max(abs(asked.left), abs(asked.right), 1e-9))
+        applied = WheelCommand(asked.left * scale, asked.right * scale)
         left, right = self._open_sides()
-        with named(self.name):
-            left.value, right.value = applied
+        try:
+            with named(self.name):
+                left.value, right.value = applied
+        except NotResponding:
+            self.halt()
+            raise
         return applied
 
     async def stop(self) -> None:
@@ -134,3 +141,9 @@ class GpioMotors:
     def _release(self) -> None:
         sides, self._sides = self._sides, ()
         release(sides)
+
+
+def _duty(asked: float) -> float:
+    if isnan(asked):
+        raise ValueError("a duty is NaN, and moves no wheel")
+    return min(max(asked, -1.0), 1.0)

@@ -5,19 +5,22 @@ Each library is imported when a bus of its kind is used for the first time.
 
 from __future__ import annotations
 
+import asyncio
 import errno
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from wayfarer.drivers.buses import CLOSE_WAIT_S
 from wayfarer.drivers.threaded import Threaded, ThreadedCamera, ThreadedI2C, ThreadedSerial, ThreadedSPI
 
 if TYPE_CHECKING:
     import numpy
     from numpy.typing import NDArray
 
-# Long enough for libcamera to start and for a long exposure; the detector acts on a frame's age long before.
+# Long enough for libcamera to start again and for a long exposure; the detector acts on a frame's age long before.
 FRAME_DEADLINE_S = 3.0
+CAMERA_OPEN_DEADLINE_S = 10.0  # picamera2 brings much with it, and libcamera looks for every camera first
 MAIN_SIZE = (640, 480)  # lores may not exceed the main stream (hardware.md 5)
 
 B = TypeVar("B", bound=Threaded[Any])
@@ -44,12 +47,12 @@ class LinuxBuses:
     def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> ThreadedCamera:
         """Return a camera of libcamera, by number."""
         opener = partial(LibCamera, int(name), (width, height), rate_hz, exposure_us)
-        return self._once(f"camera {name}", lambda: ThreadedCamera(f"camera {name}", opener, FRAME_DEADLINE_S))
+        deadlines_s = FRAME_DEADLINE_S, CAMERA_OPEN_DEADLINE_S
+        return self._once(f"camera {name}", lambda: ThreadedCamera(f"camera {name}", opener, *deadlines_s))
 
-    async def close(self) -> None:
-        """Release everything."""
-        for bus in self._open.values():
-            await bus.close()
+    async def close(self, wait_s: float = CLOSE_WAIT_S) -> None:
+        """Release everything at once; what has not ended by then ends by itself, or with the process."""
+        await asyncio.gather(*(bus.close(wait_s) for bus in self._open.values()))
         self._open.clear()
 
     def _once(self, name: str, make: Callable[[], B]) -> B:

@@ -26,6 +26,9 @@ _UNITS_PER_VOLT, _LOWEST_V = 5, 6.0  # page 18
 _CHECKSUM_MASK = 0x7F
 # A reset of the board is invisible and clears these settings: they are sent again this often.
 _RESEND_S = 1.0
+_DRIVE_BYTES, _SETTINGS_BYTES = 8, 8  # two packets each
+_BITS_PER_BYTE = 10  # with start and stop bit
+_LOAD_MAX = 0.7  # of the wire; the rest is for stops, and for a Linux that wakes late
 _STOPS = 3  # bytes may be lost, and nobody hears about it
 
 
@@ -53,6 +56,21 @@ class SabertoothSettings:
     timeout_s: Annotated[float, Interval(ge=0.1, le=12.7), MultipleOf(0.1)] = 0.3
     battery_min_v: Annotated[float, Interval(ge=6, le=30)] | None = None
     duty_limit: Annotated[float, Interval(gt=0, le=1)] = 1.0
+
+    @property
+    def deadman_s(self) -> float:
+        """How long after the last command the board stops the motors."""
+        return self.timeout_s
+
+    def keeps_up_with(self, control_hz: float) -> str | None:
+        """Return None where the wire carries so many commands a second, and else why not.
+
+        What the wire cannot carry waits in the kernel's buffer, and a stop behind it.
+        """
+        bits_per_s = (_DRIVE_BYTES * control_hz + _SETTINGS_BYTES / _RESEND_S) * _BITS_PER_BYTE
+        if bits_per_s <= _LOAD_MAX * self.baud:
+            return None
+        return f"baud = {self.baud}: commands, and a stop behind them, would queue on the wire"
 
 
 class Sabertooth:

@@ -1,7 +1,8 @@
 """Buses over blocking devices, each behind a worker thread of its own.
 
 A blocking device is opened in its thread at the first transfer, and again after every error: a USB adapter that was
-pulled out comes back as another file, and a handle that failed once tells nothing by failing again.
+pulled out comes back as another file, and a handle that failed once tells nothing by failing again. Only the first
+opening, when no wheel turns yet, has a deadline of its own: it loads the bus's library too.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import errno
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from wayfarer.drivers.buses import Frame
+from wayfarer.drivers.buses import CLOSE_WAIT_S, Frame
 from wayfarer.drivers.worker import TRANSFER_DEADLINE_S, Worker
 from wayfarer.errors import NotResponding
 
@@ -61,6 +62,8 @@ class BlockingCamera(BlockingDevice, Protocol):
         """Wait for the next frame and return its luma, shape (height, width)."""
 
 
+OPEN_DEADLINE_S = 5.0  # a Raspberry Pi that has just booted may need a second to load a library from its card
+
 D = TypeVar("D", bound=BlockingDevice)
 T = TypeVar("T")
 
@@ -86,11 +89,19 @@ def explain(error: OSError) -> str:
 class Threaded(Generic[D]):
     """A blocking device behind a worker."""
 
-    def __init__(self, name: str, open_device: Callable[[], D], deadline_s: float = TRANSFER_DEADLINE_S) -> None:
+    def __init__(
+        self,
+        name: str,
+        open_device: Callable[[], D],
+        deadline_s: float = TRANSFER_DEADLINE_S,
+        open_deadline_s: float = OPEN_DEADLINE_S,
+    ) -> None:
         self.name = name
         self._open = open_device
         self._worker = Worker(name, deadline_s)
+        self._open_deadline_s = open_deadline_s
         self._device: D | None = None
+        self._tried = False  # to open it, be it in vain
 
     async def call(self, use: Callable[[D], T]) -> T:
         """Use the device in its thread.
@@ -99,6 +110,8 @@ class Threaded(Generic[D]):
             NotResponding: the device failed, or the deadline passed.
         """
         try:
+            if not self._tried:
+                await self._worker.call(self._opened, self._open_deadline_s)
             return await self._worker.call(lambda: self._use(use))
         except OSError as error:
             raise NotResponding(f"{self.name}: {explain(error)}") from None
@@ -109,19 +122,26 @@ class Threaded(Generic[D]):
         """Use the device before all that waits, without waiting for it; from any thread."""
         self._worker.post(lambda: self._use(use))
 
-    async def close(self) -> None:
-        """Release the device, unless it hangs."""
-        await self._worker.close(self._release)
+    async def close(self, wait_s: float = CLOSE_WAIT_S) -> None:
+        """Release the device after what was sent; wait for that no longer than ``wait_s``."""
+        await self._worker.close(self._release, wait_s)
 
     def _use(self, use: Callable[[D], T]) -> T:
         """Open the device if need be and use it; runs in the worker's thread, as all below."""
-        if self._device is None:
-            self._device = self._open()
+        device = self._opened()
         try:
-            return use(self._device)
+            return use(device)
         except OSError:
             self._release()
             raise
+
+    def _opened(self) -> D:
+        if self._device is None:
+            try:
+                self._device = self._open()
+            finally:
+                self._tried = True  # only now: who asks meanwhile must be as patient as the first
+        return self._device
 
     def _release(self) -> None:
         device, self._device = self._device, None

@@ -115,6 +115,11 @@ class ThunderBorgSettings:
     reverse_left: bool = False
     reverse_right: bool = False
 
+    @property
+    def deadman_s(self) -> float:
+        """How long after the last command the board stops the motors."""
+        return DEADMAN_S
+
 
 class _Motor(NamedTuple):
     """One output of the board: its letter, and its commands."""
@@ -146,7 +151,7 @@ class ThunderBorg:
     def __init__(self, settings: ThunderBorgSettings, buses: Buses) -> None:
         self._board = Board(buses.i2c(settings.bus), settings.address)
         self.name = self._board.where
-        self.deadman_s: float | None = DEADMAN_S
+        self.deadman_s: float | None = settings.deadman_s
         self._halts = 0
         self._levels = Levels(
             FULL_LEVEL,

@@ -16,6 +16,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from typing import Any, TypeVar
 
+from wayfarer.drivers.buses import CLOSE_WAIT_S
 from wayfarer.errors import NotResponding
 
 T = TypeVar("T")
@@ -78,8 +79,8 @@ class Worker:
                 self._posted.append(job)
                 self._start_or_wake()
 
-    async def close(self, last: Callable[[], Any] | None = None) -> None:
-        """Let the thread end after what was posted, and ``last``; wait for it no longer than a deadline."""
+    async def close(self, last: Callable[[], Any] | None = None, wait_s: float = CLOSE_WAIT_S) -> None:
+        """Let the thread end after what was posted, and ``last``; wait for it no longer than ``wait_s``."""
         with self._wake:
             if last is not None and self._thread is not None and not self._closed:
                 self._posted.append(last)
@@ -87,7 +88,7 @@ class Worker:
             self._wake.notify()
         if self._thread is not None:
             with suppress(TimeoutError):
-                async with asyncio.timeout(self._deadline_s):
+                async with asyncio.timeout(wait_s):
                     await asyncio.shield(asyncio.wrap_future(self._ended))
 
     def _start_or_wake(self) -> None:

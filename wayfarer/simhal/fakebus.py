@@ -12,7 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
-from wayfarer.drivers.buses import Camera, Frame
+from wayfarer.drivers.buses import CLOSE_WAIT_S, Camera, Frame
 from wayfarer.errors import NotResponding
 
 
@@ -142,7 +142,7 @@ class FakeBuses:
         """Return the camera of that name."""
         return FakeCamera(name, width, height, self.cameras.get(name))
 
-    async def close(self) -> None:
+    async def close(self, wait_s: float = CLOSE_WAIT_S) -> None:
         """Nothing to release."""
 
 
