@@ -13,6 +13,7 @@ from wayfarer import cli
 from wayfarer.cli import terminal
 from wayfarer.cli.status_text import status_text
 from wayfarer.config import load_rover, part_settings
+from wayfarer.control.motors_lock import MotorsLock
 from wayfarer.control.paths import SingleDaemon, daemon_socket
 from wayfarer.control.protocol import Refused
 from wayfarer.simhal.fakebus import FakeBuses
@@ -206,6 +207,17 @@ def test_check_for_people_gives_cause_and_remedy(rover_file: Path, capsys: pytes
 def test_check_leaves_a_running_daemon_alone(rover_file: Path) -> None:
     with SingleDaemon(daemon_socket()):
         assert cli.run(["check", "--config", str(rover_file)]) == 75
+
+
+@pytest.mark.parametrize("command", [["check"], ["calibrate", "motors"]])
+def test_motors_of_a_daemon_on_another_socket_are_left_alone(
+    rover_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: list[str]
+) -> None:
+    monkeypatch.setattr(terminal, "is_there", lambda: True)
+    monkeypatch.setattr("wayfarer.control.motors_lock.motors_device", lambda config: "/dev/ptmx")
+    with MotorsLock("/dev/ptmx"):
+        assert cli.run([*command, "--config", str(rover_file)]) == 75
+    assert "drives these motors (/dev/ptmx)" in capsys.readouterr().err
 
 
 def test_calibrating_wants_a_person(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -199,6 +199,56 @@ def test_rover_too_slow_for_its_own_deadlines_is_refused(tmp_path: Path) -> None
     assert said.startswith("key 'control_hz' = 4: too slow, safety.tick_late_s = 0.2 s")
 
 
+def motors(table: str) -> str:
+    return f"[parts.motors]\n{table}\n"
+
+
+SABERTOOTH = 'driver = "sabertooth"\n'
+H_BRIDGES = """
+driver = "gpio_motors"
+left_forward = 1
+left_backward = 2
+right_forward = 3
+right_backward = 4
+"""
+
+
+@pytest.mark.parametrize(
+    ("control_hz", "rest", "said"),
+    [
+        (7, "[safety]\ntick_late_s = 1.0", "the stall guard stops the wheels below 7.5"),
+        (7.9, motors('driver = "thunderborg"'), "the board's own deadman of 0.25 s stops the wheels below 8"),
+        (19, motors(SABERTOOTH + "timeout_s = 0.1"), "the board's own deadman of 0.1 s stops the wheels below 20"),
+    ],
+)
+def test_control_that_what_guards_the_wheels_would_stop_is_refused(
+    tmp_path: Path, control_hz: float, rest: str, said: str
+) -> None:
+    assert complaint(tmp_path, rover_toml(f"control_hz = {control_hz}", rest)) == (
+        f"key 'control_hz' = {control_hz:g}: too slow, {said}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("control_hz", "rest"),
+    [
+        (7.5, ""),
+        (8, motors('driver = "thunderborg"')),
+        (20, motors(SABERTOOTH + "timeout_s = 0.1")),
+        (20, motors(SABERTOOTH + "baud = 2400")),
+        (50, motors(SABERTOOTH)),
+        (7.5, motors(H_BRIDGES)),
+    ],
+)
+def test_control_that_is_just_fast_or_slow_enough_is_accepted(tmp_path: Path, control_hz: float, rest: str) -> None:
+    assert load(tmp_path, rover_toml(f"control_hz = {control_hz}", rest)).control_hz == control_hz
+
+
+def test_control_faster_than_the_wire_to_the_motors_is_refused(tmp_path: Path) -> None:
+    said = complaint(tmp_path, rover_toml("control_hz = 50", motors(SABERTOOTH + "baud = 2400")))
+    assert said.startswith("key 'control_hz' = 50: too fast for parts.motors.baud = 2400: ")
+
+
 def test_battery_limits_that_are_upside_down_are_refused(tmp_path: Path) -> None:
     said = complaint(tmp_path, rover_toml(rest="[board]\nbattery_low_v = 10\nbattery_critical_v = 11"))
     assert "battery_critical_v = 11 must be below battery_low_v = 10" in said

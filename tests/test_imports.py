@@ -22,12 +22,12 @@ MODULES = {
 # Lowest first: a module may import from its own layer and from those before it.
 LAYERS = [
     ["angles", "bounds", "errors", "hal", "drivers.buses"],
-    ["escape", "conditions", "latest"],
-    ["detector", "safety", "records"],
+    ["escape", "conditions", "latest", "lines"],
+    ["detector", "safety", "records", "watchdog"],
     ["arming", "board", "mission", "config", "registry", "pace", "calibration"],
     ["helm", "fieldlog", "console_log", "status_light"],
-    ["supervisor"],
-    ["assembly", "dry_run", "stop_motors", "service", "checks", "control", "watchdog"],
+    ["supervisor", "stop_path"],
+    ["assembly", "dry_run", "stop_motors", "service", "checks", "control"],
     ["calibrate", "daemon"],
 ]
 PURE = [

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import subprocess
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 
@@ -41,6 +44,32 @@ def root(tmp_path: Path) -> Path:
     return tmp_path / "card"
 
 
+@pytest.fixture
+def given(root: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """The commands given while the card plays the running system, and no command does anything."""
+    commands: list[list[str]] = []
+
+    def give(command: tuple[str, ...], **_: object) -> CompletedProcess[str]:
+        commands.append(list(command))
+        return CompletedProcess(command, 0, "", "")
+
+    monkeypatch.setattr(service, "HERE", root)
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    monkeypatch.setattr(subprocess, "run", give)
+    return commands
+
+
+@pytest.fixture
+def umask() -> Iterator[Callable[[int], int]]:
+    before = os.umask(0o022)
+    yield os.umask
+    os.umask(before)
+
+
+def mode(path: Path) -> int:
+    return path.stat().st_mode & 0o777
+
+
 def settings(unit: str) -> dict[str, list[str]]:
     """The settings of a unit, without sections and comments."""
     found: dict[str, list[str]] = {}
@@ -73,16 +102,84 @@ def test_parts_are_not_hidden_from_the_service(root: Path, python: Path) -> None
     assert {"char-i2c rw", "char-spi rw", "char-gpiochip rw", "char-video4linux rw"} <= set(unit["DeviceAllow"])
 
 
-def test_install_writes_unit_and_rover_file_and_says_what_is_next(root: Path, python: Path) -> None:
+def test_install_writes_unit_and_rover_file_and_says_what_is_next(
+    root: Path, python: Path, given: list[list[str]]
+) -> None:
     said: list[str] = []
     service.install("sim", root, python, said.append)
     assert (root / UNIT).read_text(encoding="utf-8") == service.unit_text(root, python)
     assert load_rover(str(root / ROVER_FILE)) == load_rover("sim")
     assert any("systemctl enable --now wayfarer" in line for line in said)
-    assert any("useradd" in line for line in said), "on a card the user cannot be made from here"
     assert sorted(path.name for path in root.rglob("*") if path.is_file()) == [
         "group", "passwd", "rover.toml", "wayfarer.service",
     ]  # fmt: skip
+
+
+def test_on_a_card_only_files_are_written_and_the_rest_is_to_be_done_there(
+    root: Path, python: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: pytest.fail("a command was given to the host"))
+    said: list[str] = []
+    service.install("sim", root, python, said.append)
+    text, command = "\n".join(said), python.parent / "wayfarer"
+    assert f"the unit starts {command}: wayfarer must be installed at that path" in text
+    assert f"sudo {command} install-service" in text
+    assert "systemctl" not in text
+    assert not (root / "var").exists()
+
+
+def test_user_is_made_with_the_groups_there_are(root: Path, python: Path, given: list[list[str]]) -> None:
+    service.install("sim", root, python, lambda line: None)
+    (made,) = [command for command in given if command[0] == "useradd"]
+    assert made[-3:] == ["--groups", "i2c,spi", "wayfarer"]
+
+
+def test_user_is_made_without_groups_where_there_are_none(root: Path, python: Path, given: list[list[str]]) -> None:
+    (root / "etc/group").write_text("root:x:0:\n", encoding="utf-8")
+    service.install("sim", root, python, lambda line: None)
+    (made,) = [command for command in given if command[0] == "useradd"]
+    assert "--groups" not in made
+
+
+@pytest.mark.parametrize(
+    ("i2c", "commands"),
+    [("pi", [["usermod", "--append", "--groups", "i2c", "wayfarer"]]), ("pi,wayfarer", [])],
+)
+def test_user_who_is_there_is_added_to_the_groups_that_he_lacks(
+    root: Path, python: Path, given: list[list[str]], i2c: str, commands: list[list[str]]
+) -> None:
+    (root / "etc/passwd").write_text("wayfarer:x:990:990::/var/lib/wayfarer:/usr/sbin/nologin\n", encoding="utf-8")
+    (root / "etc/group").write_text(f"i2c:x:990:{i2c}\nspi:x:989:wayfarer\n", encoding="utf-8")
+    service.install("sim", root, python, lambda line: None)
+    assert [command for command in given if command[0].startswith("user")] == commands
+
+
+def test_folder_for_calibration_and_logs_is_there_before_the_first_start(
+    root: Path, python: Path, given: list[list[str]], umask: Callable[[int], int]
+) -> None:
+    umask(0o077)
+    service.install("sim", root, python, lambda line: None)
+    folder = root / "var/lib/wayfarer"
+    assert mode(folder) == 0o755
+    assert given[-1] == ["chown", "--recursive", "--no-dereference", "wayfarer:wayfarer", str(folder)]
+
+
+def test_command_that_fails_is_told_in_one_line(
+    root: Path, python: Path, given: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failed = CompletedProcess((), 1, "", "useradd: cannot lock /etc/passwd;\ntry again later.\n")
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: failed)
+    with pytest.raises(BadInput, match=r"^useradd --system .* try again later\.$"):
+        service.install("sim", root, python, lambda line: None)
+
+
+def test_files_can_be_read_by_the_service_whatever_the_umask(
+    root: Path, python: Path, umask: Callable[[int], int]
+) -> None:
+    umask(0o077)
+    service.install("sim", root, python, lambda line: None)
+    assert {mode(root / file) for file in (UNIT, ROVER_FILE)} == {0o644}
+    assert {mode((root / file).parent) for file in (UNIT, ROVER_FILE)} == {0o755}
 
 
 def test_rover_file_may_be_ones_own(root: Path, python: Path, tmp_path: Path) -> None:

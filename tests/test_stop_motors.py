@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
+import os
+import threading
+import tomllib
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import ClassVar
 
 import pytest
 
+from tests.control.fake_daemon import FakeDaemon, serve
 from wayfarer import cli
-from wayfarer.errors import BadConfig, BadInput, UnknownName, WayfarerError
+from wayfarer.control.client import NoDaemon
+from wayfarer.control.motors_lock import MotorsLock
+from wayfarer.control.protocol import Refused
+from wayfarer.errors import BadConfig, BadInput, NotResponding, UnknownName, WayfarerError
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
@@ -16,7 +27,7 @@ from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
-from wayfarer.stop_motors import stop_motors
+from wayfarer.stop_motors import SHIPPED, stop_motors
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 AHEAD = (1.0, 1.0)
@@ -58,6 +69,19 @@ bench = Bench()
 
 def buses() -> FakeBuses:
     return bench.buses
+
+
+@pytest.fixture
+def control_socket() -> Iterator[Path]:
+    """A place for a daemon's socket; short, because a Unix socket's path has 107 bytes at most."""
+    with TemporaryDirectory(prefix="wayfarer-", dir="/tmp") as folder:
+        yield Path(folder) / "control.sock"
+
+
+@pytest.fixture(autouse=True)
+def own_sockets(monkeypatch: pytest.MonkeyPatch, control_socket: Path) -> None:
+    """Keep away from daemons that may run on this machine."""
+    monkeypatch.setattr("wayfarer.control.paths.known_sockets", lambda: iter([control_socket]))
 
 
 @pytest.fixture(autouse=True)
@@ -150,6 +174,14 @@ def test_rover_without_motors_has_no_wheels_to_stop(rover_file: Path, text: str)
         ('[parts.motors]\ndriver = "thunderbrg"\n', UnknownName, "unknown driver 'thunderbrg': did you mean thunderb"),
         ('buses = "lunix"\n' + THUNDERBORG, UnknownName, "unknown buses 'lunix': did you mean linux"),
         ("a = = 3", BadConfig, r"rover\.toml: not valid TOML"),
+        ("a = " + "[" * 100_000, BadConfig, r"rover\.toml: not valid TOML"),
+        (BUSES + '[parts.motors]\ndriver = "gpio_motors"\nleft_forward = 17\n', BadConfig, "missing 3 required"),
+        ('buses = "os:getcwd"\n' + THUNDERBORG, BadInput, "os:getcwd gives no wayfarer.drivers.buses.Buses"),
+        (
+            '[parts.motors]\ndriver = "tests.test_stop_motors:Careless"\n',
+            WayfarerError,
+            "nothing may have been stopped",
+        ),
     ],
 )
 def test_what_keeps_the_motors_from_being_found_is_told(
@@ -167,9 +199,187 @@ def test_rover_file_that_is_not_there_is_told(name: str) -> None:
 
 def test_shipped_rover_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wayfarer.stop_motors.make_buses", lambda name: bench.buses)
+    port = tomllib.loads((SHIPPED / "forestrover.toml").read_text(encoding="utf-8"))["parts"]["motors"]["port"]
+    bench.buses.serial(port).chip = bench.buses.serial("/dev/serial0").chip
     assert "Sabertooth" in stop_motors("forestrover")
     assert "ThunderBorg" in stop_motors("minirover")
     assert (bench.by_i2c.commanded, bench.by_serial.commanded) == (STILL, STILL)
+
+
+# -- mistakes that stopping does not need --------------------------------------------------------------------------
+
+
+class Careless:
+    """A third party's driver without settings."""
+
+    part: ClassVar[str] = "motors"
+
+
+@pytest.mark.parametrize(
+    ("table", "left_out"),
+    [
+        (SABERTOOTH + "timeout_s = 30\n", "timeout_s"),
+        (SABERTOOTH + 'timeout_s = "x"\nbattery_min_v = 99\nduty_limit = 0\n', "timeout_s, battery_min_v, duty_limit"),
+        (THUNDERBORG + "duty_limit = 0\n", "duty_limit"),
+        (THUNDERBORG + 'left = "A"\nduty_limit = nan\nreverse_left = true\n', "duty_limit"),
+    ],
+)
+def test_value_that_does_not_say_where_the_board_is_does_not_keep_the_wheels_turning(
+    rover_file: Path, table: str, left_out: str
+) -> None:
+    said = stop(rover_file, BUSES + table)
+    assert (bench.by_serial if "sabertooth" in table else bench.by_i2c).commanded == STILL
+    assert said.endswith(f"([parts.motors] {left_out}: of no use, left out)")
+
+
+@pytest.mark.parametrize("where", ['address = "x"', "address = 0x1G", "bus = 3.5.1", 'address = 0x17 "'])
+def test_board_is_never_looked_for_elsewhere_than_where_the_file_says(rover_file: Path, where: str) -> None:
+    with pytest.raises(WayfarerError):
+        stop(rover_file, BUSES + THUNDERBORG + "duty_limit = 0\n" + where)
+    assert bench.by_i2c.commanded != STILL
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        BUSES + "control_hz = = 3\n" + THUNDERBORG + "[vehicle\nlength_m = 1\n",
+        BUSES + "[vehicle]\nlength_m = 0,4\n" + THUNDERBORG + "[parts.light]\nbuses = 3\ndriver = 'nope\n",
+        BUSES + THUNDERBORG + 'left = "B\nduty_limit = 0,9\n[[[\n',
+        BUSES + "[ parts . motors ] # both sides\ndriver = thunderborg\n",
+        BUSES + "# f\xfcr \x00 den Wald\n" + THUNDERBORG,
+        BUSES + THUNDERBORG + "[escape]\na = 1\na = 2\n",
+    ],
+)
+def test_broken_line_does_not_keep_the_wheels_turning(rover_file: Path, text: str) -> None:
+    rover_file.write_text(text, encoding="latin-1")
+    stop_motors(str(rover_file))
+    assert bench.by_i2c.commanded == STILL
+
+
+def test_place_of_the_board_is_kept_from_a_broken_file(rover_file: Path) -> None:
+    bench.buses.i2c("/dev/i2c-7").attach(0x16, chip := ThunderBorgChip(bench.by_i2c, bench.clock))
+    chip.write(bytes((8, 200)))
+    said = stop(rover_file, BUSES + THUNDERBORG + "bus = /dev/i2c-7\naddress = 0x16\n[vehicle\n")
+    assert said.startswith("ThunderBorg at 0x16 on /dev/i2c-7 says")
+
+
+# -- motors that cannot be opened ----------------------------------------------------------------------------------
+
+PINS = '[parts.motors]\ndriver = "gpio_motors"\n' + "".join(
+    f"{key} = {pin}\n"
+    for key, pin in (("left_forward", 17), ("left_backward", 18), ("right_forward", 22), ("right_backward", 23))
+)
+
+
+def test_pins_of_another_program_are_told_with_their_reason(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def claim(name: str, make: object) -> None:
+        raise NotResponding(f"{name}: cannot have these pins: 'GPIO busy'")
+
+    monkeypatch.setattr("wayfarer.drivers.gpio_motors.claim", claim)
+    with pytest.raises(WayfarerError) as caught:
+        stop(rover_file, BUSES + PINS)
+    said = str(caught.value)
+    assert said.startswith("no stop could be sent, switch the motors' power off: motors on GPIO 17/18 and 22/23:")
+    assert said.endswith("'GPIO busy'")
+
+
+# -- a daemon that is still there ----------------------------------------------------------------------------------
+
+
+def ask_that(monkeypatch: pytest.MonkeyPatch, control_socket: Path, answers: Callable[[], object]) -> list[object]:
+    """Have somebody answer at the socket; return what it is asked."""
+    asked: list[object] = []
+
+    def ask(request: object, path: Path, timeout_s: float) -> object:
+        assert path == control_socket
+        assert timeout_s <= 1.0
+        asked.append(request)
+        return answers()
+
+    control_socket.touch()
+    monkeypatch.setattr("wayfarer.control.client.ask", ask)
+    return asked
+
+
+def drive_on() -> object:
+    """What a daemon that ends still had on its way."""
+    assert bench.by_i2c.commanded == STILL, "the wheels are stopped before anybody is asked anything"
+    chip = bench.buses.i2c("/dev/i2c-1").chip_at(0x15)
+    chip.write(bytes((8, 242)))
+    return {}
+
+
+def test_daemon_is_asked_to_stop_and_what_it_still_sent_is_taken_back(
+    rover_file: Path, monkeypatch: pytest.MonkeyPatch, control_socket: Path
+) -> None:
+    asked = ask_that(monkeypatch, control_socket, drive_on)
+    assert "says that the wheels stand still" in stop(rover_file, BUSES + THUNDERBORG)
+    assert asked == [{"do": "stop"}]
+    assert bench.by_i2c.commanded == STILL
+
+
+@pytest.mark.parametrize("error", [Refused("no"), WayfarerError("did not answer within 1 s")])
+def test_daemon_that_does_not_agree_is_no_assurance(
+    rover_file: Path, monkeypatch: pytest.MonkeyPatch, control_socket: Path, error: Exception
+) -> None:
+    def answers() -> None:
+        drive_on()
+        raise error
+
+    ask_that(monkeypatch, control_socket, answers)
+    with pytest.raises(WayfarerError, match=r"stop was sent, but .*control\.sock still commands these wheels: end it"):
+        stop(rover_file, BUSES + THUNDERBORG)
+    assert bench.by_i2c.commanded == STILL
+
+
+def test_daemon_of_another_user_is_found_by_its_lock(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ends = os.openpty()
+    port = os.ttyname(ends[1])
+    bench.buses.serial(port).chip = bench.buses.serial("/dev/serial0").chip
+    monkeypatch.setattr("wayfarer.stop_motors.make_buses", lambda name: bench.buses)
+    table = SABERTOOTH + f'port = "{port}"\n'
+    who = rf"another wayfarer \(process {os.getpid()}\)"
+    with MotorsLock(port), pytest.raises(WayfarerError, match=f"stop was sent, but {who} still commands these wheels"):
+        stop(rover_file, table)
+    assert bench.by_serial.commanded == STILL
+    assert "stop was sent to" in stop(rover_file, table)
+    for end in ends:
+        os.close(end)
+
+
+@pytest.mark.parametrize("left_behind", [False, True])
+def test_without_a_daemon_nothing_is_waited_for(
+    rover_file: Path, monkeypatch: pytest.MonkeyPatch, control_socket: Path, left_behind: bool
+) -> None:
+    def nobody() -> None:
+        raise NoDaemon("nobody listens")
+
+    if left_behind:
+        ask_that(monkeypatch, control_socket, nobody)
+    monkeypatch.setattr("asyncio.sleep", lambda _: pytest.fail("it waits"))
+    assert "stand still" in stop(rover_file, BUSES + THUNDERBORG)
+
+
+def test_real_control_socket_is_told_to_stop(rover_file: Path, control_socket: Path) -> None:
+    told: list[tuple[object, ...]] = []
+    ready, over = threading.Event(), threading.Event()
+
+    async def listen() -> None:
+        daemon = FakeDaemon()
+        async with serve(daemon, control_socket):
+            ready.set()
+            await asyncio.to_thread(over.wait)
+        told.extend(daemon.told)
+
+    thread = threading.Thread(target=lambda: asyncio.run(listen()))
+    thread.start()
+    assert ready.wait(5.0)
+    try:
+        assert "stand still" in stop(rover_file, BUSES + THUNDERBORG)
+    finally:
+        over.set()
+        thread.join()
+    assert told == [("stop",)]
 
 
 # -- the command -------------------------------------------------------------------------------------------------

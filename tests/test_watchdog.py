@@ -188,6 +188,33 @@ async def test_start_twice_makes_one_watcher() -> None:
     guard.stop()
 
 
+async def test_stderr_that_nobody_reads_holds_up_no_halt(monkeypatch: pytest.MonkeyPatch) -> None:
+    reading, writing = os.pipe()
+    os.write(writing, b"." * 65_536)  # what a pipe holds until somebody reads
+    with os.fdopen(writing, "w") as stalled:
+        monkeypatch.setattr("sys.stderr", stalled)
+        wheels = Wheels()
+        guard = wheels.guard(limit_s=0.2)
+        guard.start()
+        block(1.0)
+        guard.stop()
+        os.close(reading)  # whoever waits is woken by an error
+        assert len(wheels.halts_s) >= 4
+
+
+async def test_stacks_that_no_memory_is_left_for_hold_up_no_halt(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: str) -> int:
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(os, "memfd_create", refuse)
+    wheels = Wheels()
+    guard = wheels.guard()
+    guard.start()
+    block(0.9)
+    guard.stop()
+    assert len(wheels.halts_s) >= 2
+
+
 async def test_without_stderr_the_wheels_are_stopped_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stderr", None)
     wheels = Wheels()

@@ -35,8 +35,11 @@ from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.registry import driver_names, find_driver
 from wayfarer.safety import SafetySettings
+from wayfarer.watchdog import STALL_LIMIT_S
 
 _STRICT = ConfigDict(extra="forbid", frozen=True)
+_STALL_MARGIN = 1.5  # the stall guard waits for so many control periods at least
+_COMMANDS_PER_DEADMAN = 2  # one command may be lost or late, and a healthy rover drives on
 
 
 class Rates(BaseModel):
@@ -87,6 +90,21 @@ class RoverConfig(BaseModel):
                 raise ValueError(
                     f"key '{key}' = {rate_hz:g}: too slow, {limit} = {limit_s:g} s is over before the next"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _wheels_are_commanded_in_time(self) -> Self:
+        """Refuse a control rate at which a healthy rover's wheels would be stopped, or a stop would reach them late."""
+        settings = part_settings("motors", self.parts["motors"])[1] if "motors" in self.parts else None
+        least_hz = {"the stall guard stops the wheels": _STALL_MARGIN / STALL_LIMIT_S}
+        if deadman_s := getattr(settings, "deadman_s", None):
+            least_hz[f"the board's own deadman of {deadman_s:g} s stops the wheels"] = _COMMANDS_PER_DEADMAN / deadman_s
+        for what, rate_hz in least_hz.items():
+            if self.control_hz < rate_hz:
+                raise ValueError(f"key 'control_hz' = {self.control_hz:g}: too slow, {what} below {rate_hz:.3g}")
+        keeps_up_with = getattr(settings, "keeps_up_with", None)
+        if keeps_up_with and (why := keeps_up_with(self.control_hz)):
+            raise ValueError(f"key 'control_hz' = {self.control_hz:g}: too fast for parts.motors.{why}")
         return self
 
     @field_validator("parts")

@@ -29,14 +29,19 @@ class ConsoleLog:
         """Tell of an event; the terminal's own clock, or the journal's, says when."""
         told = ", ".join(f"{key} {_short(value)}" for key, value in details.items() if value is not None)
         self._write(f"{name.replace('_', ' ')}{': ' + told if told else ''}")
+        if name == "opened":
+            self._write("disarmed. In another terminal: wayfarer arm, wayfarer status, wayfarer stop")
 
     def position(self, fix: PositionFix | None) -> None:
         """Positions are not shown."""
 
     def close(self, reason: str, text: str) -> None:
-        """Tell how the run ended."""
-        self._write(f"ended: {reason}: {text}")
+        """Tell how the run ended; an error is told by the command itself."""
+        if reason != "failed":
+            self._write(f"ended: {reason}: {text}")
 
 
 def _short(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -81,7 +81,10 @@ def make_buses(name: str) -> Any:
     path = BUILT_IN_BUSES.get(name, name)
     if ":" not in path:
         raise UnknownName("buses", name, BUILT_IN_BUSES)
-    return _load_path("buses", path)()
+    buses = _load_path("buses", path)()
+    if not all(callable(getattr(buses, kind, None)) for kind in ("i2c", "spi", "serial", "camera", "close")):
+        raise BadInput(f"buses '{name}': {path} gives no wayfarer.drivers.buses.Buses")
+    return buses
 
 
 def _installed(group: str) -> dict[str, EntryPoint]:

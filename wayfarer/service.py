@@ -1,8 +1,9 @@
 """Installing the systemd service: what ``wayfarer install-service`` does.
 
 It writes two files: the unit, from the template ``systemd/wayfarer.service``, and the rover file that the service uses,
-which it never overwrites. Both appear whole or not at all. On the running system (root ``/``) it also makes the user
-that the service runs as. It starts nothing: the next commands are printed, for a person to give.
+which it never overwrites. Both appear whole or not at all, for everyone to read. On the running system (root ``/``) it
+also makes the user that the service runs as, and the folder that it keeps its logs and calibration in. It starts
+nothing: the next commands are printed, for a person to give.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import re
 import stat
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 
@@ -20,8 +21,10 @@ import wayfarer
 from wayfarer.config import load_rover
 from wayfarer.errors import BadInput
 
+HERE = Path("/")
 UNIT = Path("etc/systemd/system/wayfarer.service")
 ROVER_FILE = Path("etc/wayfarer/rover.toml")
+STATE_FOLDER = Path("var/lib/wayfarer")  # StateDirectory= in the unit
 USER = "wayfarer"
 # Own the device files on Raspberry Pi OS (its udev rules; dialout is Debian's for serial ports): hardware.md 7.
 GROUPS = ("i2c", "spi", "gpio", "video", "dialout")
@@ -33,9 +36,13 @@ next:
   sudo systemctl enable --now wayfarer    # starts now and at each boot, always disarmed
   systemctl status wayfarer
   journalctl -u wayfarer -f"""
+NEXT_STEPS_THERE = """\
+the unit starts {command}: wayfarer must be installed at that path on that system
+next, on that system:
+  sudo {command} install-service    # makes the user 'wayfarer' and its folder, and says what is next"""
 
 
-def unit_text(root: Path = Path("/"), python: Path = Path(sys.executable)) -> str:
+def unit_text(root: Path = HERE, python: Path = Path(sys.executable)) -> str:
     """Return the unit for this installation, with those of the device groups that exist below ``root``.
 
     Args:
@@ -55,7 +62,7 @@ def unit_text(root: Path = Path("/"), python: Path = Path(sys.executable)) -> st
 
 
 def install(
-    rover: str | None = None, root: Path = Path("/"), python: Path = Path(sys.executable),
+    rover: str | None = None, root: Path = HERE, python: Path = Path(sys.executable),
     say: Callable[[str], None] = print,
 ) -> None:  # fmt: skip
     """Install the service.
@@ -69,17 +76,20 @@ def install(
     Raises:
         BadInput: something is missing or not allowed; no file was left half-written.
     """
-    if root == Path("/") and os.geteuid() != 0:
+    here = root == HERE
+    if here and os.geteuid() != 0:
         raise BadInput("install-service writes below /etc and makes a user: run it with sudo, or see it with --print")
     unit = unit_text(root, python)
     try:
         say(_place_rover_file(rover, root / ROVER_FILE))
-        say(_make_user(root))
+        if here:
+            say(_make_user(root))
+            _make_state_folder(root / STATE_FOLDER)
         _write_whole(root / UNIT, unit)
     except OSError as error:
         raise BadInput(f"{error.filename or root}: cannot be written: {error.strerror}") from None
     say(f"wrote {root / UNIT}")
-    say(NEXT_STEPS)
+    say(NEXT_STEPS if here else NEXT_STEPS_THERE.format(command=python.parent / "wayfarer"))
 
 
 def check_reachable(executable: Path, python: Path) -> None:
@@ -107,15 +117,15 @@ def _template() -> str:
     return (Path(wayfarer.__file__).parents[1] / "systemd" / "wayfarer.service").read_text(encoding="utf-8")
 
 
-def _names(path: Path) -> Iterator[str]:
-    """Return the names in a file like /etc/group or /etc/passwd."""
-    if path.is_file():
-        yield from (line.split(":", 1)[0] for line in path.read_text(encoding="utf-8").splitlines())
+def _entries(path: Path) -> dict[str, list[str]]:
+    """Return the fields of a file like /etc/group or /etc/passwd, by name."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+    return {fields[0]: fields[1:] for fields in (line.split(":") for line in lines)}
 
 
 def _groups(root: Path) -> list[str]:
     """Return the device groups that there are."""
-    known = set(_names(root / "etc/group"))
+    known = _entries(root / "etc/group")
     return [name for name in GROUPS if name in known]
 
 
@@ -134,28 +144,55 @@ def _place_rover_file(rover: str | None, path: Path) -> str:
 
 
 def _make_user(root: Path) -> str:
-    """Make the user that the service runs as; on a mounted card only say how.
+    """Make the user that the service runs as, or add it to the device groups that it lacks.
 
     The unit gives the service its groups; the user has them too, so that ``sudo -u wayfarer wayfarer check`` sees what
     the service sees.
     """
-    if USER in _names(root / "etc/passwd"):
-        return f"user '{USER}' exists"
-    command = ["useradd", "--system", "--user-group", "--no-create-home", "--home-dir", "/var/lib/wayfarer",
-               "--shell", "/usr/sbin/nologin", "--groups", ",".join(_groups(root)), USER]  # fmt: skip
-    if root != Path("/"):
-        return f"user '{USER}' is missing there; on that system give: sudo {' '.join(command)}"
-    made = subprocess.run(command, capture_output=True, text=True, check=False)
-    if made.returncode != 0:
-        raise BadInput(f"user '{USER}' could not be made: {' '.join(made.stderr.split())}")
-    return f"made user '{USER}'"
+    groups = _entries(root / "etc/group")
+    lacks = ",".join(name for name in _groups(root) if USER not in groups[name][-1].split(","))
+    joins = ["--groups", lacks] if lacks else []
+    if USER not in _entries(root / "etc/passwd"):
+        _give("useradd", "--system", "--user-group", "--no-create-home", "--home-dir", "/var/lib/wayfarer",
+              "--shell", "/usr/sbin/nologin", *joins, USER)  # fmt: skip
+        return f"made user '{USER}'"
+    if lacks:
+        _give("usermod", "--append", *joins, USER)
+        return f"added user '{USER}' to {lacks}"
+    return f"user '{USER}' exists"
+
+
+def _make_state_folder(folder: Path) -> None:
+    """Make the service's folder as systemd will: ``check`` and ``calibrate`` come before the service's first start.
+
+    What root left in it becomes the user's too, because systemd sees to that only where the folder is not the user's.
+    """
+    _make_folder(folder)
+    folder.chmod(0o755)
+    _give("chown", "--recursive", "--no-dereference", f"{USER}:{USER}", str(folder))
+
+
+def _give(*command: str) -> None:
+    """Give a command."""
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise BadInput(f"{' '.join(command)}: {' '.join(done.stderr.split())}")
+
+
+def _make_folder(path: Path) -> None:
+    """Make a folder, and those above it, for everyone to enter, whatever the caller's umask."""
+    if not path.is_dir():
+        _make_folder(path.parent)
+        path.mkdir()
+        path.chmod(0o755)
 
 
 def _write_whole(path: Path, text: str) -> None:
-    """Write a file so that it is there whole or not at all, even if the power fails."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Write a file so that it is there whole or not at all, even if the power fails; everyone may read it."""
+    _make_folder(path.parent)
     draft = path.with_name(path.name + ".new")
     with draft.open("w", encoding="utf-8") as file:
+        os.fchmod(file.fileno(), 0o644)
         file.write(text)
         file.flush()
         os.fsync(file.fileno())

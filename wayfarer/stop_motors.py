@@ -1,23 +1,31 @@
 """Stopping the wheels without the daemon: what is left when it has died, and the last line of its systemd unit.
 
-Only the motors' own table of the rover file is read, and not checked further than its driver needs: a mistake
-elsewhere in the file must not keep the wheels turning.
+Only the motors' own table of the rover file is read, and of that only what says where the board is must be right: no
+other mistake may keep the wheels turning. A daemon that is still there, and would turn them again, is asked to stop.
 """
 
 from __future__ import annotations
 
 import asyncio
+import os
+import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import fields
+from contextlib import suppress
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
-from wayfarer.errors import BadConfig, BadInput, DriverError, WayfarerError
+from wayfarer.errors import BadConfig, BadInput, DriverError, NotResponding, WayfarerError
 from wayfarer.hal import STOP, DriveMotors
 from wayfarer.registry import find_driver, make_buses
 
 SHIPPED = Path(__file__).parent / "rovers"
+# The keys that say where a board is. Without them another board might be stopped, so they must be right.
+WHERE = {"bus", "address", "port", "baud"}
+ASK_S = 1.0  # for a daemon's answer
+AGAIN_S, AGAIN_EVERY_S = 0.5, 0.05  # a daemon that ends may have commands under way
+CLOSE_WAIT_S = 2.0  # for a bus that hangs to come back: the stop that was posted goes out first then
 
 
 def stop_motors(name_or_path: str) -> str:
@@ -25,8 +33,17 @@ def stop_motors(name_or_path: str) -> str:
 
     Raises:
         BadInput: the rover file, or its motors' table, cannot be used.
-        WayfarerError: the board did not answer.
+        WayfarerError: the board did not answer, or a daemon goes on commanding it.
     """
+    try:
+        return _stop_motors(name_or_path)
+    except WayfarerError:
+        raise
+    except Exception as error:  # whatever a third party's driver or buses raise
+        raise WayfarerError(f"nothing may have been stopped: {_told(error)}; switch the motors' power off") from None
+
+
+def _stop_motors(name_or_path: str) -> str:
     rover = _read(name_or_path)
     parts = rover.get("parts")
     table = parts.get("motors") if isinstance(parts, dict) else None
@@ -35,33 +52,67 @@ def stop_motors(name_or_path: str) -> str:
     driver = find_driver(table["driver"])
     if getattr(driver, "part", None) != "motors":
         raise BadConfig(f"{name_or_path}: driver '{table['driver']}' in [parts.motors] drives no motors")
-    return asyncio.run(_stop(driver, _settings(name_or_path, driver, table), str(rover.get("buses", "linux"))))
-
-
-def _settings(where: str, driver: Any, table: Mapping[str, Any]) -> Any:
-    """Return a driver's settings; a mistyped key is left out, for it must not keep the wheels turning."""
+    buses = str(rover.get("buses", "linux"))
     known = {field.name for field in fields(driver.Settings)}
+    given = {key: value for key, value in table.items() if key in known}  # a mistyped key is left out
     try:
-        return driver.Settings(**{key: value for key, value in table.items() if key in known})
-    except (TypeError, ValueError) as error:
-        raise BadConfig(f"{where}: [parts.motors]: {error}") from None
+        return asyncio.run(_stop(driver, given, buses))
+    except WayfarerError:
+        raise
+    except Exception:  # a value of the wrong kind, or out of its range: nobody has checked them
+        pass
+    try:
+        kept = asyncio.run(_usable(driver, given, buses))
+        left_out = ", ".join(key for key in given if key not in kept)
+        return f"{asyncio.run(_stop(driver, kept, buses))} ([parts.motors] {left_out}: of no use, left out)"
+    except WayfarerError:
+        raise
+    except Exception as error:
+        raise BadConfig(f"{name_or_path}: [parts.motors] cannot be used: {_told(error)}") from None
 
 
-async def _stop(driver: Any, settings: Any, buses_name: str) -> str:
+# -- the board ---------------------------------------------------------------------------------------------------------
+
+
+async def _stop(driver: Any, given: Mapping[str, Any], buses_name: str) -> str:
+    """Stop the wheels first; then see whether a daemon would turn them again; then ask the board."""
+    from wayfarer.control.motors_lock import device_of, other_commander
+
     buses = make_buses(buses_name)
-    try:
-        motors: DriveMotors = driver(settings, buses)
-    except (TypeError, ValueError, AttributeError) as error:  # a value of the wrong kind, which nobody has checked
-        raise BadConfig(f"[parts.motors] cannot be used: {error}") from None
+    settings = driver.Settings(**given)
+    motors: DriveMotors = driver(settings, buses)
+    device = device_of(buses_name, settings)
     try:
         await motors.stop()
-        await motors.drive(STOP)  # unlike stop(), it says whether the board was there
+        agreed = await asyncio.to_thread(_ask_daemons)
+        other = other_commander(device)
+        if agreed or other:
+            for _ in range(round(AGAIN_S / AGAIN_EVERY_S)):
+                await asyncio.sleep(AGAIN_EVERY_S)
+                await motors.stop()
+        if not all(agreed.values()) or (other and not agreed):
+            raise WayfarerError(
+                f"stop was sent, but {other or _first_unwilling(agreed)} still commands these wheels: end it with"
+                " 'wayfarer stop' or 'systemctl stop wayfarer', or switch the motors' power off"
+            )
+        return await _confirmed(motors)
+    finally:
+        await motors.close()
+        await buses.close(CLOSE_WAIT_S)
+
+
+async def _confirmed(motors: DriveMotors) -> str:
+    """Return what the board says about its wheels."""
+    try:
+        try:
+            await motors.drive(STOP)  # unlike stop(), it says whether the board was there
+        except NotResponding as error:
+            if not str(error).endswith("not open"):
+                raise
+            await _why_not_open(motors)
         turning = await motors.read_back()
     except DriverError as error:
         raise WayfarerError(f"stop was sent, but not acknowledged: {error}; switch the motors' power off") from None
-    finally:
-        await motors.close()
-        await buses.close()
     if turning is None:
         return f"stop was sent to {motors.name}, which cannot confirm it"
     if turning != STOP:
@@ -69,12 +120,117 @@ async def _stop(driver: Any, settings: Any, buses_name: str) -> str:
     return f"{motors.name} says that the wheels stand still"
 
 
+async def _why_not_open(motors: DriveMotors) -> None:
+    """Open motors that ``stop`` could not, for the reason that it swallowed."""
+    try:
+        await motors.open()
+    except DriverError as error:
+        raise WayfarerError(f"no stop could be sent, switch the motors' power off: {error}") from None
+
+
+# -- a daemon that is still there --------------------------------------------------------------------------------------
+
+
+def _ask_daemons() -> dict[Path, bool]:
+    """Ask every daemon that may be asked to stop; return by socket whether it will."""
+    from wayfarer.control.client import NoDaemon, ask
+    from wayfarer.control.paths import known_sockets
+
+    agreed: dict[Path, bool] = {}
+    with suppress(BadInput):  # a folder that is not private is nobody's
+        for place in known_sockets():
+            if place in agreed or not os.access(place, os.W_OK):
+                continue  # another user's cannot be asked; the lock of the motors tells whether it matters
+            try:
+                ask({"do": "stop"}, place, ASK_S)
+            except (NoDaemon, BadInput):
+                continue
+            except WayfarerError:
+                agreed[place] = False
+            else:
+                agreed[place] = True
+    return agreed
+
+
+def _first_unwilling(agreed: Mapping[Path, bool]) -> str:
+    return f"a wayfarer daemon at {next(place for place, will in agreed.items() if not will)}"
+
+
+# -- the rover file ----------------------------------------------------------------------------------------------------
+
+
+async def _usable(driver: Any, given: Mapping[str, Any], buses_name: str) -> dict[str, Any]:
+    """Return the settings with which a driver can stop: where the board is, and of the others those that do no harm.
+
+    Raises:
+        Exception: whatever the driver makes of a board that is nowhere.
+    """
+    needed = {
+        field.name for field in fields(driver.Settings) if field.default is field.default_factory is MISSING
+    } | WHERE
+    kept = {key: value for key, value in given.items() if key in needed}
+    await _try(driver, kept, buses_name)
+    for key in given:
+        with suppress(Exception):
+            await _try(driver, kept | {key: given[key]}, buses_name)
+            kept[key] = given[key]
+    return kept
+
+
+async def _try(driver: Any, given: Mapping[str, Any], buses_name: str) -> None:
+    """Stop with these settings; only what the settings themselves break is raised, not that a board is silent."""
+    buses = make_buses(buses_name)
+    try:
+        motors: DriveMotors = driver(driver.Settings(**given), buses)
+        try:
+            await motors.stop()
+            with suppress(DriverError):
+                await motors.drive(STOP)
+            with suppress(DriverError):
+                await motors.read_back()
+        finally:
+            await motors.close()
+    finally:
+        await buses.close()
+
+
 def _read(name_or_path: str) -> dict[str, Any]:
     is_file = "/" in name_or_path or name_or_path.endswith(".toml")
     path = Path(name_or_path) if is_file else SHIPPED / f"{name_or_path}.toml"
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise BadConfig(f"{path}: not valid TOML: {error}") from None
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        found = _salvaged(text)
+        if "driver" not in found["parts"]["motors"]:
+            raise BadConfig(f"{path}: not valid TOML: {_told(error)}") from None
+        return found
+
+
+def _salvaged(text: str) -> dict[str, Any]:
+    """Return what the lines say that matter here, of a file that is no TOML as a whole."""
+    top: dict[str, Any] = {}
+    motors: dict[str, Any] = {}
+    table: dict[str, Any] | None = top
+    for line in text.splitlines():
+        if header := re.match(r"\s*\[\s*([\w\s.-]+?)\s*\]\s*(#.*)?$", line):
+            table = motors if re.fullmatch(r"parts\s*\.\s*motors", header[1]) else None
+        elif table is not None:
+            table.update(_line(line))
+    return {"buses": top.get("buses", "linux"), "parts": {"motors": motors}}
+
+
+def _line(text: str) -> dict[str, Any]:
+    """Return key and value of a line; a value that is none as text, so that it is not taken for left out."""
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError):
+        key, equals, value = text.partition("=")
+        return {key.strip(): value.partition("#")[0].strip(" \t\"'")} if equals else {}
+
+
+def _told(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())

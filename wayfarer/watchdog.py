@@ -13,10 +13,11 @@ import asyncio
 import faulthandler
 import os
 import socket
-import sys
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+
+from wayfarer.lines import LineWriter
 
 STALL_LIMIT_S = 0.2  # field.md, fault 37: ArduPilot's rover disarms after as long without its main loop
 HALT_AGAIN_S = 0.1  # a stop may be lost on the bus; it is repeated for as long as the loop stands still
@@ -83,7 +84,8 @@ class StallGuard:
 
     ``start`` it on the loop when the wheels may turn, call ``beat`` at each control tick, ``stop`` it when they may
     not. After ``limit_s`` without a beat it halts the wheels, at once and every ``HALT_AGAIN_S`` until the next beat,
-    and writes one line and the stacks of all threads to stderr: they show what blocks the loop.
+    and has one line and the stacks of all threads written to stderr: they show what blocks the loop. A stderr that
+    blocks holds up no halt.
 
     Args:
         halt: stops the wheels without waiting, from any thread (``hal.DriveMotors.halt``).
@@ -97,6 +99,7 @@ class StallGuard:
         self._halt = halt
         self._recovered = recovered
         self._limit_s = limit_s
+        self._lines = LineWriter()
         self._beat_s = 0.0
         self._stopped = threading.Event()
         self._thread: threading.Thread | None = None
@@ -137,6 +140,17 @@ class StallGuard:
             self._loop.call_soon_threadsafe(self._recovered, self._beat_s - last_beat_s)
 
     def _tell_what_blocks(self) -> None:
-        with suppress(OSError, ValueError, RuntimeError):  # no stderr to write to; the wheels matter more
-            print(f"wayfarer: the event loop stands still for {self._limit_s:g} s; wheels stopped", file=sys.stderr)
-            faulthandler.dump_traceback(sys.stderr)
+        self._lines.write(f"wayfarer: the event loop stands still for {self._limit_s:g} s; wheels stopped")
+        with suppress(OSError):  # no file to be had; the wheels matter more
+            self._lines.write(_stacks())
+
+
+def _stacks() -> str:
+    """Return the stacks of all threads, by way of memory: ``faulthandler`` holds Python's lock while it writes.
+
+    On a stderr that blocks it would stop every thread for good, the stall guard among them.
+    """
+    with os.fdopen(os.memfd_create("stacks"), "rb") as memory:
+        faulthandler.dump_traceback(memory)
+        memory.seek(0)
+        return memory.read().decode(errors="replace").rstrip()

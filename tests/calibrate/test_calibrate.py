@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from tests.checks.rigs import Needle, Rig, Script, push_by_hand, run
 from wayfarer.calibrate import STEPS, Step, calibrate
 from wayfarer.calibrate.compass import LEARN, OFF, Levels, TeachableCompass, residual_deg
-from wayfarer.calibration import Calibration, FlowEntry, load, save, stamp
+from wayfarer.calibrate.motors import calibrate_motors
+from wayfarer.calibration import Calibration, FlowEntry, MotorsEntry, load, save, stamp
 from wayfarer.errors import BadInput, BadReading, NotResponding, WayfarerError
 from wayfarer.simhal.streams import Streams
 
@@ -287,6 +288,20 @@ def test_duty_grows_slowly_and_commands_never_pause(rig: Rig) -> None:
     duties = [command.left for command in rig.motors.commands]
     assert max(after - before for before, after in pairwise(duties)) <= 0.1 + 1e-9
     assert max(duties) == 1.0
+
+
+def test_a_limited_rover_is_measured_within_its_limit(rig: Rig) -> None:
+    rig.compass.bias_deg = lambda: 20.0 * rig.world.commanded[0]
+
+    async def main() -> MotorsEntry | None:
+        await rig.motors.open()
+        await rig.compass.open()
+        return await calibrate_motors(rig.motors, rig.compass, person(rig), 0.0, duty_max=0.3)
+
+    found = run(main())
+    assert rig.world.most == pytest.approx(0.3, abs=0.01)
+    assert found is not None
+    assert (found.shift_half_deg, found.shift_full_deg) == pytest.approx((3.0, 6.0), abs=1.0)
 
 
 @pytest.mark.parametrize("at", [1, 50, 119])

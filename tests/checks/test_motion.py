@@ -59,6 +59,15 @@ def test_all_is_well_with_a_healthy_rover(rig: Rig) -> None:
     assert 0.0 < rig.world.most <= 0.5
 
 
+def test_no_check_turns_the_wheels_faster_than_the_rover_may(rig: Rig) -> None:
+    limited = replace(rig.config.safety, duty_max=0.3)
+    rig.config = rig.config.model_copy(update={"safety": limited})
+    findings = look(rig, person(rig, {}))
+    assert {finding.verdict for finding in findings.values()} == {Verdict.OK}
+    assert rig.world.most == pytest.approx(0.3, abs=0.01)
+    assert {round(max(map(abs, command)), 3) for command in rig.motors.commands if any(command)} == {0.2, 0.25, 0.3}
+
+
 # -- consent -------------------------------------------------------------------------------------------------------
 
 
@@ -219,6 +228,37 @@ def test_a_deadman_that_does_not_trip_is_not_waited_for_longer_than_an_eye_needs
 
     look(rig, person(rig, {}, {"count the seconds": note, "Did they turn for": note}))
     assert times_s[1] - times_s[0] == pytest.approx(0.5 + 0.25 + 0.15 + WATCH_S)
+
+
+@pytest.mark.parametrize(("deadman_s", "turns"), [(2.35, True), (2.4, False), (12.7, False)])
+def test_wheels_turn_without_commands_for_five_seconds_at_most(rig: Rig, deadman_s: float, turns: bool) -> None:
+    rig.motors.tells, rig.motors.deadman_s = False, deadman_s
+    finding = look(rig, person(rig, {}))["deadman trips"]
+    assert (finding.verdict is Verdict.OK) is turns
+    assert (WheelCommand(0.2, 0.2) in rig.motors.commands) is turns
+    assert turns or ("deadman of" in finding.found and finding.verdict is Verdict.SKIPPED)
+
+
+def test_long_deadman_of_a_board_that_tells_is_not_waited_for_either(rig: Rig) -> None:
+    rig.motors.deadman_s = 5.0
+    assert look(rig, person(rig, {}))["deadman trips"].verdict is Verdict.SKIPPED
+
+
+@pytest.mark.parametrize(
+    ("tells", "deadman_s", "told"), [(True, 0.25, "1.0 s"), (False, 0.25, "3.4 s"), (False, 9.0, "1.0 s")]
+)
+def test_consent_is_to_wheels_that_turn_for_so_many_seconds(rig: Rig, tells: bool, deadman_s: float, told: str) -> None:
+    rig.motors.tells, rig.motors.deadman_s = tells, deadman_s
+    someone = person(rig, {})
+    look(rig, someone)
+    assert f"for up to {told}" in next(text for text in someone.told if "on blocks" in text)
+
+
+def test_who_counts_knows_what_to_expect(rig: Rig) -> None:
+    rig.motors.tells = False
+    someone = person(rig, {})
+    look(rig, someone)
+    assert any("about 0.8 s if all is well, 3.4 s at most" in text for text in someone.told)
 
 
 # -- the sides -----------------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import os
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
@@ -118,8 +119,24 @@ def test_the_motion_sensor_must_see_the_ground(rig: Rig) -> None:
     assert look(rig, parts.motion).verdict is Verdict.WARN
     rig.motion.dead = True
     assert look(rig, parts.motion).verdict is Verdict.FAIL
-    rig.rover = replace(rig.rover, motion=None)
-    assert look(rig, parts.motion).verdict is Verdict.SKIPPED
+
+
+@pytest.mark.parametrize(
+    ("part", "check", "instead"), [("motion", parts.motion, "contact"), ("contact", parts.contact, "motion")]
+)
+def test_a_sense_that_is_not_there_is_missed_only_where_obstacles_are_to_be_noticed_by_it(
+    rig: Rig,
+    part: Literal["motion", "contact"],
+    check: Callable[[Inspection], Awaitable[Finding]],
+    instead: Literal["motion", "contact"],
+) -> None:
+    rig.rover = replace(rig.rover, **{part: None})  # type: ignore[arg-type]
+    rig.config = rig.config.with_anomaly_source(instead)
+    assert look(rig, check).verdict is Verdict.SKIPPED
+    rig.config = rig.config.with_anomaly_source(part)
+    finding = look(rig, check)
+    assert finding.verdict is Verdict.FAIL
+    assert finding.remedy == f'add [parts.{part}] or set anomaly_source = "{instead}"'
 
 
 def test_a_pressed_bumper_is_a_warning(rig: Rig) -> None:
@@ -127,8 +144,6 @@ def test_a_pressed_bumper_is_a_warning(rig: Rig) -> None:
     rig.contact.sides = (Side.LEFT, Side.REAR)
     finding = look(rig, parts.contact)
     assert (finding.verdict, finding.found) == (Verdict.WARN, "pressed at left, rear")
-    rig.rover = replace(rig.rover, contact=None)
-    assert look(rig, parts.contact).verdict is Verdict.SKIPPED
 
 
 def test_a_part_that_can_be_done_without_is_only_a_warning(rig: Rig) -> None:

@@ -18,7 +18,7 @@ from wayfarer.checks.system import device_files
 from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
-from wayfarer.hal import DriveMotors, Rover
+from wayfarer.hal import DriveMotors, Rover, WheelCommand
 from wayfarer.simhal.chips.cmps14 import CALIBRATED, CMPS14Chip
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
@@ -114,6 +114,19 @@ def test_real_parts_answer_their_checks(bench: Bench) -> None:
     findings = run(look(bench.inspect(ThunderBorg(ThunderBorgSettings(), bench.buses))))
     assert {finding.verdict for finding in findings} == {Verdict.OK}, findings
     assert bench.world.most == 0.0
+
+
+def test_a_fault_of_the_last_mission_is_found_before_the_next(bench: Bench) -> None:
+    motors = ThunderBorg(ThunderBorgSettings(), bench.buses)
+
+    async def look() -> list[Finding]:
+        await motors.open()
+        await motors.drive(WheelCommand(0.3, 0.3))
+        await motors.stop()
+        bench.thunderborg.drive_faults.add(0)
+        return await run_checks(bench.inspect(motors), [board.motor_board, board.motor_faults])
+
+    assert [finding.verdict for finding in run(look())] == [Verdict.OK, Verdict.FAIL]
 
 
 def test_a_compass_that_is_not_there_is_named_with_its_bus(tmp_path: Path) -> None:

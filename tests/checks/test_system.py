@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pwd
 import shutil
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, replace
@@ -15,6 +16,7 @@ import pytest
 from tests.checks.rigs import Rig, run
 from wayfarer.checks import Finding, Inspection, Verdict, system
 from wayfarer.checks.standalone import Standalone
+from wayfarer.config import load_rover
 
 
 @pytest.fixture
@@ -46,7 +48,7 @@ def test_a_device_file_that_may_be_used_is_well(rig: Rig) -> None:
         ("/dev/i2c-7", "sudo raspi-config nonint do_i2c 0 && sudo reboot"),
         ("/dev/spidev0.0", "sudo raspi-config nonint do_spi 0 && sudo reboot"),
         ("/dev/serial0", "do_serial_hw 0"),
-        ("/dev/ttyAMA0", "do_serial_hw 0"),
+        ("/dev/ttyAMA0", "on a Pi 5: dtparam=uart0=on"),
         ("/dev/serial/by-id/usb-x", "plug it in"),
         ("/dev/ttyUSB0", "plug it in"),
         ("/dev/gpiochip9", "ls /dev/gpio*"),
@@ -67,7 +69,38 @@ def test_a_forbidden_device_file_names_its_group(
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     finding = look_at_device(rig, name)
     assert finding.verdict is Verdict.FAIL
-    assert finding.remedy.startswith(f"sudo usermod -aG {group} $USER")
+    assert finding.remedy.startswith(f"sudo usermod -aG {group} {pwd.getpwuid(os.geteuid()).pw_name}, ")
+
+
+def test_remedies_name_the_user_who_lacks_access(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Under sudo -u the shell's $USER is somebody else."""
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    monkeypatch.setattr(pwd, "getpwuid", lambda uid: SimpleNamespace(pw_name="rover"))
+    rig.place.log_folder.write_text("a file stands in its place", encoding="ascii")
+    assert "usermod -aG i2c rover, " in look_at_device(rig, "/dev/i2c-1").remedy
+    assert "sudo chown rover " in look(rig, system.disk).remedy
+
+
+def test_a_user_without_a_name_is_named_by_number(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    def nobody(uid: int) -> None:
+        raise KeyError(uid)
+
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    monkeypatch.setattr(pwd, "getpwuid", nobody)
+    assert f"usermod -aG i2c {os.geteuid()}, " in look_at_device(rig, "/dev/i2c-1").remedy
+
+
+@pytest.mark.parametrize(("leads_to", "verdict"), [("ttyAMA10", Verdict.WARN), ("ttyAMA0", Verdict.OK)])
+def test_a_port_that_is_the_debug_connector_of_a_pi_5_is_a_warning(rig: Rig, leads_to: str, verdict: Verdict) -> None:
+    (rig.place.path("/dev") / leads_to).touch()
+    rig.place.path("/dev/serial0").symlink_to(leads_to)
+    finding = look_at_device(rig, "/dev/serial0")
+    assert finding.verdict is verdict
+    assert ("/dev/ttyAMA0 in the rover file" in finding.remedy) is (verdict is Verdict.WARN)
+
+
+def test_forestrovers_port_is_on_the_header_of_its_pi_5() -> None:
+    assert load_rover("forestrover").parts["motors"]["port"] == "/dev/ttyAMA0"
 
 
 def test_device_files_are_found_in_the_settings_of_parts_each_once() -> None:

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -60,10 +61,14 @@ async def test_refusal_is_raised_with_its_reason(path: Path, daemon: FakeDaemon)
 
 
 async def test_client_that_is_turned_away_hears_why(path: Path, daemon: FakeDaemon) -> None:
+    daemon.waits.clear()
     async with serve(daemon, path, Limits(clients=1)), RawClient(path) as first:
-        await first.reply_to(b"\n")
+        first.writer.write(b'{"do": "arm"}\n')
+        async with asyncio.timeout(2.0):
+            while not daemon.told:  # noqa: ASYNC110  (nothing there tells of it)
+                await asyncio.sleep(0.002)
         for _ in range(20):  # whether the request was sent before or after the door closed
-            with pytest.raises(Refused, match="1 clients are connected, which is the limit"):
+            with pytest.raises(Refused, match="1 clients are being answered, which is the limit"):
                 await asyncio.to_thread(ask, STATUS, path)
 
 
@@ -101,14 +106,34 @@ def test_path_that_no_socket_can_have_is_the_users_to_mend(path: Path) -> None:
         ask(STATUS, path.parent / ("x" * 108))
 
 
-def test_socket_of_another_user_is_told(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def barred(path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A socket of another user."""
+    place = path.with_name("barred.sock")
+
     class Barred(socket.socket):
-        def connect(self, address: object) -> None:
-            raise PermissionError(13, "Permission denied")
+        def connect(self, address: Any) -> None:
+            if address == str(place):
+                raise PermissionError(13, "Permission denied")
+            super().connect(address)
 
     monkeypatch.setattr(socket, "socket", Barred)
+    return place
+
+
+def test_socket_of_another_user_is_told(barred: Path) -> None:
     with pytest.raises(WayfarerError, match="belongs to another user: use sudo"):
-        ask(STATUS, path)
+        ask(STATUS, barred)
+
+
+async def test_own_daemon_is_found_beside_the_service_of_another_user(
+    path: Path, barred: Path, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "known_sockets", lambda: iter([barred, path]))
+    async with serve(daemon, path):
+        assert await asyncio.to_thread(ask, STATUS) == {"mode": "disarmed"}
+    with pytest.raises(WayfarerError, match=f"{barred}: belongs to another user: use sudo"):
+        await asyncio.to_thread(ask, STATUS)
 
 
 @pytest.mark.parametrize("heading_deg", [float("nan"), float("inf"), 360.0, "north"])

@@ -30,6 +30,7 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
     monkeypatch.setattr(paths, "SYSTEM_FOLDER", tmp_path / "run" / "wayfarer")
+    monkeypatch.setattr(paths, "SESSIONS_FOLDER", tmp_path / "run" / "user")
     monkeypatch.setattr(paths, "SHARED_FOLDER", tmp_path / "tmp")
     (tmp_path / "tmp").mkdir()
     (tmp_path / "run").mkdir()
@@ -82,6 +83,20 @@ def test_client_looks_wherever_a_daemon_may_be(places: Path, monkeypatch: pytest
     assert sockets == [places / "run/wayfarer/control.sock", daemon_socket()]
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(places))
     assert list(known_sockets()) == [sockets[0], daemon_socket(), sockets[1]]
+
+
+@pytest.mark.parametrize("user", [0, 1000])
+def test_root_s_client_looks_into_the_sessions_of_users_too(
+    places: Path, monkeypatch: pytest.MonkeyPatch, user: int
+) -> None:
+    session = places / "run/user/1001/wayfarer"
+    session.mkdir(parents=True)
+    (session / "control.sock").touch()
+    (places / "run/user/1002").mkdir()
+    monkeypatch.setattr(os, "geteuid", lambda: user)
+    own = [places / "run/wayfarer/control.sock", places / "tmp" / f"wayfarer-{user}" / "control.sock"]
+    assert list(known_sockets()) == own + [session / "control.sock"] * (user == 0)
+    assert daemon_socket() == own[1], "a daemon of root's does not move in there"
 
 
 def test_own_private_folder_is_used_again(places: Path) -> None:

@@ -178,17 +178,48 @@ async def test_line_cut_off_by_the_client_is_not_obeyed(path: Path, daemon: Fake
     assert daemon.told == []
 
 
-async def test_one_client_too_many_is_told_so_and_the_others_are_served(path: Path, daemon: FakeDaemon) -> None:
-    async with serve(daemon, path, Limits(clients=2)), RawClient(path) as one:
-        async with RawClient(path) as other:
-            assert (await one.reply_to(STATUS))["ok"]
-            assert (await other.reply_to(STATUS))["ok"]
-            async with RawClient(path) as third:
-                assert (await third.reply())["why"].startswith("2 clients are connected, which is the limit: ")
-                assert await third.is_closed()
-            assert (await other.reply_to(STATUS))["ok"]
-        await asyncio.sleep(0.01)
+async def test_new_client_takes_the_place_of_the_one_idle_longest(path: Path, daemon: FakeDaemon) -> None:
+    async with (
+        serve(daemon, path, Limits(clients=3)) as serving,
+        RawClient(path) as one,
+        RawClient(path) as two,
+        RawClient(path) as three,
+    ):
+        for client in (two, three, one):  # not in the order in which they came
+            assert (await client.reply_to(STATUS))["ok"]
+        await until(lambda: len(serving._idle) == 3)
         assert await answers(path)
+        assert (await two.reply())["why"].startswith("dropped for another client, as the one idle longest: ")
+        assert await two.is_closed()
+        for client in (one, three):
+            assert (await client.reply_to(STATUS))["ok"]
+
+
+async def test_request_under_way_is_not_dropped_for_a_new_client(path: Path, daemon: FakeDaemon) -> None:
+    daemon.waits.clear()
+    async with serve(daemon, path, Limits(clients=2)), RawClient(path) as busy:
+        busy.writer.write(b'{"do": "arm"}\n')
+        await until(lambda: daemon.told)
+        async with RawClient(path) as begun:
+            begun.writer.write(STATUS[:9])
+            await asyncio.sleep(0.02)
+            async with RawClient(path) as third:
+                assert (await third.reply())["why"].startswith("2 clients are being answered, which is the limit: ")
+                assert await third.is_closed()
+            assert (await begun.reply_to(STATUS[9:]))["ok"]
+        daemon.waits.set()
+        assert (await busy.reply())["ok"]
+        assert await answers(path)
+
+
+async def test_forgotten_clients_keep_no_stop_out(path: Path, daemon: FakeDaemon) -> None:
+    async with serve(daemon, path):
+        forgotten = [await RawClient(path).__aenter__() for _ in range(16)]
+        for _ in range(3):
+            async with RawClient(path) as client:
+                assert await client.reply_to(b'{"do": "stop"}\n') == {"ok": True}
+        for each in forgotten:
+            await each.__aexit__()
 
 
 async def test_client_that_never_reads_is_dropped_and_holds_nothing(path: Path, daemon: FakeDaemon) -> None:
@@ -238,18 +269,17 @@ async def test_clients_that_come_together_all_get_in(path: Path, daemon: FakeDae
 
 async def test_a_thousand_connections_leave_the_server_as_it_was(path: Path, daemon: FakeDaemon) -> None:
     async with serve(daemon, path) as serving:
-        turned_away = 0
-        clients = [RawClient(path) for _ in range(1000)]
-        for client in clients[:16]:
-            await client.__aenter__()
-        for client in clients[16:]:
-            async with client:
-                turned_away += "16 clients" in (await client.reply())["why"]
-        assert turned_away == 984
+        clients = [await RawClient(path).__aenter__() for _ in range(16)]
+        for _ in range(984):
+            clients.append(await RawClient(path).__aenter__())
+            dropped = clients.pop(0)
+            assert "idle longest" in (await dropped.reply())["why"]
+            await dropped.__aexit__()
         assert len(serving._talks) == 16
-        for client in clients[:16]:
+        for client in clients:
             await client.__aexit__()
         await until(lambda: not serving._talks)
+        assert serving._idle == {}
         assert await answers(path)
 
 

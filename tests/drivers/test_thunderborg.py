@@ -128,7 +128,7 @@ async def test_a_reversed_side_is_told_the_other_direction() -> None:
 async def test_opening_asks_who_it_is_arms_the_failsafe_reads_it_back_and_stands_still() -> None:
     bench = Bench()
     await bench.motors.open()
-    assert bench.sent() == ["99", "13 01", "14", "0B 00", "08 00"]
+    assert bench.sent() == ["99", "14", "13 01", "14", "0B 00", "08 00"]
     assert bench.chip.failsafe
 
 
@@ -205,10 +205,11 @@ async def test_a_failsafe_that_arms_at_the_fifth_try_is_armed() -> None:
 @virtual
 async def test_noise_on_reading_the_failsafe_back_is_one_try_of_five() -> None:
     bench = Bench()
-    bench.cable.garbled[20] = 4 * 3
+    before = 1  # open asks whether the failsafe is still on
+    bench.cable.garbled[20] = (before + 4) * 3
     await bench.motors.open()
     assert bench.chip.failsafe
-    bench.cable.garbled[20] = 5 * 3
+    bench.cable.garbled[20] = (before + 5) * 3
     with pytest.raises(NotResponding, match="the failsafe does not arm"):
         await bench.motors.open()
 
@@ -319,6 +320,20 @@ async def test_drive_faults_count_once_both_motors_have_been_driven() -> None:
     await bench.motors.drive(WheelCommand(0.0, 0.3))
     (fault,) = (await bench.motors.health()).faults
     assert fault.startswith("motor A (right): drive fault: under-voltage, a short or overheating")
+    bench.chip.power_cycle()
+    await bench.motors.open()
+    assert (await bench.motors.health()).faults == ()
+
+
+@virtual
+async def test_a_drive_fault_outlives_an_opening_and_noise_but_no_loss_of_power() -> None:
+    bench = Bench()
+    await bench.motors.open()
+    await bench.motors.drive(WheelCommand(0.3, 0.3))
+    bench.chip.drive_faults.add(0)
+    for bench.cable.garbled[20] in (0, 3):
+        await bench.motors.open()
+        assert "motor A (right): drive fault" in (await bench.motors.health()).faults[0]
     bench.chip.power_cycle()
     await bench.motors.open()
     assert (await bench.motors.health()).faults == ()

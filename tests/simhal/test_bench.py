@@ -4,6 +4,10 @@
 from __future__ import annotations
 
 import asyncio
+import signal
+import socket
+import subprocess
+import sys
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
@@ -205,3 +209,20 @@ async def test_missing_bench_is_told_by_its_path() -> None:
     with pytest.raises(NotResponding, match="no bench at /nowhere/bench"):
         await over.i2c(I2C).write(0x15, b"\0")
     await over.close()
+
+
+def test_bench_that_is_ended_while_a_client_is_connected_says_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "bench"
+    command = [sys.executable, "-m", "wayfarer.simhal.bench", "--rover", "forestrover", "--socket", str(path)]
+    with (
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served_bench,
+        socket.socket(socket.AF_UNIX) as client,
+    ):
+        assert served_bench.stdout is not None
+        served_bench.stdout.readline()
+        client.connect(str(path))
+        client.sendall(b'{"do": "look"}\n')
+        assert client.recv(65_536)
+        served_bench.send_signal(signal.SIGINT)
+        _, said = served_bench.communicate(timeout=10.0)
+    assert (served_bench.returncode, said) == (0, b"")

@@ -32,7 +32,7 @@ from wayfarer.simhal.bench_buses import SOCKET_VARIABLE, BenchI2C, BenchLine, Be
 
 pytestmark = pytest.mark.slow
 
-I2C, SERIAL, COMPASS = "/dev/i2c-1", "/dev/serial0", 0x60
+I2C, SERIAL, COMPASS = "/dev/i2c-1", "/dev/ttyAMA0", 0x60
 DEADMAN_S = {"minirover": 0.25, "forestrover": 0.3}  # ThunderBorg, and what forestrover.toml sets its Sabertooth to
 HANG_S = 1.0
 MARGIN_S = 0.02  # between the two writes of one drive command

@@ -68,5 +68,5 @@ async def _take(step: Step, known: Calibration, bench: Standalone, person: Perso
     if step == "compass":
         return replace(known, compass=await calibrate_compass(rover.compass, person, t_wall))
     await bench.open("motors")
-    shift = await calibrate_motors(rover.motors, rover.compass, person, t_wall)
+    shift = await calibrate_motors(rover.motors, rover.compass, person, t_wall, bench.config.safety.duty_max)
     return known if shift is None else replace(known, motors=shift)

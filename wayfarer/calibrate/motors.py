@@ -17,13 +17,17 @@ SHIFT_MAX_DEG = 10.0
 TICKS = round(2.0 * RATE_HZ)  # of each duty; the heading is taken in the second half
 RAMP_TICKS = round(0.5 * RATE_HZ)  # a start at full duty may pull the computer's supply down
 ON_BLOCKS = (
-    "The wheels are going to turn, up to full speed, for five seconds. "
+    "The wheels are going to turn, up to the highest speed that the rover file allows, for five seconds. "
     "Does the rover stand firmly on blocks, all wheels free, with nobody's hands near them?"
 )
 
 
-async def calibrate_motors(motors: DriveMotors, compass: Compass, person: Person, t_wall: float) -> MotorsEntry | None:
+async def calibrate_motors(
+    motors: DriveMotors, compass: Compass, person: Person, t_wall: float, duty_max: float
+) -> MotorsEntry | None:
     """Measure the shift of an open compass at half and full duty of open motors; None where the person declines.
+
+    Full is ``duty_max``, ``safety.duty_max`` of the rover file: more it never gets on a mission.
 
     Raises:
         DriverError: one of them stopped answering; the wheels were stopped.
@@ -31,7 +35,9 @@ async def calibrate_motors(motors: DriveMotors, compass: Compass, person: Person
     if not await person.ask(ON_BLOCKS):
         return None
     async with wheels_stopped_after(motors):
-        still_deg, half_deg, full_deg = [await _heading_at(duty, motors, compass) for duty in (0.0, 0.5, 1.0)]
+        still_deg, half_deg, full_deg = [
+            await _heading_at(share * duty_max, motors, compass) for share in (0.0, 0.5, 1.0)
+        ]
     shift_half_deg, shift_full_deg = abs(wrap180(half_deg - still_deg)), abs(wrap180(full_deg - still_deg))
     passed = max(shift_half_deg, shift_full_deg) <= SHIFT_MAX_DEG
     await person.say(

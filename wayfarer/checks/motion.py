@@ -1,8 +1,11 @@
 """Checks with motion: the deadman trips, each side turns the right way, the rover notices that it is stuck or pushed.
 
 Nothing here turns a wheel before a person has agreed that the rover stands on blocks; without a person to ask all of it
-is skipped. Each drive is a second long or less, and the wheels are stopped after it whatever happens, before anybody is
-asked what was seen.
+is skipped. Each drive is a second long or less, but for the silence that the deadman must end: a board that cannot be
+asked is given its deadman and 2.65 s more, and no silence is longer than 5 s. The wheels are stopped after each drive
+whatever happens, before anybody is asked what was seen.
+
+No duty exceeds the rover file's ``safety.duty_max``.
 """
 
 from __future__ import annotations
@@ -23,10 +26,13 @@ Ask = Callable[[str], Awaitable[bool]]
 """Asks a person a question of yes or no."""
 
 ON_BLOCKS = (
-    "The wheels are going to turn, slowly, for a few seconds. "
+    "The wheels are going to turn, slowly, several times, for up to {longest_s:.1f} s. "
     "Does the rover stand on blocks, all wheels free, with nobody's hands near them?"
 )
-COUNT = "This board cannot be asked: please count the seconds that the wheels turn now. Ready?"
+COUNT = (
+    "This board cannot be asked: please count the seconds that the wheels turn now, "
+    "about {well_s:.1f} s if all is well, {longest_s:.1f} s at most. Ready?"
+)
 PUSH = "Set the rover on the ground and push it half a metre straight ahead by hand; then answer. Is it done?"
 
 DUTY = 0.25  # enough to turn free wheels, too little to jump off the blocks
@@ -34,6 +40,7 @@ DEADMAN_DUTY = 0.2
 DRIVE_S = 0.5
 DEADMAN_MARGIN_S = 0.15  # how late a deadman may be
 WATCH_S = 2.5  # how much longer wheels turn if the deadman does not trip: enough for an eye to tell
+SILENCE_MAX_S = 5.0  # wheels that nobody commands do not turn for longer, whatever deadman the rover file asks for
 STALL_DUTY = 0.5
 STALL_S = 1.0
 PUSHED_MIN_M = (
@@ -73,9 +80,19 @@ async def _why_not(ask: Ask, inspection: Inspection) -> str:
     """Return why the wheels may not turn, nothing where they may."""
     try:
         await inspection.open("motors")
+        silence_s = await _silence_s(inspection.rover.motors)
     except DriverError:
         return "the motor board does not answer"
-    return "" if await ask(ON_BLOCKS) else "it needs the rover on blocks"
+    longest_s = max(STALL_S, DRIVE_S + silence_s if silence_s <= SILENCE_MAX_S else 0.0)
+    return "" if await ask(ON_BLOCKS.format(longest_s=longest_s)) else "it needs the rover on blocks"
+
+
+async def _silence_s(motors: DriveMotors) -> float:
+    """Return how long the deadman is given, 0 where there is none; longer for an eye that has to see it."""
+    if motors.deadman_s is None:
+        return 0.0
+    watch_s = WATCH_S if await motors.read_back() is None else 0.0
+    return motors.deadman_s + DEADMAN_MARGIN_S + watch_s
 
 
 async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
@@ -90,10 +107,13 @@ async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
     name, motors = "deadman trips", inspection.rover.motors
     if motors.deadman_s is None:
         return skipped(name, "this board has none")
+    silence_s, duty = await _silence_s(motors), min(DEADMAN_DUTY, inspection.config.safety.duty_max)
+    if silence_s > SILENCE_MAX_S:
+        long = f"with a deadman of {motors.deadman_s:g} s, wheels that nobody commands would turn for {silence_s:.1f} s"
+        return skipped(name, f"{long}; set a shorter timeout under [parts.motors]")
     if await motors.read_back() is None:
-        return await _deadman_seen(name, ask, motors, motors.deadman_s)
-    silence_s = motors.deadman_s + DEADMAN_MARGIN_S
-    before, after = await _fall_silent(motors, silence_s)
+        return await _deadman_seen(name, ask, motors, motors.deadman_s, silence_s, duty)
+    before, after = await _fall_silent(motors, silence_s, duty)
     if before == STOP:
         return fail(name, "the wheels did not start", "no motor power", "check battery, fuse and motor switch")
     if after != STOP:
@@ -101,20 +121,24 @@ async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
     return ok(name, f"the wheels stopped within {silence_s:g} s of silence")
 
 
-async def _deadman_seen(name: str, ask: Ask, motors: DriveMotors, deadman_s: float) -> Finding:
-    if not await ask(COUNT):
+async def _deadman_seen(
+    name: str, ask: Ask, motors: DriveMotors, deadman_s: float, silence_s: float, duty: float
+) -> Finding:
+    well_s, longest_s = DRIVE_S + deadman_s, DRIVE_S + silence_s
+    if not await ask(COUNT.format(well_s=well_s, longest_s=longest_s)):
         return skipped(name, "nobody watched")
-    silence_s = deadman_s + DEADMAN_MARGIN_S + WATCH_S
-    await _fall_silent(motors, silence_s)
-    if not await ask(f"Did they turn for about {DRIVE_S + deadman_s:.1f} s, and not for {DRIVE_S + silence_s:.1f} s?"):
+    await _fall_silent(motors, silence_s, duty)
+    if not await ask(f"Did they turn for about {well_s:.1f} s, and not for {longest_s:.1f} s?"):
         return fail(name, "the wheels did not stop by themselves", *NO_DEADMAN)
     return ok(name, "the wheels were seen to stop by themselves")
 
 
-async def _fall_silent(motors: DriveMotors, for_s: float) -> tuple[WheelCommand | None, WheelCommand | None]:
+async def _fall_silent(
+    motors: DriveMotors, for_s: float, duty: float
+) -> tuple[WheelCommand | None, WheelCommand | None]:
     """Return what the board applied before and after a silence."""
     async with wheels_stopped_after(motors):
-        await keep_driving(motors, WheelCommand(DEADMAN_DUTY, DEADMAN_DUTY), DRIVE_S)
+        await keep_driving(motors, WheelCommand(duty, duty), DRIVE_S)
         before = await motors.read_back()
         await asyncio.sleep(for_s)
         return before, await motors.read_back()
@@ -127,10 +151,11 @@ async def side(which: str, ask: Ask, inspection: Inspection) -> Finding:
         DriverError: the board did not answer.
     """
     name, other = f"{which} wheels", "right" if which == "left" else "left"
-    await _turn(inspection.rover.motors, which, DUTY)
+    motors, duty = inspection.rover.motors, min(DUTY, inspection.config.safety.duty_max)
+    await _turn(motors, which, duty)
     if not await ask(f"Did the {which} wheels turn, only they, and ahead (their tops moved forward)?"):
         return await _name_the_mistake(name, which, other, ask)
-    await _turn(inspection.rover.motors, which, -DUTY)
+    await _turn(motors, which, -duty)
     if not await ask(f"Did the {which} wheels turn again, only they, and back?"):
         cause = "half of the board's output, or of its wiring, is dead"
         return fail(
@@ -171,7 +196,7 @@ async def notices_being_stuck(_ask: Ask, inspection: Inspection) -> Finding:
         return skipped(name, "the motion sensor saw nothing: too dark, or the lens too far from the ground")
     if not found:
         cause = "a wheel moved in the sensor's view, or [detector] immobilised_* fit no drive at "
-        cause += f"{STALL_DUTY * config.vehicle.max_speed_m_s:g} m/s"
+        cause += f"{min(STALL_DUTY, config.safety.duty_max) * config.vehicle.max_speed_m_s:g} m/s"
         return fail(name, "the wheels turned, and the rover believed that it moved", cause, "clear its view; try again")
     return ok(name, "wheels that turn on blocks are noticed")
 
@@ -180,12 +205,13 @@ async def _watch_stall(inspection: Inspection) -> tuple[bool, float]:
     """Return whether a stall was found, and the share of readings that said nothing."""
     config, motors = inspection.config, inspection.rover.motors
     stall, unknown, found = Stall(config.detector), 0, False
-    commanded_m = STALL_DUTY * config.vehicle.max_speed_m_s / RATE_HZ
+    duty = min(STALL_DUTY, config.safety.duty_max)
+    commanded_m = duty * config.vehicle.max_speed_m_s / RATE_HZ
     ticks, pace = round(STALL_S * RATE_HZ), Pace(RATE_HZ)
     async with wheels_stopped_after(motors):
         await heard(inspection.motion())  # what came before is not ours
         for _ in range(ticks):
-            await motors.drive(WheelCommand(STALL_DUTY, STALL_DUTY))
+            await motors.drive(WheelCommand(duty, duty))
             await pace.wait()
             reading = await heard(inspection.motion())
             unknown += reading.quality < config.detector.quality_min

@@ -68,6 +68,14 @@ def _wiring(where: str) -> Advice:
     return Advice("no power, or a loose wire", "check its plug and its power, and its section of the rover file")
 
 
+def _absent(inspection: Inspection, part: str, found: str, instead: str) -> Finding:
+    """Return that a rover has not got a part: a failure where it is to notice obstacles by it; no run begins then."""
+    if inspection.config.anomaly_source != part:
+        return skipped(part, found)
+    cause = f'the rover file has no [parts.{part}], and anomaly_source is "{part}"'
+    return fail(part, found, cause, f'add [parts.{part}] or set anomaly_source = "{instead}"')
+
+
 async def compass(inspection: Inspection) -> Finding:
     """Check that the compass answers, with a tilt that a rover on its wheels can have."""
     try:
@@ -85,7 +93,7 @@ async def compass(inspection: Inspection) -> Finding:
 async def motion(inspection: Inspection) -> Finding:
     """Check that the motion sensor answers and sees the ground."""
     if inspection.rover.motion is None:
-        return skipped("motion", "this rover has no motion sensor")
+        return _absent(inspection, "motion", "this rover has no motion sensor", instead="contact")
     try:
         await inspection.open("motion")
         quality = (await heard(inspection.motion())).quality
@@ -103,7 +111,7 @@ async def motion(inspection: Inspection) -> Finding:
 async def contact(inspection: Inspection) -> Finding:
     """Check that the bumper answers and that nothing presses on it."""
     if inspection.rover.contact is None:
-        return skipped("contact", "this rover has no bumper")
+        return _absent(inspection, "contact", "this rover has no bumper", instead="motion")
     try:
         await inspection.open("contact")
         reading = await inspection.contact()

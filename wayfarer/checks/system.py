@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import pwd
 import shutil
 import tempfile
 from collections.abc import Iterable
@@ -18,6 +19,9 @@ from wayfarer.checks.api import Finding, Inspection, Place, fail, ok, skipped, w
 DISK_FREE_MIN_BYTES = 50_000_000
 # A clock that was never set stands at 1970, or at the day its system image was made.
 YEAR_MIN = 2024
+# The debug connector of a Raspberry Pi 5, which its /dev/serial0 leads to. Second hand, from the issue tracker of the
+# Raspberry Pi documentation (issue 3239, pull request 3294).
+PI5_DEBUG_PORT = "ttyAMA10"
 # The firmware's power and heat flags, in hexadecimal: bits 0-3 now, 16-19 since boot (field.md 4).
 THROTTLED = "/sys/devices/platform/soc/soc:firmware/get_throttled"
 UNDER_VOLTAGE_NOW, SLOWED_NOW, UNDER_VOLTAGE_SINCE_BOOT = 0x1, 0xE, 0x10000
@@ -56,7 +60,8 @@ DEVICE_KINDS = (
         ("/dev/serial", "/dev/ttyAMA", "/dev/ttyS"),
         "dialout",
         "the serial port is not enabled",
-        "sudo raspi-config nonint do_serial_hw 0 && sudo raspi-config nonint do_serial_cons 1 && sudo reboot",
+        "sudo raspi-config nonint do_serial_hw 0 && sudo raspi-config nonint do_serial_cons 1 && sudo reboot; "
+        "on a Pi 5: dtparam=uart0=on in /boot/firmware/config.txt",
     ),
     DeviceKind(("/dev/gpiochip",), "gpio", "this computer has no such GPIO", "correct the rover file: `ls /dev/gpio*`"),
     DeviceKind(
@@ -87,15 +92,31 @@ def diagnose(place: Place, device: str) -> Trouble | None:
         return Trouble(
             f"{device} may not be used by this user",
             f"the user is not in group '{kind.group}', or has been added to it since logging in",
-            f"sudo usermod -aG {kind.group} $USER, then log out and in again",
+            f"sudo usermod -aG {kind.group} {_user()}, then log out and in again",
         )
     return None
 
 
 async def device(name: str, inspection: Inspection) -> Finding:
     """Check that a device file is there and may be used."""
-    trouble = diagnose(inspection.place, name)
-    return fail(name, *trouble) if trouble else ok(name, "there, and may be used")
+    if trouble := diagnose(inspection.place, name):
+        return fail(name, *trouble)
+    if inspection.place.path(name).resolve().name == PI5_DEBUG_PORT:
+        return warn(
+            name,
+            f"it is {PI5_DEBUG_PORT}, the debug connector of a Pi 5",
+            "on a Pi 5 the header's pins 14 and 15 are /dev/ttyAMA0",
+            "dtparam=uart0=on in /boot/firmware/config.txt, reboot, and /dev/ttyAMA0 in the rover file",
+        )
+    return ok(name, "there, and may be used")
+
+
+def _user() -> str:
+    """Return whom this runs as: under sudo -u that is another one than the shell's $USER."""
+    try:
+        return pwd.getpwuid(os.geteuid()).pw_name
+    except KeyError:  # a container may run as a number that has no name
+        return str(os.geteuid())
 
 
 async def power(inspection: Inspection) -> Finding:
@@ -132,7 +153,7 @@ def _disk(folder: Path) -> Finding:
             "disk",
             f"{there} cannot be written: {error.strerror}",
             "the folder belongs to another user, or the card went read-only after an error",
-            f"sudo chown $USER {there}; if it is read-only, reboot and look at `dmesg`",
+            f"sudo chown {_user()} {there}; if it is read-only, reboot and look at `dmesg`",
         )
     found = f"{free_bytes / 1e6:.0f} MB free in {there}"
     if free_bytes < DISK_FREE_MIN_BYTES:

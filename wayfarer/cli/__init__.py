@@ -57,6 +57,8 @@ def run(arguments: list[str]) -> int:
         return _fail(str(error), error.exit_code)
     except typer.TyperException as error:
         return _fail(error.format_message(), BAD_INPUT)
+    except (OSError, UnicodeError) as error:  # a terminal, a pipe or a disk that takes no output
+        return _fail(f"the system refused: {error}", 1)
 
 
 def _fail(text: str, exit_code: int) -> int:

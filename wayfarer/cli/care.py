@@ -53,7 +53,7 @@ def check(
         finally:
             await buses.close()
 
-    with _no_daemon():
+    with _no_daemon(), _own_motors(loaded):
         findings = terminal.with_a_person(run)
     if as_json:
         import json
@@ -91,7 +91,7 @@ def calibrate(
         finally:
             await buses.close()
 
-    with _no_daemon():
+    with _no_daemon(), _own_motors(loaded):
         terminal.with_a_person(run)
 
 
@@ -154,3 +154,10 @@ def _no_daemon() -> Any:
     from wayfarer.control.paths import SingleDaemon, daemon_socket
 
     return SingleDaemon(daemon_socket())
+
+
+def _own_motors(config: RoverConfig) -> Any:
+    """Keep away from the bus of a daemon on another socket: the service's, or another user's."""
+    from wayfarer.control.motors_lock import MotorsLock, motors_device
+
+    return MotorsLock(motors_device(config))

@@ -52,30 +52,36 @@ def run(
     algorithm: Annotated[str, typer.Option(metavar="NAME", help="What decides; see wayfarer list.")] = "forest-pledge",
     logs: Logs = None,
     depth: Annotated[
-        Depth, typer.Option(help="With --sim: simulated parts, or the real drivers over simulated chips.")
-    ] = Depth.device,
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="With --sim: which forest, and which luck.")] = 0,
+        Depth | None,
+        typer.Option(help="With --sim: simulated parts, or the real drivers over simulated chips. (default: device)"),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, metavar="N", help="With --sim: which forest, and which luck. (default: 0)")
+    ] = None,
 ) -> None:
     """Run the daemon: it starts disarmed, and drives once it is armed from another terminal."""
     from wayfarer.config import load_rover
     from wayfarer.control.paths import daemon_socket
-    from wayfarer.daemon.service import Service, say, serve
+    from wayfarer.daemon.service import Service, serve
     from wayfarer.registry import find_algorithm
 
-    loaded = load_rover(chosen(config, default="sim" if sim else None))
-    make_rover, close_buses = _simulated(loaded, depth, seed) if sim else _real(loaded)
+    if not sim and (depth is not None or seed is not None):
+        raise BadInput("--depth and --seed are for the simulated rover: add --sim, or leave them out")
+    name = chosen(config, default="sim" if sim else None)
+    loaded = load_rover(name)
+    folder, seed = log_folder(logs), seed or 0
+    make_rover, close_buses = _simulated(loaded, depth or Depth.device, seed) if sim else _real(loaded, name, folder)
     service = Service(
         config=loaded,
         algorithm=find_algorithm(algorithm),
         seed=seed,
         make_rover=make_rover,
         close_buses=close_buses,
-        logs=log_folder(logs),
+        logs=folder,
         socket=daemon_socket(),
         simulated=sim,
         dry_run=dry_run,
     )
-    say(f"{loaded.name}, {algorithm}: disarmed. In another terminal: wayfarer arm, wayfarer status, wayfarer stop")
     serve(service)
 
 
@@ -110,13 +116,18 @@ def log_folder(logs: Path | None) -> Path:
     return SYSTEM_LOGS if os.access(SYSTEM_LOGS.parent, os.W_OK) else OWN_LOGS
 
 
-def _real(config: RoverConfig) -> tuple[Callable[[Any], Rover], Callable[[], Any]]:
+def _real(config: RoverConfig, where: str, logs: Path) -> tuple[Callable[[Any], Rover], Callable[[], Any]]:
     from wayfarer.assembly import assemble
     from wayfarer.calibration import calibration_file, load
+    from wayfarer.checks import Place
+    from wayfarer.daemon.ports import refuse_missing_ports
+    from wayfarer.fieldlog import wall_clock
     from wayfarer.registry import make_buses
 
+    calibrated = calibration_file(os.environ, Path.home())
+    refuse_missing_ports(config, where, Place(logs, calibrated, (), wall_clock(0.0)))
     buses = make_buses(config.buses)
-    rover = assemble(config, buses, load(calibration_file(os.environ, Path.home())))
+    rover = assemble(config, buses, load(calibrated))
     return lambda _: rover, buses.close
 
 

@@ -127,6 +127,7 @@ def sim(
         depth=depth.value,
         forests=read_forest_file(forests) if forests else None,
     )
+    command.check_rover(campaign)
     if trial is None:
         raise typer.Exit(command.run_all(campaign, out, resume=resume, jobs=jobs))
     raise typer.Exit(command.run_alone(campaign, trial, log))

@@ -62,20 +62,23 @@ def _limit_waiting(connection: socket.socket, timeout_s: float) -> None:
 
 
 def _connect(connection: socket.socket, places: Iterable[Path]) -> Path:
-    tried = []
+    tried: list[str] = []
+    barred: Path | None = None
     for place in places:
         try:
             connection.connect(str(place))
         except (FileNotFoundError, NotADirectoryError, ConnectionRefusedError):  # the last: left by a killed daemon
             tried.append(str(place))
-        except PermissionError:
-            raise WayfarerError(f"{place}: belongs to another user: use sudo, or that user's account") from None
+        except PermissionError:  # the service's, perhaps, while one's own daemon is asked for
+            barred = barred or place
         except BlockingIOError:
             raise WayfarerError(f"{place}: the daemon accepts no connection; it hangs, or is flooded") from None
         except OSError as error:
             raise BadInput(f"{place}: cannot be the control socket: {error.strerror or error}") from None
         else:
             return place
+    if barred:
+        raise WayfarerError(f"{barred}: belongs to another user: use sudo, or that user's account")
     raise NoDaemon(
         f"no wayfarer daemon is running (nobody listens at {' or '.join(tried)}): start it with 'wayfarer run'"
     )

@@ -3,7 +3,8 @@
 The daemon takes the first of these folders that it can use, the client looks through all of them in this order:
 ``$RUNTIME_DIRECTORY`` (systemd sets it for services), ``/run/wayfarer``, ``$XDG_RUNTIME_DIR/wayfarer``,
 ``/tmp/wayfarer-<uid>``. The last is in a place where anybody may make a folder of that name, so it is used only if it
-is private.
+is private. Root's client also looks for the daemons of users who are logged in, in ``/run/user``: sudo takes
+``XDG_RUNTIME_DIR`` away.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from typing import Self
 from wayfarer.errors import BadInput, WayfarerError
 
 SYSTEM_FOLDER = Path("/run/wayfarer")
+SESSIONS_FOLDER = Path("/run/user")
 SHARED_FOLDER = Path("/tmp")
 SOCKET_NAME = "control.sock"
 _PRIVATE = 0o700
@@ -54,6 +56,8 @@ def known_sockets() -> Iterator[Path]:
     folder = SHARED_FOLDER / f"wayfarer-{os.geteuid()}"
     _refuse_if_shared(folder)
     yield folder / SOCKET_NAME
+    if os.geteuid() == 0:  # last, where no daemon of root's own looks for a place
+        yield from sorted(SESSIONS_FOLDER.glob(f"*/wayfarer/{SOCKET_NAME}"))
 
 
 def _writable(folder: Path) -> bool:

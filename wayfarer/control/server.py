@@ -1,8 +1,10 @@
 """The daemon's end of the control socket: it serves requests beside the control tick, and never at its cost.
 
 Everything that a client can use up is bounded: connections, length of a line, time to finish one, time to read the
-reply. Requests are answered on the loop itself, but only one in each turn of the loop, so that a flood waits for the
-tick and not the tick for the flood. Whatever goes wrong in a request ends as a refusal; the server goes on.
+reply. Where all connections are taken, the one that has been idle longest makes room: whoever forgot to close theirs
+keeps no ``stop`` out. Requests are answered on the loop itself, but only one in each turn of the loop, so that a flood
+waits for the tick and not the tick for the flood. Whatever goes wrong in a request ends as a refusal; the server goes
+on.
 """
 
 from __future__ import annotations
@@ -12,7 +14,8 @@ import os
 import socket
 import struct
 from asyncio import IncompleteReadError, LimitOverrunError, StreamReader, StreamWriter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -70,6 +73,7 @@ class ControlServer:
         self._on_error = on_error
         self._limits = limits
         self._talks: set[asyncio.Task[None]] = set()
+        self._idle: dict[asyncio.Task[None], StreamWriter] = {}  # the longest comes first
         self._turn = asyncio.Lock()
 
     async def __aenter__(self) -> Self:
@@ -94,8 +98,7 @@ class ControlServer:
         try:
             self._admit(writer)
         except Refused as refusal:
-            writer.write(refuse(str(refusal)))  # fits what the kernel buffers, so nothing stays here
-            writer.close()
+            _turn_away(writer, refusal)
             return
         talk = asyncio.get_running_loop().create_task(self._talk(reader, writer), name="control client")
         self._talks.add(talk)
@@ -106,7 +109,15 @@ class ControlServer:
         if user not in {os.geteuid(), 0}:
             raise Refused(f"this daemon obeys user {os.geteuid()} and root only, not user {user}: use sudo")
         if len(self._talks) >= self._limits.clients:
-            raise Refused(f"{len(self._talks)} clients are connected, which is the limit: close one and try again")
+            self._make_room()
+
+    def _make_room(self) -> None:
+        """Drop the client that has been idle longest."""
+        if not self._idle:
+            raise Refused(f"{len(self._talks)} clients are being answered, which is the limit: try again")
+        talk = next(iter(self._idle))
+        _turn_away(self._idle.pop(talk), Refused("dropped for another client, as the one idle longest: connect again"))
+        talk.cancel()
 
     async def _talk(self, reader: StreamReader, writer: StreamWriter) -> None:
         writer.transport.set_write_buffer_limits(0)  # drain() then waits until nothing is left here
@@ -121,14 +132,14 @@ class ControlServer:
 
     async def _answer_all(self, reader: StreamReader, writer: StreamWriter) -> None:
         try:
-            while line := await self._next_line(reader):
+            while line := await self._next_line(reader, writer):
                 async with self._turn:  # clients take turns, and each lets the rest of the loop go first
                     await asyncio.sleep(0)
                 await self._send(writer, await self._answer(line))
         except Refused as refusal:
             await self._send(writer, refuse(str(refusal)))
 
-    async def _next_line(self, reader: StreamReader) -> bytes:
+    async def _next_line(self, reader: StreamReader, writer: StreamWriter) -> bytes:
         """Return the next line with its end, or nothing if the client has closed.
 
         Raises:
@@ -138,7 +149,8 @@ class ControlServer:
         line = b""
         try:
             async with asyncio.timeout(limits.idle_s) as deadline:
-                line = await reader.read(1)
+                with self._idling(writer):
+                    line = await reader.read(1)
                 if line in {b"", b"\n"}:
                     return line
                 deadline.reschedule(time() + limits.line_s)
@@ -150,6 +162,17 @@ class ControlServer:
             raise Refused(f"a line has {limits.line_bytes} bytes at most: the connection is closed") from None
         except IncompleteReadError:
             raise Refused("the line does not end: send an end of line after each request") from None
+
+    @contextmanager
+    def _idling(self, writer: StreamWriter) -> Iterator[None]:
+        """Mark the client of this task as one that nothing is done for."""
+        talk = asyncio.current_task()
+        assert talk is not None
+        self._idle[talk] = writer
+        try:
+            yield
+        finally:
+            self._idle.pop(talk, None)
 
     async def _answer(self, line: bytes) -> bytes:
         try:
@@ -166,6 +189,12 @@ class ControlServer:
         writer.write(reply)
         async with asyncio.timeout(self._limits.reply_s):
             await writer.drain()
+
+
+def _turn_away(writer: StreamWriter, refusal: Refused) -> None:
+    """Say no and close; it fits what the kernel buffers, so nothing stays here."""
+    writer.write(refuse(str(refusal)))
+    writer.close()
 
 
 def peer_uid(connection: Any) -> int:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
-import sys
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
@@ -19,6 +17,7 @@ from wayfarer.checks import ARMING, CALIBRATED, Place
 from wayfarer.checks.system import device_files
 from wayfarer.config import RoverConfig, part_settings
 from wayfarer.console_log import ConsoleLog
+from wayfarer.control.motors_lock import MotorsLock, motors_device
 from wayfarer.control.paths import SingleDaemon
 from wayfarer.control.server import ControlServer
 from wayfarer.daemon.commands import RoverCommands
@@ -29,6 +28,7 @@ from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog import FieldLog, new_run_folder, wall_clock
 from wayfarer.hal import Rover
+from wayfarer.lines import LineWriter
 from wayfarer.mission import RunEnd
 from wayfarer.records import Tee
 from wayfarer.supervisor import Supervisor, check_parts, first_cause
@@ -61,7 +61,7 @@ def serve(service: Service) -> RunEnd:
     """Run the daemon until a limit, a signal or a request ends it; return why.
 
     Raises:
-        AlreadyRunning: another daemon serves this socket.
+        AlreadyRunning: another daemon serves this socket, or drives these motors.
         BadInput: the log or the socket cannot be made.
         WayfarerError: a part did not open; the wheels were stopped. Any other error is a bug and comes as it is.
     """
@@ -69,7 +69,8 @@ def serve(service: Service) -> RunEnd:
     async def run() -> RunEnd:
         return await Daemon(service).run()
 
-    with SingleDaemon(service.socket), asyncio.Runner() as runner:
+    motors = None if service.simulated else motors_device(service.config)
+    with SingleDaemon(service.socket), MotorsLock(motors), asyncio.Runner() as runner:
         try:
             return runner.run(run())
         except Exception as error:
@@ -99,8 +100,9 @@ class Daemon:
             "log": str(folder),
             "start_delay_s": config.safety.start_delay_s,
         }
+        self._lines = LineWriter()
         heartbeat = Heartbeat(self._notifier, self._guard)
-        self._log = Tee(FieldLog(folder, self._header(about)), ConsoleLog(say), heartbeat)
+        self._log = Tee(FieldLog(folder, self._header(about)), ConsoleLog(self._lines.write), heartbeat)
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
         checks = [check for check in ARMING if not (service.simulated and check in CALIBRATED)]
@@ -121,7 +123,10 @@ class Daemon:
                 return await self._run_watched()
         finally:
             self._guard.stop()
-            await self._service.close_buses()
+            try:
+                await self._service.close_buses()
+            finally:
+                self._lines.close()
 
     async def _run_watched(self) -> RunEnd:
         """Run beside systemd's watchdog; what breaks one ends the other."""
@@ -164,12 +169,6 @@ class Daemon:
 
     def _tell_of_stall(self, stall_s: float) -> None:
         self._log.event("loop_stalled", self._loop.time(), stall_s=round(stall_s, 3))
-
-
-def say(text: str) -> None:
-    """Write a line for the person at the terminal, or for the journal; one that cannot be written is lost."""
-    with suppress(OSError):
-        print(text, file=sys.stderr, flush=True)
 
 
 def _boot_id() -> str | None:

@@ -163,9 +163,15 @@ class ThunderBorg:
         self._driven: set[_Motor] = set()
 
     async def open(self) -> None:
-        """Find the board, arm its failsafe, read that back, and set both motors to zero."""
-        self._driven.clear()
+        """Find the board, arm its failsafe, read that back, and set both motors to zero.
+
+        A failsafe that is off now tells of a loss of power, after which the drive fault flags count for nothing; else
+        a fault of the last mission is still one.
+        """
         await self._board.identify()
+        with suppress(BadReading):
+            if not await self._failsafe_is_on():
+                self._driven.clear()
         await self._arm_failsafe()
         await self.drive(STOP)
 

@@ -111,11 +111,14 @@ class Bench(Solder):
 
     async def meet(self, reader: StreamReader, writer: StreamWriter) -> None:
         """Answer a client's requests in turn until it goes away."""
-        with suppress(ConnectionError):
+        try:
             while line := await reader.readline():
                 writer.write(orjson.dumps(await self.answer(orjson.loads(line))) + b"\n")
                 await writer.drain()
-        writer.close()
+        except ConnectionError:
+            pass
+        finally:
+            writer.close()
 
     async def answer(self, request: dict[str, Any]) -> dict[str, Any]:
         """Do what a request says and return the reply; where that failed ``error`` says why, and ``errno`` as Linux."""
@@ -192,11 +195,23 @@ async def serve(config: RoverConfig, path: Path, seed: int) -> None:
         BadConfig: the rover has a camera.
     """
     bench = Bench(config, seed, asyncio.get_running_loop().time)
-    async with await asyncio.start_unix_server(bench.meet, path):
+    talks: set[asyncio.Task[None]] = set()
+
+    def meet(reader: StreamReader, writer: StreamWriter) -> None:
+        talk = asyncio.create_task(bench.meet(reader, writer))
+        talks.add(talk)
+        talk.add_done_callback(talks.discard)
+
+    async with await asyncio.start_unix_server(meet, path):
         print(f"the chips of {config.name} are at {path}", flush=True)
-        while True:
-            bench.step()
-            await asyncio.sleep(TICK_S)
+        try:
+            while True:
+                bench.step()
+                await asyncio.sleep(TICK_S)
+        finally:  # left to the end of the loop, they would end in tracebacks
+            for talk in talks:
+                talk.cancel()
+            await asyncio.gather(*talks, return_exceptions=True)
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadConfig, BadInput
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.registry import find_algorithm
 from wayfarer.simhal import campaign as campaigns
@@ -38,6 +38,33 @@ def algorithms(names: str) -> tuple[str, ...]:
     for name in unfolded:
         find_algorithm(name)
     return tuple(unfolded)
+
+
+def check_rover(campaign: Campaign) -> None:
+    """Build a campaign's rover once: what would end every trial in a fault is told before the first.
+
+    Raises:
+        BadConfig: at bus depth the rover wants a part, or a chip for one; at device depth every rover can be built.
+    """
+    if campaign.depth == "device":
+        return
+    from wayfarer.assembly import NEEDED
+    from wayfarer.simhal.fakebus import ChipMisuse
+    from wayfarer.simhal.forest import Forest
+    from wayfarer.simhal.physics import Physics
+    from wayfarer.simhal.rig import bus_depth
+    from wayfarer.simhal.streams import Streams
+    from wayfarer.simhal.world import World
+
+    name = campaign.rover.name
+    if missing := [part for part in NEEDED if part not in campaign.rover.parts]:
+        raise BadConfig(f"rover '{name}' has no [parts.{missing[0]}] to run the driver of; use --depth device")
+    clearing, streams = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ()), Streams(0)
+    world = World(clearing, campaign.rover.vehicle, Physics(), streams)
+    try:
+        bus_depth(world, streams, campaign.rover, lambda: 0.0)
+    except ChipMisuse as error:
+        raise BadConfig(f"rover '{name}': {error}; correct its parts") from None
 
 
 def run_all(

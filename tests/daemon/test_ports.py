@@ -1,0 +1,82 @@
+"""A run without its ports is refused before anything is opened, by the key that names them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wayfarer import cli
+from wayfarer.checks import Place
+from wayfarer.config import load_rover
+from wayfarer.daemon.ports import refuse_missing_ports
+from wayfarer.errors import BadConfig
+
+PORTS = ("/dev/i2c-1", "/dev/spidev0.1", "/dev/ttyAMA0")
+
+
+def place(root: Path) -> Place:
+    return Place(root, root / "calibration.json", (), 0.0, root)
+
+
+def make(root: Path, *devices: str) -> None:
+    (root / "dev").mkdir(exist_ok=True)
+    for device in devices:
+        (root / device.lstrip("/")).touch()
+
+
+def test_ports_that_are_there_are_no_reason_to_refuse(tmp_path: Path) -> None:
+    make(tmp_path, *PORTS)
+    refuse_missing_ports(load_rover("forestrover"), "rover.toml", place(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("missing", "key", "remedy"),
+    [
+        ("/dev/i2c-1", "parts.compass.bus", "do_i2c 0"),
+        ("/dev/spidev0.1", "parts.motion.bus", "do_spi 0"),
+        ("/dev/ttyAMA0", "parts.motors.port", "do_serial_hw 0"),
+    ],
+)
+def test_port_that_is_not_there_is_named_with_file_key_and_remedy(
+    tmp_path: Path, missing: str, key: str, remedy: str
+) -> None:
+    make(tmp_path, *(port for port in PORTS if port != missing))
+    with pytest.raises(BadConfig) as caught:
+        refuse_missing_ports(load_rover("forestrover"), "rover.toml", place(tmp_path))
+    said = str(caught.value)
+    assert said.startswith(f"rover.toml: key '{key}' = '{missing}': ")
+    assert remedy in said
+    assert "\n" not in said
+
+
+def test_port_without_permission_is_named_with_its_group(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make(tmp_path, *PORTS)
+    monkeypatch.setattr("os.access", lambda path, _mode: "spidev" not in str(path))
+    with pytest.raises(BadConfig, match=r"'parts.motion.bus' = '/dev/spidev0.1': .*group 'spi'.*usermod -aG spi"):
+        refuse_missing_ports(load_rover("forestrover"), "rover.toml", place(tmp_path))
+
+
+def test_other_buses_have_names_of_their_own(tmp_path: Path) -> None:
+    config = load_rover("forestrover").model_copy(update={"buses": "my.adapter:buses"})
+    refuse_missing_ports(config, "rover.toml", place(tmp_path))
+
+
+def test_run_ends_with_one_line_and_exit_code_2_and_begins_no_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    shipped = Path(cli.__file__).parents[1] / "rovers/minirover.toml"
+    monkeypatch.setattr("wayfarer.daemon.ports.refuse_missing_ports", _refuse)
+    assert cli.run(["run", "--config", str(shipped), "--logs", str(tmp_path / "logs")]) == 2
+    assert capsys.readouterr().err == "wayfarer: no such port\n"
+    assert not (tmp_path / "logs").exists()
+
+
+def _refuse(*_: object) -> None:
+    raise BadConfig("no such port")
+
+
+@pytest.mark.parametrize("option", [["--seed", "3"], ["--depth", "bus"]])
+def test_options_of_the_simulation_are_refused_without_it(option: list[str]) -> None:
+    assert cli.run(["run", "--config", "minirover", *option]) == 2

@@ -1,0 +1,40 @@
+"""Ports that a run needs and cannot have: refused before anything is opened, by the key that names them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+
+from wayfarer.checks.api import Place
+from wayfarer.checks.system import diagnose
+from wayfarer.config import RoverConfig, part_settings
+from wayfarer.errors import BadConfig
+
+
+def refuse_missing_ports(config: RoverConfig, where: str, place: Place) -> None:
+    """Refuse a rover of which a device file is not there, or may not be used.
+
+    Args:
+        config: the rover; only the Raspberry Pi's own buses have device files.
+        where: the rover's file, for the message.
+        place: where device files are looked up.
+
+    Raises:
+        BadConfig: the text names file, key and device, and what to do, such as which group to join.
+    """
+    if config.buses != "linux":
+        return
+    for key, device in _ports(config):
+        trouble = diagnose(place, device)
+        if trouble is not None:
+            raise BadConfig(f"{where}: key '{key}' = '{device}': {trouble.found}, {trouble.cause}: {trouble.remedy}")
+
+
+def _ports(config: RoverConfig) -> Iterator[tuple[str, str]]:
+    """Give each device file and the key that names it."""
+    for part, table in config.parts.items():
+        _, settings = part_settings(part, table)
+        for field in fields(settings):
+            value = getattr(settings, field.name)
+            if isinstance(value, str) and value.startswith("/dev/"):
+                yield f"parts.{part}.{field.name}", value

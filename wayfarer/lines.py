@@ -1,0 +1,76 @@
+"""Lines for the terminal or the journal, written where waiting costs nothing.
+
+A stderr that nobody drains (a stalled ssh, Ctrl-S, a journal that hangs) blocks whoever writes to it, for good. So
+lines are queued, and a thread of their own writes them; what does not fit is lost, and the loss is told.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections import deque
+from contextlib import suppress
+
+LINES = 200  # queued at most: some minutes of a rover that drives
+CLOSE_S = 0.2  # how long the end of a run waits for what is queued
+
+
+class LineWriter:
+    """Writes lines to stderr from any thread, never waiting and never raising; its thread begins with the first one.
+
+    Once lines are lost all are, until what is queued has been written: then one line says how many, in their place.
+    """
+
+    def __init__(self) -> None:
+        self._queue: deque[str] = deque()
+        self._lost = 0
+        self._closed = False
+        self._changed = threading.Condition()
+        self._thread: threading.Thread | None = None
+
+    def write(self, text: str) -> None:
+        """Write a line, soon; lost where too many wait already, where there is no stderr, and after ``close``."""
+        with self._changed:
+            if self._lost or len(self._queue) >= LINES:
+                self._lost += 1
+                return
+            self._queue.append(text)
+            self._changed.notify()
+            if self._thread is None:
+                self._start()
+
+    def close(self) -> None:
+        """Write what is queued, which ends the writer; at most ``CLOSE_S`` are spent on it. Safe twice."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify()
+        if self._thread is not None:
+            self._thread.join(CLOSE_S)
+
+    def _start(self) -> None:
+        thread = threading.Thread(target=self._write_all, name="line writer", daemon=True)
+        with suppress(RuntimeError):  # no more threads to be had: the next line tries again
+            thread.start()
+            self._thread = thread
+
+    def _write_all(self) -> None:
+        while (line := self._next()) is not None:
+            _write(line)
+
+    def _next(self) -> str | None:
+        """Wait for a line; None when the writer is closed and nothing is left."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._queue or self._lost or self._closed)
+            if self._queue:
+                return self._queue.popleft()
+            lost, self._lost = self._lost, 0
+            return f"… {lost} lines lost" if lost else None
+
+
+def _write(line: str) -> None:
+    """Write to the file itself: whoever waits inside of ``sys.stderr`` holds its lock, and then Python cannot exit."""
+    with suppress(OSError, ValueError, AttributeError):  # nobody reads any more, or there is no stderr at all
+        data = f"{line}\n".encode(errors="backslashreplace")
+        while data:
+            data = data[os.write(sys.stderr.fileno(), data) :]
