@@ -128,7 +128,7 @@ def test_number_must_be_a_number(tmp_path: Path, value: str) -> None:
 
 def test_mistyped_key_is_named_before_the_key_that_it_leaves_missing(tmp_path: Path) -> None:
     said = complaint(tmp_path, rover_toml(length_m="", lenght_m="0.4"))
-    assert said == "unknown key 'vehicle.lenght_m'; did you mean 'length_m'?"
+    assert said == "unknown key 'vehicle.lenght_m'; did you mean 'length_m'? (line 7)"
 
 
 @pytest.mark.parametrize(
@@ -225,7 +225,7 @@ def test_control_that_what_guards_the_wheels_would_stop_is_refused(
     tmp_path: Path, control_hz: float, rest: str, said: str
 ) -> None:
     assert complaint(tmp_path, rover_toml(f"control_hz = {control_hz}", rest)) == (
-        f"key 'control_hz' = {control_hz:g}: too slow, {said}"
+        f"key 'control_hz' = {control_hz:g}: too slow, {said} (line 2)"
     )
 
 
@@ -270,3 +270,17 @@ def test_unknown_key_of_a_part_is_refused_by_name(tmp_path: Path, table: str, sa
 def test_settings_that_a_part_s_table_leaves_out_are_the_driver_s_defaults() -> None:
     driver, settings = part_settings("compass", {"driver": "cmps14"})
     assert settings == driver.Settings()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (rover_toml("control_hz = 0"), "; allowed is 0.1 to 1000 (line 2)"),
+        (rover_toml(length_m="-1"), "; allowed is above 0 to 1000 (line 4)"),
+        (rover_toml(rest="[board]\nbattery_low_v = 99"), "; allowed is above 0 to 60 (line 9)"),
+        (rover_toml(rest='[parts.compass]\ndriver = "cmps14"\naddress = 0x10'), "; allowed is 96 to 103 (line 10)"),
+        (rover_toml(rest='[parts.compass]\ndriver = "cmps14"\nadress = 0x60'), "did you mean 'address'? (line 10)"),
+    ],
+)
+def test_bad_value_is_told_with_its_whole_range_and_its_line(tmp_path: Path, text: str, said: str) -> None:
+    assert complaint(tmp_path, text).endswith(said)

@@ -24,7 +24,7 @@ LAYERS = [
     ["angles", "bounds", "errors", "hal", "drivers.buses"],
     ["escape", "conditions", "latest", "lines"],
     ["detector", "safety", "records", "watchdog"],
-    ["arming", "board", "mission", "config", "registry", "pace", "calibration"],
+    ["arming", "board", "mission", "config", "config_errors", "registry", "pace", "calibration"],
     ["helm", "fieldlog", "console_log", "status_light"],
     ["supervisor", "stop_path"],
     ["assembly", "dry_run", "stop_motors", "service", "checks", "control"],

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Mapping
-from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -26,10 +25,10 @@ from pydantic import (
     model_validator,
     with_config,
 )
-from pydantic_core import ErrorDetails
 
 from wayfarer.board import BoardSettings
 from wayfarer.bounds import Hertz
+from wayfarer.config_errors import at_line, explain, line_of, most_telling, one_line
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import EscapeSettings, Vehicle
@@ -140,8 +139,8 @@ def part_settings(part: str, table: Mapping[str, Any]) -> tuple[Any, Any]:
     try:
         return driver, _adapter(driver.Settings).validate_json(json.dumps(settings), strict=True)
     except ValidationError as error:
-        problem = _most_telling(error)
-        raise ValueError(_explain(problem, driver.Settings, f"{key}.")) from None
+        problem = most_telling(error)
+        raise ValueError(explain(problem, driver.Settings, f"{key}.")) from None
 
 
 @cache
@@ -170,6 +169,13 @@ def load_rover(name_or_path: str) -> RoverConfig:
     return _parse(f"{name_or_path}.toml", resource.read_text(encoding="utf-8"))
 
 
+def line_in(name_or_path: str, key: str) -> int | None:
+    """Return on which line of a rover file, shipped or not, a dotted key stands; None where it has its default."""
+    is_file = "/" in name_or_path or name_or_path.endswith(".toml")
+    resource = Path(name_or_path) if is_file else _shipped() / f"{name_or_path}.toml"
+    return line_of(resource.read_text(encoding="utf-8"), key)
+
+
 def _shipped() -> Any:
     return files("wayfarer") / "rovers"
 
@@ -180,7 +186,7 @@ def _read(path: Path) -> str:
     except FileNotFoundError:
         raise BadConfig(f"{path}: no such file; shipped rovers are {', '.join(rover_names())}") from None
     except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a name that no file can have
-        raise BadConfig(_one_line(f"{path}: cannot be read: {error}")) from None
+        raise BadConfig(one_line(f"{path}: cannot be read: {error}")) from None
 
 
 def _parse(where: str, text: str) -> RoverConfig:
@@ -190,43 +196,7 @@ def _parse(where: str, text: str) -> RoverConfig:
         # By way of JSON, because pydantic's strict mode takes tables for dataclasses from there only.
         return RoverConfig.model_validate_json(json.dumps(table, default=str), strict=True)
     except ValidationError as error:
-        raise BadConfig(_one_line(f"{where}: {_explain(_most_telling(error), RoverConfig)}")) from None
+        said = explain(most_telling(error), RoverConfig)
+        raise BadConfig(one_line(f"{where}: {said}{at_line(text, said)}")) from None
     except (ValueError, RecursionError) as error:  # tomllib: syntax, endless numbers, brackets without end
-        raise BadConfig(_one_line(f"{where}: not valid TOML: {error}")) from None
-
-
-_UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
-
-
-def _most_telling(error: ValidationError) -> ErrorDetails:
-    """Return one problem of several: a mistyped key before the key that it leaves missing."""
-    return min(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN)
-
-
-def _explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
-    """Say what is wrong with one key: the key, what was found, what is allowed."""
-    text = problem["msg"].removeprefix("Value error, ")
-    if not problem["loc"]:
-        return f"key '{prefix[:-1]}': {text}" if prefix else text
-    if problem["type"] == "value_error" and text.startswith(("key '", "unknown key '")):
-        return text
-    *section, key = (str(part) for part in problem["loc"])
-    dotted = prefix + ".".join([*section, key])
-    if problem["type"] in _UNKNOWN:
-        near = get_close_matches(key, _known_keys(model, section), n=1, cutoff=0.4)
-        return f"unknown key '{dotted}'" + (f"; did you mean '{near[0]}'?" if near else "")
-    if problem["type"] in {"missing", "missing_argument"}:
-        return f"key '{dotted}' is missing"
-    wanted = text.lower().replace("an object", "a table")  # JSON's word for it is not TOML's
-    return f"key '{dotted}' = {problem['input']!r}: {wanted}"
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
-
-
-def _known_keys(model: Any, section: list[str]) -> list[str]:
-    if section:
-        model = model.model_fields[section[0]].annotation
-    fields = getattr(model, "model_fields", None) or getattr(model, "__dataclass_fields__", {})
-    return list(fields)
+        raise BadConfig(one_line(f"{where}: not valid TOML: {error}")) from None

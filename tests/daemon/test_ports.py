@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -27,7 +28,7 @@ def make(root: Path, *devices: str) -> None:
 
 def test_ports_that_are_there_are_no_reason_to_refuse(tmp_path: Path) -> None:
     make(tmp_path, *PORTS)
-    refuse_missing_ports(load_rover("forestrover"), "rover.toml", place(tmp_path))
+    refuse_missing_ports(load_rover("forestrover"), "forestrover", place(tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -43,9 +44,9 @@ def test_port_that_is_not_there_is_named_with_file_key_and_remedy(
 ) -> None:
     make(tmp_path, *(port for port in PORTS if port != missing))
     with pytest.raises(BadConfig) as caught:
-        refuse_missing_ports(load_rover("forestrover"), "rover.toml", place(tmp_path))
+        refuse_missing_ports(load_rover("forestrover"), "forestrover", place(tmp_path))
     said = str(caught.value)
-    assert said.startswith(f"rover.toml: key '{key}' = '{missing}': ")
+    assert re.match(rf"forestrover: key '{key}' \(line \d+\): {missing} is not there", said)
     assert remedy in said
     assert "\n" not in said
 
@@ -53,13 +54,13 @@ def test_port_that_is_not_there_is_named_with_file_key_and_remedy(
 def test_port_without_permission_is_named_with_its_group(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make(tmp_path, *PORTS)
     monkeypatch.setattr("os.access", lambda path, _mode: "spidev" not in str(path))
-    with pytest.raises(BadConfig, match=r"'parts.motion.bus' = '/dev/spidev0.1': .*group 'spi'.*usermod -aG spi"):
-        refuse_missing_ports(load_rover("forestrover"), "rover.toml", place(tmp_path))
+    with pytest.raises(BadConfig, match=r"'parts.motion.bus' \(line \d+\): /dev/spidev0.1 .*group 'spi'.*usermod"):
+        refuse_missing_ports(load_rover("forestrover"), "forestrover", place(tmp_path))
 
 
 def test_other_buses_have_names_of_their_own(tmp_path: Path) -> None:
     config = load_rover("forestrover").model_copy(update={"buses": "my.adapter:buses"})
-    refuse_missing_ports(config, "rover.toml", place(tmp_path))
+    refuse_missing_ports(config, "forestrover", place(tmp_path))
 
 
 def test_run_ends_with_one_line_and_exit_code_2_and_begins_no_log(

@@ -7,7 +7,7 @@ from dataclasses import fields
 
 from wayfarer.checks.api import Place
 from wayfarer.checks.system import diagnose
-from wayfarer.config import RoverConfig, part_settings
+from wayfarer.config import RoverConfig, line_in, part_settings
 from wayfarer.errors import BadConfig
 
 
@@ -16,7 +16,7 @@ def refuse_missing_ports(config: RoverConfig, where: str, place: Place) -> None:
 
     Args:
         config: the rover; only the Raspberry Pi's own buses have device files.
-        where: the rover's file, for the message.
+        where: the rover's file, or the name of a shipped one.
         place: where device files are looked up.
 
     Raises:
@@ -27,7 +27,9 @@ def refuse_missing_ports(config: RoverConfig, where: str, place: Place) -> None:
     for key, device in _ports(config):
         trouble = diagnose(place, device)
         if trouble is not None:
-            raise BadConfig(f"{where}: key '{key}' = '{device}': {trouble.found}, {trouble.cause}: {trouble.remedy}")
+            line = line_in(where, key)
+            at = f" (line {line})" if line else ""
+            raise BadConfig(f"{where}: key '{key}'{at}: {trouble.found}, {trouble.cause}: {trouble.remedy}")
 
 
 def _ports(config: RoverConfig) -> Iterator[tuple[str, str]]:

@@ -1,0 +1,99 @@
+"""Saying what is wrong with a rover file: the line, the key, what was found, and what is allowed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from difflib import get_close_matches
+from typing import Any, get_args, get_type_hints
+
+from annotated_types import Interval
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+_UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
+_OUT_OF_RANGE = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
+_SECTION = re.compile(r"\[+\s*([^\]]+?)\s*\]")
+_KEY = re.compile(r"[\"']?([\w-]+)[\"']?\s*=")
+_NAMED = re.compile(r"(?:unknown )?key '([^']+)'")
+
+
+def most_telling(error: ValidationError) -> ErrorDetails:
+    """Return one problem of several: a mistyped key before the key that it leaves missing."""
+    return min(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN)
+
+
+def explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
+    """Say what is wrong with one key of a model or a settings class; ``prefix`` stands before the key."""
+    text = problem["msg"].removeprefix("Value error, ")
+    if not problem["loc"]:
+        return f"key '{prefix[:-1]}': {text}" if prefix else text
+    if problem["type"] == "value_error" and text.startswith(("key '", "unknown key '")):
+        return text
+    *section, key = (str(part) for part in problem["loc"])
+    model = _section_model(model, section)
+    dotted = prefix + ".".join([*section, key])
+    if problem["type"] in _UNKNOWN:
+        near = get_close_matches(key, _known_keys(model), n=1, cutoff=0.4)
+        return f"unknown key '{dotted}'" + (f"; did you mean '{near[0]}'?" if near else "")
+    if problem["type"] in {"missing", "missing_argument"}:
+        return f"key '{dotted}' is missing"
+    wanted = text.lower().replace("an object", "a table")  # JSON's word for it is not TOML's
+    allowed = _allowed(model, key) if problem["type"] in _OUT_OF_RANGE else ""
+    return f"key '{dotted}' = {problem['input']!r}: {wanted}{allowed}"
+
+
+def at_line(text: str, said: str) -> str:
+    """Return where in a file's text the key stands that an explanation names, nothing where it is not there."""
+    named = _NAMED.match(said)
+    number = named and line_of(text, named[1])
+    return f" (line {number})" if number else ""
+
+
+def line_of(text: str, dotted: str) -> int | None:
+    """Return the number of the line on which a key or a table begins, None where no line has it plainly."""
+    section = ""
+    for number, line in enumerate(text.splitlines(), 1):
+        if found := _SECTION.match(line.strip()):
+            section = found[1]
+            if section == dotted:
+                return number
+        elif (found := _KEY.match(line.strip())) and _dotted(section, found[1]) == dotted:
+            return number
+    return None
+
+
+def _dotted(section: str, key: str) -> str:
+    return f"{section}.{key}" if section else key
+
+
+def one_line(text: str) -> str:
+    """Return a text without its line breaks."""
+    return " ".join(text.split())
+
+
+def _section_model(model: Any, section: list[str]) -> Any:
+    return model.model_fields[section[0]].annotation if section and section[0] in model.model_fields else model
+
+
+def _known_keys(model: Any) -> list[str]:
+    fields = getattr(model, "model_fields", None) or getattr(model, "__dataclass_fields__", {})
+    return list(fields)
+
+
+def _allowed(model: Any, key: str) -> str:
+    """Return the whole range of a key, where its type has one."""
+    for interval in _intervals(get_type_hints(model, include_extras=True).get(key)):
+        least = f"above {interval.gt:g}" if interval.gt is not None else f"{interval.ge:g}"
+        most = f"below {interval.lt:g}" if interval.lt is not None else f"{interval.le:g}"
+        return f"; allowed is {least} to {most}"
+    return ""
+
+
+def _intervals(hint: Any) -> Iterator[Any]:
+    """Give the two-sided ranges within a type, also where it may be None."""
+    for each in getattr(hint, "__metadata__", ()):
+        if isinstance(each, Interval):
+            yield each
+    for part in get_args(hint):
+        yield from _intervals(part)
