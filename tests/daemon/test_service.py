@@ -155,6 +155,7 @@ async def test_it_is_armed_asked_and_ended_over_its_socket(site: Site) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT])
 async def test_signal_stops_the_wheels_at_once_and_ends_the_run_in_order(site: Site, number: signal.Signals) -> None:
+    signal.signal(number, signal.SIG_DFL)  # it may be ignored where these tests run
     async with Running(site) as daemon:
         await daemon.drives()
         os.kill(os.getpid(), number)
@@ -162,6 +163,19 @@ async def test_signal_stops_the_wheels_at_once_and_ends_the_run_in_order(site: S
         assert await site.wheels() == STOP
         assert await daemon.end() == RunEnd("signal", f"ended by {number.name}")
     assert site.log()[-1]["reason"] == "signal"
+
+
+async def test_hangup_that_is_ignored_ends_nothing(site: Site) -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+    try:
+        async with Running(site) as daemon:
+            await daemon.drives()
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert (await site.ask("status"))["mode"] == "armed"
+            await site.ask("stop")
+            assert (await daemon.end()).reason == "requested"
+    finally:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 async def test_loop_that_stands_still_has_its_wheels_stopped_meanwhile(site: Site) -> None:

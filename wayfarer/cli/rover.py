@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from random import SystemRandom
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -69,7 +70,9 @@ def run(
         raise BadInput("--depth and --seed are for the simulated rover: add --sim, or leave them out")
     name = chosen(config, default="sim" if sim else None)
     loaded = load_rover(name)
-    folder, seed = log_folder(logs), seed or 0
+    folder = log_folder(logs)
+    if seed is None:  # in the wood every run has its own luck; the log's first record says which
+        seed = 0 if sim else SystemRandom().randrange(2**31)
     make_rover, close_buses = _simulated(loaded, depth or Depth.device, seed) if sim else _real(loaded, name, folder)
     service = Service(
         config=loaded,

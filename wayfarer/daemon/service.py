@@ -34,7 +34,7 @@ from wayfarer.records import Tee
 from wayfarer.supervisor import Supervisor, check_parts, first_cause
 from wayfarer.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
 
-# A terminal that goes away (SIGHUP), an ssh connection that drops, must not leave the wheels to the board alone.
+# SIGHUP: a terminal that goes away, as with an ssh connection that drops, must not leave the wheels to the board alone.
 ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
 
 
@@ -111,7 +111,8 @@ class Daemon:
     async def run(self) -> RunEnd:
         """Run until something ends it."""
         for number in ENDING:
-            self._loop.add_signal_handler(number, self._end_by, signal.Signals(number).name)
+            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # nohup means it
+                self._loop.add_signal_handler(number, self._end_by, signal.Signals(number).name)
         server = ControlServer(
             self._service.socket,
             self._commands,
