@@ -84,7 +84,9 @@ def test_missing_extra_says_how_to_get_it(run: Run, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("wayfarer.cli.sim.find_spec", lambda name: None if name == "numpy" else object())
     code, out, err = run("sim", "--trials", "1")
     assert (code, out) == (1, "")
-    assert err == "wayfarer: simulating needs numpy, which is not installed: pip install 'wayfarer[sim]'\n"
+    assert (
+        err == "wayfarer: simulating needs numpy, which is not installed: pip install '.[sim]' in wayfarer's checkout\n"
+    )
 
 
 # --- list

@@ -298,7 +298,7 @@ def test_missing_opencv_and_use_before_open_are_told(monkeypatch: pytest.MonkeyP
         with pytest.raises(NotResponding, match="camera 0 as motion sensor: not open"):
             await sensor.read()
         monkeypatch.setitem(sys.modules, "cv2", None)
-        with pytest.raises(NotResponding, match=r"pip install 'wayfarer\[camera\]'"):
+        with pytest.raises(NotResponding, match=r"pip install '\.\[camera\]'"):
             await sensor.open()
         await sensor.close()
 

@@ -274,7 +274,7 @@ def test_missing_library_and_missing_board_are_told_apart_with_their_remedies(mo
     async def main() -> None:
         with monkeypatch.context() as bare:
             bare.setitem(sys.modules, "gpiozero", None)
-            with pytest.raises(NotResponding, match=r"pip install 'wayfarer\[pi\]'"):
+            with pytest.raises(NotResponding, match=r"pip install '\.\[pi\]'"):
                 await motors_on().open()
         with monkeypatch.context() as desk:
             desk.setattr(gpiozero.Device, "pin_factory", None)

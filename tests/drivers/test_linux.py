@@ -386,7 +386,7 @@ async def test_missing_library_is_told_with_the_extra_that_brings_it(
         "spidev": lambda: buses.spi("/dev/spidev0.1", mode=0, speed_hz=400_000).transfer(b"\0"),
         "serial": lambda: buses.serial("/dev/serial0", baud=9600).write(b"\0"),
     }
-    with pytest.raises(NotResponding, match=rf"{library}.*pip install 'wayfarer\[pi\]'"):
+    with pytest.raises(NotResponding, match=rf"{library}.*pip install '\.\[pi\]'"):
         await uses[library]()
     await buses.close()
 

@@ -245,7 +245,7 @@ def test_error_without_a_known_cause_is_told_as_it_is() -> None:
 async def test_missing_library_is_told_with_the_command_that_installs_it() -> None:
     bus, device = i2c()
     device.opens_with = ModuleNotFoundError("No module named 'smbus2'")
-    with pytest.raises(NotResponding, match=r"No module named 'smbus2'; pip install 'wayfarer\[pi\]'"):
+    with pytest.raises(NotResponding, match=r"No module named 'smbus2'; pip install '\.\[pi\]'"):
         await bus.write(0x15, b"\0")
     await bus.close()
 

@@ -150,4 +150,5 @@ def require_sim_extra() -> None:
     """
     missing = [name for name in ("numpy", "skfmm") if find_spec(name) is None]
     if missing:
-        raise WayfarerError(f"simulating needs {missing[0]}, which is not installed: pip install 'wayfarer[sim]'")
+        remedy = "pip install '.[sim]' in wayfarer's checkout"
+        raise WayfarerError(f"simulating needs {missing[0]}, which is not installed: {remedy}")

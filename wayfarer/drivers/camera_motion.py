@@ -119,7 +119,8 @@ class CameraMotion:
         try:
             self._cv2: Any = import_module("cv2")
         except ImportError as error:
-            raise NotResponding(f"{self.name}: OpenCV is missing ({error}); pip install 'wayfarer[camera]'") from None
+            remedy = "pip install '.[camera]' in wayfarer's checkout"
+            raise NotResponding(f"{self.name}: OpenCV is missing ({error}); {remedy}") from None
         self._window = self._cv2.createHanningWindow((self._settings.width, self._settings.height), self._cv2.CV_32F)
         self._last = await self._picture()
 

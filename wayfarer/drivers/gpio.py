@@ -29,7 +29,7 @@ def claim(name: str, make: Callable[[Any], T]) -> T:
     try:
         gpiozero = import_module("gpiozero")
     except ImportError:
-        raise NotResponding(f"{name}: gpiozero is not installed; pip install 'wayfarer[pi]'") from None
+        raise NotResponding(f"{name}: gpiozero is not installed; pip install '.[pi]' in wayfarer's checkout") from None
     try:
         with warnings.catch_warnings():
             # Two lines for each pin library that is not there; where none is, the error below says so in one.

@@ -116,7 +116,7 @@ class Threaded(Generic[D]):
         except OSError as error:
             raise NotResponding(f"{self.name}: {explain(error)}") from None
         except ImportError as error:
-            raise NotResponding(f"{self.name}: {error}; pip install 'wayfarer[pi]'") from None
+            raise NotResponding(f"{self.name}: {error}; pip install '.[pi]' in wayfarer's checkout") from None
 
     def send(self, use: Callable[[D], Any]) -> None:
         """Use the device before all that waits, without waiting for it; from any thread."""
