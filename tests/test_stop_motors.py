@@ -142,7 +142,7 @@ def test_silent_board_is_told_with_what_to_do(rover_file: Path) -> None:
         stop(rover_file, BUSES + THUNDERBORG + "address = 0x17\n")
     assert not isinstance(caught.value, BadInput)
     said = str(caught.value)
-    assert said.startswith("stop was sent, but ")
+    assert said.startswith("no stop was acknowledged: ")
     assert "0x17" in said
     assert said.endswith("power off")
 

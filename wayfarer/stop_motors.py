@@ -112,7 +112,7 @@ async def _confirmed(motors: DriveMotors) -> str:
             await _why_not_open(motors)
         turning = await motors.read_back()
     except DriverError as error:
-        raise WayfarerError(f"stop was sent, but not acknowledged: {error}; switch the motors' power off") from None
+        raise WayfarerError(f"no stop was acknowledged: {error}; switch the motors' power off") from None
     if turning is None:
         return f"stop was sent to {motors.name}, which cannot confirm it"
     if turning != STOP:
