@@ -409,6 +409,7 @@ async def test_hold_does_not_outlive_arming_anew() -> None:
     bench.helm.disarm(bench.t_s, "asked")
     await bench.tick()
     await bench.armed()
+    assert not bench.helm.held
 
 
 async def test_rover_that_is_held_while_it_arms_waits_for_the_resume() -> None:

@@ -1,241 +1,39 @@
-"""The supervisor in virtual time: whatever happens to it, the wheels stop first and the parts are closed."""
+"""The supervisor in virtual time: sensors, arming, board and light beside the helm, each with its troubles."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping
-from contextlib import suppress
+from collections.abc import Awaitable, Callable
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
-from wayfarer.config import RoverConfig
+from tests.workshop import (
+    AHEAD,
+    PARTS,
+    Contact,
+    Light,
+    Part,
+    Position,
+    Script,
+    Workshop,
+    assert_wheels_stopped_first,
+    breaking,
+    drive,
+    mending,
+    supervisor,
+)
 from wayfarer.errors import DriverError, MissingPart, NotArmed, NotResponding, WayfarerError
-from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase, Vehicle
-from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import (
     STOP,
     Colour,
-    CompassReading,
-    ContactReading,
-    MotionReading,
-    MotorHealth,
-    PositionFix,
-    Rover,
     WheelCommand,
 )
 from wayfarer.helm import Mode
 from wayfarer.mission import RunEnd
-from wayfarer.records import TickRecord
-from wayfarer.safety import SafetySettings
-from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.status_light import BLUE, GREEN, OFF, RED, YELLOW
 from wayfarer.supervisor import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S, Supervisor
-
-AHEAD = WheelCommand(0.5, 0.5)
-ENDS_WITHIN_S = 2.0  # after a request, a signal or a bug: what systemd and a person may rely on
-VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=1.0)
-PARTS = {"motors", "compass", "motion"}
-
-
-class Workshop:
-    """Where all fakes meet: what was done and when, what is broken, and when the run is cancelled."""
-
-    def __init__(self) -> None:
-        self.trace: list[tuple[float, str]] = []
-        self.broken: dict[str, Exception] = {}
-        self.silent: set[str] = set()
-        self.points = 0
-        self.cancel_at: range = range(0)
-        self.run: asyncio.Task[RunEnd] | None = None
-        self.wheels = STOP
-        self.answer: WheelCommand | Exception | None = None
-        self.faults: tuple[str, ...] = ()
-        self.colours: list[tuple[float, Colour]] = []
-        self.events: list[tuple[str, dict[str, Any]]] = []
-        self.outcome: list[tuple[str, str]] = []
-
-    def note(self, what: str) -> None:
-        """Something is done, now; raise if it is broken."""
-        self.trace.append((asyncio.get_running_loop().time(), what))
-        if what in self.broken:
-            raise self.broken[what]
-
-    async def point(self, what: str) -> None:
-        """Something is done that is awaited: here the run can be cancelled, here a silent part hangs."""
-        self.note(what)
-        self.points += 1
-        if self.run is not None and self.points in self.cancel_at:
-            self.run.cancel()
-        await (asyncio.sleep(1e6) if what in self.silent else asyncio.sleep(0))
-
-    @property
-    def done(self) -> list[str]:
-        return [what for _, what in self.trace]
-
-    def times(self, what: str) -> list[float]:
-        return [t_s for t_s, done in self.trace if done == what]
-
-    def named(self, event: str) -> list[dict[str, Any]]:
-        return [details for name, details in self.events if name == event]
-
-
-class Part:
-    def __init__(self, shop: Workshop, name: str) -> None:
-        self.shop, self.name = shop, name
-
-    async def open(self) -> None:
-        await self.shop.point(f"{self.name}.open")
-
-    async def close(self) -> None:
-        await self.shop.point(f"{self.name}.closing")  # a bus takes its time: what is cut short here is not done
-        self.shop.note(f"{self.name}.close")
-
-    async def now_s(self) -> float:
-        await self.shop.point(f"{self.name}.read")
-        return asyncio.get_running_loop().time()
-
-
-class Compass(Part):
-    async def read(self) -> CompassReading:
-        return CompassReading(await self.now_s(), 0.0, 0.0, 0.0, None)
-
-
-class Motion(Part):
-    async def read(self) -> MotionReading:
-        return MotionReading(await self.now_s(), 0.0, 0.0, 1.0)
-
-
-class Contact(Part):
-    async def read(self) -> ContactReading:
-        return ContactReading(await self.now_s(), (), None)
-
-
-class Position(Part):
-    async def read(self) -> PositionFix | None:
-        return PositionFix(await self.now_s(), 52.0, 13.0, None)
-
-
-class Motors(Part):
-    deadman_s: float | None = None
-
-    async def drive(self, command: WheelCommand) -> WheelCommand:
-        await self.shop.point("motors.drive")
-        self.shop.wheels = command
-        return command
-
-    async def stop(self) -> None:
-        await self.shop.point("motors.stopping")
-        self.shop.wheels = STOP
-        self.shop.note("motors.stop")
-
-    def halt(self) -> None:
-        self.shop.wheels = STOP
-        self.shop.note("motors.halt")
-
-    async def read_back(self) -> WheelCommand | None:
-        if isinstance(self.shop.answer, Exception):
-            raise self.shop.answer
-        if self.shop.answer is not None:
-            return self.shop.answer
-        return None
-
-    async def health(self) -> MotorHealth:
-        await self.shop.point("motors.health")
-        return MotorHealth(12.0, self.shop.faults)
-
-
-class Light(Part):
-    async def show(self, colour: Colour) -> None:
-        await self.shop.point("light.show")
-        self.shop.colours.append((asyncio.get_running_loop().time(), colour))
-
-
-class Log:
-    def __init__(self, shop: Workshop) -> None:
-        self.shop = shop
-
-    def tick(self, record: TickRecord) -> None:
-        self.shop.note("log.tick")
-
-    def event(self, name: str, t_s: float, **details: object) -> None:
-        self.shop.events.append((name, details))
-        self.shop.note("log.event")
-
-    def position(self, fix: PositionFix | None) -> None:
-        self.shop.note("log.position")
-
-    def close(self, reason: str, text: str) -> None:
-        self.shop.outcome.append((reason, text))
-        self.shop.note("log.close")
-
-
-class Handler:
-    def __init__(self, shop: Workshop) -> None:
-        self.shop = shop
-
-    def decide(self, observation: Observation) -> Decision:
-        self.shop.note("handler.decide")
-        return Decision(AHEAD, Phase.FOLLOW, "follow")
-
-    def reset(self) -> None:
-        pass
-
-    def memory(self) -> Mapping[str, float | str]:
-        return {}
-
-
-def supervisor(
-    shop: Workshop, algorithm: str = "pledge", source: str = "motion", start_delay_s: float = 0.0, **parts: Part | None
-) -> Supervisor:
-    config = RoverConfig.model_validate({"name": "bench", "vehicle": VEHICLE, "anomaly_source": source})
-    config = config.model_copy(update={"safety": SafetySettings(start_delay_s=start_delay_s, slew_per_s=1000.0)})
-    bundle: dict[str, Any] = {"motion": Motion(shop, "motion")} | parts
-    rover = Rover(Compass(shop, "compass"), Motors(shop, "motors"), **bundle)
-    handler: EscapeHandler = Handler(shop)
-    return Supervisor(rover, config, CATALOGUE[algorithm], handler, Log(shop))
-
-
-Script = Mapping[float, Callable[[Supervisor], object]]
-
-
-def drive(shop: Workshop, script: Script | None = None, *, for_s: float = 1.0, **rover: Any) -> RunEnd:
-    """Run in virtual time, armed from the start, until ``for_s``; the script acts at its times."""
-
-    async def main() -> RunEnd:
-        loop = asyncio.get_running_loop()
-        under_test = supervisor(shop, **rover)
-        under_test.helm.arm(loop.time(), 0.0)
-        shop.run = asyncio.create_task(under_test.run())
-        for t_s, act in {for_s: lambda it: it.finish("requested", "enough"), **(script or {})}.items():
-            loop.call_later(t_s, act, under_test)
-        try:
-            return await shop.run
-        finally:
-            assert asyncio.all_tasks() == {asyncio.current_task()}, "a task was left running"
-
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(main())
-
-
-def breaking(shop: Workshop, what: str, error: Exception | None = None) -> Callable[[Supervisor], object]:
-    return lambda _: shop.broken.update({what: error or RuntimeError(f"bug in {what}")})
-
-
-def mending(shop: Workshop) -> Callable[[Supervisor], object]:
-    return lambda _: shop.broken.clear()
-
-
-def assert_wheels_stopped_first(shop: Workshop) -> None:
-    """The wheels were stopped, then every part closed, and nothing was commanded afterwards."""
-    stopping = len(shop.done) - 1 - shop.done[::-1].index("motors.stop")
-    after = shop.done[stopping + 1 :]
-    assert shop.wheels == STOP
-    assert {f"{part}.close" for part in PARTS} <= set(after)
-    assert "motors.drive" not in after
-    assert after[-1] == "log.close"
-
 
 # -- a run as it should be ---------------------------------------------------------------------------------------
 
@@ -627,141 +425,3 @@ def test_run_is_fresh_without_a_position_a_light_or_a_battery() -> None:
     shop.broken = {what: NotResponding("gone") for what in ("position.read", "light.show", "motors.health")}
     parts = {"position": Position(shop, "position"), "light": Light(shop, "light")}
     assert freshness(shop, {}, (1.0, 4.0), **parts) == [True, True]
-
-
-# -- the end, whatever hangs -------------------------------------------------------------------------------------
-
-
-def test_stop_that_never_returns_is_sent_without_waiting_and_the_run_ends_soon() -> None:
-    shop = Workshop()
-    end = drive(shop, {0.5: lambda _: shop.silent.add("motors.stopping")}, for_s=1.0)
-    assert end.reason == "requested"
-    assert shop.wheels == STOP
-    assert shop.times("motors.halt")[0] < 1.5
-    assert max(shop.times("motors.drive")) < shop.times("motors.halt")[0]
-    assert {f"{part}.close" for part in PARTS} <= set(shop.done)
-    assert shop.named("stop_not_confirmed")[0] == {"part": "motors", "error": "no end within 0.3 s"}
-    assert shop.times("log.close")[0] < 1.0 + ENDS_WITHIN_S
-
-
-@pytest.mark.parametrize("part", sorted(PARTS))
-def test_part_whose_close_never_returns_is_told_and_the_others_are_closed(part: str) -> None:
-    shop = Workshop()
-    shop.silent.add(f"{part}.closing")
-    assert drive(shop).reason == "requested"
-    assert {f"{other}.close" for other in PARTS} - set(shop.done) == {f"{part}.close"}
-    assert shop.named("close_hangs") == [{"part": part}]
-    assert shop.outcome == [("requested", "enough")]
-    assert shop.times("log.close")[0] < 1.0 + ENDS_WITHIN_S
-
-
-def test_run_ends_soon_even_if_nothing_of_a_fully_equipped_rover_lets_go() -> None:
-    shop = Workshop()
-    parts: dict[str, Any] = {
-        "contact": Contact(shop, "contact"),
-        "position": Position(shop, "position"),
-        "light": Light(shop, "light"),
-    }
-    shop.silent = {"motors.stopping", *(f"{part}.closing" for part in PARTS | set(parts))}
-    drive(shop, algorithm="cv-pledge", **parts)
-    assert len(shop.named("close_hangs")) == 6
-    assert shop.wheels == STOP
-    assert shop.times("log.close")[0] < 1.0 + ENDS_WITHIN_S
-
-
-# -- bugs and cancellation ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("place", ["compass.read", "motion.read", "motors.drive", "handler.decide", "log.tick"])
-def test_bug_anywhere_stops_the_wheels_then_closes_the_parts_then_shows_itself(place: str) -> None:
-    shop = Workshop()
-    with pytest.raises(ExceptionGroup) as caught:
-        drive(shop, {0.5: breaking(shop, place)})
-    assert caught.group_contains(RuntimeError, match=f"bug in {place}")
-    assert shop.times("motors.stop")[0] == pytest.approx(0.5, abs=0.051)
-    assert_wheels_stopped_first(shop)
-    assert shop.outcome[0][0] == "failed"
-
-
-def test_outcome_in_the_log_names_the_bug() -> None:
-    shop = Workshop()
-    with pytest.raises(ExceptionGroup):
-        drive(shop, {0.5: breaking(shop, "handler.decide")})
-    assert "bug in handler.decide" in shop.outcome[0][1]
-
-
-@pytest.mark.parametrize("place", ["log.event", "motors.stop", "compass.close", "motion.close"])
-def test_broken_promise_while_stopping_leaves_no_part_open(place: str) -> None:
-    """None of these may raise; one that does must not keep the others from being closed."""
-    shop = Workshop()
-    with suppress(RuntimeError, ExceptionGroup):
-        drive(shop, {0.5: breaking(shop, place)})
-    assert shop.wheels == STOP
-    assert {f"{part}.close" for part in PARTS} <= set(shop.done)
-
-
-@pytest.mark.parametrize("again", [False, True], ids=["once", "again at every later point"])
-def test_cancellation_at_any_point_stops_the_wheels_and_closes_the_parts(again: bool) -> None:
-    whole = Workshop()
-    drive(whole, for_s=0.12)
-    for at in range(1, whole.points + 1):
-        shop = Workshop()
-        shop.cancel_at = range(at, 1000) if again else range(at, at + 1)
-        with pytest.raises(asyncio.CancelledError):
-            drive(shop, for_s=0.12)
-        assert_wheels_stopped_first(shop)
-
-
-@pytest.mark.parametrize("t_s", [0.001, 0.03, 0.05, 0.0501, 0.099])
-def test_cancellation_while_everything_sleeps(t_s: float) -> None:
-    shop = Workshop()
-    with pytest.raises(asyncio.CancelledError):
-        drive(shop, {t_s: lambda _: shop.run is not None and shop.run.cancel()})
-    assert_wheels_stopped_first(shop)
-    assert shop.times("motors.stop")[0] == pytest.approx(t_s, abs=1e-6)
-    assert shop.outcome[0][0] == "failed"
-
-
-def test_run_that_is_ended_while_a_part_opens_ends_at_once() -> None:
-    shop = Workshop()
-    shop.silent.add("motion.open")
-    assert drive(shop, {0.5: lambda it: it.finish("signal", "SIGTERM")}).reason == "signal"
-    assert shop.times("log.close")[0] == pytest.approx(0.5, abs=0.01)
-    assert_wheels_stopped_first(shop)
-
-
-def test_stop_that_the_board_does_not_confirm_is_sent_again_and_told() -> None:
-    for answer in (WheelCommand(0.3, 0.0), NotResponding("no answer")):
-        shop = Workshop()
-        shop.answer = answer
-        drive(shop)
-        assert shop.done.count("motors.halt") >= 1
-        assert shop.named("stop_not_confirmed")[0]["error"] in {"the board still says 0.30 and 0.00", "no answer"}
-
-
-def test_cancellation_while_a_part_hangs_while_opening() -> None:
-    shop = Workshop()
-    shop.silent.add("motion.open")
-    with pytest.raises(asyncio.CancelledError):
-        drive(shop, {0.5: lambda _: shop.run is not None and shop.run.cancel()})
-    assert_wheels_stopped_first(shop)
-
-
-class ClingingCompass(Compass):
-    """Finishes its transfer, however long that takes, before it lets itself be cancelled."""
-
-    async def read(self) -> CompassReading:
-        try:
-            await asyncio.sleep(0.03)
-            return await super().read()
-        except asyncio.CancelledError:
-            await asyncio.sleep(30.0)
-            raise
-
-
-def test_wheels_stop_at_once_even_if_a_sensor_does_not_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(globals(), "Compass", ClingingCompass)
-    shop = Workshop()
-    drive(shop, for_s=1.0)
-    assert shop.times("motors.stop")[0] == pytest.approx(1.0, abs=0.1)
-    assert shop.times("compass.close")[0] > 30.0

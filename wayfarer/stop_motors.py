@@ -169,15 +169,15 @@ async def _usable(driver: Any, given: Mapping[str, Any], buses_name: str) -> dic
         field.name for field in fields(driver.Settings) if field.default is field.default_factory is MISSING
     } | WHERE
     kept = {key: value for key, value in given.items() if key in needed}
-    await _try(driver, kept, buses_name)
+    await _try_to_stop(driver, kept, buses_name)
     for key in given:
         with suppress(Exception):
-            await _try(driver, kept | {key: given[key]}, buses_name)
+            await _try_to_stop(driver, kept | {key: given[key]}, buses_name)
             kept[key] = given[key]
     return kept
 
 
-async def _try(driver: Any, given: Mapping[str, Any], buses_name: str) -> None:
+async def _try_to_stop(driver: Any, given: Mapping[str, Any], buses_name: str) -> None:
     """Stop with these settings; only what the settings themselves break is raised, not that a board is silent."""
     buses = make_buses(buses_name)
     try:

@@ -263,8 +263,10 @@ async def test_clients_that_come_together_all_get_in(path: Path, daemon: FakeDae
             client.connect(str(path))
             client.send(STATUS)
         await until(lambda: len(daemon.told) == 16)
+        answers = [await asyncio.get_running_loop().sock_recv(client, 10_000) for client in clients]
         for client in clients:
             client.close()
+    assert all(orjson.loads(answer)["ok"] for answer in answers)
 
 
 async def test_a_thousand_connections_leave_the_server_as_it_was(path: Path, daemon: FakeDaemon) -> None:

@@ -357,6 +357,7 @@ def test_arming_anew_forgets_a_hold(play: Play) -> None:
         await run.commands.hold()
         await run.commands.disarm()
         await run.arm()
+        assert (await run.commands.status())["held"] is False
 
     play(scene)
 

@@ -26,9 +26,17 @@ def make(root: Path, *devices: str) -> None:
         (root / device.lstrip("/")).touch()
 
 
-def test_ports_that_are_there_are_no_reason_to_refuse(tmp_path: Path) -> None:
-    make(tmp_path, *PORTS)
+@pytest.fixture
+def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The device files that are looked at, all of them well."""
+    looked_at: list[str] = []
+    monkeypatch.setattr("wayfarer.daemon.ports.diagnose", lambda _place, device: looked_at.append(device))
+    return looked_at
+
+
+def test_every_port_of_a_rover_is_looked_at(tmp_path: Path, looked_at: list[str]) -> None:
     refuse_missing_ports(load_rover("forestrover"), "forestrover", place(tmp_path))
+    assert looked_at == list(PORTS)
 
 
 @pytest.mark.parametrize(
@@ -58,9 +66,10 @@ def test_port_without_permission_is_named_with_its_group(tmp_path: Path, monkeyp
         refuse_missing_ports(load_rover("forestrover"), "forestrover", place(tmp_path))
 
 
-def test_other_buses_have_names_of_their_own(tmp_path: Path) -> None:
+def test_other_buses_have_names_of_their_own(tmp_path: Path, looked_at: list[str]) -> None:
     config = load_rover("forestrover").model_copy(update={"buses": "my.adapter:buses"})
     refuse_missing_ports(config, "forestrover", place(tmp_path))
+    assert looked_at == []
 
 
 def test_run_ends_with_one_line_and_exit_code_2_and_begins_no_log(

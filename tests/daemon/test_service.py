@@ -10,21 +10,20 @@ import signal
 import socket
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from random import Random
 from typing import Any
 
 import pytest
 
+from tests.system.faulty import FAULTY
 from wayfarer.config import load_rover
 from wayfarer.control.client import ask
 from wayfarer.control.paths import AlreadyRunning, SingleDaemon
 from wayfarer.daemon.service import Daemon, Service, serve
 from wayfarer.errors import NotResponding
-from wayfarer.escape.api import Decision, EscapeHandler, EscapeSettings, Observation, Vehicle
-from wayfarer.escape.catalogue import CATALOGUE, Algorithm
+from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, Rover, WheelCommand
 from wayfarer.mission import RunEnd
 from wayfarer.simhal.desk import desk_rover
@@ -201,25 +200,8 @@ async def test_dry_run_does_everything_but_turn_the_wheels(site: Site) -> None:
         await daemon.end()
 
 
-class Faulty:
-    """A third party's handler with a bug."""
-
-    def decide(self, observation: Observation) -> Decision:
-        raise ZeroDivisionError("the bug of a third party")
-
-    def reset(self) -> None:
-        pass
-
-    def memory(self) -> Mapping[str, float | str]:
-        return {}
-
-
-def make_faulty(settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> EscapeHandler:
-    return Faulty()
-
-
 async def test_bug_ends_the_run_and_is_in_its_log(site: Site) -> None:
-    site.service = replace(site.service, algorithm=Algorithm("faulty", "test", "raises", make_faulty))
+    site.service = replace(site.service, algorithm=FAULTY)
     async with Running(site) as daemon:
         await site.ask("arm", heading_deg=0.0)
         with pytest.raises(ExceptionGroup) as caught:

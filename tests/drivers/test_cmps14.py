@@ -589,6 +589,7 @@ def test_one_lost_transfer_does_not_keep_it_from_opening() -> None:
     async def main() -> None:
         bench = Bench()
         bench.bus.troubles = (nack,)
-        await bench.opened()
+        compass = await bench.opened()
+        assert (await compass.read()).heading_deg == 273.4
 
     run(main)

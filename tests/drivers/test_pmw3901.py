@@ -285,7 +285,9 @@ def test_opening_works_after_one_that_broke_off() -> None:
     async def main() -> None:
         chip = PMW3901Chip(Driven(), time)
         chip.exchange(b"\xff\x0e")  # it broke off in this bank
-        await flow_over(chip).open()
+        flow = flow_over(chip)
+        await flow.open()
+        assert (await flow.read()).quality == 0.8
 
     run(main)
 

@@ -410,6 +410,9 @@ async def test_a_light_closes_twice_and_after_no_opening() -> None:
     await bench.light.open()
     await bench.light.close()
     await bench.light.close()
+    await bench.light.open()
+    await bench.light.show(PURPLE)
+    assert bench.chip.colours == [(255, 0, 255), (255, 0, 255)]
 
 
 class HaltsBetween(ThunderBorg):

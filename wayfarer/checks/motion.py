@@ -43,9 +43,8 @@ WATCH_S = 2.5  # how much longer wheels turn if the deadman does not trip: enoug
 SILENCE_MAX_S = 5.0  # wheels that nobody commands do not turn for longer, whatever deadman the rover file asks for
 STALL_DUTY = 0.5
 STALL_S = 1.0
-PUSHED_MIN_M = (
-    0.15  # of the half metre asked for: scales are wrong by up to a half before calibration (hardware.md 2.6)
-)
+# Of the half metre asked for: scales are wrong by up to a half before calibration (hardware.md 2.6).
+PUSHED_MIN_M = 0.15
 UNKNOWN_MAX = 0.5  # share of readings without quality beyond which nothing was seen
 
 NO_DEADMAN = (

@@ -2,7 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from wayfarer.hal import WheelCommand
+
+
+class Wiring(Protocol):
+    """What a motor board's settings say of its motors."""
+
+    @property
+    def duty_limit(self) -> float:
+        """Highest share of the battery's voltage that they get."""
+
+    @property
+    def reverse_left(self) -> bool:
+        """Whether the left ones turn backwards when told to go forward."""
+
+    @property
+    def reverse_right(self) -> bool:
+        """The same of the right ones."""
 
 
 class Levels:
@@ -12,10 +30,10 @@ class Levels:
     reversed where its motors turn backwards when told to go forward.
     """
 
-    def __init__(self, full_level: int, duty_limit: float, *, reverse_left: bool, reverse_right: bool) -> None:
-        self._steps = full_level * duty_limit
-        self._left_sign = -1 if reverse_left else 1
-        self._right_sign = -1 if reverse_right else 1
+    def __init__(self, full_level: int, wiring: Wiring) -> None:
+        self._steps = full_level * wiring.duty_limit
+        self._left_sign = -1 if wiring.reverse_left else 1
+        self._right_sign = -1 if wiring.reverse_right else 1
 
     def of(self, command: WheelCommand) -> tuple[int, int]:
         """Return the levels of left and right; duties beyond -1..1 count as these.

@@ -1,0 +1,167 @@
+"""However a run ends, and whatever hangs, the wheels stop first and the parts are closed."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from typing import Any
+
+import pytest
+
+from tests.workshop import (
+    PARTS,
+    Compass,
+    Contact,
+    Light,
+    Position,
+    Workshop,
+    assert_wheels_stopped_first,
+    breaking,
+    drive,
+)
+from wayfarer.errors import NotResponding
+from wayfarer.hal import (
+    STOP,
+    CompassReading,
+    WheelCommand,
+)
+
+ENDS_WITHIN_S = 2.0  # after a request, a signal or a bug: what systemd and a person may rely on
+
+
+# -- the end, whatever hangs -------------------------------------------------------------------------------------
+
+
+def test_stop_that_never_returns_is_sent_without_waiting_and_the_run_ends_soon() -> None:
+    shop = Workshop()
+    end = drive(shop, {0.5: lambda _: shop.silent.add("motors.stopping")}, for_s=1.0)
+    assert end.reason == "requested"
+    assert shop.wheels == STOP
+    assert shop.times("motors.halt")[0] < 1.5
+    assert max(shop.times("motors.drive")) < shop.times("motors.halt")[0]
+    assert {f"{part}.close" for part in PARTS} <= set(shop.done)
+    assert shop.named("stop_not_confirmed")[0] == {"part": "motors", "error": "no end within 0.3 s"}
+    assert shop.times("log.close")[0] < 1.0 + ENDS_WITHIN_S
+
+
+@pytest.mark.parametrize("part", sorted(PARTS))
+def test_part_whose_close_never_returns_is_told_and_the_others_are_closed(part: str) -> None:
+    shop = Workshop()
+    shop.silent.add(f"{part}.closing")
+    assert drive(shop).reason == "requested"
+    assert {f"{other}.close" for other in PARTS} - set(shop.done) == {f"{part}.close"}
+    assert shop.named("close_hangs") == [{"part": part}]
+    assert shop.outcome == [("requested", "enough")]
+    assert shop.times("log.close")[0] < 1.0 + ENDS_WITHIN_S
+
+
+def test_run_ends_soon_even_if_nothing_of_a_fully_equipped_rover_lets_go() -> None:
+    shop = Workshop()
+    parts: dict[str, Any] = {
+        "contact": Contact(shop, "contact"),
+        "position": Position(shop, "position"),
+        "light": Light(shop, "light"),
+    }
+    shop.silent = {"motors.stopping", *(f"{part}.closing" for part in PARTS | set(parts))}
+    drive(shop, algorithm="cv-pledge", **parts)
+    assert len(shop.named("close_hangs")) == 6
+    assert shop.wheels == STOP
+    assert shop.times("log.close")[0] < 1.0 + ENDS_WITHIN_S
+
+
+# -- bugs and cancellation ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", ["compass.read", "motion.read", "motors.drive", "handler.decide", "log.tick"])
+def test_bug_anywhere_stops_the_wheels_then_closes_the_parts_then_shows_itself(place: str) -> None:
+    shop = Workshop()
+    with pytest.raises(ExceptionGroup) as caught:
+        drive(shop, {0.5: breaking(shop, place)})
+    assert caught.group_contains(RuntimeError, match=f"bug in {place}")
+    assert shop.times("motors.stop")[0] == pytest.approx(0.5, abs=0.051)
+    assert_wheels_stopped_first(shop)
+    assert shop.outcome[0][0] == "failed"
+
+
+def test_outcome_in_the_log_names_the_bug() -> None:
+    shop = Workshop()
+    with pytest.raises(ExceptionGroup):
+        drive(shop, {0.5: breaking(shop, "handler.decide")})
+    assert "bug in handler.decide" in shop.outcome[0][1]
+
+
+@pytest.mark.parametrize("place", ["log.event", "motors.stop", "compass.close", "motion.close"])
+def test_broken_promise_while_stopping_leaves_no_part_open(place: str) -> None:
+    """None of these may raise; one that does must not keep the others from being closed."""
+    shop = Workshop()
+    with suppress(RuntimeError, ExceptionGroup):
+        drive(shop, {0.5: breaking(shop, place)})
+    assert shop.wheels == STOP
+    assert {f"{part}.close" for part in PARTS} <= set(shop.done)
+
+
+@pytest.mark.parametrize("again", [False, True], ids=["once", "again at every later point"])
+def test_cancellation_at_any_point_stops_the_wheels_and_closes_the_parts(again: bool) -> None:
+    whole = Workshop()
+    drive(whole, for_s=0.12)
+    for at in range(1, whole.points + 1):
+        shop = Workshop()
+        shop.cancel_at = range(at, 1000) if again else range(at, at + 1)
+        with pytest.raises(asyncio.CancelledError):
+            drive(shop, for_s=0.12)
+        assert_wheels_stopped_first(shop)
+
+
+@pytest.mark.parametrize("t_s", [0.001, 0.03, 0.05, 0.0501, 0.099])
+def test_cancellation_while_everything_sleeps(t_s: float) -> None:
+    shop = Workshop()
+    with pytest.raises(asyncio.CancelledError):
+        drive(shop, {t_s: lambda _: shop.run is not None and shop.run.cancel()})
+    assert_wheels_stopped_first(shop)
+    assert shop.times("motors.stop")[0] == pytest.approx(t_s, abs=1e-6)
+    assert shop.outcome[0][0] == "failed"
+
+
+def test_run_that_is_ended_while_a_part_opens_ends_at_once() -> None:
+    shop = Workshop()
+    shop.silent.add("motion.open")
+    assert drive(shop, {0.5: lambda it: it.finish("signal", "SIGTERM")}).reason == "signal"
+    assert shop.times("log.close")[0] == pytest.approx(0.5, abs=0.01)
+    assert_wheels_stopped_first(shop)
+
+
+def test_stop_that_the_board_does_not_confirm_is_sent_again_and_told() -> None:
+    for answer in (WheelCommand(0.3, 0.0), NotResponding("no answer")):
+        shop = Workshop()
+        shop.answer = answer
+        drive(shop)
+        assert shop.done.count("motors.halt") >= 1
+        assert shop.named("stop_not_confirmed")[0]["error"] in {"the board still says 0.30 and 0.00", "no answer"}
+
+
+def test_cancellation_while_a_part_hangs_while_opening() -> None:
+    shop = Workshop()
+    shop.silent.add("motion.open")
+    with pytest.raises(asyncio.CancelledError):
+        drive(shop, {0.5: lambda _: shop.run is not None and shop.run.cancel()})
+    assert_wheels_stopped_first(shop)
+
+
+class ClingingCompass(Compass):
+    """Finishes its transfer, however long that takes, before it lets itself be cancelled."""
+
+    async def read(self) -> CompassReading:
+        try:
+            await asyncio.sleep(0.03)
+            return await super().read()
+        except asyncio.CancelledError:
+            await asyncio.sleep(30.0)
+            raise
+
+
+def test_wheels_stop_at_once_even_if_a_sensor_does_not_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.workshop.Compass", ClingingCompass)
+    shop = Workshop()
+    drive(shop, for_s=1.0)
+    assert shop.times("motors.stop")[0] == pytest.approx(1.0, abs=0.1)
+    assert shop.times("compass.close")[0] > 30.0
