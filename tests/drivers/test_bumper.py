@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Coroutine, Iterator
+from collections.abc import AsyncIterator, Coroutine
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -19,18 +19,11 @@ from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.testing import check_contact_sensor
 
 gpiozero = pytest.importorskip("gpiozero")
-mock = pytest.importorskip("gpiozero.pins.mock")
+
+pytestmark = pytest.mark.usefixtures("board")
 
 PIN_OF = {Side.FRONT: 5, Side.LEFT: 6, Side.RIGHT: 12, Side.REAR: 13}
 ALL_ROUND = BumperSettings(front=5, left=6, right=12, rear=13)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def board() -> Iterator[Any]:
-    gpiozero.Device.pin_factory = factory = mock.MockFactory()
-    yield factory
-    gpiozero.Device.pin_factory = None
-    factory.close()
 
 
 def bumper_on(settings: BumperSettings = ALL_ROUND) -> Bumper:

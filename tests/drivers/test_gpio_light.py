@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Coroutine, Iterator
+from collections.abc import Coroutine
 from typing import Any
 
 import pytest
@@ -17,7 +17,8 @@ from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.loop import VirtualLoop
 
 gpiozero = pytest.importorskip("gpiozero")
-mock = pytest.importorskip("gpiozero.pins.mock")
+
+pytestmark = pytest.mark.usefixtures("board")
 
 THREE = GpioLightSettings(red=16, green=20, blue=21)
 DARK = Colour(0.0, 0.0, 0.0)
@@ -31,14 +32,6 @@ settings = st.builds(
     blue=st.just(21),
     active_high=st.booleans(),
 )
-
-
-@pytest.fixture(autouse=True, scope="module")
-def board() -> Iterator[Any]:
-    gpiozero.Device.pin_factory = factory = mock.MockFactory()
-    yield factory
-    gpiozero.Device.pin_factory = None
-    factory.close()
 
 
 def light_on(settings: GpioLightSettings = THREE) -> GpioLight:

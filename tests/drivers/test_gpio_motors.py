@@ -6,7 +6,7 @@ import asyncio
 import sys
 import threading
 import warnings
-from collections.abc import Coroutine, Iterator
+from collections.abc import Coroutine
 from math import inf, nan
 from typing import Any
 
@@ -22,22 +22,15 @@ from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.testing import check_motors
 
 gpiozero = pytest.importorskip("gpiozero")
-mock = pytest.importorskip("gpiozero.pins.mock")
+
+pytestmark = pytest.mark.usefixtures("board")
+PIN_CLASS = "MockPWMPin"
 
 PINS = GpioMotorsSettings(left_forward=17, left_backward=18, right_forward=22, right_backward=23)
 WITH_ENABLE = GpioMotorsSettings(17, 18, 22, 23, left_enable=24, right_enable=25)
 
 duties = st.floats(-1, 1)
 commands = st.builds(WheelCommand, duties, duties)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def board() -> Iterator[Any]:
-    """A board without a Raspberry Pi."""
-    gpiozero.Device.pin_factory = factory = mock.MockFactory(pin_class=mock.MockPWMPin)
-    yield factory
-    gpiozero.Device.pin_factory = None
-    factory.close()
 
 
 def motors_on(settings: GpioMotorsSettings = PINS) -> GpioMotors:

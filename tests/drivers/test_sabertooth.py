@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from math import nan
 from typing import Literal
 
 import pytest
@@ -11,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
+from tests.drivers.motor_boards import check_applied, check_strange_duties
 from tests.virtual import virtual
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings, packet
 from wayfarer.errors import NotResponding
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.devices import SimMotors
 from wayfarer.simhal.fakebus import FakeBuses, FakeSerial
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.physics import Physics
@@ -185,25 +184,14 @@ async def test_what_is_applied_is_what_the_wheels_get_and_at_most_what_was_asked
     bench = Bench(
         SabertoothSettings(left=left, reverse_left=reverse_left, reverse_right=reverse_right, duty_limit=limit)
     )
-    applied = await bench.motors.drive(command)
-    assert bench.world.commanded == applied
-    for asked, got in zip(command, applied, strict=True):
-        assert abs(asked) - 1.0 / (127 * limit) < abs(got) <= abs(asked)
-        assert got * asked >= 0.0
-    at_device_depth = SimMotors(bench.world, 127 * limit)
-    await at_device_depth.open()
-    assert await at_device_depth.drive(command) == applied
+    await check_applied(bench.motors, bench.world, command, 127 * limit)
 
 
 @virtual
 async def test_duties_beyond_full_are_full_and_what_is_no_number_reaches_no_motor() -> None:
     bench = Bench()
     assert await bench.motors.drive(WheelCommand(1.5, -7.0)) == (1.0, -1.0)
-    bench.sent()
-    for broken in (WheelCommand(nan, 0.5), WheelCommand(0.5, nan)):
-        with pytest.raises(ValueError, match="NaN"):
-            await bench.motors.drive(broken)
-    assert bench.sent() == []
+    await check_strange_duties(bench.motors, bench.sent)
 
 
 # -- the deadman -----------------------------------------------------------------------------------------------------

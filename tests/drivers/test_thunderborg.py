@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from math import nan
 from typing import Literal
 
 import pytest
@@ -11,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
+from tests.drivers.motor_boards import check_applied, check_strange_duties
 from tests.virtual import virtual
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings, _Motor
 from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings
@@ -18,7 +18,6 @@ from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, Colour, DriveMotors, StatusLight, WheelCommand
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.devices import SimMotors
 from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.physics import Physics
@@ -158,25 +157,14 @@ async def test_what_is_applied_is_what_the_wheels_get_and_at_most_what_was_asked
 ) -> None:
     bench = Bench(ThunderBorgSettings("/dev/i2c-1", ADDRESS, limit, left, reverse_left, reverse_right))
     applied = await bench.motors.drive(command)
-    assert bench.world.commanded == applied
     assert await bench.motors.read_back() == applied
-    for asked, got in zip(command, applied, strict=True):
-        assert abs(asked) - 1.0 / (255 * limit) < abs(got) <= abs(asked)
-        assert got * asked >= 0.0
-    at_device_depth = SimMotors(bench.world, 255 * limit)
-    await at_device_depth.open()
-    assert await at_device_depth.drive(command) == applied
+    await check_applied(bench.motors, bench.world, command, 255 * limit)
 
 
 @virtual
 async def test_duties_beyond_full_are_full_and_what_is_no_number_reaches_no_motor() -> None:
     bench = Bench()
-    assert await bench.motors.drive(WheelCommand(1.5, -7.0)) == await bench.motors.drive(WheelCommand(1.0, -1.0))
-    bench.sent()
-    for broken in (WheelCommand(nan, 0.5), WheelCommand(0.5, nan)):
-        with pytest.raises(ValueError, match="NaN"):
-            await bench.motors.drive(broken)
-    assert bench.sent() == []
+    await check_strange_duties(bench.motors, bench.sent)
 
 
 # -- the deadman -----------------------------------------------------------------------------------------------------
