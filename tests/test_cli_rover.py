@@ -146,6 +146,15 @@ def test_run_without_a_rover_names_what_to_do(
     assert "wayfarer run --sim" in capsys.readouterr().err
 
 
+def test_run_without_a_part_names_it_before_any_port(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shipped = (Path(cli.__file__).parents[1] / "rovers/minirover.toml").read_text(encoding="utf-8")
+    before, _, after = shipped.partition("[parts.compass]")
+    path = tmp_path / "rover.toml"
+    path.write_text(before + "[parts.motion]" + after.partition("[parts.motion]")[2], encoding="utf-8")
+    assert cli.run(["run", "--config", str(path), "--logs", str(tmp_path / "logs")]) == 2
+    assert "has no [parts.compass]" in capsys.readouterr().err
+
+
 def test_second_daemon_is_refused_with_the_exit_code_for_later(capsys: pytest.CaptureFixture[str]) -> None:
     with SingleDaemon(daemon_socket()):
         assert cli.run(["run", "--sim"]) == 75

@@ -128,9 +128,9 @@ def _real(config: RoverConfig, where: str, logs: Path) -> tuple[Callable[[Any], 
     from wayfarer.registry import make_buses
 
     calibrated = calibration_file(os.environ, Path.home())
-    refuse_missing_ports(config, where, Place(logs, calibrated, (), wall_clock(0.0)))
     buses = make_buses(config.buses)
     rover = assemble(config, buses, load(calibrated))
+    refuse_missing_ports(config, where, Place(logs, calibrated, (), wall_clock(0.0)))
     return lambda _: rover, buses.close
 
 
