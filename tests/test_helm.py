@@ -78,6 +78,8 @@ class Log:
     def position(self, fix: PositionFix | None) -> None:
         self.fixes.append(fix)
 
+    def board(self, t_s: float, health: MotorHealth) -> None: ...
+
     def close(self, reason: str, text: str) -> None: ...
 
     def named(self, name: str) -> list[dict[str, Any]]:

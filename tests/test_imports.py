@@ -99,7 +99,7 @@ def test_layers_import_only_downwards(level: int) -> None:
 
 def test_every_core_module_has_its_layer() -> None:
     core = {module.split(".")[1] for module in MODULES if module.count(".")}
-    above = {"cli", "testing", "simhal", "drivers"}
+    above = {"cli", "testing", "simhal", "drivers", "report"}
     assert core - above == {part for layer in LAYERS for part in layer} - {"drivers.buses"}
 
 
@@ -112,10 +112,10 @@ def test_no_module_imports_itself_in_a_circle() -> None:
     assert set(lowest_first) >= set(MODULES)
 
 
-def test_nothing_but_the_command_imports_the_simulator() -> None:
+def test_nothing_but_the_command_and_its_reports_imports_the_simulator() -> None:
     users = {module for module in outside_simhal() if any(within(name, "simhal") for name in wayfarer_modules(module))}
     assert users
-    assert users <= set(modules_of("cli"))
+    assert users <= set(modules_of("cli", "report"))
 
 
 def test_of_the_simulator_only_the_rig_and_the_bench_know_the_drivers() -> None:

@@ -158,6 +158,9 @@ class Log:
     def position(self, fix: PositionFix | None) -> None:
         self.shop.note("log.position")
 
+    def board(self, t_s: float, health: MotorHealth) -> None:
+        self.shop.note("log.board")
+
     def close(self, reason: str, text: str) -> None:
         self.shop.outcome.append((reason, text))
         self.shop.note("log.close")

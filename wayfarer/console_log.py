@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from wayfarer.escape.api import Phase
-from wayfarer.hal import PositionFix
-from wayfarer.records import TickRecord
+from wayfarer.records import PartialLog, TickRecord
 
 
-class ConsoleLog:
-    """Writes one line for what a person wants to know while the rover drives; implements ``records.RunLog``."""
+class ConsoleLog(PartialLog):
+    """Writes one line for what a person wants to know while the rover drives."""
 
     def __init__(self, write: Callable[[str], None]) -> None:
         self._write = write
@@ -31,9 +30,6 @@ class ConsoleLog:
         self._write(f"{name.replace('_', ' ')}{': ' + told if told else ''}")
         if name == "opened":
             self._write("disarmed. In another terminal: wayfarer arm, wayfarer status, wayfarer stop")
-
-    def position(self, fix: PositionFix | None) -> None:
-        """Positions are not shown."""
 
     def close(self, reason: str, text: str) -> None:
         """Tell how the run ended; an error is told by the command itself."""

@@ -88,7 +88,8 @@ class Helm:
         self.mission = None
         self._arming = Arming(self._safety, t_s, goal_heading_deg)
         self.mode = Mode.ARMING
-        self._log.event("arming", t_s, start_delay_s=self._safety.start_delay_s)
+        delay_s = self._safety.start_delay_s
+        self._log.event("arming", t_s, start_delay_s=delay_s, goal_heading_deg=goal_heading_deg)
 
     def disarm(self, t_s: float, reason: str) -> None:
         """Stop the wheels from the next tick on, until armed anew."""

@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 
 from wayfarer.conditions import Condition, Level
 from wayfarer.escape.api import Decision, Observation
-from wayfarer.hal import PositionFix, WheelCommand
+from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
 from wayfarer.latest import Snapshot
 
 
@@ -41,8 +41,30 @@ class RunLog(Protocol):
     def position(self, fix: PositionFix | None) -> None:
         """Take a position."""
 
+    def board(self, t_s: float, health: MotorHealth) -> None:
+        """Take what the motor board says of itself."""
+
     def close(self, reason: str, text: str) -> None:
         """Write the outcome and end the log."""
+
+
+class PartialLog:
+    """Takes a run and keeps nothing of it; a log that wants only a part of a run overrides that part."""
+
+    def tick(self, record: TickRecord) -> None:
+        """Let a control tick pass."""
+
+    def event(self, name: str, t_s: float, **details: object) -> None:
+        """Let an event pass."""
+
+    def position(self, fix: PositionFix | None) -> None:
+        """Let a position pass."""
+
+    def board(self, t_s: float, health: MotorHealth) -> None:
+        """Let what the motor board says pass."""
+
+    def close(self, reason: str, text: str) -> None:
+        """Let the outcome pass."""
 
 
 class Tee:
@@ -65,6 +87,11 @@ class Tee:
         """Take a position."""
         for log in self._logs:
             log.position(fix)
+
+    def board(self, t_s: float, health: MotorHealth) -> None:
+        """Take what the motor board says of itself."""
+        for log in self._logs:
+            log.board(t_s, health)
 
     def close(self, reason: str, text: str) -> None:
         """Write the outcome and end the logs."""

@@ -209,7 +209,9 @@ class Supervisor:
         board, time, pace = self.helm.board, asyncio.get_running_loop().time, Pace(self._health_hz)
         while True:
             try:
-                board.update(time(), await self._rover.motors.health())
+                health = await self._rover.motors.health()
+                board.update(time(), health)
+                self._log.board(time(), health)
             except DriverError as error:
                 if board.health is not None:
                     self._log.event("board_silent", time(), error=str(error))

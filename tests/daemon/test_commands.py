@@ -21,9 +21,9 @@ from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.inspection import FRESH_S, Live
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, PositionFix, Side, WheelCommand
+from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, Side, WheelCommand
 from wayfarer.mission import RunEnd
-from wayfarer.records import TickRecord
+from wayfarer.records import PartialLog
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.streams import Streams
 from wayfarer.supervisor import Supervisor
@@ -32,20 +32,14 @@ ABOUT = {"version": "1", "rover": "sim", "algorithm": "pledge", "log": "logs/000
 DELAY_S = 2.0
 
 
-class Log:
-    """Keeps events; implements ``records.RunLog``."""
+class Log(PartialLog):
+    """Keeps events."""
 
     def __init__(self) -> None:
         self.events: list[tuple[str, dict[str, object]]] = []
 
-    def tick(self, record: TickRecord) -> None:
-        pass
-
     def event(self, name: str, t_s: float, **details: object) -> None:
         self.events.append((name, details))
-
-    def position(self, fix: PositionFix | None) -> None:
-        pass
 
     def close(self, reason: str, text: str) -> None:
         self.event("closed", 0.0, reason=reason)

@@ -21,12 +21,12 @@ from tests.system.faulty import FAULTY
 from wayfarer.config import load_rover
 from wayfarer.control.client import ask
 from wayfarer.control.paths import AlreadyRunning, SingleDaemon
-from wayfarer.daemon.service import Daemon, Service, serve
+from wayfarer.daemon.service import Daemon, Service, Vessel, serve
 from wayfarer.errors import NotResponding
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.hal import STOP, Rover, WheelCommand
+from wayfarer.hal import STOP, WheelCommand
 from wayfarer.mission import RunEnd
-from wayfarer.simhal.desk import desk_rover
+from wayfarer.simhal.desk import desk_vessel
 from wayfarer.simhal.rig import Depth
 
 LONG_S = 10.0
@@ -53,9 +53,10 @@ class Site:
             dry_run=False,
         )
 
-    def make_rover(self, finish: Finish) -> Rover:
+    def make_rover(self, finish: Finish) -> Vessel:
         self.finish = finish
-        self.rover = desk_rover(self.service.config, Depth.DEVICE, 7, finish)
+        vessel = desk_vessel(self.service.config, Depth.DEVICE, 7, finish)
+        self.rover = vessel.rover
         halt = self.rover.motors.halt
 
         def noted_halt() -> None:
@@ -63,7 +64,7 @@ class Site:
             halt()
 
         self.rover.motors.halt = noted_halt  # type: ignore[method-assign]
-        return self.rover
+        return vessel
 
     async def close_buses(self) -> None:
         self.closed += 1
@@ -249,14 +250,14 @@ def test_second_daemon_leaves_the_first_alone(site: Site) -> None:
 def test_part_that_does_not_open_is_named_and_everything_is_let_go(site: Site) -> None:
     make_rover = site.make_rover
 
-    def make_broken(finish: Finish) -> Rover:
-        rover = make_rover(finish)
+    def make_broken(finish: Finish) -> Vessel:
+        vessel = make_rover(finish)
 
         async def fail() -> None:
             raise NotResponding("CMPS14 at 0x60 on /dev/i2c-1: no answer")
 
-        rover.compass.open = fail  # type: ignore[method-assign]
-        return rover
+        vessel.rover.compass.open = fail  # type: ignore[method-assign]
+        return vessel
 
     site.service = replace(site.service, make_rover=make_broken)
     with pytest.raises(NotResponding, match="CMPS14 at 0x60"):

@@ -12,7 +12,7 @@ from wayfarer.config import load_rover
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.mission import RunEnd
 from wayfarer.records import Tee
-from wayfarer.simhal.desk import desk_rover
+from wayfarer.simhal.desk import desk_vessel
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.rig import Depth
@@ -32,7 +32,8 @@ def run_on_a_desk(
         await asyncio.sleep(UPTIME_S)
         config = load_rover("sim")
         supervisors: list[Supervisor] = []
-        rover = desk_rover(config, depth, seed, lambda reason, text: supervisors[0].finish(reason, text))
+        vessel = desk_vessel(config, depth, seed, lambda reason, text: supervisors[0].finish(reason, text))
+        rover = vessel.rover
         handler = CATALOGUE[algorithm].make(config.escape, config.vehicle, Random(seed))
         supervisors.append(Supervisor(rover, config, CATALOGUE[algorithm], handler, Tee()))
         await supervisors[0].arm(0.0)

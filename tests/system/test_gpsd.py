@@ -23,7 +23,8 @@ from wayfarer.config import load_rover
 from wayfarer.drivers.gpsd import Gpsd, GpsdSettings
 from wayfarer.errors import NotResponding
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.fieldlog import FieldLog
+from wayfarer.fieldlog.files import RunFiles
+from wayfarer.fieldlog.log import FieldLog
 from wayfarer.hal import PositionFix
 from wayfarer.helm import Mode
 from wayfarer.simhal.fakebus import FakeBuses
@@ -141,7 +142,7 @@ async def test_fixes_are_in_the_log_of_a_run_and_losing_them_changes_nothing_els
     rover = replace(device_depth(world, Streams(0), config), position=daemon.client)
     algorithm = CATALOGUE["forest-pledge"]
     handler = algorithm.make(config.escape, config.vehicle, Random(0))
-    log = FieldLog(tmp_path / "run", {})
+    log = FieldLog(RunFiles(tmp_path / "run"), {})
     supervisor = Supervisor(rover, config, algorithm, handler, log)
     running = asyncio.create_task(supervisor.run())
     await asyncio.sleep(0.5)

@@ -126,7 +126,7 @@ def _place(config: RoverConfig, logs: Path) -> Place:
     from wayfarer.checks import Place
     from wayfarer.checks.system import device_files
     from wayfarer.config import part_settings
-    from wayfarer.fieldlog import wall_clock
+    from wayfarer.fieldlog.clock import wall_clock
 
     devices = device_files(part_settings(part, table)[1] for part, table in config.parts.items())
     if config.buses != "linux":

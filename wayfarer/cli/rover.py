@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from wayfarer.config import RoverConfig
-    from wayfarer.hal import Rover
+    from wayfarer.daemon.service import Vessel
 
 ROVER_FILE = Path("/etc/wayfarer/rover.toml")
 RUN_EXAMPLES = """Examples:
@@ -119,27 +119,28 @@ def log_folder(logs: Path | None) -> Path:
     return SYSTEM_LOGS if os.access(SYSTEM_LOGS.parent, os.W_OK) else OWN_LOGS
 
 
-def _real(config: RoverConfig, where: str, logs: Path) -> tuple[Callable[[Any], Rover], Callable[[], Any]]:
+def _real(config: RoverConfig, where: str, logs: Path) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:
     from wayfarer.assembly import assemble
     from wayfarer.calibration import calibration_file, load
     from wayfarer.checks import Place
     from wayfarer.daemon.ports import refuse_missing_ports
-    from wayfarer.fieldlog import wall_clock
+    from wayfarer.daemon.service import Vessel
+    from wayfarer.fieldlog.clock import wall_clock
     from wayfarer.registry import make_buses
 
     calibrated = calibration_file(os.environ, Path.home())
     buses = make_buses(config.buses)
     rover = assemble(config, buses, load(calibrated))
     refuse_missing_ports(config, where, Place(logs, calibrated, (), wall_clock(0.0)))
-    return lambda _: rover, buses.close
+    return lambda _: Vessel(rover), buses.close
 
 
-def _simulated(config: RoverConfig, depth: Depth, seed: int) -> tuple[Callable[[Any], Rover], Callable[[], Any]]:
+def _simulated(config: RoverConfig, depth: Depth, seed: int) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:
     require_sim_extra()
     from wayfarer.simhal import rig
-    from wayfarer.simhal.desk import desk_rover
+    from wayfarer.simhal.desk import desk_vessel
 
     async def nothing_to_close() -> None:
         """Nothing is open."""
 
-    return lambda finish: desk_rover(config, rig.Depth(depth.value), seed, finish), nothing_to_close
+    return lambda finish: desk_vessel(config, rig.Depth(depth.value), seed, finish), nothing_to_close

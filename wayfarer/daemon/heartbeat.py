@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from wayfarer.hal import PositionFix
-from wayfarer.records import TickRecord
+from wayfarer.records import PartialLog, TickRecord
 from wayfarer.watchdog import Notifier, StallGuard
 
 
-class Heartbeat:
-    """Implements ``records.RunLog``: each tick is a beat for the guard, and the first says that the service is up."""
+class Heartbeat(PartialLog):
+    """Each tick is a beat for the guard, and the first says that the service is up."""
 
     def __init__(self, notifier: Notifier, guard: StallGuard) -> None:
         self._notifier = notifier
@@ -32,9 +31,6 @@ class Heartbeat:
         elif name in {"arming", "armed", "disarmed", "health"}:
             shown = ", ".join(str(value) for value in details.values() if isinstance(value, str))
             self._notifier.status(f"{name}: {shown}" if shown else name)
-
-    def position(self, fix: PositionFix | None) -> None:
-        """Positions are no sign of life."""
 
     def close(self, reason: str, text: str) -> None:  # noqa: ARG002
         """Say how it ended."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
@@ -26,16 +26,31 @@ from wayfarer.daemon.inspection import Live
 from wayfarer.dry_run import DryMotors
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.fieldlog import FieldLog, new_run_folder, wall_clock
+from wayfarer.fieldlog.clock import wall_clock
+from wayfarer.fieldlog.files import RunFiles
+from wayfarer.fieldlog.folders import new_run_folder
+from wayfarer.fieldlog.log import FieldLog
 from wayfarer.hal import Rover
 from wayfarer.lines import LineWriter
 from wayfarer.mission import RunEnd
-from wayfarer.records import Tee
+from wayfarer.records import RunLog, Tee
 from wayfarer.supervisor import Supervisor, check_parts, first_cause
 from wayfarer.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
 
 # SIGHUP: a terminal that goes away, as with an ssh connection that drops, must not leave the wheels to the board alone.
 ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
+
+
+@dataclass(frozen=True, slots=True)
+class Vessel:
+    """A rover to serve; of a simulated one also what is known beyond its senses.
+
+    ``world`` is the forest, for the log's first record, and ``witness`` makes what writes the truth beside it.
+    """
+
+    rover: Rover
+    world: Mapping[str, Any] | None = None
+    witness: Callable[[FieldLog], RunLog] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +64,7 @@ class Service:
     config: RoverConfig
     algorithm: Algorithm
     seed: int
-    make_rover: Callable[[Callable[[str, str], None]], Rover]
+    make_rover: Callable[[Callable[[str, str], None]], Vessel]
     close_buses: Callable[[], Awaitable[None]]
     logs: Path
     socket: Path
@@ -85,7 +100,8 @@ class Daemon:
         self._service = service
         self._loop = asyncio.get_running_loop()
         config = service.config
-        rover = service.make_rover(self._finish)
+        vessel = service.make_rover(self._finish)
+        rover = vessel.rover
         check_parts(rover, service.algorithm, config)  # before there is a log of a run that cannot be
         self._rover = replace(rover, motors=DryMotors(rover.motors)) if service.dry_run else rover
         self._notifier = Notifier(os.environ.get("NOTIFY_SOCKET"))
@@ -102,7 +118,9 @@ class Daemon:
         }
         self._lines = LineWriter()
         heartbeat = Heartbeat(self._notifier, self._guard)
-        self._log = Tee(FieldLog(folder, self._header(about)), ConsoleLog(self._lines.write), heartbeat)
+        field_log = FieldLog(RunFiles(folder), self._header(about, vessel), t_s=self._loop.time())
+        witnesses = [vessel.witness(field_log)] if vessel.witness else []
+        self._log = Tee(field_log, *witnesses, ConsoleLog(self._lines.write), heartbeat)
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
         checks = [check for check in ARMING if not (service.simulated and check in CALIBRATED)]
@@ -143,14 +161,20 @@ class Daemon:
                 if feeding is not None:
                     feeding.cancel()
 
-    def _header(self, about: dict[str, Any]) -> dict[str, Any]:
+    def _header(self, about: dict[str, Any], vessel: Vessel) -> dict[str, Any]:
         parts = {name: part.name for name, part in self._rover.parts.items()}
-        return about | {
-            "seed": self._service.seed,
-            "parts": parts,
-            "config": self._service.config.model_dump(mode="json"),
-            "boot_id": _boot_id(),
-        }
+        world = {"world": vessel.world} if vessel.world else {}
+        return (
+            about
+            | world
+            | {
+                "seed": self._service.seed,
+                "algorithm_seed": self._service.seed,
+                "parts": parts,
+                "config": self._service.config.model_dump(mode="json"),
+                "boot_id": _boot_id(),
+            }
+        )
 
     def _inspect(self) -> Live:
         config, logs = self._service.config, self._service.logs

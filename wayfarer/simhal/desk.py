@@ -6,18 +6,20 @@ import asyncio
 from collections.abc import Callable
 
 from wayfarer.config import RoverConfig
-from wayfarer.hal import Rover
+from wayfarer.daemon.service import Vessel
+from wayfarer.simhal.forest_file import as_row
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.referee import Referee
 from wayfarer.simhal.rig import Depth, build
 from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.witness import Witness
 from wayfarer.simhal.world import World
 
 NO_BUDGET_M = 1e9  # a person may watch for as long as they like
 
 
-def desk_rover(config: RoverConfig, depth: Depth, seed: int, finish: Callable[[str, str], None]) -> Rover:
+def desk_vessel(config: RoverConfig, depth: Depth, seed: int, finish: Callable[[str, str], None]) -> Vessel:
     """Return a rover at the start of a forest, in a world that begins now; made on the running loop.
 
     ``finish`` is called with a reason and a sentence when the rover has left the forest, or has tipped over.
@@ -30,4 +32,5 @@ def desk_rover(config: RoverConfig, depth: Depth, seed: int, finish: Callable[[s
         finish(outcome, f"the simulated rover has {outcome.replace('_', ' ')} after {world.path_m:.1f} m")
 
     world.after_step = Referee(forest, NO_BUDGET_M, physics.tip_deg, tell).watch
-    return build(depth, world, streams, config, clock)
+    rover = build(depth, world, streams, config, clock)
+    return Vessel(rover, as_row(forest), lambda log: Witness(log, world))

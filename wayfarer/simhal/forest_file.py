@@ -195,10 +195,15 @@ def _each(key: str, value: object, read: Callable[[str, object], Value]) -> tupl
     return tuple(read(f"{key}[{index}]", item) for index, item in enumerate(value))
 
 
-def _line_of(forest: Forest) -> str:
-    """Return the line of one forest, with its line feed."""
+def as_row(forest: Forest) -> dict[str, object]:
+    """Return a forest as the JSON object that stands for it in a file, and in the log of a simulated run."""
     row = asdict(forest)
-    row["trunks_m"] = row.pop("trunks")
+    row["trunks_m"] = [list(trunk) for trunk in row.pop("trunks")]
     if forest.shortest_path_m is None:
         del row[OPTIONAL_KEY]
-    return json.dumps(row, separators=(",", ":")) + "\n"
+    return row
+
+
+def _line_of(forest: Forest) -> str:
+    """Return the line of one forest, with its line feed."""
+    return json.dumps(as_row(forest), separators=(",", ":")) + "\n"

@@ -31,7 +31,11 @@ class Streams:
 
     def random(self, name: str) -> Random:
         """Return Python's generator of that name, for field code, which does not need numpy."""
-        return Random(f"{self._seed}/{name}")
+        return Random(self.random_seed(name))
+
+    def random_seed(self, name: str) -> str:
+        """Return what that generator is made with, so that a replay can make it again."""
+        return f"{self._seed}/{name}"
 
 
 def _normal(generator: Generator, sd: float) -> Iterator[float]:

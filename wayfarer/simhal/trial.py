@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.config import RoverConfig
 from wayfarer.escape.api import Phase
-from wayfarer.hal import PositionFix
+from wayfarer.hal import Rover
 from wayfarer.mission import RunEnd
-from wayfarer.records import RunLog, Tee, TickRecord
+from wayfarer.records import PartialLog, RunLog, Tee, TickRecord
 from wayfarer.registry import find_algorithm
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.loop import VirtualLoop
@@ -56,7 +57,10 @@ class TrialResult(NamedTuple):
     ticks: int
 
 
-class Tally:
+MakeLog = Callable[[World, Rover], RunLog]
+
+
+class Tally(PartialLog):
     """A run log that counts and keeps nothing."""
 
     def __init__(self) -> None:
@@ -83,12 +87,6 @@ class Tally:
         """Note a rover that gave up by itself."""
         self.disarmed |= name == "disarmed"
 
-    def position(self, fix: PositionFix | None) -> None:
-        """Positions are not counted."""
-
-    def close(self, reason: str, text: str) -> None:
-        """There is nothing to close."""
-
 
 def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
     """Run one trial; with ``log_dir`` the rover's full field log is written there.
@@ -97,11 +95,20 @@ def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
         MissingPart: the rover cannot give what the algorithm needs.
         BadInput: the log cannot be written.
     """
+    return run_watched(spec, None if log_dir is None else lambda world, rover: _field_log(spec, log_dir, world, rover))
+
+
+def run_watched(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
+    """Run one trial beside a log that is made for its world and rover, and may look at what no rover can see.
+
+    Raises:
+        MissingPart: the rover cannot give what the algorithm needs.
+    """
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(_run(spec, log_dir))
+        return runner.run(_run(spec, make_log))
 
 
-async def _run(spec: TrialSpec, log_dir: Path | None) -> TrialResult:
+async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
     streams = Streams(spec.seed)
     algorithm = find_algorithm(spec.algorithm)
     handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
@@ -109,7 +116,7 @@ async def _run(spec: TrialSpec, log_dir: Path | None) -> TrialResult:
     world = World(spec.forest, spec.rover.vehicle, physics, streams)
     rover = build(spec.depth, world, streams, spec.rover, asyncio.get_running_loop().time)
     tally = Tally()
-    log = tally if log_dir is None else Tee(tally, _field_log(spec, log_dir))
+    log = tally if make_log is None else Tee(tally, make_log(world, rover))
     supervisor = Supervisor(rover, spec.rover, algorithm, handler, log)
     referee = Referee(spec.forest, spec.budget_m, physics.tip_deg, supervisor.finish)
     world.after_step = referee.watch
@@ -125,9 +132,15 @@ def _outcome(referee: Referee, tally: Tally, end: RunEnd) -> Outcome:
     return referee.outcome or ("entrapped" if end.reason.startswith("mission_") else "fault")
 
 
-def _field_log(spec: TrialSpec, folder: Path) -> RunLog:
-    """Return the log that a rover in the field writes; its wall clock is the trial's, so that it can be reproduced."""
-    from wayfarer.fieldlog import FieldLog  # a thousand trials without a log need neither structlog nor orjson
+def _field_log(spec: TrialSpec, folder: Path, world: World, rover: Rover) -> RunLog:
+    """Return the log that a rover in the field writes, and the truth beside it.
+
+    Its wall clock is the trial's, and it is written as it comes, without a thread: the same trial gives the same bytes.
+    """
+    from wayfarer.fieldlog.files import RunFiles  # a thousand trials without a log need neither structlog nor orjson
+    from wayfarer.fieldlog.log import FieldLog
+    from wayfarer.simhal.forest_file import as_row
+    from wayfarer.simhal.witness import Witness
 
     forest = spec.forest
     details = {
@@ -138,10 +151,15 @@ def _field_log(spec: TrialSpec, folder: Path) -> RunLog:
         "forest": forest.forest,
         "noise": forest.noise,
         "seed": spec.seed,
+        "algorithm_seed": Streams(spec.seed).random_seed("algorithm"),
+        "simulated": True,
+        "parts": {name: part.name for name, part in rover.parts.items()},
+        "world": as_row(forest),
         "slip_mean_m": spec.slip_mean_m,
         "budget_m": spec.budget_m,
     }
-    return FieldLog(folder, details, wall=lambda t_s: t_s)
+    log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s)
+    return Tee(log, Witness(log, world))
 
 
 def _result(spec: TrialSpec, outcome: Outcome, referee: Referee, world: World, tally: Tally) -> TrialResult:

@@ -12,7 +12,8 @@ from wayfarer.conditions import Level
 from wayfarer.config import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Decision, Phase
-from wayfarer.fieldlog import FieldLog
+from wayfarer.fieldlog.files import RunFiles
+from wayfarer.fieldlog.log import FieldLog
 from wayfarer.hal import STOP
 from wayfarer.latest import Snapshot
 from wayfarer.records import TickRecord
@@ -59,7 +60,7 @@ def tick(memory: object = None) -> TickRecord:
 
 
 def test_what_cannot_be_written_is_dropped_and_counted(tmp_path: Path) -> None:
-    log = FieldLog(tmp_path, {}, wall=lambda t_s: t_s)
+    log = FieldLog(RunFiles(tmp_path), {}, wall=lambda t_s: t_s)
     log.tick(tick(KeyError("a third party's memory")))
     log.tick(tick())
     log.close("requested", "enough")
@@ -69,4 +70,4 @@ def test_what_cannot_be_written_is_dropped_and_counted(tmp_path: Path) -> None:
 
 def test_folder_that_cannot_be_made_is_bad_input() -> None:
     with pytest.raises(BadInput, match="the field log cannot be written"):
-        FieldLog(Path("/dev/null/run"), {})
+        FieldLog(RunFiles(Path("/dev/null/run")), {})

@@ -1,0 +1,184 @@
+"""What a run tells its log, as records: one JSON object a line, for ``tail -F``, for ``jq`` and for ``wayfarer logs``.
+
+The first record says what ran (version, algorithm, the rover's whole configuration), the last how it ended; between
+them there is a record for each control tick and each event. Keys carry their units; ``t_s`` is the loop's clock and
+``t_wall`` the wall clock, which may step. ``field_logs/README.md`` has the schema.
+
+Logging can never raise into control: what cannot be written is dropped and counted, and the rover drives on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import orjson
+import structlog
+from structlog.typing import EventDict, WrappedLogger
+
+from wayfarer import __version__
+from wayfarer.escape.api import Observation
+from wayfarer.fieldlog.clock import WallClock, wall_clock
+from wayfarer.fieldlog.files import LineSink
+from wayfarer.hal import MotorHealth, PositionFix
+from wayfarer.latest import Snapshot
+from wayfarer.records import TickRecord
+
+SCHEMA = 2
+CLOCK_STEP_S = 1.0  # more than a clock is slewed between two records; finding the right time steps it by hours
+
+Record = dict[str, Any]
+
+
+class FieldLog:
+    """Turns what a run tells into records and hands each on as a line; implements ``records.RunLog``.
+
+    Args:
+        sink: where the lines go.
+        details: what else the first record says: algorithm, configuration, seed.
+        wall: the wall clock, given the loop's time.
+        t_s: the loop's time at which the run begins.
+        viewer: is shown every record, as it is written; must not wait.
+
+    Raises:
+        BadInput: the sink cannot be opened.
+    """
+
+    def __init__(
+        self,
+        sink: LineSink,
+        details: Mapping[str, Any],
+        wall: WallClock = wall_clock,
+        t_s: float = 0.0,
+        viewer: Callable[[Record], None] | None = None,
+    ) -> None:
+        self._sink = sink
+        self._wall = wall
+        self._viewer = viewer
+        self._details = details
+        self._t_s = t_s
+        self._number = 0
+        self._unmade = 0
+        self._wall_offset_s: float | None = None
+        self._logger: Any = structlog.wrap_logger(
+            sink,
+            processors=[self._stamp, self._show, structlog.processors.JSONRenderer(serializer=orjson.dumps)],
+            wrapper_class=structlog.BoundLoggerBase,
+        )
+        self._show(None, "", self._header(1))
+        sink.open(lambda part: orjson.dumps(self._header(part)))
+
+    @property
+    def dropped(self) -> int:
+        """How many records did not get into the log."""
+        return self._unmade + self._sink.dropped
+
+    def tick(self, record: TickRecord) -> None:
+        """Write a control tick: what was seen, wanted, and applied."""
+        try:
+            fields = _tick(record)
+        except Exception:  # a third party's memory() or decision; no log is worth a run
+            self._unmade += 1
+        else:
+            self._write("bulk", "tick", record.t_s, fields)
+
+    def event(self, name: str, t_s: float, **details: object) -> None:
+        """Write something that happened."""
+        self._write("urgent", "event", t_s, {"name": name, **details})
+
+    def position(self, fix: PositionFix | None) -> None:
+        """Write a position."""
+        if fix is not None:
+            self._write("bulk", "position", fix.t_s, fix._asdict())
+
+    def board(self, t_s: float, health: MotorHealth) -> None:
+        """Write what the motor board says of itself."""
+        self._write("bulk", "board", t_s, health._asdict())
+
+    def note(self, kind: str, t_s: float, fields: Mapping[str, Any]) -> None:
+        """Write a record of another kind: ``computer``, or a simulation's ``truth``."""
+        self._write("bulk", kind, t_s, fields)
+
+    def close(self, reason: str, text: str) -> None:
+        """Write the outcome and close the log."""
+        self._write("urgent", "outcome", self._t_s, {"reason": reason, "text": text, "dropped": self.dropped})
+        self._sink.close()
+
+    def _write(self, urgency: str, kind: str, t_s: float, fields: Mapping[str, Any]) -> None:
+        self._note_clock_step(t_s)
+        self._t_s = t_s
+        self._number += 1
+        try:
+            self._logger._proxy_to_logger(urgency, kind, t_s=t_s, fields=fields)
+        except Exception:  # a detail that is no JSON
+            self._unmade += 1
+
+    def _note_clock_step(self, t_s: float) -> None:
+        """Write down that the wall clock was set, before the first record with the new time."""
+        offset_s = self._wall(t_s) - t_s
+        before_s, self._wall_offset_s = self._wall_offset_s, offset_s
+        if before_s is not None and abs(offset_s - before_s) > CLOCK_STEP_S:
+            self.event("clock_step", t_s, by_s=round(offset_s - before_s, 3))
+
+    def _header(self, part: int) -> Record:
+        """Return the first record of a part of the log."""
+        t_s = self._t_s
+        about = {"schema": SCHEMA, "part": part, "version": __version__, **self._details}
+        return {"record": "run", "t_s": t_s, "t_wall": round(self._wall(t_s), 3), **about}
+
+    def _stamp(self, _logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:
+        """Put kind and times first, for the person who tails the file; times are whole, for replay."""
+        t_s = event["t_s"]
+        stamp = {"record": event["event"], "n": self._number, "t_s": t_s, "t_wall": round(self._wall(t_s), 3)}
+        return {**stamp, **event["fields"], "t_s": t_s}
+
+    def _show(self, _logger: WrappedLogger | None, _method: str, record: EventDict) -> EventDict:
+        if self._viewer is not None:
+            try:
+                self._viewer(dict(record))
+            except Exception as error:  # whoever looks on must not cost the run its log
+                self._viewer = None
+                self.event("viewer_failed", self._t_s, error=repr(error))
+        return record
+
+
+def _tick(record: TickRecord) -> dict[str, Any]:
+    wanted, applied, decision = record.decision.wheels, record.applied, record.decision
+    return {
+        **_read(record.snapshot),
+        **_seen(record.observation),
+        "phase": decision.phase.value,
+        "why": decision.why,
+        "wanted_left": wanted.left,
+        "wanted_right": wanted.right,
+        "applied_left": applied.left,
+        "applied_right": applied.right,
+        "level": record.level.name.lower(),
+        "cause": record.cause.value if record.cause is not None else None,
+        **record.memory(),
+    }
+
+
+def _read(snapshot: Snapshot) -> dict[str, Any]:
+    """Return what the sensors said, exactly: a replay starts from this."""
+    compass, motion, contact = snapshot.compass, snapshot.motion, snapshot.contact
+    return {
+        "compass": compass and compass._asdict(),
+        "motion": motion and motion._asdict(),
+        "contact": contact and {**contact._asdict(), "sides": [side.value for side in contact.sides]},
+    }
+
+
+def _seen(observation: Observation | None) -> dict[str, Any]:
+    """Return what the handler saw of it."""
+    if observation is None:
+        return {"heading_deg": None}
+    return {
+        "decision_t_s": observation.t_s,
+        "heading_deg": observation.heading_deg,
+        "pitch_deg": observation.pitch_deg,
+        "roll_deg": observation.roll_deg,
+        "anomalies": [anomaly.value for anomaly in observation.anomalies],
+        "goal_heading_deg": observation.goal_heading_deg,
+        "travelled_m": observation.travelled_m,
+    }

@@ -1,0 +1,78 @@
+"""Where the rover was, as far as it can know: dead reckoning over the records of a log. Pure.
+
+The motion sensor says how far, while it can; where it cannot tell, the wheels' commands do. The compass alone says
+which way. Good enough to draw a path and to search for a lost rover; no decision ever sees it.
+"""
+
+from __future__ import annotations
+
+from math import cos, radians, sin
+from typing import Any, NamedTuple
+
+QUALITY_MIN = 0.2  # as ``DetectorSettings.quality_min``: below it the sensor cannot tell
+SILENT_S = 0.5  # a motion sensor that has said nothing for so long says nothing of the distance either
+
+
+class Place(NamedTuple):
+    """A position relative to where the log begins, metres, and the heading in degrees from magnetic north."""
+
+    t_s: float
+    north_m: float
+    east_m: float
+    heading_deg: float
+
+
+class DeadReckoning:
+    """Follows the ticks of one log; ``place`` is the latest position, None before the first heading.
+
+    ``path_m`` is how far the rover went, forwards and backwards both counted up.
+
+    Args:
+        header: the log's first record, for the speed at full duty; without one commands count for nothing.
+    """
+
+    def __init__(self, header: dict[str, Any]) -> None:
+        vehicle = header.get("config", {}).get("vehicle", {})
+        self._half_speed_m_s = float(vehicle.get("max_speed_m_s", 0.0)) / 2.0
+        self._north_m = self._east_m = 0.0
+        self._t_s: float | None = None
+        self._spoke_t_s = float("-inf")
+        self._commanded_m = 0.0
+        self._applied = (0.0, 0.0)
+        self.path_m = 0.0
+        self.place: Place | None = None
+
+    def take(self, tick: dict[str, Any]) -> Place | None:
+        """Take the next ``tick`` record, and return where the rover is then."""
+        t_s, heading_deg = tick["t_s"], tick.get("heading_deg")
+        dt_s, self._t_s = t_s - (self._t_s if self._t_s is not None else t_s), t_s
+        self._commanded_m += sum(self._applied) * self._half_speed_m_s * dt_s
+        self._applied = (tick.get("applied_left") or 0.0, tick.get("applied_right") or 0.0)
+        forward_m, right_m = self._gone(tick.get("motion"), t_s)
+        if heading_deg is None:
+            return None
+        ahead_rad = radians(heading_deg)
+        self._north_m += forward_m * cos(ahead_rad) - right_m * sin(ahead_rad)
+        self._east_m += forward_m * sin(ahead_rad) + right_m * cos(ahead_rad)
+        self.path_m += abs(forward_m)
+        self.place = Place(t_s, self._north_m, self._east_m, heading_deg)
+        return self.place
+
+    def _gone(self, motion: dict[str, Any] | None, t_s: float) -> tuple[float, float]:
+        """Return how far the rover went since the last answer, forward and to the right."""
+        if motion is None:
+            if t_s - self._spoke_t_s <= SILENT_S:
+                return 0.0, 0.0  # it comes with the next reading
+            return self._taken(), 0.0
+        self._spoke_t_s = t_s
+        commanded_m = self._taken()
+        forward_m, right_m, quality = motion["forward_m"], motion["right_m"], motion["quality"]
+        if forward_m is None or right_m is None or quality is None or quality < QUALITY_MIN:
+            return commanded_m, 0.0
+        if not motion.get("signed", True) and commanded_m < 0.0:
+            forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
+        return forward_m, right_m
+
+    def _taken(self) -> float:
+        commanded_m, self._commanded_m = self._commanded_m, 0.0
+        return commanded_m

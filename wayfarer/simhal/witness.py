@@ -1,0 +1,43 @@
+"""Ground truth in the log of a simulated run: where the rover really is, and what happens to it."""
+
+from __future__ import annotations
+
+from math import degrees
+
+from wayfarer.fieldlog.log import FieldLog
+from wayfarer.records import PartialLog, TickRecord
+from wayfarer.simhal.world import World
+
+TICKS_A_RECORD = 4  # a fifth of a second at 20 Hz: plenty to draw a path
+
+
+class Witness(PartialLog):
+    """Writes ``truth`` beside the ticks: regularly, and whenever the rover begins or ceases to slip or to touch."""
+
+    def __init__(self, log: FieldLog, world: World) -> None:
+        self._log = log
+        self._world = world
+        self._ticks = 0
+        self._last = (False, False)
+
+    def tick(self, record: TickRecord) -> None:
+        """Look at the world at a control tick."""
+        world = self._world
+        happening = (world.slipping, world.touch is not None)
+        if self._ticks % TICKS_A_RECORD == 0 or happening != self._last:
+            self._log.note("truth", record.t_s, _truth(world))
+        self._ticks += 1
+        self._last = happening
+
+
+def _truth(world: World) -> dict[str, float | bool]:
+    """Return the pose in the forest's own metres, x east and y north, and what holds the rover."""
+    return {
+        "x_m": round(world.x_m, 4),
+        "y_m": round(world.y_m, 4),
+        "heading_deg": round(degrees(world.heading_rad) % 360.0, 2),
+        "pitch_deg": round(world.pitch_deg, 2),
+        "roll_deg": round(world.roll_deg, 2),
+        "slipping": world.slipping,
+        "touching": world.touch is not None,
+    }
