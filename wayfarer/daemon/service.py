@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
@@ -23,6 +24,7 @@ from wayfarer.control.server import ControlServer
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.heartbeat import Heartbeat
 from wayfarer.daemon.inspection import Live
+from wayfarer.daemon.viewer import Viewer
 from wayfarer.dry_run import DryMotors
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
@@ -58,7 +60,8 @@ class Service:
     """What one daemon runs.
 
     ``make_rover`` is called on the running loop with a function that ends the run (a simulated rover calls it when it
-    has escaped), and ``close_buses`` afterwards. ``seed`` is for an algorithm that draws lots.
+    has escaped), and ``close_buses`` afterwards. ``seed`` is for an algorithm that draws lots. ``viewers`` look on.
+    ``loop_factory`` makes the event loop; None is asyncio's own.
     """
 
     config: RoverConfig
@@ -70,6 +73,8 @@ class Service:
     socket: Path
     simulated: bool
     dry_run: bool
+    viewers: Sequence[Viewer] = ()
+    loop_factory: Callable[[], asyncio.AbstractEventLoop] | None = None
 
 
 def serve(service: Service) -> RunEnd:
@@ -85,7 +90,7 @@ def serve(service: Service) -> RunEnd:
         return await Daemon(service).run()
 
     motors = None if service.simulated else motors_device(service.config)
-    with SingleDaemon(service.socket), MotorsLock(motors), asyncio.Runner() as runner:
+    with SingleDaemon(service.socket), MotorsLock(motors), asyncio.Runner(loop_factory=service.loop_factory) as runner:
         try:
             return runner.run(run())
         except Exception as error:
@@ -118,7 +123,8 @@ class Daemon:
         }
         self._lines = LineWriter()
         heartbeat = Heartbeat(self._notifier, self._guard)
-        field_log = FieldLog(RunFiles(folder), self._header(about, vessel), t_s=self._loop.time())
+        header, shown_to = self._header(about, vessel), [viewer.show for viewer in service.viewers]
+        field_log = FieldLog(RunFiles(folder), header, t_s=self._loop.time(), viewers=shown_to)
         witnesses = [vessel.witness(field_log)] if vessel.witness else []
         self._log = Tee(field_log, *witnesses, ConsoleLog(self._lines.write), heartbeat)
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
@@ -138,7 +144,9 @@ class Daemon:
             on_error=lambda error: self._log.event("control_error", self._loop.time(), error=repr(error)),
         )
         try:
-            async with server:
+            async with server, AsyncExitStack() as stack:
+                for viewer in self._service.viewers:
+                    await stack.enter_async_context(viewer.serving(self._commands))
                 return await self._run_watched()
         finally:
             self._guard.stop()

@@ -9,7 +9,7 @@ Logging can never raise into control: what cannot be written is dropped and coun
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import orjson
@@ -38,7 +38,8 @@ class FieldLog:
         details: what else the first record says: algorithm, configuration, seed.
         wall: the wall clock, given the loop's time.
         t_s: the loop's time at which the run begins.
-        viewer: is shown every record, as it is written; must not wait.
+        viewers: each is shown every record as it is written, and must neither wait nor change it. One that raises is not
+            asked again.
 
     Raises:
         BadInput: the sink cannot be opened.
@@ -50,11 +51,11 @@ class FieldLog:
         details: Mapping[str, Any],
         wall: WallClock = wall_clock,
         t_s: float = 0.0,
-        viewer: Callable[[Record], None] | None = None,
+        viewers: Sequence[Callable[[Record], None]] = (),
     ) -> None:
         self._sink = sink
         self._wall = wall
-        self._viewer = viewer
+        self._viewers = list(viewers)
         self._details = details
         self._t_s = t_s
         self._number = 0
@@ -62,11 +63,11 @@ class FieldLog:
         self._wall_offset_s: float | None = None
         self._logger: Any = structlog.wrap_logger(
             sink,
-            processors=[self._stamp, self._show, structlog.processors.JSONRenderer(serializer=orjson.dumps)],
+            processors=[self._stamp, structlog.processors.JSONRenderer(serializer=orjson.dumps)],
             wrapper_class=structlog.BoundLoggerBase,
         )
-        self._show(None, "", self._header(1))
         sink.open(lambda part: orjson.dumps(self._header(part)))
+        self._show(self._header(1))
 
     @property
     def dropped(self) -> int:
@@ -112,6 +113,8 @@ class FieldLog:
             self._logger._proxy_to_logger(urgency, kind, t_s=t_s, fields=fields)
         except Exception:  # a detail that is no JSON
             self._unmade += 1
+        else:
+            self._show(self._newest)
 
     def _note_clock_step(self, t_s: float) -> None:
         """Write down that the wall clock was set, before the first record with the new time."""
@@ -130,16 +133,17 @@ class FieldLog:
         """Put kind and times first, for the person who tails the file; times are whole, for replay."""
         t_s = event["t_s"]
         stamp = {"record": event["event"], "n": self._number, "t_s": t_s, "t_wall": round(self._wall(t_s), 3)}
-        return {**stamp, **event["fields"], "t_s": t_s}
+        self._newest = {**stamp, **event["fields"], "t_s": t_s}
+        return self._newest
 
-    def _show(self, _logger: WrappedLogger | None, _method: str, record: EventDict) -> EventDict:
-        if self._viewer is not None:
+    def _show(self, record: Record) -> None:
+        """Show a record; who looks on must not cost the run its log."""
+        for viewer in list(self._viewers):
             try:
-                self._viewer(dict(record))
-            except Exception as error:  # whoever looks on must not cost the run its log
-                self._viewer = None
+                viewer(record)
+            except Exception as error:
+                self._viewers.remove(viewer)
                 self.event("viewer_failed", self._t_s, error=repr(error))
-        return record
 
 
 def _tick(record: TickRecord) -> dict[str, Any]:

@@ -1,0 +1,19 @@
+"""Whoever looks on while the rover drives: a page in a browser, Foxglove."""
+
+from __future__ import annotations
+
+from contextlib import AbstractAsyncContextManager
+from typing import Protocol
+
+from wayfarer.control.protocol import Commands
+from wayfarer.fieldlog.log import Record
+
+
+class Viewer(Protocol):
+    """Is shown every record of the run's log, and may be served on the daemon's loop."""
+
+    def show(self, record: Record) -> None:
+        """Take a record as it is written, the first one before anything is open. Must not wait, nor change it."""
+
+    def serving(self, commands: Commands) -> AbstractAsyncContextManager[None]:
+        """Serve while entered; ``commands`` is what the control socket can do, too."""
