@@ -28,7 +28,7 @@ LAYERS = [
     ["helm", "fieldlog", "console_log", "status_light"],
     ["supervisor", "stop_path"],
     ["assembly", "dry_run", "stop_motors", "service", "checks", "control"],
-    ["calibrate", "daemon"],
+    ["calibrate", "daemon", "replay"],
 ]
 PURE = [
     "angles", "bounds", "conditions", "hal", "escape", "detector", "latest", "safety", "arming", "board", "mission",

@@ -11,6 +11,7 @@ goes on where it was when the hold ends.
 from __future__ import annotations
 
 from enum import Enum
+from typing import Protocol
 
 from wayfarer.arming import Arming
 from wayfarer.board import BoardWatch
@@ -19,7 +20,7 @@ from wayfarer.config import RoverConfig
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
-from wayfarer.hal import STOP, DriveMotors, PositionFix, WheelCommand
+from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.latest import Cells, Snapshot
 from wayfarer.mission import Mission, RunEnd
 from wayfarer.records import RunLog, TickRecord
@@ -36,6 +37,16 @@ class Mode(Enum):
     ARMED = "armed"
 
 
+class Wheels(Protocol):
+    """As much of ``hal.DriveMotors`` as the helm uses."""
+
+    async def drive(self, command: WheelCommand) -> WheelCommand:
+        """Apply the command and return what was really applied."""
+
+    def halt(self) -> None:
+        """Send a stop without waiting for it."""
+
+
 # Members of an Enum are found slowly through its class, and the tick asks 20 times a second.
 _ARMED = Mode.ARMED
 _FAULT = Level.FAULT
@@ -48,7 +59,7 @@ class Helm:
     """
 
     def __init__(
-        self, motors: DriveMotors, cells: Cells, config: RoverConfig, detector: Detector, handler: EscapeHandler,
+        self, motors: Wheels, cells: Cells, config: RoverConfig, detector: Detector, handler: EscapeHandler,
         log: RunLog,
     ) -> None:  # fmt: skip
         self._motors = motors

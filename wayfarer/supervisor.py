@@ -60,13 +60,7 @@ class Supervisor:
         self._log = log
         self.cells = Cells()
         needs = check_parts(rover, algorithm, config)
-        detector = Detector(
-            config.detector,
-            config.vehicle.max_speed_m_s,
-            watches_motion=rover.motion is not None,
-            watches_contact=config.anomaly_source == "contact",
-            needs_contact="contact" in needs,
-        )
+        detector = make_detector(config, needs, watches_motion=rover.motion is not None)
         self.helm = Helm(rover.motors, self.cells, config, detector, handler, log)
         self._health_hz = config.board.health_hz
         self._disarms = 0
@@ -210,10 +204,11 @@ class Supervisor:
         while True:
             try:
                 health = await self._rover.motors.health()
-                board.update(time(), health)
-                self._log.board(time(), health)
+                t_s = time()
+                board.update(t_s, health)
+                self._log.board(t_s, health)
             except DriverError as error:
-                if board.health is not None:
+                if Condition.BOARD_SILENT not in board.conditions:
                     self._log.event("board_silent", time(), error=str(error))
                 board.silent()
             await pace.wait()
@@ -268,15 +263,30 @@ def check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> froz
     Raises:
         MissingPart: the rover has not got one of them.
     """
-    needs = set(algorithm.requires)
-    needs.add(config.anomaly_source)
+    needs = needs_of(algorithm, config)
     for name in sorted(needs):
         if getattr(rover, name, None) is None:
             who = f"algorithm '{algorithm.name}'" if name in algorithm.requires else f"anomaly_source = '{name}'"
             raise MissingPart(
                 f"{who} needs a {name} sensor, and rover '{config.name}' has none; choose another algorithm or rover"
             )
-    return frozenset(needs)
+    return needs
+
+
+def needs_of(algorithm: Algorithm, config: RoverConfig) -> frozenset[str]:
+    """Return the optional parts that an algorithm needs on a rover of this configuration."""
+    return frozenset({*algorithm.requires, config.anomaly_source})
+
+
+def make_detector(config: RoverConfig, needs: frozenset[str], *, watches_motion: bool) -> Detector:
+    """Return the detector of a run that uses the parts ``needs``; ``watches_motion`` where it has a motion sensor."""
+    return Detector(
+        config.detector,
+        config.vehicle.max_speed_m_s,
+        watches_motion=watches_motion,
+        watches_contact=config.anomaly_source == "contact",
+        needs_contact="contact" in needs,
+    )
 
 
 def first_cause(error: BaseException) -> BaseException:

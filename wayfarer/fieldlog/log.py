@@ -38,8 +38,8 @@ class FieldLog:
         details: what else the first record says: algorithm, configuration, seed.
         wall: the wall clock, given the loop's time.
         t_s: the loop's time at which the run begins.
-        viewers: each is shown every record as it is written, and must neither wait nor change it. One that raises is not
-            asked again.
+        viewers: each is shown every record as it is written, and must neither wait nor change it; one that raises is
+            not asked again.
 
     Raises:
         BadInput: the sink cannot be opened.
@@ -77,10 +77,11 @@ class FieldLog:
     def tick(self, record: TickRecord) -> None:
         """Write a control tick: what was seen, wanted, and applied."""
         try:
-            fields = _tick(record)
+            fields = tick_fields(record)
         except Exception:  # a third party's memory() or decision; no log is worth a run
             self._unmade += 1
         else:
+            self._note_clock_step(record.t_s)
             self._write("bulk", "tick", record.t_s, fields)
 
     def event(self, name: str, t_s: float, **details: object) -> None:
@@ -106,7 +107,6 @@ class FieldLog:
         self._sink.close()
 
     def _write(self, urgency: str, kind: str, t_s: float, fields: Mapping[str, Any]) -> None:
-        self._note_clock_step(t_s)
         self._t_s = t_s
         self._number += 1
         try:
@@ -146,7 +146,8 @@ class FieldLog:
                 self.event("viewer_failed", self._t_s, error=repr(error))
 
 
-def _tick(record: TickRecord) -> dict[str, Any]:
+def tick_fields(record: TickRecord) -> dict[str, Any]:
+    """Return what the log keeps of a control tick."""
     wanted, applied, decision = record.decision.wheels, record.applied, record.decision
     return {
         **_read(record.snapshot),

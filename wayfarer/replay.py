@@ -1,0 +1,207 @@
+"""A field log through today's code: the same readings, the same commands, and whether the same decisions come out.
+
+Everything that came from outside is taken from the log: readings, what the motors took, what people asked for, what the
+motor board said. Everything that the rover concluded is concluded again, by the helm itself: anomalies, conditions,
+arming, the gate's level, and what the algorithm decided. So a log is a regression test, and a question: what would the
+rover have done with another threshold?
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import nan
+from pathlib import Path
+from random import Random
+from typing import Any, NamedTuple
+
+import orjson
+from pydantic import ValidationError
+
+from wayfarer.config import RoverConfig
+from wayfarer.config_errors import explain, most_telling
+from wayfarer.errors import BadInput, DriverError
+from wayfarer.fieldlog.log import tick_fields
+from wayfarer.fieldlog.reader import Record, RunReader
+from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, Side, WheelCommand
+from wayfarer.helm import Helm, Mode
+from wayfarer.latest import Cells
+from wayfarer.records import PartialLog
+from wayfarer.registry import find_algorithm
+from wayfarer.supervisor import make_detector, needs_of
+
+# What a tick concluded, the root first: a heading that is believed or not explains an anomaly, that a phase.
+CONCLUSIONS = ("heading_deg", "anomalies", "level", "cause", "goal_heading_deg", "phase", "why", "wanted_left")
+READINGS = frozenset({"record", "n", "t_s", "t_wall", "compass", "motion", "contact", "applied_left", "applied_right"})
+
+
+class Difference(NamedTuple):
+    """The first decision that came out otherwise: the tick's time and number, and the conclusion by its key."""
+
+    t_s: float
+    n: int | None
+    key: str
+    logged: object
+    today: object
+
+
+class Replay(NamedTuple):
+    """What became of a replay.
+
+    ``ticks`` decisions were compared. ``cut_t_s`` is where records are missing in the log: what follows cannot be
+    replayed, because what the rover remembered there is not known.
+    """
+
+    ticks: int
+    difference: Difference | None
+    cut_t_s: float | None = None
+
+
+def replay(run: Path, config: RoverConfig | None = None) -> Replay:
+    """Replay a run and compare every tick, up to the first difference.
+
+    Args:
+        run: a run's folder.
+        config: settings to try instead of those that the rover had.
+
+    Raises:
+        BadInput: no log, one whose beginning is gone, or one of an algorithm or settings that there are no more.
+    """
+    reader = RunReader(run)
+    records = iter(reader)
+    first = next(records, None)
+    if first is None or first["record"] != "run":
+        raise BadInput(f"{run} cannot be replayed: its log does not begin with what ran")
+    if first.get("part", 1) != 1:
+        raise BadInput(f"{run} cannot be replayed: its log begins with part {first['part']}, what was before is gone")
+    rerun = Rerun(run, first, config)
+    ticks = 0
+    for record in records:
+        if reader.damage.missing:
+            return Replay(ticks, None, cut_t_s=record["t_s"])
+        if record["record"] != "tick":
+            rerun.take(record)
+            continue
+        difference = compare(record, rerun.tick(record))
+        if difference is not None:
+            return Replay(ticks, difference)
+        ticks += 1
+    return Replay(ticks, None)
+
+
+class Rerun:
+    """The helm of a run, made again as the log's first record says, and fed from the log."""
+
+    def __init__(self, run: Path, header: Record, config: RoverConfig | None) -> None:
+        try:
+            self._make(header, config or _config_of(run, header))
+        except (KeyError, TypeError, AttributeError):
+            raise BadInput(f"{run} cannot be replayed: its first record does not say all that ran") from None
+
+    def _make(self, header: Record, config: RoverConfig) -> None:
+        algorithm = find_algorithm(header["algorithm"])
+        handler = algorithm.make(config.escape, config.vehicle, Random(header["algorithm_seed"]))
+        detector = make_detector(config, needs_of(algorithm, config), watches_motion="motion" in header["parts"])
+        self._motors = LoggedMotors()
+        self._cells = Cells()
+        self._helm = Helm(self._motors, self._cells, config, detector, handler, PartialLog())
+        self._compass: tuple[Mapping[str, Any] | None, CompassReading | None] = (None, None)
+
+    def take(self, record: Record) -> None:
+        """Take what was asked for and what the board said between two ticks."""
+        if record["record"] == "board":
+            self._helm.board.update(record["t_s"], MotorHealth(record["battery_v"], tuple(record["faults"])))
+        elif record["record"] == "event":
+            self._event(record["name"], record)
+
+    def tick(self, record: Record) -> dict[str, Any]:
+        """Do the control tick of a record again, and return what it concludes, as the log would have it."""
+        self._cells.compass.reading = self._compass_of(record["compass"])
+        self._cells.contact.reading = _contact_of(record["contact"])
+        if record["motion"] is not None:
+            self._cells.motion.write(_motion_of(record["motion"]))
+        self._motors.applied = WheelCommand(record["applied_left"], record["applied_right"])
+        _run(self._helm.tick(record["t_s"]))
+        assert self._helm.last is not None
+        again: dict[str, Any] = orjson.loads(orjson.dumps(tick_fields(self._helm.last)))
+        return again
+
+    def _event(self, name: str, record: Record) -> None:
+        helm, t_s = self._helm, record["t_s"]
+        if name == "arming":
+            helm.arm(t_s, record.get("goal_heading_deg"))
+        elif name == "disarmed" and helm.mode is not Mode.DISARMED:
+            helm.disarm(t_s, record["reason"])
+        elif name in {"hold", "resume"}:
+            helm.hold(t_s, held=name == "hold")
+        elif name == "goal":
+            helm.head_for(t_s, record["goal_heading_deg"])
+        elif name == "board_silent":
+            helm.board.silent()
+        elif name == "motors_failed":
+            self._motors.fails = True
+
+    def _compass_of(self, fields: Mapping[str, Any] | None) -> CompassReading | None:
+        """Return the reading; the same one as before where the sensor had not spoken again, as in its cell."""
+        if fields != self._compass[0]:
+            self._compass = fields, None if fields is None else CompassReading(**_numbers(fields))
+        return self._compass[1]
+
+
+class LoggedMotors:
+    """Wheels that take what the log says they took; implements ``helm.Wheels``."""
+
+    def __init__(self) -> None:
+        self.applied = STOP
+        self.fails = False
+
+    async def drive(self, _command: WheelCommand) -> WheelCommand:
+        """Return what was applied at this tick, or fail as it failed then."""
+        if self.fails:
+            self.fails = False
+            raise DriverError("as logged")
+        return self.applied
+
+    def halt(self) -> None:
+        """Nothing turns here."""
+
+
+def compare(logged: Record, today: Mapping[str, Any]) -> Difference | None:
+    """Return the first conclusion of a tick that is not as logged; what only one of the two knows does not count."""
+    keys = [*CONCLUSIONS, *(key for key in logged if key not in CONCLUSIONS and key not in READINGS)]
+    for key in keys:
+        if key in logged and key in today and logged[key] != today[key]:
+            return Difference(logged["t_s"], logged.get("n"), key, logged[key], today[key])
+    return None
+
+
+def _config_of(run: Path, header: Record) -> RoverConfig:
+    """Return the rover's settings; its parts are not needed, nor their drivers."""
+    try:
+        return RoverConfig.model_validate_json(orjson.dumps({**header["config"], "parts": {}}), strict=True)
+    except ValidationError as error:
+        said = explain(most_telling(error), RoverConfig)
+        raise BadInput(f"{run} cannot be replayed with its own settings: {said}; give others with --config") from None
+
+
+def _motion_of(fields: Mapping[str, Any]) -> MotionReading:
+    return MotionReading(**_numbers(fields))
+
+
+def _contact_of(fields: Mapping[str, Any] | None) -> ContactReading | None:
+    if fields is None:
+        return None
+    return ContactReading(fields["t_s"], tuple(map(Side, fields["sides"])), fields["obstacle_bearing_deg"])
+
+
+def _numbers(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a reading; JSON has no NaN, so that a number which was none is null in the log."""
+    return {key: nan if value is None and key != "calibration" else value for key, value in fields.items()}
+
+
+def _run(step: Any) -> None:
+    """Run a coroutine that waits for nothing."""
+    try:
+        step.send(None)
+    except StopIteration:
+        return
+    raise RuntimeError("a control tick waited for something: it cannot be replayed")
