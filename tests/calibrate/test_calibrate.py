@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -20,6 +21,7 @@ from wayfarer.calibrate.compass import LEARN, OFF, Levels, TeachableCompass, res
 from wayfarer.calibrate.motors import calibrate_motors
 from wayfarer.calibration import Calibration, FlowEntry, MotorsEntry, load, save, stamp
 from wayfarer.errors import BadInput, BadReading, NotResponding, WayfarerError
+from wayfarer.hal import MotionReading
 from wayfarer.simhal.streams import Streams
 
 Deeds = dict[str, Callable[[], Awaitable[None]]]
@@ -254,6 +256,46 @@ def test_a_distance_that_is_none_is_refused(rig: Rig, metres: float) -> None:
     someone.number_given = metres
     with pytest.raises(BadInput):
         take(rig, someone, "flow")
+
+
+class Watching:
+    """A camera that looks ahead: its picture changes by noise, and with every step of the world."""
+
+    name = "camera 0"
+
+    def __init__(self, rig: Rig, noise: float, per_m: float) -> None:
+        self._world, self._noise, self._per_m = rig.world, noise, per_m
+        self._seen_m = 0.0
+
+    async def open(self) -> None: ...
+
+    async def close(self) -> None: ...
+
+    async def read(self) -> MotionReading:
+        return MotionReading(asyncio.get_running_loop().time(), 0.0, 0.0, 1.0, signed=False)
+
+    async def change(self) -> float:
+        await asyncio.sleep(0.1)
+        moved_m, self._seen_m = self._world.path_m - self._seen_m, self._world.path_m
+        return self._noise + self._per_m * moved_m
+
+
+def test_camera_that_only_sees_change_gets_the_numbers_for_its_rover_file(rig: Rig) -> None:
+    rig.rover = replace(rig.rover, motion=Watching(rig, noise=1.5, per_m=100.0))
+    someone = person(rig)
+    found = take(rig, someone, "flow").flow
+    assert found is not None
+    assert (found.part, found.scale) == ("camera 0", 1.0)
+    said = next(line for line in someone.told if "difference_still" in line)
+    still, moving, speed_m_s = (float(number) for number in re.findall(r"= ([0-9.]+)", said))
+    assert still == 1.5
+    assert moving == pytest.approx(1.5 + 100.0 * speed_m_s * 0.1, rel=0.3)
+
+
+def test_camera_whose_picture_hardly_changes_is_refused(rig: Rig) -> None:
+    rig.rover = replace(rig.rover, motion=Watching(rig, noise=5.0, per_m=10.0))
+    with pytest.raises(WayfarerError, match=r"grey levels when pushed and by 5\.0 when still"):
+        take(rig, person(rig), "flow")
 
 
 def test_a_rover_without_motion_sensor_keeps_what_is_known(rig: Rig) -> None:

@@ -341,7 +341,7 @@ def test_a_rover_that_was_not_pushed_is_not_judged(rig: Rig) -> None:
 
 
 def test_a_blind_sensor_fails_the_push() -> None:
-    assert judge_push(Push(0.5, 0.0, 0.9, signed=True)).verdict is Verdict.FAIL
+    assert judge_push(Push(0.5, 0.0, 0.9)).verdict is Verdict.FAIL
 
 
 def test_a_rover_without_motion_sensor_has_nothing_to_push(rig: Rig) -> None:

@@ -2,12 +2,14 @@
 
 Published scales of the PMW3901 differ by half (hardware.md 2.6), and the lens height on a rover is a guess; one push of
 two metres corrects both. Signs and axes are not corrected but refused, with the setting to change: a sensor that is
-mounted otherwise than the rover file says is wrong sideways as well.
+mounted otherwise than the rover file says is wrong sideways as well. A camera that only sees that something changes
+has its own way (``picture``).
 """
 
 from __future__ import annotations
 
 from wayfarer.calibrate.person import Person
+from wayfarer.calibrate.picture import SeesChange, calibrate_picture
 from wayfarer.calibration import FlowEntry, stamp
 from wayfarer.checks.api import Verdict
 from wayfarer.checks.bench import measure_push
@@ -33,6 +35,8 @@ async def calibrate_flow(motion: MotionSensor, person: Person, quality_min: floa
     if not DISTANCE_MIN_M <= distance_m <= DISTANCE_MAX_M:
         raise BadInput(f"a push of {distance_m:g} m: {DISTANCE_MIN_M:g} to {DISTANCE_MAX_M:g} m are of use")
     await person.wait("Set the rover at the line's start, wheels free, and step behind it.")
+    if isinstance(motion, SeesChange) and not (await motion.read()).signed:
+        return await calibrate_picture(motion, person, distance_m, t_wall)
     told = person.wait(f"Push it straight ahead by {distance_m:g} m, at a slow walk, and stop there.")
     seen = await measure_push(motion.read, told, quality_min)
     finding = judge_push(seen)

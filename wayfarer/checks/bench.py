@@ -54,7 +54,6 @@ class Push(NamedTuple):
     forward_m: float
     right_m: float
     unknown: float
-    signed: bool
 
 
 async def measure_push(
@@ -79,5 +78,4 @@ async def measure_push(
         sum(reading.forward_m for reading in readings),
         sum(reading.right_m for reading in readings),
         sum(reading.quality < quality_min for reading in readings) / len(readings),
-        all(reading.signed for reading in readings),
     )
