@@ -129,6 +129,10 @@ def test_status_of_a_disarmed_rover_says_why() -> None:
     assert not any(line.startswith("doing") for line in lines)
 
 
+def test_status_tells_of_records_that_the_log_has_lost() -> None:
+    assert status_text({**STATUS, "log_dropped": 3}).splitlines()[-1].endswith(", 3 records lost")
+
+
 def test_status_as_json_is_everything(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     Daemon(monkeypatch, STATUS)
     assert cli.run(["status", "--json"]) == 0

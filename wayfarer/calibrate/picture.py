@@ -47,8 +47,8 @@ async def calibrate_picture(motion: SeesChange, person: Person, distance_m: floa
     moving = median(await _changes_until(motion, asyncio.ensure_future(told)))
     if moving < TIMES_STILL_MIN * still:
         raise WayfarerError(
-            f"{motion.name}: the picture changes by {moving:.1f} grey levels when pushed and by {still:.1f} when still: "
-            "push it faster, fix exposure_us under [parts.motion], or let the camera look at rougher ground"
+            f"{motion.name}: its picture changes by {moving:.1f} grey levels when pushed and by {still:.1f} when still;"
+            " push it faster, fix exposure_us under [parts.motion], or let the camera look at rougher ground"
         )
     speed_m_s = distance_m / (time() - starts_s)
     await person.say(

@@ -20,7 +20,7 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("heading", "" if heading is None else _heading(status, heading)),
         ("mission", _mission(status)),
         ("battery", "" if status.get("battery_v") is None else f"{status['battery_v']:.1f} V"),
-        ("log", status["log"]),
+        ("log", _log(status)),
     ]
 
 
@@ -48,6 +48,11 @@ def _doing(status: Mapping[str, Any]) -> str:
 def _heading(status: Mapping[str, Any], heading_deg: float) -> str:
     goal = f", goal {round(status['goal_heading_deg']) % 360}" if "goal_heading_deg" in status else ""
     return f"{round(heading_deg) % 360}{goal}, pitch {status['pitch_deg']:+.0f}, roll {status['roll_deg']:+.0f}"
+
+
+def _log(status: Mapping[str, Any]) -> str:
+    lost = f", {status['log_dropped']} records lost" if status.get("log_dropped") else ""
+    return f"{status['log']}{lost}"
 
 
 def _mission(status: Mapping[str, Any]) -> str:

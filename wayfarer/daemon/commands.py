@@ -25,6 +25,7 @@ class RoverCommands:
         log: the run's log.
         about: what ``status`` says besides: version, rover, algorithm.
         checks: what must not fail before the rover is armed.
+        log_dropped: tells how many records the field log has lost.
     """
 
     def __init__(
@@ -35,6 +36,7 @@ class RoverCommands:
         log: RunLog,
         about: Mapping[str, Any],
         checks: Sequence[Check] = ARMING,
+        log_dropped: Callable[[], int] = lambda: 0,
     ) -> None:
         self._supervisor = supervisor
         self._helm = supervisor.helm
@@ -43,6 +45,7 @@ class RoverCommands:
         self._log = log
         self._about = about
         self._checks = checks
+        self._log_dropped = log_dropped
         self._checking = False
         self._warnings: list[str] = []
 
@@ -51,6 +54,7 @@ class RoverCommands:
         helm = self._helm
         return {
             **self._about,
+            "log_dropped": self._log_dropped(),
             "mode": helm.mode.value,
             "why_disarmed": helm.why_disarmed if helm.mode is Mode.DISARMED else None,
             "held": helm.held,

@@ -22,6 +22,7 @@ from wayfarer.control.motors_lock import MotorsLock, motors_device
 from wayfarer.control.paths import SingleDaemon
 from wayfarer.control.server import ControlServer
 from wayfarer.daemon.commands import RoverCommands
+from wayfarer.daemon.computer import ComputerWatch, Health
 from wayfarer.daemon.heartbeat import Heartbeat
 from wayfarer.daemon.inspection import Live
 from wayfarer.daemon.viewer import Viewer
@@ -126,11 +127,14 @@ class Daemon:
         header, shown_to = self._header(about, vessel), [viewer.show for viewer in service.viewers]
         field_log = FieldLog(RunFiles(folder), header, t_s=self._loop.time(), viewers=shown_to)
         witnesses = [vessel.witness(field_log)] if vessel.witness else []
+        self._field_log = field_log
         self._log = Tee(field_log, *witnesses, ConsoleLog(self._lines.write), heartbeat)
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
         checks = [check for check in ARMING if not (service.simulated and check in CALIBRATED)]
-        self._commands = RoverCommands(self._supervisor, self._rover.motors, self._inspect, self._log, about, checks)
+        self._commands = RoverCommands(
+            self._supervisor, self._rover.motors, self._inspect, self._log, about, checks, lambda: field_log.dropped
+        )
 
     async def run(self) -> RunEnd:
         """Run until something ends it."""
@@ -147,6 +151,7 @@ class Daemon:
             async with server, AsyncExitStack() as stack:
                 for viewer in self._service.viewers:
                     await stack.enter_async_context(viewer.serving(self._commands))
+                stack.enter_context(ComputerWatch(self._service.logs, self._note_computer))
                 return await self._run_watched()
         finally:
             self._guard.stop()
@@ -183,6 +188,14 @@ class Daemon:
                 "boot_id": _boot_id(),
             }
         )
+
+    def _note_computer(self, health: Health) -> None:
+        """Write the computer's health down; called in another thread."""
+
+        def note() -> None:
+            self._field_log.note("computer", self._loop.time(), {**health, "log_dropped": self._field_log.dropped})
+
+        self._loop.call_soon_threadsafe(note)
 
     def _inspect(self) -> Live:
         config, logs = self._service.config, self._service.logs

@@ -1,0 +1,78 @@
+"""The computer's own health in the log: heat, power, load, disk. A Pi that gets hot or hungry slows down unasked.
+
+It is read in a thread, because a card that hangs may hold whoever asks for its free space.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from wayfarer.checks.system import THROTTLED
+
+EVERY_S = 10.0  # field.md, users' complaint 34
+CPU_TEMPERATURE = "/sys/class/thermal/thermal_zone0/temp"  # thousandths of a degree Celsius, on every Linux board
+
+Health = Mapping[str, float | str | None]
+
+
+class ComputerWatch:
+    """Reads the computer's health every ``EVERY_S`` while it is entered.
+
+    Args:
+        logs: the folder whose disk is of interest; it need not be there.
+        take: is called in the watch's own thread.
+        root: where the file system begins; another one in a test.
+    """
+
+    def __init__(self, logs: Path, take: Callable[[Health], None], root: Path = Path("/")) -> None:
+        self._logs = logs
+        self._take = take
+        self._root = root
+        self._ended = threading.Event()
+
+    def __enter__(self) -> Self:
+        threading.Thread(target=self._watch, name="computer watch", daemon=True).start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        self._ended.set()
+
+    def _watch(self) -> None:
+        while not self._ended.is_set():
+            with suppress(RuntimeError):  # the loop that is told has ended
+                self._take(health(self._logs, self._root))
+            self._ended.wait(EVERY_S)
+
+
+def health(logs: Path, root: Path = Path("/")) -> Health:
+    """Return what the computer says of itself, None for what it does not: not every one is a Raspberry Pi."""
+    cpu_mc = _text(root, CPU_TEMPERATURE)
+    return {
+        "cpu_c": int(cpu_mc) / 1000.0 if cpu_mc and cpu_mc.lstrip("-").isdecimal() else None,
+        "throttled": _text(root, THROTTLED),
+        "load_1min": round(os.getloadavg()[0], 2),
+        "disk_free_mb": _free_mb(logs),
+    }
+
+
+def _text(root: Path, path: str) -> str | None:
+    try:
+        return (root / path.lstrip("/")).read_text(encoding="ascii").strip()
+    except (OSError, ValueError):
+        return None
+
+
+def _free_mb(folder: Path) -> float | None:
+    try:
+        return round(shutil.disk_usage(folder).free / 1e6, 1)
+    except OSError:
+        return None
