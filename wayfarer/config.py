@@ -32,6 +32,7 @@ from wayfarer.config_errors import at_line, explain, line_of, most_telling, one_
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import EscapeSettings, Vehicle
+from wayfarer.fieldlog.settings import LogSettings
 from wayfarer.registry import driver_names, find_driver
 from wayfarer.safety import SafetySettings
 from wayfarer.watchdog import STALL_LIMIT_S
@@ -71,6 +72,7 @@ class RoverConfig(BaseModel):
     detector: DetectorSettings = DetectorSettings()
     safety: SafetySettings = SafetySettings()
     board: BoardSettings = BoardSettings()
+    log: LogSettings = LogSettings()
     declination_deg: float | None = Field(default=None, ge=-180, le=180)
     buses: str = "linux"
     parts: dict[str, dict[str, Any]] = {}

@@ -129,7 +129,7 @@ def sim(
     )
     command.check_rover(campaign)
     if trial is None:
-        raise typer.Exit(command.run_all(campaign, out, resume=resume, jobs=jobs))
+        raise typer.Exit(command.run_all(campaign, out, resume=resume, jobs=jobs, forests=forests))
     raise typer.Exit(command.run_alone(campaign, trial, log))
 
 

@@ -73,9 +73,12 @@ def run_all(
     *,
     resume: bool = False,
     jobs: int | None = None,
+    forests: Path | None = None,
     run_trial: RunTrial = field_trial,
 ) -> int:
     """Run a campaign, show it, print its table, and return the exit code.
+
+    ``forests`` is the file that the campaign's forests were read from; ``out`` keeps a copy of it.
 
     Raises:
         BadInput: ``out`` cannot be used; nothing is left behind then.
@@ -84,11 +87,13 @@ def run_all(
     aside = Console(stderr=True)
     total = len(campaign.algorithms) * campaign.trials
     with ResultsFolder(out, campaign.settings(), resume=resume) if out else nullcontext() as folder:
+        if folder and forests:
+            folder.keep_forests(forests)
         kept = len(folder.kept) if folder else 0
         if kept:
             say(aside, f"{kept} of {total} trials are in {out} already")
         with shown_progress(aside, kept, total) as progress:
-            finished = campaigns.run(campaign, folder, jobs=jobs or _cores(), progress=progress, run_trial=run_trial)
+            finished = campaigns.run(campaign, folder, jobs=jobs or cores(), progress=progress, run_trial=run_trial)
     if finished.interrupted:
         say(aside, _interruption(finished, total, out))
         return INTERRUPTED
@@ -125,7 +130,7 @@ def run_alone(campaign: Campaign, trial: int, log: Path | None, run_trial: RunTr
     return 1
 
 
-def _cores() -> int:
+def cores() -> int:
     """Count the cores that this process may use."""
     return len(os.sched_getaffinity(0))
 

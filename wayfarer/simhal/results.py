@@ -1,6 +1,7 @@
 """The folder of a campaign: what survives a crash, and what is there at the end.
 
-``campaign.json`` is written first and says whose folder this is. While the campaign runs, each finished trial
+``campaign.json`` is written first and says whose folder this is; ``forests.jsonl`` beside it is a copy of the
+campaign's forest file, if it has one, so that its trials can be run again. While the campaign runs, each finished trial
 is appended to ``trials.partial.csv`` in the order of completion. At the end ``summary.json`` and
 ``trials.csv`` appear whole, and the partial file goes. A line that a crash cut short has no newline; resuming
 drops it and runs that trial again.
@@ -20,6 +21,7 @@ from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.simhal.rows import COLUMNS, Row, csv_line, parse_row
 
 SETTINGS = "campaign.json"
+FORESTS = "forests.jsonl"
 PARTIAL = "trials.partial.csv"
 TRIALS = "trials.csv"
 SUMMARY = "summary.json"
@@ -61,6 +63,15 @@ class ResultsFolder:
         """Tell whether the final files are there."""
         return (self.path / TRIALS).exists() and not (self.path / PARTIAL).exists()
 
+    def keep_forests(self, file: Path) -> None:
+        """Keep a copy of the campaign's forest file; whoever reads it compares its checksum with the settings'.
+
+        Raises:
+            WayfarerError: the file cannot be read, or the folder not be written.
+        """
+        with self._writing():
+            write_whole(self.path / FORESTS, file.read_bytes())
+
     def append(self, row: Row) -> None:
         """Keep a finished trial, whatever happens to this process next.
 
@@ -77,22 +88,23 @@ class ResultsFolder:
             WayfarerError: the folder cannot be written any more.
         """
         with self._writing():
-            _write_whole(self.path / SUMMARY, _json(summary))
-            _write_whole(self.path / TRIALS, csv_line(COLUMNS) + "".join(csv_line(row[:-1]) for row in rows))
+            write_whole(self.path / SUMMARY, _json(summary))
+            table = csv_line(COLUMNS) + "".join(csv_line(row[:-1]) for row in rows)
+            write_whole(self.path / TRIALS, table.encode())
             (self.path / PARTIAL).unlink()
 
     def _claim(self, settings: Mapping[str, Any], resume: bool) -> list[Row]:
         """Make the folder this campaign's and return the trials that it holds."""
         if not any(self.path.iterdir()):
-            _write_whole(self.path / SETTINGS, _json(settings))
+            write_whole(self.path / SETTINGS, _json(settings))
         elif not resume:
             raise BadInput(f"{self.path} is not empty; give a new folder, or add --resume to go on with what is in it")
         else:
             _refuse_another_campaign(self.path, settings)
         if self.complete:
-            return _read_rows(self.path / TRIALS, COLUMNS)
+            return read_rows(self.path / TRIALS, COLUMNS)
         _drop_torn_line(self.path / PARTIAL)
-        return _read_rows(self.path / PARTIAL, Row._fields)
+        return read_rows(self.path / PARTIAL, Row._fields)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -167,21 +179,26 @@ def _drop_torn_line(path: Path) -> None:
         os.truncate(path, len(whole))
 
 
-def _read_rows(path: Path, fields: tuple[str, ...]) -> list[Row]:
+def read_rows(path: Path, fields: tuple[str, ...]) -> list[Row]:
+    """Read the rows of a file that has these columns.
+
+    Raises:
+        BadInput: a line is no row; the text names it.
+    """
     _, *lines = path.read_text(encoding="utf-8").splitlines()
     return [parse_row(line, fields, f"{path}, line {number}") for number, line in enumerate(lines, start=2)]
 
 
-def _json(value: Mapping[str, Any]) -> str:
-    return json.dumps(value, indent=2, allow_nan=False) + "\n"
+def _json(value: Mapping[str, Any]) -> bytes:
+    return (json.dumps(value, indent=2, allow_nan=False) + "\n").encode()
 
 
-def _write_whole(path: Path, text: str) -> None:
+def write_whole(path: Path, content: bytes) -> None:
     """Write a file so that it is there whole or not at all."""
     new = path.with_name(path.name + ".new")
     try:
-        with new.open("w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with new.open("wb") as file:
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
         new.replace(path)

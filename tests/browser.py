@@ -1,0 +1,74 @@
+"""A real browser for the tests that want one: the system's Chromium, without a window, driven by Playwright.
+
+A test asks for ``browser_page``, a function that opens a page of a given size in a context of its own; ``trouble`` of
+what it returns collects what went wrong in it. Playwright's blocking interface runs an event loop of its own, so only
+plain functions may use it, never coroutines. Import the fixture in the ``conftest.py`` beside the tests.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+QUIET = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+PHONE = (390, 844)
+DESKTOP = (1280, 900)
+
+
+@dataclass
+class Opened:
+    """A page, and what went wrong in it so far: failed requests, scripts that raised, errors on the console."""
+
+    page: Page
+    trouble: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.page.on("requestfailed", lambda request: self.trouble.append(f"failed: {request.url}"))
+        self.page.on("pageerror", lambda error: self.trouble.append(f"raised: {error}"))
+        self.page.on("console", lambda said: self.trouble.append(said.text) if said.type == "error" else None)
+
+    def overflow_px(self) -> int:
+        """Return by how much the document is wider than the window."""
+        return int(self.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth"))
+
+
+class OpenPage(Protocol):
+    """Opens an empty page with a window of this width and height in pixels; ``offline`` cuts its network."""
+
+    def __call__(self, viewport: tuple[int, int] = DESKTOP, *, offline: bool = False) -> Opened:
+        """Open a page."""
+
+
+@pytest.fixture
+def browser_page() -> Iterator[OpenPage]:
+    """Open pages in a browser that ends with the test; skips where there is no browser."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    chromium = next(filter(None, map(shutil.which, NAMES)), None)
+    if chromium is None:
+        pytest.skip(f"none of {', '.join(NAMES)} is installed")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=list(QUIET))
+
+        def open_page(viewport: tuple[int, int] = DESKTOP, *, offline: bool = False) -> Opened:
+            width, height = viewport
+            context = browser.new_context(viewport={"width": width, "height": height}, offline=offline)
+            return Opened(context.new_page())
+
+        yield open_page
+        browser.close()

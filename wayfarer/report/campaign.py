@@ -1,0 +1,110 @@
+"""The report of a campaign: ``report.html`` in its folder, and the figures beside it for papers and slides."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from wayfarer.errors import BadInput
+from wayfarer.report import page, words
+from wayfarer.report.drawing import house_style, save
+from wayfarer.report.escape_figure import escape_figure
+from wayfarer.report.forest_figure import forest_figure, legend_figure
+from wayfarer.report.gallery import Again, choose, run_again
+from wayfarer.report.paths_figure import paths_figure
+from wayfarer.report.ratio_figure import ratio_figure
+from wayfarer.report.reading import Results, read_results
+from wayfarer.report.table import results_table
+from wayfarer.simhal.plan import Campaign
+from wayfarer.simhal.progress import shown_progress
+from wayfarer.simhal.results import write_whole
+
+PAGE = "report.html"
+
+
+def write_report(folder: Path, *, gallery: int = 12, jobs: int) -> Path:
+    """Write the report of the campaign in ``folder``, and return the page's path.
+
+    ``gallery`` is how many trials are drawn; they are run again for that, in ``jobs`` processes. The same folder
+    gives the same bytes.
+
+    Raises:
+        BadInput: the folder holds no finished campaign, is damaged, or cannot be written.
+        WayfarerError: a worker process died.
+    """
+    results = read_results(folder)
+    figures = folder / page.FIGURES
+    try:
+        figures.mkdir(exist_ok=True)
+        with house_style():
+            body = [*_overview(results, figures), _gallery(results, figures, gallery, jobs)]
+        write_whole(folder / PAGE, page.document(words.title(results), body).encode())
+    except OSError as error:
+        raise BadInput(f"{folder}: the report cannot be written there: {error.strerror or error}") from error
+    return folder / PAGE
+
+
+def _overview(results: Results, figures: Path) -> Iterator[str]:
+    """Yield all sections that need no trial to be run again."""
+    rows = results.by_algorithm
+    paths = paths_figure(rows, results.summaries, results.shortest_paths_m)
+    escape = escape_figure(rows)
+    yield page.facts(words.facts(results))
+    yield page.section(
+        "Path length and failures",
+        page.figure(save(paths, figures, "paths", words.paths_alt(results)), words.paths_caption(results)),
+    )
+    yield page.section("Results beside the paper's", results_table(results), *map(page.paragraph, words.LEGEND))
+    yield page.section(
+        "Who has escaped by which path",
+        page.figure(save(escape, figures, "escape", words.escape_alt(results)), words.ESCAPE_CAPTION),
+    )
+    yield page.section("Path over shortest path", _ratio(results, figures))
+
+
+def _ratio(results: Results, figures: Path) -> str:
+    if not results.shortest_paths_m:
+        return page.paragraph(words.NO_SHORTEST_PATHS)
+    drawing = save(ratio_figure(results.by_algorithm), figures, "ratio", words.ratio_alt(results))
+    return page.figure(drawing, words.ratio_caption(results))
+
+
+def _gallery(results: Results, figures: Path, count: int, jobs: int) -> str:
+    heading = "Trials seen from above"
+    rows = choose(results.by_algorithm, count)
+    if not rows:
+        return page.section(heading, page.paragraph(words.NOTHING_TO_DRAW))
+    try:
+        campaign = results.rebuild()
+    except BadInput as reason:
+        return page.section(heading, page.paragraph(words.no_gallery(reason)))
+    with shown_progress(Console(stderr=True), 0, len(rows)) as progress:
+        ran = run_again(campaign, rows, jobs, progress)
+    return page.section(heading, *_drawn(campaign, ran, figures), *_not_drawn(ran, results.settings.version))
+
+
+def _drawn(campaign: Campaign, ran: Sequence[Again], figures: Path) -> Iterator[str]:
+    """Yield the drawings of the trials that came out as in the table."""
+    drawn = [(again.row, again.trace) for again in ran if again.trace is not None]
+    if not drawn:
+        return
+    yield page.paragraph(words.GALLERY)
+    yield page.figure(save(legend_figure(), figures, "forest-legend", words.FOREST_LEGEND_ALT), words.FOREST_LEGEND)
+    yield '<div class="gallery">'
+    for row, trace in drawn:
+        name = re.sub(r"[^\w.-]", "_", f"forest-{row.algorithm}-{row.trial}")
+        picture = forest_figure(campaign.make_forest(row.trial), trace)
+        drawing = save(picture, figures, name, words.trial_alt(row, len(trace.slips_m)))
+        yield page.figure(drawing, words.trial_caption(row), "forest")
+    yield "</div>"
+
+
+def _not_drawn(ran: Sequence[Again], version: str) -> Iterator[str]:
+    """Yield which trials have no drawing: a picture of another run would be wrong."""
+    missing = [again for again in ran if again.trace is None]
+    if missing:
+        yield page.paragraph(words.not_drawn(version))
+        yield page.bullets(f"{again.row.algorithm}, trial {again.row.trial}: {again.why_not}" for again in missing)

@@ -1,0 +1,135 @@
+"""A forest seen from above, with the way of one trial through it, coloured by what the rover was doing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from math import cos, radians, sin
+from typing import NamedTuple
+
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+
+from wayfarer.escape.api import Phase
+from wayfarer.report.drawing import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION, WIDTH_IN, Style
+from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
+from wayfarer.simhal.trace import Point, Trace
+
+SIZE_IN = 3.1
+MARGIN_M = 1.5  # around the map: a rover may leave it
+TRUNK, TREE, GOAL = "#a3a3a3", "#B7D3B0", "#00754A"
+HEADING_M = 5.0  # length of the arrow at the start
+
+
+class Stroke(NamedTuple):
+    """How the way is drawn while some phases last."""
+
+    text: str
+    phases: tuple[Phase, ...]
+    colour: str
+    width: float
+
+
+# Told apart by lightness too, for a page printed in grey.
+STROKES = (
+    Stroke("follow the goal", (Phase.FOLLOW,), BLUE, 1.1),
+    Stroke("probe", (Phase.PROBE,), ORANGE, 1.1),
+    Stroke("stride", (Phase.STRIDE,), PURPLE, 1.1),
+    Stroke("back off, turn away", (Phase.BACK_OFF, Phase.TURN_AWAY, Phase.HALT), BLACK, 1.1),
+)
+START: Style = {"marker": "*", "markersize": 9, "color": VERMILION, "markeredgecolor": "white", "markeredgewidth": 0.5}
+SLIP: Style = {"marker": "o", "markersize": 2.8, "color": "#C1121F", "markeredgecolor": "white", "markeredgewidth": 0.3}
+END: Style = {"marker": "X", "markersize": 6, "color": BLACK, "markeredgecolor": "white", "markeredgewidth": 0.5}
+GOAL_LINE: Style = {"color": GOAL, "linewidth": 2.2}
+
+
+def forest_figure(forest: Forest, trace: Trace) -> Figure:
+    """Return the drawing of one trial; metres, north up."""
+    figure = Figure((SIZE_IN, SIZE_IN))
+    axes = figure.subplots()
+    axes.set_aspect("equal")
+    axes.spines[:].set_visible(False)
+    axes.set_xlim(-MARGIN_M, WORLD_SIZE_M + MARGIN_M)
+    axes.set_ylim(-MARGIN_M, WORLD_SIZE_M + MARGIN_M)
+    axes.set_xticks([0, 10, 20, 30, 40, 50])
+    axes.set_yticks([0, 10, 20, 30, 40, 50])
+    axes.set_xlabel("east, m")
+    axes.set_ylabel("north, m")
+    _draw_forest(axes, forest)
+    _draw_way(axes, trace)
+    return figure
+
+
+def legend_figure() -> Figure:
+    """Return the legend that all drawings of forests share."""
+    figure = Figure((WIDTH_IN, 0.72))
+    figure.legend(handles=_legend(), loc="center", ncols=4)
+    return figure
+
+
+def _draw_forest(axes: Axes, forest: Forest) -> None:
+    points_per_m = 72.0 * SIZE_IN * 0.8 / (WORLD_SIZE_M + 2 * MARGIN_M)  # the axes take four fifths of the figure
+    lines = [((trunk.x0_m, trunk.y0_m), (trunk.x1_m, trunk.y1_m)) for trunk in forest.trunks]
+    thick = forest.trunk_diameter_m * points_per_m
+    axes.add_collection(LineCollection(lines, colors=TRUNK, linewidths=max(1.0, thick), capstyle="round", zorder=1.5))
+    trees = [Circle(tree_m, forest.tree_radius_m) for tree_m in forest.trees_m]
+    axes.add_collection(PatchCollection(trees, facecolor=TREE, edgecolor=GOAL, linewidth=0.7, zorder=1.4))
+    axes.plot([0.0, WORLD_SIZE_M], [forest.goal_y_m] * 2, zorder=1.3, **GOAL_LINE)
+    axes.plot(
+        [0, WORLD_SIZE_M, WORLD_SIZE_M, 0, 0],
+        [0, 0, WORLD_SIZE_M, WORLD_SIZE_M, 0],
+        color=GREY,
+        linewidth=0.5,
+        zorder=1,
+    )
+    x_m, y_m = forest.start_m
+    along = radians(forest.heading_deg)
+    tip = (x_m + HEADING_M * sin(along), y_m + HEADING_M * cos(along))
+    axes.annotate(
+        "", tip, (x_m, y_m), arrowprops={"arrowstyle": "-|>", "color": VERMILION, "shrinkA": 0, "shrinkB": 0}, zorder=4
+    )
+    axes.plot(x_m, y_m, zorder=4.1, **START)
+
+
+def _draw_way(axes: Axes, trace: Trace) -> None:
+    for stroke in STROKES:
+        axes.plot(*_pieces(trace.points, stroke.phases), color=stroke.colour, linewidth=stroke.width, zorder=2)
+    axes.plot(*_columns(trace.slips_m), linestyle="none", zorder=3, **SLIP)
+    axes.plot(*_columns([point[:2] for point in trace.points[-1:]]), linestyle="none", zorder=3.5, **END)
+
+
+def _pieces(points: Sequence[Point], phases: tuple[Phase, ...]) -> tuple[list[float], list[float]]:
+    """Return the parts of the way in these phases as one line with gaps; a part ends where the next phase begins."""
+    x_m: list[float] = []
+    y_m: list[float] = []
+    for point, after in pairwise(points):
+        if point.phase in phases:
+            x_m.append(point.x_m)
+            y_m.append(point.y_m)
+            if after.phase not in phases:
+                x_m += [after.x_m, math.nan]
+                y_m += [after.y_m, math.nan]
+    return x_m, y_m
+
+
+def _columns(points_m: Sequence[tuple[float, ...]]) -> tuple[list[float], list[float]]:
+    return [point[0] for point in points_m], [point[1] for point in points_m]
+
+
+def _legend() -> list[Line2D]:
+    ways = [Line2D([], [], color=stroke.colour, linewidth=2.2, label=stroke.text) for stroke in STROKES]
+    return [
+        *ways,
+        Line2D([], [], linestyle="none", label="start and goal heading", **START),
+        Line2D([], [], linestyle="none", label="end", **END),
+        Line2D([], [], linestyle="none", label="slip event", **SLIP),
+        Line2D([], [], label="goal line", **GOAL_LINE),
+        Line2D([], [], color=TRUNK, linewidth=2.2, label="fallen trunk"),
+        Line2D(
+            [], [], linestyle="none", marker="o", markersize=5, color=TREE, markeredgecolor=GOAL, label="standing tree"
+        ),
+    ]

@@ -1,0 +1,28 @@
+"""The table of a campaign as HTML, beside the paper's figures: the columns that ``wayfarer sim`` prints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from wayfarer.report import page
+from wayfarer.report.groups import grouped
+from wayfarer.report.reading import Results
+from wayfarer.simhal.report_table import FAULTS, NAME, OUTCOMES, PAPER, PATHS, Column
+
+CAPTION = "Success with its 95 % interval; path: of the successes; time and anomalies: mean a trial."
+
+
+def results_table(results: Results) -> str:
+    """Return a row for each algorithm, under its group, with a row of the paper's below where the paper has one."""
+    faults = (FAULTS,) if any(summary.fault for summary in results.summaries.values()) else ()
+    columns = (NAME, *OUTCOMES, *faults, *PATHS)
+    return page.table(CAPTION, [column.title for column in columns], _rows(results, columns))
+
+
+def _rows(results: Results, columns: Sequence[Column]) -> Iterator[tuple[str, list[str]]]:
+    for group in grouped(results.settings.algorithms):
+        yield "group", [group.title, *[""] * (len(columns) - 1)]
+        for name in group.algorithms:
+            yield "ours", [column.ours(results.summaries[name]) for column in columns]
+            if paper := PAPER.get(name):
+                yield "paper", [column.papers(paper).strip() for column in columns]

@@ -1,0 +1,140 @@
+"""What the report of a campaign says in words."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator
+
+from wayfarer import __version__
+from wayfarer.errors import BadInput
+from wayfarer.report.gallery import ending
+from wayfarer.report.ratio_figure import quantile, ratios
+from wayfarer.report.reading import Results
+from wayfarer.simhal.rows import SUCCESSES, Row
+
+LEGEND = (
+    "Success: the rover reached the destination line or left the map over another edge, which the paper counts as an "
+    "escape too, with the distance that then remains to the line added to its path.",
+    "SPL, success weighted by path length: the mean over all trials of shortest path divided by path driven, a failure "
+    "counting 0.",
+    "Censoring: of a trial that ended without an escape it is only known that its path would have been longer than "
+    "what it drove, so it counts as under way up to there and is not left out.",
+)
+ESCAPE_CAPTION = (
+    "Kaplan-Meier estimate of the share of trials that have escaped by a path of that length, with entrapped, tipped "
+    "and faulty trials censored at theirs (a tick marks the last of them). The percentage is where the curve ends; "
+    "grey: the other groups."
+)
+NO_SHORTEST_PATHS = (
+    "The shortest paths of these forests are not known. Run the campaign again with --spl, which computes them, or "
+    "with a file of forests that gives shortest_path_m."
+)
+NOTHING_TO_DRAW = "No trial is drawn."
+GALLERY = (
+    "Failures first, then the longest paths; every algorithm has its turn before one has a second. These are "
+    "therefore not typical trials but the worst. Each was run again for its drawing and came out as in trials.csv, "
+    "digit for digit."
+)
+FOREST_LEGEND = "Legend of the drawings below; trunks and trees are to scale, north is up."
+FOREST_LEGEND_ALT = (
+    "Legend: colours of the phases of the path, marks for start, end, slip events, goal line, trunks and trees"
+)
+
+
+def title(results: Results) -> str:
+    """Name the page."""
+    names, trials = results.settings.algorithms, results.settings.trials
+    what, each = (names[0], "") if len(names) == 1 else (f"{len(names)} algorithms", " each")
+    return f"{what} in {trials} simulated forest trial{'' if trials == 1 else 's'}{each}"
+
+
+def facts(results: Results) -> Iterator[tuple[str, str]]:
+    """Yield what ran: everything that decides the results, and no date."""
+    settings = results.settings
+    rover, forests = settings.rover, settings.forests
+    yield "software", f"wayfarer {settings.version}"
+    yield "trials of each algorithm", str(settings.trials)
+    yield "seed", str(settings.seed)
+    yield "mean distance between slips", f"{settings.slip_mean_m:g} m"
+    yield "path budget", f"{settings.budget_m:g} m"
+    yield "rover", str(rover.get("name", "unnamed"))
+    yield "obstacles noticed by", str(rover.get("anomaly_source", "unknown"))
+    yield "depth of the simulation", settings.depth
+    yield "forests", f"{forests.file}, BLAKE2b {forests.blake2b}" if forests else "generated"
+    yield "algorithms", ", ".join(settings.algorithms)
+
+
+def paths_caption(results: Results) -> str:
+    """Explain the figure of paths and failures."""
+    shortest_m = results.shortest_paths_m
+    line = " Dashed line: the mean of the forests' shortest paths." if shortest_m else ""
+    return (
+        "Left: path length of the successes (box: quartiles and median, whiskers: the last trial within 1.5 "
+        f"interquartile ranges, diamond: mean).{line} Right: share of trials that did not get out (entrapped, tipped "
+        "or faulty) with its Wilson 95 % interval."
+    )
+
+
+def paths_alt(results: Results) -> str:
+    """Say in words what the figure of paths and failures shows."""
+    parts = [
+        f"{name}: median path {_metres(summary.path_median_m)}, {100 - summary.success_percent:.1f} % did not get out"
+        for name, summary in results.summaries.items()
+    ]
+    return "Box plots of path length and bars of failures by algorithm. " + "; ".join(parts)
+
+
+def escape_alt(results: Results) -> str:
+    """Say in words what the figure of escapes shows."""
+    parts = [f"{name} ends at {summary.success_percent:.1f} %" for name, summary in results.summaries.items()]
+    return "Cumulative share of escaped trials over path length, by algorithm. " + "; ".join(parts)
+
+
+def ratio_caption(results: Results) -> str:
+    """Explain the figure of ratios."""
+    of_all = "" if len(results.shortest_paths_m) == len(results.rows) else " of the trials whose shortest path is known"
+    return (
+        "Path driven over the shortest path for the rover's width in the same forest; a failure counts as longer than "
+        "any number, and an arrow says that the quantile lies among the failures. At the right: the share of all trials"
+        f"{of_all} that got out within 2 and within 4 times the shortest path. Mean shortest path: "
+        f"{statistics.fmean(results.shortest_paths_m):.1f} m."
+    )
+
+
+def ratio_alt(results: Results) -> str:
+    """Say in words what the figure of ratios shows."""
+    known = {name: found for name, rows in results.by_algorithm.items() if (found := ratios(rows))}
+    parts = [f"{name}: median {quantile(found, 0.5):.1f} times" for name, found in known.items()]
+    return "Path over shortest path by algorithm. " + "; ".join(parts)
+
+
+def trial_caption(row: Row) -> str:
+    """Say which trial a drawing shows, and how it ended."""
+    share = ""
+    if row.outcome in SUCCESSES and row.path_m and row.shortest_path_m:
+        share = f", {row.path_m / row.shortest_path_m:.1f} times the shortest path"
+    return f"{row.algorithm}, trial {row.trial} (forest {row.forest}, noise {row.noise}): {ending(row)}{share}."
+
+
+def trial_alt(row: Row, slips: int) -> str:
+    """Say in words what a drawing shows."""
+    return (
+        f"Forest seen from above with the path of {trial_caption(row)} {row.anomalies} anomalies, {slips} slip events."
+    )
+
+
+def no_gallery(reason: BadInput) -> str:
+    """Say why no trial is drawn."""
+    return f"No trial is drawn: {reason}."
+
+
+def not_drawn(version: str) -> str:
+    """Say why the trials that are named next have no drawing; the table is of ``version``."""
+    return (
+        f"Not drawn, because they came out in another way when wayfarer {__version__} ran them again (the table is of "
+        f"wayfarer {version}): the code or an algorithm has changed since, and a drawing would show another run."
+    )
+
+
+def _metres(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.1f} m"

@@ -1,0 +1,79 @@
+"""A trial run again to see where it went: the way of the rover in the world, with phases and slips.
+
+No rover knows its own position. A trace is what a log sees that looks at the simulated world beside the rover's
+records; it is thinned on the way, because an entrapped rover takes 80,000 ticks.
+"""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import NamedTuple
+
+from wayfarer.escape.api import Phase
+from wayfarer.hal import Rover
+from wayfarer.records import PartialLog, TickRecord
+from wayfarer.simhal.trial import TrialResult, TrialSpec, run_watched
+from wayfarer.simhal.world import World
+
+KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius of 1.15 m
+
+
+class Point(NamedTuple):
+    """Where the rover was, metres east and north, and what it was doing from there on."""
+
+    x_m: float
+    y_m: float
+    phase: Phase
+
+
+class Trace(NamedTuple):
+    """The way of one trial: its points in the order of time, and where the ground gave way."""
+
+    points: list[Point]
+    slips_m: list[tuple[float, float]]
+
+
+class TraceLog(PartialLog):
+    """Looks at the world at each tick, and keeps every change of phase.
+
+    Between two changes a point is kept when it is ``KEPT_EVERY_M`` from the one before.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.trace = Trace([], [])
+        self._world = world
+        self._slipping = False
+
+    def tick(self, record: TickRecord) -> None:
+        """Look where the rover is."""
+        world, points = self._world, self.trace.points
+        if world.slipping and not self._slipping:
+            self.trace.slips_m.append((world.x_m, world.y_m))
+        self._slipping = world.slipping
+        phase = record.decision.phase
+        if not points or phase is not points[-1].phase or self._gone_m() >= KEPT_EVERY_M:
+            points.append(Point(world.x_m, world.y_m, phase))
+
+    def _gone_m(self) -> float:
+        """Return the distance from the last point that was kept."""
+        last = self.trace.points[-1]
+        return hypot(self._world.x_m - last.x_m, self._world.y_m - last.y_m)
+
+    def close(self, reason: str, text: str) -> None:  # noqa: ARG002
+        """Keep where it ended."""
+        self.trace.points.append(Point(self._world.x_m, self._world.y_m, Phase.HALT))
+
+
+def run_traced(spec: TrialSpec) -> tuple[TrialResult, Trace]:
+    """Run one trial, and return its result, which is the same as ever, with its trace.
+
+    Raises:
+        MissingPart: the rover cannot give what the algorithm needs.
+    """
+    logs: list[TraceLog] = []
+
+    def make_log(world: World, _: Rover) -> TraceLog:
+        logs.append(TraceLog(world))
+        return logs[0]
+
+    return run_watched(spec, make_log), logs[0].trace
