@@ -1,4 +1,4 @@
-"""``wayfarer sim`` refuses a rover that no trial could be run with, before the first one."""
+"""What ``wayfarer sim`` does with its options: rovers that it refuses before the first trial, and where logs go."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from wayfarer import cli
+from wayfarer.fieldlog.reader import read_header
 
 BODY = """
 name = "test"
@@ -59,3 +60,19 @@ def test_rover_without_parts_can_be_simulated_at_device_depth(
     options = ["--trials", "1", "--trial", "0", "--budget-m", "1", "--rover", str(tmp_path / "rover.toml")]
     assert cli.run(["sim", *options]) == 0
     assert "entrapped" in capsys.readouterr().out
+
+
+def test_campaign_with_a_log_gives_each_trial_its_own(tmp_path: Path) -> None:
+    options = ["--trials", "2", "--algorithm", "pledge,levy-walk", "--budget-m", "5", "--jobs", "2"]
+    assert cli.run(["sim", *options, "--log", str(tmp_path / "logs")]) == 0
+    runs = sorted((tmp_path / "logs").iterdir())
+    assert [run.name for run in runs] == ["levy-walk-00000", "levy-walk-00001", "pledge-00000", "pledge-00001"]
+    for run in runs:
+        header = read_header(run)
+        assert run.name == f"{header['algorithm']}-{header['trial']:05d}"
+
+
+def test_campaign_refuses_a_folder_that_has_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "forest-pledge-00000").mkdir()
+    assert cli.run(["sim", "--trials", "1", "--log", str(tmp_path)]) == 2
+    assert "the log needs a new or empty folder" in capsys.readouterr().err

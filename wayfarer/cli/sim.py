@@ -24,6 +24,8 @@ wayfarer sim --algorithm levy-walk,my_rules:spiral --spl
 
 wayfarer sim --trial 17 --log logs/17
 
+wayfarer sim --trials 50 --log logs
+
 wayfarer sim --trials 100 --rover minirover --depth bus
 """
 RUNNING = "Running"
@@ -105,7 +107,7 @@ def sim(
     ] = None,
     log: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="New or empty folder for its full field log.", rich_help_panel=ONE_TRIAL),
+        typer.Option(metavar="DIR", help="New or empty folder for the trials' full field logs; slower."),
     ] = None,
 ) -> None:
     """Run the rover's own code in simulated forests, and count how often it gets out and how far it goes."""
@@ -129,15 +131,15 @@ def sim(
     )
     command.check_rover(campaign)
     if trial is None:
-        raise typer.Exit(command.run_all(campaign, out, resume=resume, jobs=jobs, forests=forests))
+        raise typer.Exit(command.run_all(campaign, out, resume=resume, jobs=jobs, forests=forests, log=log))
     raise typer.Exit(command.run_alone(campaign, trial, log))
 
 
 def _refuse_odd_pairs(out: Path | None, resume: bool, trial: int | None, log: Path | None) -> None:
     if resume and not out:
         raise BadInput("--resume goes on with the campaign in a folder; say which with --out DIR")
-    if log and trial is None:
-        raise BadInput("--log keeps the log of one trial; say which with --trial N")
+    if log and resume:
+        raise BadInput("--log needs every trial to run anew; leave out --resume, or --log")
     if out and trial is not None:
         raise BadInput("--trial runs one trial and prints its row; it keeps no --out, leave it out")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -18,7 +19,7 @@ from wayfarer.simhal.progress import fault_line, say, shown_progress
 from wayfarer.simhal.report_table import print_table
 from wayfarer.simhal.results import ResultsFolder
 from wayfarer.simhal.rows import COLUMNS, csv_line
-from wayfarer.simhal.workers import RunTrial, TrialRunner, field_trial
+from wayfarer.simhal.workers import RunTrial, TrialRunner, field_trial, logged_trial
 
 PAPER = "paper"  # stands for the ten of the paper, which are the catalogue
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
@@ -74,18 +75,23 @@ def run_all(
     resume: bool = False,
     jobs: int | None = None,
     forests: Path | None = None,
+    log: Path | None = None,
     run_trial: RunTrial = field_trial,
 ) -> int:
     """Run a campaign, show it, print its table, and return the exit code.
 
-    ``forests`` is the file that the campaign's forests were read from; ``out`` keeps a copy of it.
+    ``forests`` is the file that the campaign's forests were read from; ``out`` keeps a copy of it. With ``log`` each
+    trial's full field log goes into a folder of its own there.
 
     Raises:
-        BadInput: ``out`` cannot be used; nothing is left behind then.
+        BadInput: ``out`` cannot be used; nothing is left behind then. ``log`` is not new or empty.
         WayfarerError: a worker died, or ``out`` cannot be written any more; finished trials are kept.
     """
     aside = Console(stderr=True)
     total = len(campaign.algorithms) * campaign.trials
+    if log:
+        _make_empty_folder(log)
+        run_trial = partial(logged_trial, log)
     with ResultsFolder(out, campaign.settings(), resume=resume) if out else nullcontext() as folder:
         if folder and forests:
             folder.keep_forests(forests)

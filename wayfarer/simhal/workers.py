@@ -65,6 +65,11 @@ def field_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
     return run_trial(spec, log_dir)
 
 
+def logged_trial(logs: Path, spec: TrialSpec, _log_dir: Path | None = None) -> TrialResult:
+    """Run the real trial with its field log in a folder of its own, such as ``logs/forest-pledge-00017``."""
+    return field_trial(spec, logs / f"{spec.algorithm.replace(':', '-')}-{spec.trial:05d}")
+
+
 class TrialRunner:
     """Runs the trials of a campaign one after the other; what it needs can be sent to another process."""
 
