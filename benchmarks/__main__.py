@@ -1,6 +1,7 @@
 """All figures beside their limits, as a Markdown table.
 
-With ``daemon`` only those of ``wayfarer run --sim``; with ``profile``, where the time of a control tick goes.
+With ``daemon`` only those of ``wayfarer run --sim``, with ``log`` only those of the field log; with ``profile``, where
+the time of a control tick goes.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import argparse
 import os
 import platform
 
-from benchmarks import command, daemon, rover, stack
+from benchmarks import command, daemon, disk, rover, stack
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
 from wayfarer import __version__
@@ -18,7 +19,7 @@ from wayfarer import __version__
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("what", nargs="?", choices=("figures", "profile", "daemon"), default="figures")
+    parser.add_argument("what", nargs="?", choices=("figures", "profile", "daemon", "log"), default="figures")
     parser.add_argument("--quick", action="store_true", help="fewer trials and runs: half a minute")
     asked = parser.parse_args()
     cores = len(os.sched_getaffinity(0))
@@ -27,6 +28,8 @@ def main() -> None:
         print_breakdown(trials=20 if asked.quick else 200)
     elif asked.what == "daemon":
         print_table(HEADER, [figure.row() for figure in daemon.figures(for_s=10 if asked.quick else 60)])
+    elif asked.what == "log":
+        print_table(HEADER, [figure.row() for figure in _log(asked.quick)])
     else:
         print_table(HEADER, [figure.row() for figure in _figures(asked.quick)])
 
@@ -41,7 +44,13 @@ def _figures(quick: bool) -> list[Figure]:
         *rover.depths(trials=5 if quick else 50),
         *rover.hanging_bus(runs=1 if quick else 5),
         *daemon.figures(for_s=10 if quick else 60),
+        *_log(quick),
     ]
+
+
+def _log(quick: bool) -> list[Figure]:
+    runs = 1 if quick else 5
+    return [*disk.costs(runs), *disk.jitter(runs, for_s=2.0)]
 
 
 if __name__ == "__main__":

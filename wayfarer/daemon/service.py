@@ -33,6 +33,7 @@ from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.folders import new_run_folder
 from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.thread import WriterThread
 from wayfarer.hal import Rover
 from wayfarer.lines import LineWriter
 from wayfarer.mission import RunEnd
@@ -125,7 +126,8 @@ class Daemon:
         self._lines = LineWriter()
         heartbeat = Heartbeat(self._notifier, self._guard)
         header, shown_to = self._header(about, vessel), [viewer.show for viewer in service.viewers]
-        field_log = FieldLog(RunFiles(folder), header, t_s=self._loop.time(), viewers=shown_to)
+        sink = WriterThread(RunFiles(folder, config.log, self._lines.write))
+        field_log = FieldLog(sink, header, t_s=self._loop.time(), viewers=shown_to)
         witnesses = [vessel.witness(field_log)] if vessel.witness else []
         self._field_log = field_log
         self._log = Tee(field_log, *witnesses, ConsoleLog(self._lines.write), heartbeat)

@@ -1,22 +1,34 @@
-"""The files of one run's log, written where waiting is allowed: here, or in ``thread.WriterThread``."""
+"""The lines of one run's log on their way to its files; written where waiting is allowed: here, or in a thread.
+
+Nothing that a disk does raises out of here: what cannot be written is dropped and counted, a record in the log says how
+much is missing and where, and a person is told.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
+from threading import Lock
 from typing import Protocol
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.folders import FILE_NAME
+from wayfarer.fieldlog.part import Part
+from wayfarer.fieldlog.parts import MB, Parts, at
+from wayfarer.fieldlog.settings import UNLIMITED, LogSettings
+from wayfarer.fieldlog.trouble import Trouble, cure
+
+BATCH_BYTES = 65_536  # what is written at once, unless it is asked for earlier
+LOG_GAP = {"record": "event", "t_s": None, "t_wall": None, "name": "log_gap"}  # the times come from ``at``
+RELIEF = 1.1  # so much more than ``free_mb`` must be free before control ticks are written again
 
 
 class LineSink(Protocol):
-    """Takes the lines of a log, each one JSON object without its end of line. No method but ``open`` raises.
+    """Takes the lines of a log, each one JSON object without its end of line. No method but ``open`` raises."""
 
-    ``dropped`` counts the lines that could not be written.
-    """
-
-    dropped: int
+    @property
+    def dropped(self) -> int:
+        """How many lines could not be written."""
 
     def open(self, header: Callable[[int], bytes]) -> None:
         """Make the files; ``header`` gives the first line of each part of the log, by the part's number from 1.
@@ -36,35 +48,158 @@ class LineSink(Protocol):
 
 
 class RunFiles:
-    """Writes the lines of one run into its folder."""
+    """Writes the lines of one run into its folder.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    Urgent lines are on the disk when ``urgent`` returns; for the others somebody must call ``sync``, once a second: it
+    also tries again what failed. A line counts as written when it was synced: what could not be is dropped, even if
+    some of it should turn up later.
+
+    Args:
+        folder: the run's folder; made where it is not there.
+        settings: limits in size.
+        tell: takes a line for the person when the log has trouble, and when it is over.
+    """
+
+    def __init__(
+        self, folder: Path, settings: LogSettings = UNLIMITED, tell: Callable[[str], None] = lambda _: None
+    ) -> None:
         self.dropped = 0
+        self._folder = folder
+        self._settings = settings
+        self.trouble = Trouble(tell)
+        self._counting = Lock()
+        self._batch: list[bytes] = []
+        self._batch_bytes = 0
+        self._unsynced = 0
+        self._gap = 0
+        self._failing = self._try_again = self._scarce = self._closed = False
 
     def open(self, header: Callable[[int], bytes]) -> None:
         """Make folder and file, and write the header; see ``LineSink``."""
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            self._file = (self._folder / FILE_NAME).open("xb")
+            self._parts = Parts(self._folder, self._settings, header)
         except OSError as error:
-            raise BadInput(f"{self._folder}: the field log cannot be written: {error.strerror}") from None
-        self.urgent(header(1))
+            raise BadInput(f"{self._folder}: the field log cannot be written: {cure(error)}") from None
 
     def bulk(self, line: bytes) -> None:
-        """Write a line; see ``LineSink``."""
-        try:
-            self._file.write(line + b"\n")
-        except (OSError, ValueError):
-            self.dropped += 1
+        """Write a line with the next batch; see ``LineSink``."""
+        if self._scarce:
+            self.lose(1)
+        else:
+            self._take(line)
+            if self._batch_bytes >= BATCH_BYTES:
+                self.flush()
 
     def urgent(self, line: bytes) -> None:
-        """Write a line; see ``LineSink``."""
-        self.bulk(line)
+        """Write a line, and all before it, to the disk; see ``LineSink``."""
+        self._take(line)
+        self.sync()
+
+    def flush(self) -> None:
+        """Hand what was taken to the operating system: the end of this process cannot harm it any more."""
+        lines, self._batch, self._batch_bytes = self._batch, [], 0
+        if not lines:
+            return
+        if self._closed or (self._failing and not self._try_again):
+            self.lose(len(lines))
+            return
+        self._try_again = False
+        try:
+            self._append(lines)
+        except OSError as error:
+            self._fail(error)
+
+    def sync(self) -> None:
+        """Have everything on the disk, look whether there is room for more, and try again what failed."""
+        self._try_again = True
+        self._look_for_room()
+        self.flush()
+        part = self._parts.newest
+        if part is None or self._failing:
+            return
+        try:
+            self._sync(part)
+        except OSError as error:
+            self._fail(error)
+            self._try_again = True  # in a new part, without waiting for another second
+        else:
+            if not self._scarce:
+                self.trouble.ends("disk", self.dropped)
+
+    def lose(self, lines: int) -> None:
+        """Count lines that are dropped, and have the log say so before the next one."""
+        self.count(lines)
+        self.gap(lines)
+
+    def count(self, lines: int) -> None:
+        """Count lines that are dropped; safe from any thread."""
+        with self._counting:
+            self.dropped += lines
+
+    def gap(self, lines: int) -> None:
+        """Have the log say how many lines are missing before the next one."""
+        self._gap += lines
 
     def close(self) -> None:
-        """Close the file; see ``LineSink``."""
+        """Write everything and close the file; see ``LineSink``."""
+        self.sync()
+        self._closed = True
+        self._parts.close()
+
+    def _take(self, line: bytes) -> None:
+        self._batch.append(line)
+        self._batch_bytes += len(line) + 1
+
+    def _append(self, lines: list[bytes]) -> None:
+        left = len(lines)
         try:
-            self._file.close()
+            part = self._part_for(lines)
+            if self._gap:
+                part.append([at(lines[0], LOG_GAP | {"dropped": self._gap})])
+                self._gap = 0
+            before = part.lines
+            try:
+                part.append(lines)
+            finally:
+                self._unsynced += part.lines - before
+                left -= part.lines - before
+            self._failing = False
+        finally:
+            self.lose(left)
+
+    def _part_for(self, lines: list[bytes]) -> Part:
+        """Return the part that takes these lines."""
+        parts = self._parts
+        if parts.newest is None or not parts.newest.fit:
+            return parts.begin(lines[0])
+        if parts.fills(lines):
+            self._look_for_room()
+            if not self._scarce:
+                self._sync(parts.newest)
+                parts.rotate(lines[0])
+        return parts.newest
+
+    def _look_for_room(self) -> None:
+        enough = self._settings.free_mb * MB * (RELIEF if self._scarce else 1.0)
+        try:
+            disk = os.statvfs(self._folder)
         except OSError:
-            self.dropped += 1
+            return
+        self._scarce = disk.f_bavail * disk.f_frsize < enough
+        if self._scarce:
+            text = f"the field log leaves out the control ticks: less than {self._settings.free_mb:g} MB are free"
+            self.trouble.begins("disk", f"{self._folder}: {text}: delete old runs; the rover drives on")
+
+    def _sync(self, part: Part) -> None:
+        try:
+            part.sync()
+        except OSError:
+            self.lose(self._unsynced)
+            raise
+        finally:
+            self._unsynced = 0
+
+    def _fail(self, error: OSError) -> None:
+        self._failing = True
+        text = f"{self._folder}: the field log cannot be written: {cure(error)}; the rover drives on"
+        self.trouble.begins("disk", text)

@@ -1,27 +1,43 @@
-"""The folders of runs: how they are named, and finding one again.
+"""The folders of runs and the files in them: how they are named, and finding one again.
 
 A folder is named by a counter, which no clock can turn back, and the time in UTC at which the run began:
-``00017-20261121T061405Z``. The counter is the order; the time is for people, and wrong where the clock was.
+``00017-20261121T061405Z``. The counter is the order; the time is for people, and wrong where the clock was. A person
+may write on behind the name. Whatever else lies among the folders is left alone.
 """
 
 from __future__ import annotations
 
+import fcntl
+import os
+import re
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.trouble import cure
 
 FILE_NAME = "run.jsonl"  # the newest part of a run's log; older ones are run.00001.jsonl and so on
+RUN_NAME = re.compile(r"(\d+)-\d{8}T\d{6}Z", re.ASCII)
+PART_NAME = re.compile(r"run\.(\d+)\.jsonl\Z", re.ASCII)
 
 
 def new_run_folder(logs: Path) -> Path:
-    """Return the name of the next run's folder.
+    """Make the next run's folder, and that of all logs; no other daemon gets the same number.
 
     Raises:
-        BadInput: the logs' folder cannot be read.
+        BadInput: it cannot be made.
     """
-    last = max((number for path in _entries(logs) if (number := _number(path)) is not None), default=0)
-    return logs / f"{last + 1:05d}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}"
+    try:
+        logs.mkdir(parents=True, exist_ok=True)
+        with _only_one(logs):
+            last = max((number for number, _ in _numbered(logs)), default=0)
+            folder = logs / f"{last + 1:05d}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}"
+            folder.mkdir()
+    except OSError as error:
+        raise BadInput(f"{logs}: no folder can be made for the field log: {cure(error)}") from None
+    return folder
 
 
 def run_folders(logs: Path) -> list[Path]:
@@ -30,8 +46,10 @@ def run_folders(logs: Path) -> list[Path]:
     Raises:
         BadInput: the logs' folder cannot be read.
     """
-    numbered = [(number, path) for path in _entries(logs) if (number := _number(path)) is not None and path.is_dir()]
-    return [path for _, path in sorted(numbered)]
+    try:
+        return [path for _, path in sorted(_numbered(logs)) if _is_run(path)] if logs.exists() else []
+    except OSError as error:
+        raise BadInput(f"{logs}: the logs' folder cannot be read: {error.strerror}") from None
 
 
 def find_run(name: str | None, logs: Path) -> Path:
@@ -51,12 +69,12 @@ def find_run(name: str | None, logs: Path) -> Path:
             raise BadInput(f"{logs} holds no run; say where runs are logged with --logs DIR, or give a run's folder")
         return runs[-1]
     for run in runs:
-        if run.name == name or (name.isdecimal() and _number(run) == int(name)):
+        if run.name == name or (name.isdecimal() and _number(run.name, RUN_NAME) == int(name)):
             return run
     path = Path(name)
     if path.is_file() and path.suffix == ".jsonl":
         return path.parent
-    if path.is_dir() and any(path.glob("run*.jsonl")):
+    if path.is_dir() and _is_run(path):
         return path
     if path.is_dir():
         raise BadInput(f"{name} is no run: there is no {FILE_NAME} in it")
@@ -66,13 +84,44 @@ def find_run(name: str | None, logs: Path) -> Path:
     raise BadInput(f"there is no run '{name}': {there} (see wayfarer logs list)")
 
 
-def _entries(logs: Path) -> list[Path]:
+def part_path(run: Path, number: int) -> Path:
+    """Return the name of a part of a run's log that is no longer the newest."""
+    return run / f"run.{number:05d}.jsonl"
+
+
+def older_parts(run: Path) -> list[Path]:
+    """Return the parts of a run's log but the newest, oldest first.
+
+    Raises:
+        OSError: the folder cannot be read.
+    """
+    numbered = [(number, path) for path in run.iterdir() if (number := _number(path.name, PART_NAME)) is not None]
+    return [path for _, path in sorted(numbered)]
+
+
+def _numbered(logs: Path) -> Iterator[tuple[int, Path]]:
+    return ((number, path) for path in logs.iterdir() if (number := _number(path.name, RUN_NAME)) is not None)
+
+
+def _number(name: str, pattern: re.Pattern[str]) -> int | None:
+    match = pattern.match(name)
+    return int(match[1]) if match else None
+
+
+def _is_run(path: Path) -> bool:
+    """Whether there is a log; a run that ended before it began may have left an empty folder."""
     try:
-        return list(logs.iterdir()) if logs.exists() else []
-    except OSError as error:
-        raise BadInput(f"{logs}: the logs' folder cannot be read: {error.strerror}") from None
+        return (path / FILE_NAME).exists() or (path.is_dir() and bool(older_parts(path)))
+    except PermissionError:
+        return True  # whoever opens it is told
 
 
-def _number(path: Path) -> int | None:
-    number = path.name.partition("-")[0]
-    return int(number) if number.isdecimal() else None
+@contextmanager
+def _only_one(folder: Path) -> Iterator[None]:
+    """Keep other processes out of the same lines for one folder."""
+    opened = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(opened, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(opened)

@@ -1,45 +1,63 @@
 """Reading a log back, through whatever cut it short: a power cut, a full disk, a card that forgets.
 
 Every line that is whole is given; what is not is skipped, and counted by what is wrong with it. A line that was being
-written when the power went has no end, or is filled with NUL bytes; nothing after it is lost, because the next run has
-a folder of its own.
+written when the power went has no end, or is filled with NUL bytes; nothing after it is lost, because the next part and
+the next run have files of their own. Memory does not grow with the log, nor with what is broken in it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import orjson
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.folders import FILE_NAME
+from wayfarer.fieldlog.folders import FILE_NAME, older_parts
 
 Record = dict[str, Any]
 KINDS = ("run", "tick", "event", "position", "board", "computer", "truth", "outcome")
 LINE_BYTES = 1_000_000  # far more than any record: the header of a simulated forest has 20,000
+READ_BYTES = 262_144  # read from the disk at once
 
 
 @dataclass
 class Damage:
-    """What could not be read: lines by what is wrong with them, and records that never got into the log.
+    """What could not be read; its text says it to a person.
 
-    ``torn`` has no end of line, ``nul`` is filled with NUL bytes, ``oversized`` has more than ``LINE_BYTES``, and
-    ``garbled`` is no JSON object with a known ``record``. ``missing`` counts the numbers that the records left out.
+    Lines: ``torn`` has no end, ``nul`` holds NUL bytes where the disk had nothing yet, ``oversized`` has more than
+    ``LINE_BYTES``, and ``garbled`` is no JSON object with a known ``record``. ``unreadable`` parts could not be read to
+    their end. ``missing`` counts the records that are not there, by their numbers: those in skipped lines, those that
+    the disk could not take, and those in parts that were deleted.
     """
 
     torn: int = 0
     nul: int = 0
     oversized: int = 0
     garbled: int = 0
+    unreadable: int = 0
     missing: int = 0
 
     @property
     def lines(self) -> int:
         """How many lines were skipped."""
         return self.torn + self.nul + self.oversized + self.garbled
+
+    def __str__(self) -> str:
+        counts = [(getattr(self, field.name), SAID[field.name]) for field in fields(self)]
+        return ", ".join(one if count == 1 else f"{count} {many}" for count, (one, many) in counts if count) or "whole"
+
+
+SAID = {
+    "torn": ("1 line is torn", "lines are torn"),
+    "nul": ("1 line is filled with NUL bytes", "lines are filled with NUL bytes"),
+    "oversized": ("1 line is far too long", "lines are far too long"),
+    "garbled": ("1 line is no record", "lines are no records"),
+    "unreadable": ("1 part of the log cannot be read", "parts of the log cannot be read"),
+    "missing": ("1 record is missing", "records are missing"),
+}
 
 
 class RunReader:
@@ -51,72 +69,76 @@ class RunReader:
         run: a run's folder.
 
     Raises:
-        BadInput: the folder cannot be read, or there is no log in it.
+        BadInput: the folder cannot be read, or there is no log in it; while iterating, nothing of it can be read.
     """
 
     def __init__(self, run: Path) -> None:
         self.run = run
         self.damage = Damage()
         self.parts = log_parts(run)
-        self._number: int | None = None
+        self._numbered = self._highest = 0
 
     def __iter__(self) -> Iterator[Record]:
         for part in self.parts:
-            yield from self._part(part)
+            yield from self.part(part)
 
-    def _part(self, part: Path) -> Iterator[Record]:
+    def part(self, part: Path) -> Iterator[Record]:
+        """Read the records of one of ``parts``."""
         try:
-            with part.open("rb") as file:
-                while line := file.readline(LINE_BYTES):
+            with part.open("rb", buffering=READ_BYTES) as file:
+                for line in _lines(file):
                     if (record := self._record(line)) is not None:
                         self._count_missing(record)
                         yield record
         except OSError as error:
-            raise BadInput(f"{part}: cannot be read: {error.strerror}") from None
+            self.damage.unreadable += 1
+            if self.damage.unreadable == len(self.parts) and not self._numbered:
+                raise BadInput(f"{part}: cannot be read: {error.strerror}") from None
 
     def _record(self, line: bytes) -> Record | None:
-        """Return the record of a line, or count what is wrong with it."""
+        """Return the record of a line, or count what is wrong with it; a hole of NULs may end where a line begins."""
         record = parse(line)
         if isinstance(record, dict):
             return record
         setattr(self.damage, record, getattr(self.damage, record) + 1)
-        return None
+        after = parse(line.rpartition(b"\0")[2]) if record == "nul" else None
+        return after if isinstance(after, dict) else None
 
     def _count_missing(self, record: Record) -> None:
-        """Find the gaps in the numbers; headers have none."""
-        number, before = record.get("n"), self._number
-        if not isinstance(number, int):
-            return
-        if before is not None and number > before + 1:
-            self.damage.missing += number - before - 1
-        self._number = number
+        """Find the gaps in the numbers, which begin at 1; headers have none."""
+        number = record.get("n")
+        if isinstance(number, int):
+            self._numbered += 1
+            self._highest = max(self._highest, number)
+            self.damage.missing = max(0, self._highest - self._numbered)
 
 
 def parse(line: bytes) -> Record | str:
     """Return the record of a line, or which field of ``Damage`` counts it."""
+    if b"\0" in line:
+        return "nul"
     if not line.endswith(b"\n"):
-        if len(line) >= LINE_BYTES:
-            return "oversized"
-        return "torn" if line.strip(b"\0") else "nul"
+        return "oversized" if len(line) >= LINE_BYTES else "torn"
     try:
         record = orjson.loads(line)
     except ValueError:
-        return "nul" if b"\0" in line else "garbled"
+        return "garbled"
     if isinstance(record, dict) and record.get("record") in KINDS and _is_number(record.get("t_s")):
         return record
     return "garbled"
 
 
 def read_header(run: Path) -> Record:
-    """Return the first record of a run: what ran.
+    """Return the first record of a run: what ran. Where it is damaged, a later part of the log repeats it.
 
     Raises:
-        BadInput: there is no log, or it does not begin with such a record.
+        BadInput: there is no log, or no part of it begins with such a record.
     """
-    for record in RunReader(run):
-        if record["record"] == "run":
-            return record
-        break
+    reader = RunReader(run)
+    for part in reader.parts:
+        first = next(reader.part(part), None)
+        if first is not None and first["record"] == "run":
+            return first
     raise BadInput(f"{run / FILE_NAME} is no field log: its first record does not say what ran")
 
 
@@ -127,13 +149,22 @@ def log_parts(run: Path) -> list[Path]:
         BadInput: the folder cannot be read, or there is no log in it.
     """
     try:
-        older = sorted(path for path in run.glob("run.*.jsonl") if path.name != FILE_NAME)
+        older = older_parts(run)
         newest = [run / FILE_NAME] if (run / FILE_NAME).exists() else []
     except OSError as error:
         raise BadInput(f"{run}: cannot be read: {error.strerror}") from None
     if not older and not newest:
         raise BadInput(f"{run} is no run: there is no {FILE_NAME} in it")
     return [*older, *newest]
+
+
+def _lines(file: BinaryIO) -> Iterator[bytes]:
+    """Give the lines of a file; of one that is too long its first bytes, or its last where NUL bytes fill it."""
+    while line := file.readline(LINE_BYTES):
+        first = line
+        while len(line) == LINE_BYTES and not line.endswith(b"\n"):
+            line = file.readline(LINE_BYTES)
+        yield line if b"\0" in line else first
 
 
 def _is_number(value: object) -> bool:

@@ -10,6 +10,7 @@ from math import cos, radians, sin
 from typing import Any, NamedTuple
 
 QUALITY_MIN = 0.2  # as ``DetectorSettings.quality_min``: below it the sensor cannot tell
+GAP_S = 1.0  # no tick is that late: records are missing, and nobody knows what the wheels did meanwhile
 SILENT_S = 0.5  # a motion sensor that has said nothing for so long says nothing of the distance either
 
 
@@ -46,7 +47,8 @@ class DeadReckoning:
         """Take the next ``tick`` record, and return where the rover is then."""
         t_s, heading_deg = tick["t_s"], tick.get("heading_deg")
         dt_s, self._t_s = t_s - (self._t_s if self._t_s is not None else t_s), t_s
-        self._commanded_m += sum(self._applied) * self._half_speed_m_s * dt_s
+        if dt_s <= GAP_S:
+            self._commanded_m += sum(self._applied) * self._half_speed_m_s * dt_s
         self._applied = (tick.get("applied_left") or 0.0, tick.get("applied_right") or 0.0)
         forward_m, right_m = self._gone(tick.get("motion"), t_s)
         if heading_deg is None:

@@ -1,0 +1,54 @@
+"""Disks that run full, vanish or fail, without harm to the one that the tests run on."""
+
+from __future__ import annotations
+
+import errno
+import os
+import resource
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+
+@contextmanager
+def files_no_longer_than(size: int) -> Iterator[None]:
+    """Have the operating system cut every write of this process at this length of a file, and refuse the next."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@contextmanager
+def small_disk(mount_point: Path, kb: int) -> Iterator[Path]:
+    """Mount a disk of this size, which takes a root that may mount; otherwise the test is skipped."""
+    mount_point.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", f"size={kb}k,mode=755", "tmpfs", str(mount_point)]
+    if os.geteuid() or subprocess.run(command, capture_output=True, check=False).returncode:
+        pytest.skip("mounting a small disk takes root")
+    try:
+        yield mount_point
+    finally:
+        subprocess.run(["umount", "-l", str(mount_point)], check=True)
+
+
+class FailingCall:
+    """Stands for a function of ``os``, which fails as often as it is told to and then is itself again."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, name: str, number: int = errno.EIO) -> None:
+        self._real = getattr(os, name)
+        self._number = number
+        self.failures = 0
+        monkeypatch.setattr(os, name, self)
+
+    def __call__(self, *args: object) -> object:
+        """Fail, or do what is asked."""
+        if self.failures > 0:
+            self.failures -= 1
+            raise OSError(self._number, os.strerror(self._number))
+        return self._real(*args)

@@ -1,0 +1,71 @@
+"""Logs whose lines are as short as they can be, and what they say when they are read back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import orjson
+
+from wayfarer.fieldlog.files import LineSink, RunFiles
+from wayfarer.fieldlog.reader import Record, RunReader, log_parts
+from wayfarer.fieldlog.settings import LogSettings
+
+FREE = LogSettings(free_mb=0.0)
+SMALL = LogSettings(part_mb=0.001, run_mb=1.0, free_mb=0.0)  # about ten ticks a part
+
+
+def header(part: int) -> bytes:
+    """Return the first line of a part."""
+    return orjson.dumps({"record": "run", "t_s": 0.0, "t_wall": 0.0, "part": part, "rover": "Wühlmaus"})
+
+
+def tick(number: int) -> bytes:
+    """Return the line of a control tick, 20 a second."""
+    return orjson.dumps({"record": "tick", "n": number, "t_s": number / 20, "t_wall": 1e9, "why": "größe"})
+
+
+def event(number: int) -> bytes:
+    """Return the line of something that happened."""
+    return orjson.dumps({"record": "event", "n": number, "t_s": number / 20, "t_wall": 1e9, "name": "mark"})
+
+
+def write(sink: LineSink, numbers: Iterable[int]) -> None:
+    """Write ticks."""
+    for number in numbers:
+        sink.bulk(tick(number))
+
+
+def read(run: Path) -> tuple[list[Record], RunReader]:
+    """Return the records of a run and the reader that knows its damage."""
+    reader = RunReader(run)
+    return list(reader), reader
+
+
+def numbers(run: Path) -> list[int]:
+    """Return the numbers of the records of a run, in their order."""
+    return [record["n"] for record in RunReader(run) if "n" in record]
+
+
+def gaps(run: Path) -> list[int]:
+    """Return how many records each gap says are missing."""
+    return [record["dropped"] for record in RunReader(run) if record.get("name") == "log_gap"]
+
+
+def torn_lines(run: Path) -> int:
+    """Return how many lines of a run cannot be read."""
+    return read(run)[1].damage.lines
+
+
+class Log:
+    """The files of a run and what a person was told of them."""
+
+    def __init__(self, folder: Path, limits: LogSettings = FREE) -> None:
+        self.told: list[str] = []
+        self.folder = folder
+        self.files = RunFiles(folder, limits, self.told.append)
+        self.files.open(header)
+
+    def parts(self) -> list[str]:
+        """Return the names of its files."""
+        return [part.name for part in log_parts(self.folder)]

@@ -1,0 +1,87 @@
+"""Runs are numbered in their order, whatever else lies among their folders, and two daemons never share a number."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.folders import find_run, new_run_folder, run_folders
+
+TIME = "20261121T061405Z"
+
+
+def make(logs: Path, name: str) -> Path:
+    run = logs / name
+    run.mkdir(parents=True)
+    (run / "run.jsonl").touch()
+    return run
+
+
+def test_next_number_follows_the_highest_and_the_folder_is_made(tmp_path: Path) -> None:
+    logs = tmp_path / "var" / "log"
+    first = new_run_folder(logs)
+    assert first.is_dir()
+    assert first.name.startswith("00001-2")
+    make(logs, f"00017-{TIME}")
+    assert new_run_folder(logs).name.startswith("00018-2")
+
+
+def test_counter_goes_on_past_five_digits_in_order(tmp_path: Path) -> None:
+    runs = [make(tmp_path, f"{number}-{TIME}") for number in ("00002", "99999", "100000")]
+    assert run_folders(tmp_path) == runs
+    assert new_run_folder(tmp_path).name.startswith("100001-")
+
+
+def test_foreign_names_are_neither_runs_nor_numbers(tmp_path: Path) -> None:
+    run = make(tmp_path, f"00003-{TIME} hit the big log")
+    for name in ("2026", "20261121-photos", "notes", "-5", f"٣-{TIME}"):
+        make(tmp_path, name)
+    (tmp_path / "lost+found").touch()
+    assert run_folders(tmp_path) == [run]
+    assert new_run_folder(tmp_path).name.startswith("00004-")
+
+
+def test_folder_without_a_log_keeps_its_number_but_is_no_run(tmp_path: Path) -> None:
+    run = make(tmp_path, f"00001-{TIME}")
+    new_run_folder(tmp_path)
+    assert find_run("last", tmp_path) == run
+    assert new_run_folder(tmp_path).name.startswith("00003-")
+
+
+def test_daemons_that_start_at_once_get_numbers_of_their_own(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(8) as pool:
+        folders = list(pool.map(lambda _: new_run_folder(tmp_path), range(40)))
+    assert sorted(int(folder.name.partition("-")[0]) for folder in folders) == list(range(1, 41))
+
+
+def test_run_is_found_by_number_name_or_path(tmp_path: Path) -> None:
+    run, late = make(tmp_path, f"00003-{TIME}"), make(tmp_path, f"00004-{TIME}")
+    late.joinpath("run.jsonl").rename(late / "run.00001.jsonl")  # the power went before the next part began
+    assert find_run(None, tmp_path) == late
+    names = ("3", "00003", run.name, str(run), str(run / "run.jsonl"))
+    assert {find_run(name, tmp_path) for name in names} == {run}
+    with pytest.raises(BadInput, match=rf"no run '5': .* holds {run.name} to {late.name}"):
+        find_run("5", tmp_path)
+    with pytest.raises(BadInput, match="holds no run"):
+        find_run(None, tmp_path / "none")
+
+
+def test_folder_that_cannot_be_made_is_told_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "logs").touch()
+    with pytest.raises(BadInput, match=r"logs: no folder can be made for the field log: (File exists|Not a dir)"):
+        new_run_folder(tmp_path / "logs")
+    with pytest.raises(BadInput, match="Not a directory: a file stands where the folder should be"):
+        new_run_folder(tmp_path / "logs" / "runs")
+    with pytest.raises(BadInput, match="the logs' folder cannot be read: Not a directory"):
+        run_folders(tmp_path / "logs")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_read_only_folder_is_told_with_the_user_who_may_not(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(BadInput, match=rf"Permission denied: user {os.geteuid()} needs the right to write"):
+        new_run_folder(tmp_path)

@@ -1,0 +1,196 @@
+"""Whatever cut a log short or broke it, every record that is whole is read back, and the rest is counted."""
+
+from __future__ import annotations
+
+import errno
+import os
+import tempfile
+import tracemalloc
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.fieldlog.lines import event, header, read, tick
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog import reader
+from wayfarer.fieldlog.reader import Damage, Record, RunReader, log_parts, parse, read_header
+
+LINES = [header(1), *map(tick, range(1, 6)), event(6)]
+LOG = b"".join(line + b"\n" for line in LINES)
+LAST = len(LINES[-1]) + 1
+HEAD = LOG[:-LAST]
+WHOLE = [parse(line + b"\n") for line in LINES]
+
+
+def read_bytes(*parts: bytes) -> tuple[list[Record], Damage]:
+    """Read a log of these parts, the newest last."""
+    with tempfile.TemporaryDirectory() as folder:
+        for number, data in enumerate(parts[:-1], start=1):
+            Path(folder, f"run.{number:05d}.jsonl").write_bytes(data)
+        Path(folder, "run.jsonl").write_bytes(parts[-1])
+        found, its = read(Path(folder))
+        return found, its.damage
+
+
+def test_log_cut_at_any_byte_of_its_last_record_gives_all_the_others() -> None:
+    for cut in range(LAST):
+        found, damage = read_bytes(HEAD + LOG[len(HEAD) :][:cut])
+        assert found == WHOLE[:-1]
+        assert damage == Damage(torn=1 if cut else 0), cut
+    assert read_bytes(LOG) == (WHOLE, Damage())
+
+
+@given(st.integers(0, LAST), st.integers(1, 20_000), st.booleans())
+def test_tail_of_nul_bytes_after_any_cut_is_counted_once(cut: int, nuls: int, ended: bool) -> None:
+    found, damage = read_bytes(HEAD + LOG[len(HEAD) :][:cut] + bytes(nuls) + b"\n" * ended)
+    assert found == (WHOLE if cut == LAST else WHOLE[:-1])
+    assert damage == Damage(nul=1)
+
+
+@given(st.integers(0, LAST - 1), st.binary(max_size=300))
+def test_garbage_after_any_cut_costs_no_record_before_it(cut: int, garbage: bytes) -> None:
+    found, damage = read_bytes(HEAD + LOG[len(HEAD) :][:cut] + garbage)
+    assert found in (WHOLE[:-1], WHOLE)  # the garbage may be the missing end of line
+    assert bool(cut or garbage) == bool(damage.lines or found == WHOLE)
+
+
+@given(st.integers(0, len(LOG)), st.integers(1, 400))
+def test_hole_of_nul_bytes_costs_only_the_lines_that_it_touches(begin: int, length: int) -> None:
+    end = min(len(LOG), begin + length)
+    found, damage = read_bytes(LOG[:begin] + bytes(end - begin) + LOG[end:])
+    at, untouched = 0, []
+    for line, record in zip(LINES, WHOLE, strict=True):
+        if at + len(line) + 1 <= begin or at >= end:
+            untouched.append(record)
+        at += len(line) + 1
+    assert found == untouched
+    assert damage.lines == (1 if end > begin else 0)
+
+
+@given(st.lists(st.binary(max_size=200), max_size=8))
+def test_no_bytes_at_all_can_make_the_reader_fail(chunks: list[bytes]) -> None:
+    found, damage = read_bytes(*(b"\n".join(chunks[:index]) for index in range(len(chunks) + 1)))
+    assert found == []
+    assert damage.missing == 0
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"\xff\xfe not text",
+        b'{"record": "tick", "n": 9, "t_s": 1.0',
+        b'{"record": "tock", "t_s": 1.0}',
+        b'{"record": "tick"}',
+        b'{"record": "tick", "t_s": null}',
+        b'{"record": "tick", "t_s": true}',
+        b'{"record": "tick", "t_s": NaN}',
+        b'{"record": ["tick"], "t_s": 1.0}',
+        b"[1, 2]",
+        b"",
+        b"[" * 5000,
+    ],
+)
+def test_line_that_is_no_record_is_garbled(line: bytes) -> None:
+    assert read_bytes(HEAD + line + b"\n" + event(6) + b"\n") == (WHOLE, Damage(garbled=1))
+
+
+def test_oversized_line_is_skipped_to_its_end_and_counted_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reader, "LINE_BYTES", 200)
+    for length in (200, 201, 399, 400, 1234):
+        assert read_bytes(HEAD + b"x" * length + b"\n" + event(6) + b"\n") == (WHOLE, Damage(oversized=1))
+        assert read_bytes(LOG + b"x" * length) == (WHOLE, Damage(oversized=1))
+        assert read_bytes(LOG + bytes(length)) == (WHOLE, Damage(nul=1))
+
+
+def test_hole_of_many_megabytes_takes_no_memory_and_hides_no_record_behind_it(tmp_path: Path) -> None:
+    with (tmp_path / "run.jsonl").open("wb") as file:
+        file.write(HEAD)
+        file.truncate(100_000_000)
+        file.seek(0, 2)
+        file.write(event(6) + b"\n")
+    tracemalloc.start()
+    found, its = read(tmp_path)
+    _, peak_bytes = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert (found, its.damage) == (WHOLE, Damage(nul=1))
+    assert peak_bytes < 8_000_000
+
+
+def test_line_torn_in_any_part_costs_only_itself() -> None:
+    parts = [HEAD, header(2) + b"\n" + tick(6)[:-5], header(3) + b"\n" + tick(7) + b"\n" + tick(8)[:1]]
+    found, damage = read_bytes(*parts)
+    assert [record.get("n", record.get("part")) for record in found] == [1, 1, 2, 3, 4, 5, 2, 3, 7]
+    assert damage == Damage(torn=2, missing=1)
+
+
+def test_parts_are_read_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    for name in ("run.jsonl", "run.100000.jsonl", "run.99999.jsonl", "run.00001.jsonl"):
+        (tmp_path / name).write_bytes(b"")
+    for name in ("run.backup.jsonl", "run.00002.jsonl.bak", "notes.txt"):
+        (tmp_path / name).write_bytes(b"no log")
+    assert [part.name for part in log_parts(tmp_path)] == [
+        "run.00001.jsonl", "run.99999.jsonl", "run.100000.jsonl", "run.jsonl",
+    ]  # fmt: skip
+    assert read(tmp_path)[0] == []
+
+
+def test_missing_records_are_counted_across_parts() -> None:
+    def part(number: int, *numbers: int) -> bytes:
+        return b"".join(line + b"\n" for line in [header(number), *map(tick, numbers)])
+
+    assert read_bytes(part(1, 1, 2, 4), part(2, 5), part(4, 9, 10))[1] == Damage(missing=4)
+    assert read_bytes(part(3, 11, 12))[1] == Damage(missing=10), "the parts before it are not there"
+    assert read_bytes(part(1, 1, 3, 2, 4))[1] == Damage(), "out of order is not missing"
+    assert read_bytes(part(1, 1, 5, 2))[1] == Damage(missing=2)
+
+
+def test_part_that_cannot_be_read_costs_only_itself(tmp_path: Path) -> None:
+    (tmp_path / "run.00001.jsonl").mkdir()  # opening it is an error for every user
+    (tmp_path / "run.jsonl").write_bytes(header(2) + b"\n" + tick(6) + b"\n")
+    found, its = read(tmp_path)
+    assert [record["record"] for record in found] == ["run", "tick"]
+    assert its.damage == Damage(unreadable=1, missing=5)
+
+
+def test_log_of_which_nothing_can_be_read_is_bad_input(tmp_path: Path) -> None:
+    (tmp_path / "run.jsonl").mkdir()
+    with pytest.raises(BadInput, match=r"run\.jsonl: cannot be read: Is a directory"):
+        read(tmp_path)
+    with pytest.raises(BadInput, match="is no run"):
+        RunReader(tmp_path / "run.jsonl")
+    with pytest.raises(BadInput, match="cannot be read: No such file"):
+        RunReader(tmp_path / "none")
+
+
+def test_part_that_breaks_off_in_an_error_gives_what_came_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(file: BinaryIO) -> Iterator[bytes]:
+        yield from (file.readline() for _ in range(4))
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(reader, "_lines", failing)
+    (tmp_path / "run.jsonl").write_bytes(LOG)
+    found, its = read(tmp_path)
+    assert (found, its.damage) == (WHOLE[:4], Damage(unreadable=1))
+
+
+def test_header_is_found_in_a_later_part_where_the_first_is_damaged(tmp_path: Path) -> None:
+    (tmp_path / "run.00001.jsonl").write_bytes(bytes(100) + LOG[100:])
+    with pytest.raises(BadInput, match="does not say what ran"):
+        read_header(tmp_path)
+    (tmp_path / "run.jsonl").write_bytes(header(2) + b"\n")
+    assert read_header(tmp_path)["part"] == 2
+
+
+def test_damage_says_what_it_is() -> None:
+    assert str(Damage()) == "whole"
+    assert str(Damage(torn=2, missing=14)) == "2 lines are torn, 14 records are missing"
+    assert str(Damage(nul=1, oversized=1, garbled=3, unreadable=1)) == (
+        "1 line is filled with NUL bytes, 1 line is far too long, 3 lines are no records, "
+        "1 part of the log cannot be read"
+    )

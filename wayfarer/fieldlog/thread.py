@@ -1,0 +1,138 @@
+"""A thread between the event loop and the disk: a card that stalls for seconds costs a control tick nothing."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from itertools import count
+from typing import NamedTuple
+
+from wayfarer.fieldlog.files import RunFiles
+
+WRITE_S = 0.2  # what a killed process can lose; a power cut takes what was written since the last sync
+WRITES_A_SYNC = 5  # so that each second, and whatever was written at once, is on the disk
+QUEUE_BYTES = 4_000_000  # at 14 kB a second, nearly five minutes of a disk that does not answer
+URGENT_BYTES = 1_000_000  # beyond them, for urgent lines only
+CLOSE_S = 1.0  # how long the end of a run waits for the disk
+
+
+class Queued(NamedTuple):
+    """A line on its way to the disk, and how many before it found no room."""
+
+    line: bytes
+    urgent: bool
+    gap: int
+
+
+class WriterThread:
+    """Queues lines and has a thread write them; implements ``files.LineSink``.
+
+    ``bulk`` and ``urgent`` only append to the queue, from any thread: no lock that they take is held over a transfer.
+    What the queue cannot hold is dropped and counted, and the log says where. The thread is a daemon: one that the disk
+    holds for ever does not keep the process alive.
+
+    Args:
+        files: writes the lines; it belongs to the thread from ``open`` on.
+        queue_bytes: how much may wait.
+    """
+
+    def __init__(self, files: RunFiles, queue_bytes: int = QUEUE_BYTES) -> None:
+        self._files = files
+        self._queue_bytes = queue_bytes
+        self._queue: list[Queued] = []
+        self._waiting = self._waiting_bytes = 0  # what was taken and is not written yet
+        self._gap = 0  # lines that were dropped and that no queued line tells of yet
+        self._hurry = self._closed = False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name="field log", daemon=True)
+
+    @property
+    def dropped(self) -> int:
+        """How many lines could not be written."""
+        return self._files.dropped
+
+    def open(self, header: Callable[[int], bytes]) -> None:
+        """Make the files, which may wait for the disk, and start the thread; see ``LineSink``."""
+        self._files.open(header)
+        self._thread.start()
+
+    def bulk(self, line: bytes) -> None:
+        """Queue a line; see ``LineSink``."""
+        self._put(line, self._queue_bytes, urgent=False)
+
+    def urgent(self, line: bytes) -> None:
+        """Queue a line and wake the thread; see ``LineSink``."""
+        self._put(line, self._queue_bytes + URGENT_BYTES, urgent=True)
+
+    def close(self) -> None:
+        """Have everything written, as far as the disk takes it within ``CLOSE_S``; see ``LineSink``. Safe twice."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify()
+        if not self._thread.is_alive():
+            return
+        self._thread.join(CLOSE_S)
+        with self._changed:
+            left, self._waiting = self._waiting, 0
+        if left:
+            self._files.count(left)
+            text = f"the disk did not take the end of the field log: its last {left} records may be missing"
+            self._files.trouble.begins("end", text)
+
+    def _put(self, line: bytes, limit_bytes: int, *, urgent: bool) -> None:
+        with self._changed:
+            full = self._waiting_bytes + len(line) > limit_bytes
+            if full or self._closed:
+                self._gap += 1
+                self._files.count(1)
+            else:
+                self._queue.append(Queued(line, urgent, self._gap))
+                self._gap = 0
+                self._waiting += 1
+                self._waiting_bytes += len(line)
+                self._hurry = self._hurry or urgent
+                if urgent:
+                    self._changed.notify()
+        if full:
+            text = "the field log cannot be written: the disk does not answer (see dmesg); the rover drives on"
+            self._files.trouble.begins("queue", text)
+
+    def _run(self) -> None:
+        for turn in count(1):
+            queued, last = self._take()
+            try:
+                self._write(queued)
+                if last:
+                    self._files.close()
+                elif turn % WRITES_A_SYNC == 0:
+                    self._files.sync()
+                else:
+                    self._files.flush()
+            except Exception:  # an error inside wayfarer costs these lines; a log without a writer would cost all
+                self._files.lose(len(queued))
+            self._forget(queued)
+            if self._waiting_bytes <= self._queue_bytes // 2:
+                self._files.trouble.ends("queue", self.dropped)
+            if last:
+                return
+
+    def _take(self) -> tuple[list[Queued], bool]:
+        """Wait for the next time to write; return what is queued, and whether nothing can come any more."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._hurry or self._closed, WRITE_S)
+            queued, self._queue, self._hurry = self._queue, [], False
+            return queued, self._closed
+
+    def _write(self, queued: list[Queued]) -> None:
+        for line, urgent, gap in queued:
+            if gap:
+                self._files.gap(gap)
+            if urgent:
+                self._files.urgent(line)
+            else:
+                self._files.bulk(line)
+
+    def _forget(self, queued: list[Queued]) -> None:
+        with self._changed:
+            self._waiting = max(0, self._waiting - len(queued))
+            self._waiting_bytes -= sum(len(entry.line) for entry in queued)

@@ -1,0 +1,65 @@
+"""Telling a person that the log has trouble: what it is and what to do, once; and once that it is over."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Callable
+
+CURES = {
+    errno.ENOSPC: "delete old runs",
+    errno.EDQUOT: "delete old runs, or ask for a larger quota",
+    errno.EROFS: "mount the disk for writing; a card that mounts itself read-only is wearing out (see dmesg)",
+    errno.EIO: "the card or disk is failing (see dmesg): save what is on it and replace it",
+    errno.ENOTDIR: "a file stands where the folder should be",
+    errno.ENOENT: "was it deleted, or is the disk not there?",
+    errno.ESTALE: "a new one is begun; copy it before you edit it",
+    errno.EEXIST: "log into a folder of its own",
+    errno.EFBIG: "the disk allows no file of this size: set a smaller part_mb",
+}
+
+
+def cure(error: OSError) -> str:
+    """Return what went wrong and what a person can do about it."""
+    if error.errno in {errno.EACCES, errno.EPERM}:
+        return (
+            f"{error.strerror}: user {os.geteuid()} needs the right to write there, or choose another folder (--logs)"
+        )
+    advice = CURES.get(error.errno or 0, "look at the disk (df, dmesg)")
+    return f"{error.strerror}: {advice}"
+
+
+class Trouble:
+    """Tells of each kind of trouble once, until all is well again with every source of trouble.
+
+    Args:
+        tell: takes a line for the person; must not wait.
+    """
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell = tell
+        self._told: set[str] = set()
+        self._open: set[str] = set()
+        self._dropped_before = 0
+
+    def begins(self, source: str, text: str) -> None:
+        """Tell what the trouble is."""
+        self._open.add(source)
+        if text not in self._told:
+            self._told.add(text)
+            self._tell(text)
+
+    def ends(self, source: str, dropped: int) -> None:
+        """Take note that all is well with a source, and tell if that was the last trouble.
+
+        Args:
+            source: as it was named to ``begins``.
+            dropped: how many lines the log has lost so far.
+        """
+        self._open.discard(source)
+        if self._open:
+            return
+        if self._told:
+            self._told.clear()
+            self._tell(f"the field log is written again; records missing: {dropped - self._dropped_before}")
+        self._dropped_before = dropped
