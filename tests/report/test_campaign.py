@@ -209,7 +209,7 @@ def test_folder_that_cannot_be_written_is_refused(finished: Path, tmp_path: Path
 
 def test_command_says_where_the_report_is(finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = Path(shutil.copytree(finished, tmp_path / "out"))
-    command.report(folder, gallery=1, jobs=1)
+    command.report(str(folder), gallery=1, jobs=1)
     assert capsys.readouterr().out == f"the report is {folder / 'report.html'}\n"
     assert len(list((folder / "figures").glob("forest-*-[0-9].svg"))) == 1
 
@@ -217,4 +217,4 @@ def test_command_says_where_the_report_is(finished: Path, tmp_path: Path, capsys
 def test_missing_matplotlib_is_told_with_its_remedy(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(command, "find_spec", lambda name: None if name == "matplotlib" else object())
     with pytest.raises(WayfarerError, match=r"needs matplotlib, which is not installed: pip install '\.\[sim\]'"):
-        command.report(folder)
+        command.report(str(folder))

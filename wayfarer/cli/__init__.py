@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer import __version__
-from wayfarer.cli import care, control, replay, report, rover, sim
+from wayfarer.cli import care, control, logs, replay, report, rover, sim
 from wayfarer.errors import BadInput, WayfarerError
 
 if TYPE_CHECKING:
@@ -42,6 +42,9 @@ for verb in control.COMMANDS:
 app.command("stop-motors", rich_help_panel=ROVER)(rover.stop_motors)
 app.command(rich_help_panel=ROVER)(care.check)
 app.command(rich_help_panel=ROVER)(care.calibrate)
+app.add_typer(
+    logs.app, name="logs", rich_help_panel=AFTERWARDS, help="What a run did, or does now: list, follow, show, summary."
+)
 app.command(rich_help_panel=AFTERWARDS, epilog=report.EXAMPLES)(report.report)
 app.command(rich_help_panel=AFTERWARDS, epilog=replay.EXAMPLES)(replay.replay)
 app.command("install-service", rich_help_panel=ROVER)(care.install_service)

@@ -1,4 +1,4 @@
-"""``wayfarer report``: a folder of results as one HTML page with figures."""
+"""``wayfarer report``: a campaign, or a run in the field, as one HTML page with figures."""
 
 from __future__ import annotations
 
@@ -8,9 +8,14 @@ from typing import Annotated
 
 import typer
 
+from wayfarer.cli.rover import Logs, log_folder
 from wayfarer.errors import WayfarerError
 
 EXAMPLES = """Examples:
+
+wayfarer report
+
+wayfarer report 17
 
 wayfarer report results
 
@@ -19,21 +24,36 @@ wayfarer report results --gallery 30 --jobs 2
 
 
 def report(
-    path: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `wayfarer sim --out DIR` has filled.")],
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="[DIR|RUN]", help="What `wayfarer sim --out DIR` has filled, or a run."
+        ),
+    ] = "last",
     *,
     gallery: Annotated[
-        int, typer.Option(min=0, max=1000, metavar="N", help="How many trials to run again and draw.")
+        int, typer.Option(min=0, max=1000, metavar="N", help="How many trials of a campaign to run again and draw.")
     ] = 12,
     jobs: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Processes; without it one for each core.")
     ] = None,
+    logs: Logs = None,
 ) -> None:
-    """Make report.html in a folder of results: table, figures and drawings of trials; the figures as files too."""
+    """Make report.html of a campaign, or of a run (default: the newest one); the figures as files too."""
     require_matplotlib()
-    from wayfarer.report.campaign import write_report
-    from wayfarer.simhal.command import cores
+    from wayfarer.fieldlog.folders import find_run, is_run
 
-    print(f"the report is {write_report(path, gallery=gallery, jobs=jobs or cores())}")
+    folder = Path(what)
+    if folder.is_dir() and not is_run(folder):
+        from wayfarer.report.campaign import write_report
+        from wayfarer.simhal.command import cores
+
+        page = write_report(folder, gallery=gallery, jobs=jobs or cores())
+    else:
+        from wayfarer.report.run import write_run_report
+
+        page = write_run_report(find_run(what, log_folder(logs)))
+    print(f"the report is {page}")
 
 
 def require_matplotlib() -> None:

@@ -47,7 +47,7 @@ def run_folders(logs: Path) -> list[Path]:
         BadInput: the logs' folder cannot be read.
     """
     try:
-        return [path for _, path in sorted(_numbered(logs)) if _is_run(path)] if logs.exists() else []
+        return [path for _, path in sorted(_numbered(logs)) if is_run(path)] if logs.exists() else []
     except OSError as error:
         raise BadInput(f"{logs}: the logs' folder cannot be read: {error.strerror}") from None
 
@@ -74,14 +74,14 @@ def find_run(name: str | None, logs: Path) -> Path:
     path = Path(name)
     if path.is_file() and path.suffix == ".jsonl":
         return path.parent
-    if path.is_dir() and _is_run(path):
+    if path.is_dir() and is_run(path):
         return path
     if path.is_dir():
         raise BadInput(f"{name} is no run: there is no {FILE_NAME} in it")
     if path.exists():
         raise BadInput(f"{name} is no field log: a run is a folder with a {FILE_NAME} in it")
     there = f"{logs} holds {runs[0].name} to {runs[-1].name}" if runs else f"{logs} holds none"
-    raise BadInput(f"there is no run '{name}': {there} (see wayfarer logs list)")
+    raise BadInput(f"there is no run and no folder '{name}': {there} (see wayfarer logs list)")
 
 
 def part_path(run: Path, number: int) -> Path:
@@ -108,8 +108,8 @@ def _number(name: str, pattern: re.Pattern[str]) -> int | None:
     return int(match[1]) if match else None
 
 
-def _is_run(path: Path) -> bool:
-    """Whether there is a log; a run that ended before it began may have left an empty folder."""
+def is_run(path: Path) -> bool:
+    """Return whether there is a log in a folder; a run that ended before it began may have left an empty folder."""
     try:
         return (path / FILE_NAME).exists() or (path.is_dir() and bool(older_parts(path)))
     except PermissionError:

@@ -22,8 +22,6 @@ from wayfarer.simhal.plan import Campaign
 from wayfarer.simhal.progress import shown_progress
 from wayfarer.simhal.results import write_whole
 
-PAGE = "report.html"
-
 
 def write_report(folder: Path, *, gallery: int = 12, jobs: int) -> Path:
     """Write the report of the campaign in ``folder``, and return the page's path.
@@ -41,10 +39,10 @@ def write_report(folder: Path, *, gallery: int = 12, jobs: int) -> Path:
         figures.mkdir(exist_ok=True)
         with house_style():
             body = [*_overview(results, figures), _gallery(results, figures, gallery, jobs)]
-        write_whole(folder / PAGE, page.document(words.title(results), body).encode())
+        write_whole(folder / page.PAGE, page.document(words.title(results), body).encode())
     except OSError as error:
         raise BadInput(f"{folder}: the report cannot be written there: {error.strerror or error}") from error
-    return folder / PAGE
+    return folder / page.PAGE
 
 
 def _overview(results: Results, figures: Path) -> Iterator[str]:

@@ -59,7 +59,8 @@ def forest_figure(forest: Forest, trace: Trace) -> Figure:
     axes.set_yticks([0, 10, 20, 30, 40, 50])
     axes.set_xlabel("east, m")
     axes.set_ylabel("north, m")
-    _draw_forest(axes, forest)
+    draw_forest(axes, forest, 72.0 * SIZE_IN * 0.8 / (WORLD_SIZE_M + 2 * MARGIN_M))  # the axes take four fifths of it
+    _draw_start(axes, forest)
     _draw_way(axes, trace)
     return figure
 
@@ -71,21 +72,19 @@ def legend_figure() -> Figure:
     return figure
 
 
-def _draw_forest(axes: Axes, forest: Forest) -> None:
-    points_per_m = 72.0 * SIZE_IN * 0.8 / (WORLD_SIZE_M + 2 * MARGIN_M)  # the axes take four fifths of the figure
+def draw_forest(axes: Axes, forest: Forest, points_per_m: float) -> None:
+    """Draw trunks and trees to scale, the goal line and the edge of the map."""
     lines = [((trunk.x0_m, trunk.y0_m), (trunk.x1_m, trunk.y1_m)) for trunk in forest.trunks]
     thick = forest.trunk_diameter_m * points_per_m
     axes.add_collection(LineCollection(lines, colors=TRUNK, linewidths=max(1.0, thick), capstyle="round", zorder=1.5))
     trees = [Circle(tree_m, forest.tree_radius_m) for tree_m in forest.trees_m]
     axes.add_collection(PatchCollection(trees, facecolor=TREE, edgecolor=GOAL, linewidth=0.7, zorder=1.4))
-    axes.plot([0.0, WORLD_SIZE_M], [forest.goal_y_m] * 2, zorder=1.3, **GOAL_LINE)
-    axes.plot(
-        [0, WORLD_SIZE_M, WORLD_SIZE_M, 0, 0],
-        [0, 0, WORLD_SIZE_M, WORLD_SIZE_M, 0],
-        color=GREY,
-        linewidth=0.5,
-        zorder=1,
-    )
+    axes.plot([0.0, WORLD_SIZE_M], [forest.goal_y_m] * 2, zorder=1.3, label="goal line", **GOAL_LINE)
+    edge_m = [(0.0, 0.0), (0.0, WORLD_SIZE_M), (WORLD_SIZE_M, WORLD_SIZE_M), (WORLD_SIZE_M, 0.0), (0.0, 0.0)]
+    axes.plot(*_columns(edge_m), color=GREY, linewidth=0.5, zorder=1)
+
+
+def _draw_start(axes: Axes, forest: Forest) -> None:
     x_m, y_m = forest.start_m
     along = radians(forest.heading_deg)
     tip = (x_m + HEADING_M * sin(along), y_m + HEADING_M * cos(along))

@@ -9,6 +9,7 @@ from importlib.resources import files
 
 from wayfarer.report.drawing import Drawing
 
+PAGE = "report.html"
 FIGURES = "figures"  # the folder beside the page
 LONG = 30  # letters
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
@@ -100,7 +100,21 @@ def _check_pair_is_new(forest: Forest, lines: dict[tuple[int, int], int]) -> Non
 
 def _forest_of(line: bytes) -> Forest:
     """Return the forest of one line, checked."""
-    row = _object_of(line)
+    return from_row(_object_of(line))
+
+
+def from_row(row: Mapping[str, object]) -> Forest:
+    """Return the forest that ``as_row`` made a JSON object of.
+
+    Raises:
+        BadForest: it cannot be used; the text names key, reason and what was expected.
+    """
+    for key in REQUIRED_KEYS:
+        if key not in row:
+            raise BadForest(f"{key}: missing, expected each of {', '.join(REQUIRED_KEYS)}")
+    for key in row:
+        if key not in REQUIRED_KEYS and key != OPTIONAL_KEY:
+            raise BadForest(f"{_brief.repr(key)}: unknown key, expected {', '.join(REQUIRED_KEYS)} or {OPTIONAL_KEY}")
     forest = Forest(
         forest=_whole("forest", row["forest"]),
         noise=_whole("noise", row["noise"]),
@@ -118,7 +132,7 @@ def _forest_of(line: bytes) -> Forest:
 
 
 def _object_of(line: bytes) -> dict[str, object]:
-    """Return the JSON object of a line, with exactly the keys of a forest."""
+    """Return the JSON object of a line."""
     try:
         row: object = json.loads(line.decode("utf-8"), object_pairs_hook=_without_duplicates)
     except UnicodeDecodeError as error:
@@ -129,12 +143,6 @@ def _object_of(line: bytes) -> dict[str, object]:
         raise BadForest(f"not JSON that can be read: {error}, expected one JSON object") from None
     if not isinstance(row, dict):
         _refuse("the line", row, "one JSON object")
-    for key in REQUIRED_KEYS:
-        if key not in row:
-            raise BadForest(f"{key}: missing, expected each of {', '.join(REQUIRED_KEYS)}")
-    for key in row:
-        if key not in REQUIRED_KEYS and key != OPTIONAL_KEY:
-            raise BadForest(f"{_brief.repr(key)}: unknown key, expected {', '.join(REQUIRED_KEYS)} or {OPTIONAL_KEY}")
     return row
 
 

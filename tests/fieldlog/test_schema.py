@@ -1,0 +1,144 @@
+"""The schema in ``field_logs/README.md``: what runs write is in its tables, and what is in its tables is written."""
+
+from __future__ import annotations
+
+import ast
+import asyncio
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+import wayfarer
+from tests.fieldlog import lines
+from tests.logbook.outing import outing
+from wayfarer.config import load_rover
+from wayfarer.fieldlog.files import RunFiles
+from wayfarer.fieldlog.folders import run_folders
+from wayfarer.fieldlog.log import SCHEMA, FieldLog
+from wayfarer.fieldlog.reader import KINDS, Record, RunReader
+from wayfarer.hal import PositionFix
+from wayfarer.logbook import account, wording
+from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.trial import TrialSpec, run_trial
+
+README = Path(__file__).resolve().parents[2] / "field_logs" / "README.md"
+CODE = Path(wayfarer.__file__).parent
+
+Keys = dict[str, set[str]]
+
+
+@cache
+def sections() -> dict[str, list[list[str]]]:
+    """The rows of each table of the schema, as cells, by the word that its heading begins with."""
+    found: dict[str, list[list[str]]] = defaultdict(list)
+    title = ""
+    for line in README.read_text(encoding="utf-8").splitlines():
+        if line.startswith("## "):
+            title = line.removeprefix("## ").partition(":")[0].strip("`")
+        elif line.startswith("| `"):
+            found[title].append([cell.strip() for cell in line.strip("|").split("|")])
+    return found
+
+
+def words(cell: str) -> set[str]:
+    return set(re.findall(r"`(\w+)`", cell))
+
+
+def documented(kind: str) -> set[str]:
+    return {key for row in sections()[kind] for key in words(row[0])}
+
+
+def documented_events() -> Keys:
+    return {name: words(row[1]) for row in sections()["event"] for name in words(row[0])}
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Record]]:
+    """What a daemon writes, a trial with touch, a receiver, and a disk that was full for a while."""
+    folder = tmp_path_factory.mktemp("logs")
+    with pytest.MonkeyPatch.context() as environment:
+        for name in ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"):
+            environment.delenv(name, raising=False)
+        environment.setenv("XDG_STATE_HOME", str(folder))
+        asyncio.run(outing(folder / "logs", drive_s=0.5))
+    trial = TrialSpec(3, "cv-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"), budget_m=5.0)
+    run_trial(trial, folder / "trial")
+    fixes = FieldLog(RunFiles(folder / "receiver"), {})
+    fixes.position(PositionFix(1.0, 50.9, -1.4, None))
+    fixes.close("requested", "enough")
+    files = RunFiles(folder / "full disk")
+    files.open(lines.header)
+    files.lose(3)
+    files.urgent(lines.event(4))
+    files.close()
+    places = {"daemon": run_folders(folder / "logs")[0]} | {
+        name: folder / name for name in ("trial", "receiver", "full disk")
+    }
+    return {name: list(RunReader(place)) for name, place in places.items()}
+
+
+def told_events() -> Keys:
+    """The events that the code tells, with the keys of each: of calls of ``event``, now or as a callback."""
+    found: Keys = {}
+    for path in CODE.rglob("*.py"):
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(call, ast.Call):
+                keys = {keyword.arg for keyword in call.keywords if keyword.arg}
+                found |= {name: keys for part in after_event(call) for name in constants(part)}
+    return found
+
+
+def after_event(call: ast.Call) -> Iterator[ast.AST]:
+    """What follows a method ``event`` in a call: its first argument."""
+    for before, part in pairwise([call.func, *call.args]):
+        if isinstance(before, ast.Attribute) and before.attr == "event":
+            yield part
+
+
+def constants(node: ast.AST) -> Iterator[str]:
+    """The texts that an argument may be."""
+    if isinstance(node, ast.IfExp):
+        yield from constants(node.body)
+        yield from constants(node.orelse)
+    elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+        yield node.value
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "event"])
+def test_keys_that_runs_write_are_those_of_the_table(runs: dict[str, list[Record]], kind: str) -> None:
+    real = [record for name in ("daemon", "trial", "receiver") for record in runs[name] if record["record"] == kind]
+    assert {key for record in real for key in record} - documented("Every record") == documented(kind)
+
+
+def test_every_record_has_the_keys_that_every_record_has(runs: dict[str, list[Record]]) -> None:
+    for record in (record for name in ("daemon", "trial", "receiver") for record in runs[name]):
+        without = {"n"} if record["record"] == "run" else set()
+        assert set(record) >= documented("Every record") - without
+
+
+def test_events_of_a_run_have_the_keys_of_the_table(runs: dict[str, list[Record]]) -> None:
+    events = [record for record in runs["daemon"] if record["record"] == "event"]
+    assert {event["name"] for event in events} >= {"armed", "mark", "hold", "resume", "goal", "disarmed", "health"}
+    for event in events:
+        assert set(event) - documented("Every record") - {"name"} == documented_events()[event["name"]]
+
+
+def test_events_that_the_code_can_tell_are_those_of_the_table(runs: dict[str, list[Record]]) -> None:
+    (gap,) = [record for record in runs["full disk"] if record.get("name") == "log_gap"]
+    written_by_the_files = {"log_gap": set(gap) - documented("Every record") - {"name"}}
+    assert told_events() | written_by_the_files == documented_events()
+
+
+def test_page_names_every_kind_of_record_and_the_version_of_the_schema() -> None:
+    assert set(KINDS) <= words(next(row[1] for row in sections()["Every record"] if row[0] == "`record`"))
+    assert next(row[1] for row in sections()["run"] if row[0] == "`schema`") == str(SCHEMA)
+
+
+def test_tools_over_logs_know_only_events_that_there_are() -> None:
+    known = wording.PERSON | wording.WARNINGS | wording.FAULTS | account.FAILURES
+    assert known <= set(documented_events())

@@ -1,0 +1,77 @@
+"""Dead reckoning over a log: where the rover went, by its motion sensor, its commands and its compass."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from wayfarer.fieldlog.track import DeadReckoning
+
+SPEED_M_S = 1.5
+HEADER = {"config": {"vehicle": {"max_speed_m_s": SPEED_M_S}}}
+DT_S = 0.05
+
+
+def motion(forward_m: float, right_m: float = 0.0, quality: float | None = 0.8, signed: bool = True) -> dict[str, Any]:
+    return {"t_s": 0.0, "forward_m": forward_m, "right_m": right_m, "quality": quality, "signed": signed}
+
+
+def drive(*ticks: dict[str, Any], duty: float = 0.0, heading_deg: float | None = 0.0) -> DeadReckoning:
+    """Feed ticks, a twentieth of a second apart unless they say when."""
+    track = DeadReckoning(HEADER)
+    for number, tick in enumerate(ticks):
+        defaults = {"t_s": number * DT_S, "heading_deg": heading_deg, "applied_left": duty, "applied_right": duty}
+        track.take(defaults | tick)
+    return track
+
+
+def at(track: DeadReckoning) -> tuple[float, float]:
+    assert track.place is not None
+    return track.place.north_m, track.place.east_m
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "north_m", "east_m"), [(0.0, 0.3, 0.1), (90.0, -0.1, 0.3), (180.0, -0.3, -0.1), (270.0, 0.1, -0.3)]
+)
+def test_forward_and_right_turn_with_the_compass(heading_deg: float, north_m: float, east_m: float) -> None:
+    track = drive({"motion": motion(0.3, 0.1)}, heading_deg=heading_deg)
+    assert at(track) == pytest.approx((north_m, east_m))
+    assert track.path_m == pytest.approx(0.3)
+
+
+def test_sensor_counts_and_not_the_wheels_while_it_can_tell() -> None:
+    assert at(drive(*[{"motion": motion(0.0)}] * 10, duty=1.0)) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("quality", [0.0, 0.19, None])
+def test_wheels_count_where_the_sensor_cannot_tell(quality: float | None) -> None:
+    track = drive(*[{"motion": motion(0.0, quality=quality)}] * 11, duty=0.5)
+    assert at(track)[0] == pytest.approx(10 * DT_S * 0.5 * SPEED_M_S)
+
+
+def test_rover_without_a_motion_sensor_goes_by_its_wheels() -> None:
+    assert at(drive(*[{}] * 11, duty=-1.0))[0] == pytest.approx(-10 * DT_S * SPEED_M_S)
+
+
+def test_displacement_that_comes_with_every_second_tick_is_counted_once() -> None:
+    assert at(drive(*[{"motion": motion(0.1)}, {}] * 5, duty=1.0))[0] == pytest.approx(0.5)
+
+
+def test_sense_that_knows_no_direction_goes_the_way_of_the_wheels() -> None:
+    assert at(drive({}, *[{"motion": motion(0.1, signed=False)}] * 4, duty=-0.5))[0] == pytest.approx(-0.4)
+
+
+def test_nothing_is_made_up_for_an_hour_of_missing_records() -> None:
+    track = drive({}, {"t_s": 3600.0}, {"t_s": 3600.0 + DT_S}, duty=1.0)
+    assert at(track)[0] == pytest.approx(DT_S * SPEED_M_S)
+
+
+def test_no_place_before_the_first_heading() -> None:
+    assert drive({}, {}, heading_deg=None).place is None
+
+
+def test_log_without_a_configuration_still_has_a_place() -> None:
+    track = DeadReckoning({})
+    track.take({"t_s": 0.0, "heading_deg": 5.0, "motion": None, "applied_left": 1.0, "applied_right": 1.0})
+    assert track.place is not None

@@ -1,0 +1,123 @@
+"""Logs that the card has forgotten parts of: what is lost is said, and nothing here ends by an error of its own."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import orjson
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from tests.logbook.records import HEADER, SAMPLE_LOGS, drive, event, numbered, outcome, record, tick, write
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.folders import find_run
+from wayfarer.fieldlog.reader import KINDS, RunReader
+from wayfarer.logbook.account import summarise
+from wayfarer.logbook.export import write_table
+from wayfarer.logbook.listing import lines, rows
+from wayfarer.logbook.story import Story
+from wayfarer.logbook.summary_text import summary_text
+from wayfarer.logbook.verdict import Worth, judge
+
+RUN = "00017-20261121T061405Z"
+WHOLE = numbered([HEADER, event("armed", 0.0), *drive(0.0, 1.0), outcome(1.0)])
+
+
+def use_every_tool(run: Path) -> None:
+    reader = RunReader(run)
+    for story in (Story(), Story(ticks=True)):
+        for each in RunReader(run):
+            assert all(str(line).isprintable() for line in story.take(each))
+    assert summary_text("17", summarise(reader), reader.damage)
+    assert judge(run)
+    assert lines(rows(run.parent, 0.0), 80)
+    for form in ("csv", "tsv"):
+        try:
+            write_table(run, form, io.StringIO())
+        except BadInput:
+            assert judge(run).worth is Worth.UNREADABLE
+
+
+def test_log_is_whole(tmp_path: Path) -> None:
+    verdict = judge(write(tmp_path, WHOLE))
+    assert (verdict.worth, verdict.worth.exit_code, str(verdict)) == (Worth.WHOLE, 0, "whole, 23 records")
+
+
+def test_sample_run_is_whole_and_tells_of_everything_that_was_asked() -> None:
+    run = find_run("1", SAMPLE_LOGS)
+    assert judge(run).worth is Worth.WHOLE
+    found = summarise(RunReader(run))
+    assert (found.holds, found.goals, [mark.text for mark in found.marks]) == (1, 1, ["hit log"])
+    assert found.episodes > 0
+    use_every_tool(run)
+
+
+@pytest.mark.parametrize(
+    ("records", "said"),
+    [
+        (WHOLE[:-1], "no outcome"),
+        (WHOLE[1:], "nothing says what ran"),
+        ([*WHOLE[:5], *WHOLE[9:]], "4 records are missing"),
+    ],
+)
+def test_log_that_lost_something_is_repaired_at_best(tmp_path: Path, records: list[Any], said: str) -> None:
+    verdict = judge(write(tmp_path, records))
+    assert (verdict.worth, verdict.worth.exit_code) == (Worth.REPAIRED, 3)
+    assert said in str(verdict)
+
+
+def test_log_that_ends_in_the_middle_of_a_line_says_what_was_skipped(tmp_path: Path) -> None:
+    file = write(tmp_path, WHOLE) / "run.jsonl"
+    file.write_bytes(file.read_bytes()[:-9])
+    assert "1 line is torn" in str(judge(tmp_path))
+
+
+@pytest.mark.parametrize("content", [b"", b"\0" * 5000, b"what?\n"])
+def test_log_of_which_nothing_is_left_is_unreadable(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "run.jsonl").write_bytes(content)
+    assert judge(tmp_path).worth.exit_code == 1
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_no_tool_fails_on_a_log_with_any_bytes_changed(tmp_path: Path, data: st.DataObject) -> None:
+    run = tmp_path / RUN
+    run.mkdir(exist_ok=True)
+    content = bytearray(b"".join(orjson.dumps(each) + b"\n" for each in WHOLE))
+    for place in data.draw(st.lists(st.integers(0, len(content) - 1), min_size=1, max_size=40)):
+        content[place] = data.draw(st.integers(0, 255))
+    (run / "run.jsonl").write_bytes(content[: data.draw(st.integers(0, len(content)))])
+    use_every_tool(run)
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**53), 2**53) | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.text(max_size=5), inner, max_size=2),
+    max_leaves=4,
+)  # fmt: skip
+KEYS = sorted({key for each in [*WHOLE, record("board", 0, battery_v=0, faults=0)] for key in each} | {"latitude_deg",
+    "longitude_deg", "error_m", "throttled", "trial", "text", "sensor", "reason", "by_s"})  # fmt: skip
+RECORDS = st.builds(
+    lambda kind, t_s, fields: {**fields, "record": kind, "t_s": t_s},
+    st.sampled_from(KINDS),
+    st.floats(-1e300, 1e300),
+    st.dictionaries(st.sampled_from([key for key in KEYS if key not in {"record", "t_s"}]), VALUES, max_size=8),
+)
+
+
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(records=st.lists(RECORDS, min_size=1, max_size=6))
+@example(
+    records=[tick(1.0, motion={"forward_m": 1.0}), tick(2.0, motion={"forward_m": "1", "right_m": 1, "quality": 1})]
+)
+@example(records=[HEADER | {"config": None}, HEADER | {"config": {"vehicle": [1]}}, tick(1.0, applied_left="fast")])
+@example(records=[{"record": "tick", "t_s": 1e300}, {"record": "tick", "t_s": -1e300, "t_wall": 1e300}])
+def test_no_tool_fails_on_values_that_cannot_be(tmp_path: Path, records: list[Any]) -> None:
+    run = tmp_path / RUN
+    run.mkdir(exist_ok=True)
+    (run / "run.jsonl").unlink(missing_ok=True)
+    use_every_tool(write(run, records))

@@ -1,0 +1,144 @@
+"""The figures of one run: no text lies on another, axes are true, and extremes are seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+
+from tests.report.test_run import HEADER, drive, episode, event, fix, tick, write_log
+from wayfarer.report.drawing import house_style
+from wayfarer.report.run_data import RunData
+from wayfarer.report.run_reading import read_run
+from wayfarer.report.run_timeline import timeline_figure
+from wayfarer.report.run_track import track_figure
+
+Record = dict[str, Any]
+Overlaps = Callable[[Figure], list[tuple[str, str]]]
+
+
+@pytest.fixture(autouse=True)
+def _style() -> Iterator[None]:
+    with house_style(), matplotlib.rc_context({"figure.constrained_layout.use": False}):
+        yield
+
+
+def data_of(tmp_path: Path, *records: Record) -> RunData:
+    return read_run(write_log(tmp_path / "run", [HEADER, *records]))
+
+
+@pytest.fixture
+def overlaps(monkeypatch: pytest.MonkeyPatch) -> Overlaps:
+    """Return the pairs of texts of a figure that lie on each other, of those that are really drawn."""
+    drawn: list[Text] = []
+    draw = Text.draw
+
+    def note(text: Text, renderer: Any) -> None:
+        drawn.append(text)
+        draw(text, renderer)
+
+    monkeypatch.setattr(Text, "draw", note)
+
+    def find(figure: Figure) -> list[tuple[str, str]]:
+        canvas: Any = FigureCanvasAgg(figure)
+        canvas.draw()
+        shown = [text for text in drawn if text.get_visible() and text.get_text().strip()]
+        boxes = [(text.get_text(), text.get_window_extent(canvas.get_renderer())) for text in shown]
+        assert boxes
+        return [(one, other) for (one, box), (other, there) in combinations(boxes, 2) if _covers(box, there)]
+
+    return find
+
+
+def _covers(one: Bbox, other: Bbox) -> bool:
+    common = Bbox.intersection(one, other)
+    return common is not None and common.width > 0.5 and common.height > 0.5
+
+
+def busy(seconds: int) -> list[Record]:
+    """A run in which people and parts report something all the time."""
+    names = ["hold", "resume", "goal", "loop_stalled", "sensor_failed", "board_silent"]
+    reported = [
+        event(0.37 * at, names[at % 6], goal_heading_deg=20.0, sensor="compass") for at in range(int(seconds / 0.37))
+    ]
+    marked = [event(1.3 * at, "mark", text="a tree that leans " * (at % 3)) for at in range(seconds)]
+    board = [
+        {"record": "board", "t_s": 100.0 + at, "battery_v": 12.0 - 0.1 * at, "faults": []} for at in range(seconds)
+    ]
+    return sorted([*drive(seconds), *reported, *marked, *board], key=lambda record: float(record["t_s"]))
+
+
+@pytest.mark.parametrize("seconds", [2, 12])
+def test_texts_of_the_time_lines_do_not_overlap(tmp_path: Path, seconds: int, overlaps: Overlaps) -> None:
+    figure, _ = timeline_figure(data_of(tmp_path, *busy(seconds)))
+    assert overlaps(figure) == []
+
+
+def test_texts_of_the_track_do_not_overlap(tmp_path: Path, overlaps: Overlaps) -> None:
+    data = data_of(tmp_path, *episode(), *(event(4.0, "mark") for _ in range(12)), fix(4.0, 1.0))
+    assert overlaps(track_figure(data)) == []
+
+
+def test_overlap_is_noticed(overlaps: Overlaps) -> None:
+    """The tests above can fail."""
+    figure = Figure()
+    figure.text(0.5, 0.5, "one")
+    figure.text(0.51, 0.5, "another")
+    assert len(overlaps(figure)) == 1
+
+
+def test_labels_without_room_are_counted(tmp_path: Path) -> None:
+    _, unplaced = timeline_figure(data_of(tmp_path, *busy(12)))
+    assert unplaced > 0
+    _, unplaced = timeline_figure(data_of(tmp_path / "calm", *drive(2.0), event(1.0, "hold")))
+    assert unplaced == 0
+
+
+def test_a_metre_is_as_long_to_the_north_as_to_the_east(tmp_path: Path) -> None:
+    figure = track_figure(data_of(tmp_path, *drive(4.0)))
+    (axes,) = figure.axes
+    box = axes.get_window_extent()
+    (west_m, east_m), (south_m, north_m) = axes.get_xlim(), axes.get_ylim()
+    assert box.width / (east_m - west_m) == pytest.approx(box.height / (north_m - south_m))
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 90.0, 225.0])
+def test_whole_way_is_on_the_map(tmp_path: Path, heading_deg: float) -> None:
+    data = data_of(tmp_path, *(tick(0.05 * step, heading_deg=heading_deg) for step in range(200)))
+    (axes,) = track_figure(data).axes
+    for limits, name in ((axes.get_xlim(), "east_m"), (axes.get_ylim(), "north_m")):
+        assert limits[0] < data.ticks[name].min() <= data.ticks[name].max() < limits[1]
+
+
+def test_panels_share_their_axis_of_time(tmp_path: Path) -> None:
+    figure, _ = timeline_figure(data_of(tmp_path, *busy(4)))
+    panels = [axes for axes in figure.axes if axes.axison and axes.get_ylabel()]
+    assert [axes.get_ylabel() for axes in panels] == [
+        "heading, °", "turned, °", "pitch, °", "roll, °", "speed, m/s", "battery, V", "period, ms",
+    ][: len(panels)]  # fmt: skip
+    assert len(panels) >= 6
+    assert len({tuple(axes.get_xlim()) for axes in panels}) == 1
+
+
+def test_a_single_tilted_tick_of_a_long_run_is_drawn(tmp_path: Path) -> None:
+    ticks = drive(300.0)
+    ticks[3210]["pitch_deg"] = 33.0
+    figure, _ = timeline_figure(data_of(tmp_path, *ticks))
+    drawn = [line for axes in figure.axes if axes.get_ylabel() == "pitch, °" for line in axes.lines]
+    pitch = next(line for line in drawn if line.get_label() == "pitch")
+    assert len(np.asarray(pitch.get_xdata())) < 4000
+    assert np.nanmax(np.asarray(pitch.get_ydata(), dtype=np.float64)) == 33.0
+
+
+def test_time_is_in_minutes_where_the_run_is_long(tmp_path: Path) -> None:
+    figure, _ = timeline_figure(data_of(tmp_path, *drive(1.0), tick(1200.0)))
+    assert figure.axes[-1].get_xlabel() == "time since the beginning, min"

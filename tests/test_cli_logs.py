@@ -1,0 +1,215 @@
+"""``wayfarer logs``: what its commands print, what they write, and how they refuse."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from threading import Event
+
+import pytest
+
+from tests.logbook.records import HEADER, SAMPLE_LOGS, drive, event, numbered, outcome, tick, write
+from wayfarer import cli
+
+FIRST, SECOND = "00001-20261121T061405Z", "00002-20261121T071405Z"
+LONG_S = 20.0
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> Path:
+    """A run that ended, and one that was cut off."""
+    write(tmp_path / "logs" / FIRST, numbered([HEADER, event("armed", 0.0), *drive(0.0, 6.0), outcome(6.0)]))
+    write(tmp_path / "logs" / SECOND, numbered([HEADER, *drive(0.0, 3.0, phase="halt")]))
+    return tmp_path / "logs"
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], logs: Path) -> Run:
+    def run(*arguments: object) -> tuple[int, str, str]:
+        code = cli.run(["logs", *map(str, arguments), "--logs", str(logs)])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run
+
+
+def test_list_has_a_line_for_each_run_the_newest_last(run: Run) -> None:
+    code, out, _ = run("list")
+    titles, first, second = out.splitlines()
+    assert code == 0
+    assert titles.split()[0] == "run"
+    assert (first.split()[0], first.split()[-2]) == ("1", "requested")
+    assert second.split()[0] == "2"
+
+
+def test_show_tells_a_run_from_its_beginning_without_colours_in_a_file(run: Run) -> None:
+    code, out, _ = run("show", 1)
+    assert code == 0
+    assert out.splitlines()[0] == "0:00:00.00  run of minirover, forest-pledge, wayfarer 9.9"
+    assert out.splitlines()[-1] == "0:00:06.00  ended: requested: enough"
+    assert "\x1b" not in out
+
+
+def test_show_takes_the_newest_and_says_what_is_missing(run: Run, logs: Path) -> None:
+    with (logs / SECOND / "run.jsonl").open("ab") as file:
+        file.write(b'{"record":"ti')
+    _, out, _ = run("show")
+    assert out.splitlines()[-2:] == ["there is no outcome: the run was cut off, or it goes on", "1 line is torn"]
+
+
+def test_show_tells_every_tick_when_asked_to(run: Run) -> None:
+    assert run("show", 1, "--ticks")[1].count("applied") == 120
+
+
+def test_summary_is_for_people_or_for_machines(run: Run) -> None:
+    code, out, _ = run("summary", 1)
+    assert code == 0
+    assert "3.0 m commanded" in out
+    found = json.loads(run("summary", 1, "--json")[1])
+    assert (found["run"], found["reason"], found["ticks"], found["damage"]["torn"]) == (FIRST, "requested", 120, 0)
+    assert found["where"]["by_reckoning"]["distance_m"] == pytest.approx(3.0, abs=0.1)
+
+
+def test_check_ends_with_the_worst_of_what_it_found(run: Run, logs: Path) -> None:
+    code, out, _ = run("check", 1)
+    assert (code, out) == (0, f"{FIRST}: whole, 123 records\n")
+    code, out, _ = run("check", 1, 2)
+    assert (code, len(out.splitlines())) == (3, 2)
+    assert "no outcome" in out
+    write(logs / "00003-20261121T081405Z", [])
+    assert run("check", 3, 1, 2)[0] == 1
+
+
+def test_export_writes_a_file_named_as_the_run_where_one_is(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("export", 1)[:2] == (0, f"the run is in {FIRST}.csv\n")
+    assert len(Path(f"{FIRST}.csv").read_text().splitlines()) == 122
+    code, _, err = run("export", 1)
+    assert code == 2
+    assert "--force" in err
+    assert run("export", 1, "--force")[0] == 0
+    assert run("export", logs_file(tmp_path), "--format", "tsv", "--out", "other.tsv")[0] == 0
+    assert Path("other.tsv").read_text().count("\t") == 120 * 5
+
+
+def logs_file(folder: Path) -> Path:
+    return folder / "logs" / FIRST / "run.jsonl"
+
+
+def test_export_goes_to_a_pipe(run: Run) -> None:
+    assert run("export", 1, "--out", "-")[1].startswith("t_s,t_wall,n,event,phase")
+    assert run("export", 1, "--out", "-", "--format", "mcap")[0] == 2
+
+
+def test_export_for_foxglove(run: Run, tmp_path: Path) -> None:
+    pytest.importorskip("foxglove")
+    assert run("export", "1", "--format", "mcap", "--out", tmp_path / "run.mcap")[0] == 0
+    assert (tmp_path / "run.mcap").read_bytes().startswith(b"\x89MCAP")
+
+
+@pytest.mark.parametrize("command", ["show", "summary", "check", "export", "follow"])
+@pytest.mark.parametrize(
+    ("name", "said"), [("99", "there is no run and no folder '99'"), ("/etc/passwd", "no field log"), ("/etc", "no run")]
+)
+def test_run_that_is_not_there_is_one_line_and_exit_code_2(run: Run, command: str, name: str, said: str) -> None:
+    code, out, err = run(command, name)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert said in err
+
+
+@pytest.mark.parametrize("command", ["list", "show", "summary", "check", "export"])
+def test_folder_without_runs_is_one_line_and_exit_code_2(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run(["logs", command, "--logs", str(tmp_path / "nowhere")]) == 2
+    assert "holds no run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["show", "summary", "export"])
+def test_log_without_a_record_is_one_line_and_exit_code_2(
+    run: Run, logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(logs / "00003-20261121T081405Z", [])
+    code, _, err = run(command, 3)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "nothing in this log can be read" in err
+
+
+def test_sample_run_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["logs", "show", "1", "--logs", str(SAMPLE_LOGS)]) == 0
+    assert "mark: hit log" in capsys.readouterr().out
+
+
+# -- with a terminal, pipes and signals of their own -----------------------------------------------------------------
+
+
+def wayfarer(*arguments: object) -> list[str]:
+    return [sys.executable, "-c", "from wayfarer.cli import main; main()", "logs", *map(str, arguments)]
+
+
+def on_a_terminal(*arguments: object, **environment: str) -> str:
+    """What a command writes to a terminal."""
+    leader, follower = pty.openpty()
+    usual = {key: value for key, value in os.environ.items() if key not in {"NO_COLOR", "TERM"}}
+    with subprocess.Popen(wayfarer(*arguments), stdout=follower, env=usual | {"TERM": "xterm"} | environment):
+        os.close(follower)
+        told = b""
+        with suppress(OSError):  # how Linux tells that the other side is closed
+            while more := os.read(leader, 65536):
+                told += more
+    os.close(leader)
+    return told.decode()
+
+
+def test_terminal_gets_colours_unless_its_owner_wants_none(logs: Path) -> None:
+    assert "\x1b[36m" in on_a_terminal("show", "1", "--logs", logs)
+    assert "\x1b" not in on_a_terminal("show", "1", "--logs", logs, NO_COLOR="1")
+
+
+def test_reader_that_has_enough_is_no_error(logs: Path) -> None:
+    write(logs / SECOND, drive(3.0, 600.0))  # more than a pipe holds
+    with subprocess.Popen(
+        wayfarer("show", "--ticks", "--logs", logs), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == ""
+        assert process.wait(LONG_S) == 0
+
+
+@pytest.fixture
+def following(logs: Path) -> Iterator[subprocess.Popen[str]]:
+    """``wayfarer logs follow``, after its first line."""
+    with subprocess.Popen(wayfarer("follow", "--logs", logs), stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == f"{SECOND}\n"
+        yield process
+        process.kill()
+
+
+def test_follow_tells_what_is_written_while_it_waits_and_ends_by_ctrl_c(
+    following: subprocess.Popen[str], logs: Path
+) -> None:
+    assert following.stdout is not None
+    write(logs / SECOND, [event("mark", 3.0, text="hit log")])
+    write(logs / "00003-20261121T081405Z", [HEADER, tick(1.0)])
+    told = [following.stdout.readline() for _ in range(5)]
+    assert told[-3] == "0:00:03.00  mark: hit log\n"
+    assert told[-2:] == ["00003-20261121T081405Z\n", "0:00:00.00  run of minirover, forest-pledge, wayfarer 9.9\n"]
+    Event().wait(0.1)  # it is likely to wait for more by now
+    following.send_signal(signal.SIGINT)
+    assert following.wait(LONG_S) == 0

@@ -1,0 +1,238 @@
+"""``wayfarer logs``: what the runs of a rover were like, and how the one is that goes on."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from enum import StrEnum
+from importlib.util import find_spec
+from pathlib import Path
+from threading import Event
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wayfarer.cli.rover import Logs, log_folder
+from wayfarer.errors import BadInput, WayfarerError
+
+if TYPE_CHECKING:
+    from wayfarer.logbook.story import Line
+
+POLL_S = 0.3  # how long a line waits until it is shown, at most
+STDOUT = Path("-")
+
+# How terminals number their colours, by the tone of a line: they follow the terminal's own scheme, dark or light.
+COLOURS = {"quiet": "2", "phase": "36", "person": "1", "warning": "33", "fault": "1;31", "end": "1;32"}
+
+EXAMPLES = """Examples:
+
+wayfarer logs list
+
+wayfarer logs follow
+
+wayfarer logs summary 17
+
+wayfarer logs export 17 --format csv
+"""
+app = typer.Typer(no_args_is_help=True, epilog=EXAMPLES)
+
+Run = Annotated[
+    str | None, typer.Argument(metavar="RUN", help="Its number, or its folder or file. (default: last, the newest)")
+]
+
+
+class Form(StrEnum):
+    """What a run can be exported as."""
+
+    csv = "csv"
+    tsv = "tsv"
+    mcap = "mcap"
+
+
+@app.callback()
+def _root() -> None:
+    """Look at the logs of runs: what happened, what is happening, and where the rover is likely to be."""
+
+
+@app.command("list")
+def list_runs(*, logs: Logs = None) -> None:
+    """Show all runs, the newest last."""
+    from wayfarer.fieldlog.clock import wall_clock
+    from wayfarer.logbook.listing import lines, rows
+
+    folder = log_folder(logs)
+    found = rows(folder, wall_clock(0.0))
+    if not found:
+        raise BadInput(f"{folder} holds no run; say where runs are logged with --logs DIR")
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    with _whoever_reads():
+        print("\n".join(lines(found, width)))
+
+
+@app.command()
+def follow(run: Run = None, *, logs: Logs = None) -> None:
+    """Tell what happens while it happens, run after run; with RUN until that run ends. Ctrl-C ends it."""
+    from wayfarer.fieldlog.folders import find_run, run_folders
+    from wayfarer.logbook.story import Story
+    from wayfarer.logbook.tail import follow as follow_records
+
+    folder = log_folder(logs)
+    chosen = None if run in (None, "last") else find_run(run, folder)
+    if chosen is None and not run_folders(folder):
+        print(f"waiting for a run in {folder}", file=sys.stderr)
+    told: Path | None = None
+    with suppress(KeyboardInterrupt), _whoever_reads():
+        for path, record in follow_records(folder, chosen, lambda: _wait(POLL_S)):
+            if path != told:
+                told, story = path, Story()
+                print(_titled(path), flush=True)
+            _tell(story.take(record), flush=True)
+
+
+@app.command()
+def show(
+    run: Run = None,
+    *,
+    logs: Logs = None,
+    ticks: Annotated[bool, typer.Option("--ticks", help="Every control tick.")] = False,
+) -> None:
+    """Tell a run from its beginning."""
+    from wayfarer.fieldlog.folders import find_run
+    from wayfarer.fieldlog.reader import Damage, RunReader
+    from wayfarer.logbook.story import Story
+    from wayfarer.logbook.verdict import NO_OUTCOME, readable
+
+    story, ended = Story(ticks=ticks), False
+    reader = RunReader(find_run(run, log_folder(logs)))
+    with _whoever_reads():
+        for record in readable(reader):
+            _tell(story.take(record))
+            ended = record["record"] == "outcome"
+        if not ended:
+            print(NO_OUTCOME)
+        if reader.damage != Damage():
+            print(reader.damage)
+
+
+@app.command()
+def summary(
+    run: Run = None,
+    *,
+    logs: Logs = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Everything, as one JSON object.")] = False,
+) -> None:
+    """Say what came of a run: how far, how long, what went wrong, and where the rover is likely to be."""
+    from wayfarer.fieldlog.folders import find_run
+    from wayfarer.fieldlog.reader import RunReader
+    from wayfarer.logbook.account import summarise
+    from wayfarer.logbook.verdict import readable
+
+    reader = RunReader(find_run(run, log_folder(logs)))
+    found = summarise(readable(reader))
+    title = _titled(reader.run)
+    if as_json:
+        import json
+        from dataclasses import asdict
+
+        print(json.dumps({"run": title, **asdict(found), "damage": asdict(reader.damage)}))
+        return
+    from wayfarer.logbook.summary_text import summary_text
+
+    print(summary_text(title, found, reader.damage))
+
+
+@app.command(
+    epilog="Exit code: 0 if every log is whole, 3 if something of one is lost, 1 if one cannot be read at all."
+)
+def check(
+    runs: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="RUN", help="Their numbers, folders or files. (default: last, the newest)"),
+    ] = None,
+    *,
+    logs: Logs = None,
+) -> None:
+    """Read logs to their ends, and say what of them is lost."""
+    from wayfarer.fieldlog.folders import find_run
+    from wayfarer.logbook.verdict import judge
+
+    folder = log_folder(logs)
+    verdicts = []
+    for run in [find_run(name, folder) for name in runs or ["last"]]:
+        verdict = judge(run)
+        verdicts.append(verdict)
+        print(f"{_titled(run)}: {verdict}")
+    raise typer.Exit(max(verdict.worth for verdict in verdicts).exit_code)
+
+
+@app.command()
+def export(
+    run: Run = None,
+    *,
+    form: Annotated[
+        Form, typer.Option("--format", help="csv: a row a tick; tsv: as the paper's code writes; mcap: for Foxglove.")
+    ] = Form.csv,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Where to; - is stdout. (default: here, named as the run)")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if there is one.")] = False,
+    logs: Logs = None,
+) -> None:
+    """Write a run as a table, or for a viewer."""
+    from wayfarer.fieldlog.folders import find_run
+    from wayfarer.logbook.export import export as export_run
+    from wayfarer.logbook.export import write_table
+
+    found = find_run(run, log_folder(logs))
+    if form is Form.mcap:
+        _require_foxglove(out)
+    if out == STDOUT:
+        with _whoever_reads():
+            write_table(found, form.value, sys.stdout)
+        return
+    file = out or Path(f"{_titled(found)}.{form.value}")
+    export_run(found, form.value, file, overwrite=force)
+    print(f"the run is in {file}")
+
+
+def _titled(run: Path) -> str:
+    """Return the name of a run's folder, however it was given."""
+    from wayfarer.logbook.fields import clean
+
+    return clean(run.resolve().name)
+
+
+def _tell(lines: Iterable[Line], *, flush: bool = False) -> None:
+    for line in lines:
+        print(_painted(str(line), line.tone.value), flush=flush)
+
+
+def _painted(text: str, tone: str) -> str:
+    """Give a text its colour, on a terminal whose owner wants any (no-color.org)."""
+    wanted = sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    return f"\x1b[{COLOURS[tone]}m{text}\x1b[0m" if wanted and tone in COLOURS else text
+
+
+def _wait(seconds: float) -> None:
+    Event().wait(seconds)  # there is no event loop that sleeping could hold up
+
+
+@contextmanager
+def _whoever_reads() -> Iterator[None]:
+    """End quietly when nobody reads any more, as behind ``head``."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter flushes once more
+
+
+def _require_foxglove(out: Path | None) -> None:
+    if out == STDOUT:
+        raise BadInput("mcap is no text for a terminal: name a file with --out, or leave it out")
+    if find_spec("foxglove") is None:
+        remedy = "pip install '.[foxglove]' in wayfarer's checkout"
+        raise WayfarerError(f"mcap needs foxglove-sdk, which is not installed: {remedy}; csv needs nothing")

@@ -1,0 +1,113 @@
+"""A run's log as an MCAP file, for Foxglove and whatever else reads MCAP."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from foxglove import Context, open_mcap
+
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.foxglove.channels import Channels
+
+
+def export(run: Path, out: Path) -> int:
+    """Write a run's log as an MCAP file and return how many messages are in it.
+
+    The same log gives the same bytes. The file appears whole or not at all, in the place of one that is there.
+
+    Args:
+        run: the run's folder.
+        out: the file to write.
+
+    Raises:
+        BadInput: there is no log, nothing in it can be read, or the file cannot be written.
+    """
+    zero_s = _clock_zero_s(run)
+    partial = out.with_name(f".{out.name}.{os.getpid()}.part")
+    try:
+        try:
+            with partial.open("wb") as file:
+                sent = _write(run, zero_s, file)
+            partial.replace(out)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError as error:
+        raise BadInput(
+            f"{out}: cannot be written ({error.strerror}); check the folder, its rights and the disk"
+        ) from None
+    return sent
+
+
+def _clock_zero_s(run: Path) -> float:
+    """Return the time since 1970 at which the log's own clock was zero.
+
+    The last record says it best: a computer without a battery for its clock finds the right time only after a while,
+    and steps by hours then. Its own clock never steps.
+    """
+    zero_s: float | None = None
+    for record in RunReader(run):
+        if isinstance(t_wall := record.get("t_wall"), int | float):
+            zero_s = t_wall - record["t_s"]
+    if zero_s is None:
+        raise BadInput(f"{run}: nothing in this log can be read (see wayfarer logs check)")
+    return zero_s
+
+
+def _write(run: Path, zero_s: float, file: BinaryIO) -> int:
+    context = Context()
+    channels = Channels(context)
+    sink = _Sink(file)
+    writer = open_mcap(sink, context=context)
+    sent = 0
+    try:
+        for record in RunReader(run):
+            sent += channels.take(record, zero_s + record["t_s"])
+            sink.check()
+    finally:
+        try:
+            writer.close()
+        except RuntimeError:  # it says that something was not written; the sink knows why
+            sink.check()
+            raise
+    return sent
+
+
+class _Sink:
+    """A file for the SDK's writer that remembers its first error: the SDK passes none on when it takes a message."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._error: OSError | None = None
+
+    def check(self) -> None:
+        """Raise the error that kept something from being written."""
+        if self._error is not None:
+            raise self._error
+
+    def write(self, data: bytes | bytearray) -> int:
+        """Write."""
+        with self._remembered():
+            return self._file.write(data)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Seek."""
+        with self._remembered():
+            return self._file.seek(offset, whence)
+
+    def flush(self) -> None:
+        """Flush."""
+        with self._remembered():
+            self._file.flush()
+
+    @contextmanager
+    def _remembered(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self._error = self._error or error
+            raise

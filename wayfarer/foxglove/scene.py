@@ -1,0 +1,145 @@
+"""What the 3D panel shows: poses, forest, bodies and paths, in a map with x east and y north, metres.
+
+A compass counts clockwise from north, a map counter-clockwise from east; a body's axes are x ahead, y left, z up
+(REP 103, the convention that Foxglove's panels follow).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import atan2, cos, degrees, hypot, radians, sin
+from typing import Any
+
+from foxglove.messages import (
+    ArrowPrimitive,
+    Color,
+    CubePrimitive,
+    CylinderPrimitive,
+    FrameTransform,
+    LinePrimitive,
+    Point3,
+    Pose,
+    Quaternion,
+    SceneEntity,
+    SceneUpdate,
+    Timestamp,
+    Vector3,
+)
+
+MAP, ROVER, TRUTH = "map", "rover", "truth"  # frames: the world, the rover as it believes to be, and as it is
+
+BARK = Color(r=0.45, g=0.32, b=0.2, a=1.0)
+GOAL = Color(r=0.0, g=0.62, b=0.45, a=1.0)
+# Blue and orange are told apart by colour-blind readers.
+COLOURS = {ROVER: Color(r=0.0, g=0.45, b=0.7, a=0.8), TRUTH: Color(r=0.9, g=0.62, b=0.0, a=0.8)}
+TREE_HEIGHT_M, BODY_HEIGHT_M, LINE_M = 2.0, 0.25, 0.05  # only for the eye: nothing in a log says how high or thick
+GOAL_HALF_LENGTH_M = 25.0  # to either side of the start: the simulated forest's half width
+
+
+def orientation(heading_deg: float, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Quaternion:
+    """Return a body's rotation in the map; pitch is positive nose up, roll right side down, turned in this order."""
+    half = [radians(angle_deg) / 2.0 for angle_deg in (90.0 - heading_deg, -pitch_deg, roll_deg)]
+    (c_yaw, s_yaw), (c_pitch, s_pitch), (c_roll, s_roll) = ((cos(angle), sin(angle)) for angle in half)
+    return Quaternion(
+        x=s_roll * c_pitch * c_yaw - c_roll * s_pitch * s_yaw,
+        y=c_roll * s_pitch * c_yaw + s_roll * c_pitch * s_yaw,
+        z=c_roll * c_pitch * s_yaw - s_roll * s_pitch * c_yaw,
+        w=c_roll * c_pitch * c_yaw + s_roll * s_pitch * s_yaw,
+    )
+
+
+def transform(time: Timestamp, child: str, x_m: float, y_m: float, rotation: Quaternion) -> FrameTransform:
+    """Return where a frame is in the map."""
+    return FrameTransform(
+        timestamp=time,
+        parent_frame_id=MAP,
+        child_frame_id=child,
+        translation=Vector3(x=x_m, y=y_m),
+        rotation=rotation,
+    )
+
+
+def forest_scene(time: Timestamp, world: dict[str, Any]) -> SceneUpdate:
+    """Return a simulated forest, given as a line of a forest file: fallen trunks, standing trees and the goal line."""
+    diameter_m, tree_m = world["trunk_diameter_m"], 2.0 * world["tree_radius_m"]
+    trunks = [_trunk(x0_m, y0_m, x1_m, y1_m, diameter_m) for x0_m, y0_m, x1_m, y1_m, _lean in world["trunks_m"]]
+    trees = [_cylinder(x_m, y_m, TREE_HEIGHT_M / 2.0, _LEVEL, tree_m, TREE_HEIGHT_M) for x_m, y_m in world["trees_m"]]
+    start_x_m, goal_y_m = world["start_m"][0], world["goal_y_m"]
+    ends = [point(start_x_m + side * GOAL_HALF_LENGTH_M, goal_y_m) for side in (-1.0, 1.0)]
+    return SceneUpdate(
+        entities=[
+            SceneEntity(timestamp=time, frame_id=MAP, id="forest", cylinders=[*trunks, *trees]),
+            SceneEntity(timestamp=time, frame_id=MAP, id="goal", lines=[_line(ends, GOAL)]),
+        ]
+    )
+
+
+def body_scene(time: Timestamp, vehicle: dict[str, Any], frames: Sequence[str]) -> SceneUpdate:
+    """Return a rover's body in each of these frames, with which it moves; the arrow points ahead."""
+    length_m, width_m = vehicle["length_m"], vehicle["width_m"]
+    size = Vector3(x=length_m, y=width_m, z=BODY_HEIGHT_M)
+    middle = Pose(position=Vector3(z=BODY_HEIGHT_M / 2.0), orientation=_LEVEL)
+    nose = Pose(position=Vector3(x=length_m / 2.0, z=BODY_HEIGHT_M / 2.0), orientation=_LEVEL)
+    return SceneUpdate(
+        entities=[
+            SceneEntity(
+                timestamp=time,
+                frame_id=frame,
+                id=frame,
+                frame_locked=True,
+                cubes=[CubePrimitive(pose=middle, size=size, color=COLOURS[frame])],
+                arrows=[_arrow(nose, length_m, COLOURS[frame])],
+            )
+            for frame in frames
+        ]
+    )
+
+
+def point(x_m: float, y_m: float) -> Point3:
+    """Return a point on the ground."""
+    return Point3(x=x_m, y=y_m)
+
+
+def path_scene(time: Timestamp, frame: str, points: list[Point3]) -> SceneUpdate:
+    """Return the way on which a frame came, in the map."""
+    lines = [_line(points, COLOURS[frame])]
+    return SceneUpdate(entities=[SceneEntity(timestamp=time, frame_id=MAP, id=f"{frame} path", lines=lines)])
+
+
+_LEVEL = orientation(90.0)  # to the east: no rotation at all
+
+
+def _trunk(x0_m: float, y0_m: float, x1_m: float, y1_m: float, diameter_m: float) -> CylinderPrimitive:
+    """Return a lying trunk: a cylinder stands along z, and nose down that is where the body looks."""
+    east_m, north_m = x1_m - x0_m, y1_m - y0_m
+    lying = orientation(degrees(atan2(east_m, north_m)), pitch_deg=-90.0)
+    middle_m = ((x0_m + x1_m) / 2.0, (y0_m + y1_m) / 2.0)
+    return _cylinder(*middle_m, diameter_m / 2.0, lying, diameter_m, hypot(east_m, north_m))
+
+
+def _cylinder(
+    x_m: float, y_m: float, z_m: float, rotation: Quaternion, diameter_m: float, length_m: float
+) -> CylinderPrimitive:
+    return CylinderPrimitive(
+        pose=Pose(position=Vector3(x=x_m, y=y_m, z=z_m), orientation=rotation),
+        size=Vector3(x=diameter_m, y=diameter_m, z=length_m),
+        bottom_scale=1.0,
+        top_scale=1.0,
+        color=BARK,
+    )
+
+
+def _arrow(pose: Pose, length_m: float, colour: Color) -> ArrowPrimitive:
+    return ArrowPrimitive(
+        pose=pose,
+        shaft_length=length_m / 2.0,
+        shaft_diameter=length_m / 8.0,
+        head_length=length_m / 4.0,
+        head_diameter=length_m / 4.0,
+        color=colour,
+    )
+
+
+def _line(points: list[Point3], colour: Color) -> LinePrimitive:
+    pose = Pose(position=Vector3(), orientation=_LEVEL)
+    return LinePrimitive(pose=pose, thickness=LINE_M, points=points, color=colour)

@@ -1,0 +1,53 @@
+"""Writing a run in another format."""
+
+from __future__ import annotations
+
+import csv
+from contextlib import suppress
+from pathlib import Path
+from typing import TextIO
+
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.logbook.tables import csv_rows, further_columns, tsv_rows
+from wayfarer.logbook.verdict import readable
+
+
+def export(run: Path, form: str, out: Path, *, overwrite: bool) -> None:
+    """Write a run as ``csv``, ``tsv`` or ``mcap`` to a file, which appears whole or not at all.
+
+    Raises:
+        BadInput: there is such a file already, it cannot be written, or the run cannot be read.
+    """
+    if out.is_dir() or (out.exists() and not overwrite):
+        raise BadInput(f"{out} is there already: name another file with --out, or replace a file with --force")
+    if form == "mcap":
+        from wayfarer.foxglove.mcap_file import export as export_mcap
+
+        export_mcap(run, out)
+        return
+    draft = out.with_name(f".{out.name}.new")
+    try:
+        with draft.open("w", encoding="utf-8", newline="") as file:
+            write_table(run, form, file)
+        draft.replace(out)
+    except OSError as error:
+        raise BadInput(
+            f"{out} cannot be written: {error.strerror}; check the folder, its rights and the disk"
+        ) from None
+    finally:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
+
+
+def write_table(run: Path, form: str, file: TextIO) -> None:
+    """Write a run as ``csv`` or ``tsv`` to an open file.
+
+    Raises:
+        BadInput: the run cannot be read.
+    """
+    if form == "tsv":
+        csv.writer(file, delimiter="\t", lineterminator="\n").writerows(tsv_rows(readable(RunReader(run))))
+    else:
+        further = further_columns(readable(RunReader(run)))
+        csv.writer(file, lineterminator="\n").writerows(csv_rows(RunReader(run), further))

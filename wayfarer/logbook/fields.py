@@ -1,0 +1,102 @@
+"""Values out of records that may be damaged: what is not of its kind is missing, never an error. Pure.
+
+A line whose bytes changed on the card may still be JSON. So nobody here trusts a key to be there, a number to be one,
+or a name to be fit for a terminal.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from math import isfinite
+from typing import Any
+
+from wayfarer.fieldlog.reader import Record
+from wayfarer.fieldlog.track import DeadReckoning
+
+CLOCK_SET_S = 1_704_067_200.0  # 2024-01-01: a clock before that was never set (as in ``checks.system``)
+
+
+def number(record: Mapping[str, Any], key: str) -> float | None:
+    """Return a number, or None."""
+    value = record.get(key)
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def whole(record: Mapping[str, Any], key: str) -> int | None:
+    """Return a whole number, such as a seed with all its digits, or None."""
+    value = record.get(key)
+    return value if isinstance(value, int) and not isinstance(value, bool) else None
+
+
+def name(record: Mapping[str, Any], key: str) -> str | None:
+    """Return a text that is fit for a terminal, or None."""
+    value = record.get(key)
+    return clean(value) if isinstance(value, str) else None
+
+
+def names(record: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """Return the texts of a list; none where there is no list."""
+    value = record.get(key)
+    return tuple(clean(each) for each in value if isinstance(each, str)) if isinstance(value, list) else ()
+
+
+def table(record: Mapping[str, Any], key: str) -> dict[str, Any]:
+    """Return an object; an empty one where there is none."""
+    value = record.get(key)
+    return value if isinstance(value, dict) else {}
+
+
+def clean(text: str) -> str:
+    """Return a text without anything that a terminal obeys: those characters are written out."""
+    if text.isprintable():
+        return text
+    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in text)
+
+
+def span(seconds: float | None, decimals: int = 0) -> str:
+    """Return a time since the beginning, or a duration, as ``1:23:45``; empty where it is not known."""
+    if seconds is None or not isfinite(seconds):
+        return ""
+    tick = 10**decimals
+    ticks = int(abs(seconds) * tick + 0.5)
+    minutes, rest = divmod(ticks, 60 * tick)
+    width = decimals + 3 if decimals else 2
+    sign = "-" if seconds < 0.0 and ticks else ""
+    return f"{sign}{minutes // 60}:{minutes % 60:02}:{rest / tick:0{width}.{decimals}f}"
+
+
+def began_wall_s(first: Mapping[str, Any], last: Mapping[str, Any]) -> float | None:
+    """Return the wall time at which a run began, seconds since 1970; None where the clock was never set.
+
+    It is told from the last record, because a rover's computer may find the right time only after a while.
+    """
+    wall_s, t_s, first_t_s = number(last, "t_wall"), number(last, "t_s"), number(first, "t_s")
+    if wall_s is None or t_s is None or first_t_s is None:
+        return None
+    began_s = wall_s - (t_s - first_t_s)
+    return began_s if began_s >= CLOCK_SET_S else None
+
+
+def local_time(wall_s: float, form: str) -> str:
+    """Return a wall time where the reader is; empty where no calendar reaches."""
+    try:
+        return time.strftime(form, time.localtime(wall_s))
+    except (OverflowError, ValueError, OSError):
+        return ""
+
+
+def reckoning(header: Mapping[str, Any]) -> DeadReckoning:
+    """Return what follows the ticks of a log; give it ``sound_tick``."""
+    speed_m_s = number(table(table(header, "config"), "vehicle"), "max_speed_m_s")
+    return DeadReckoning({"config": {"vehicle": {"max_speed_m_s": speed_m_s or 0.0}}})
+
+
+def sound_tick(tick: Mapping[str, Any]) -> Record:
+    """Return of a tick what dead reckoning takes, each of it a number or None."""
+    sound: Record = {key: number(tick, key) for key in ("t_s", "heading_deg", "applied_left", "applied_right")}
+    motion = table(tick, "motion")
+    if motion:
+        read = {key: number(motion, key) for key in ("forward_m", "right_m", "quality")}
+        sound["motion"] = {**read, "signed": motion.get("signed") is not False}
+    return sound

@@ -1,0 +1,137 @@
+"""Following a run while it is written: into the next part of its log, and into the next run.
+
+Files are read as they grow; nothing is locked, and the writer notices nothing. A line counts once its end is there.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.folders import run_folders
+from wayfarer.fieldlog.reader import LINE_BYTES, Record, RunReader, log_parts, parse
+
+RECENT_BYTES = 65_536  # where following begins: some seconds back, however long the run is
+CHUNK_BYTES = 65_536
+
+
+def follow(logs: Path, run: Path | None, wait: Callable[[], None]) -> Iterator[tuple[Path, Record]]:
+    """Give each record with the folder of its run, as they come; ``wait`` is called whenever there is none.
+
+    Args:
+        logs: the folder of all runs.
+        run: follow this one to its outcome; None follows the newest, and whatever runs begin after it, for ever.
+        wait: waits a moment for more.
+
+    Raises:
+        BadInput: the logs' folder cannot be read.
+    """
+    tail = None if run is None else RunTail(run)
+    try:
+        while True:
+            newest = _newest(logs) if run is None else None
+            if tail is not None:
+                for record in tail.take():
+                    yield tail.run, record
+                    if run is not None and record["record"] == "outcome":
+                        return
+            if newest is None or (tail is not None and newest == tail.run):
+                wait()
+                continue
+            if tail is not None:
+                tail.close()
+            tail = RunTail(newest)
+    finally:
+        if tail is not None:
+            tail.close()
+
+
+class RunTail:
+    """The records of one run as they come: its first one, the last few that are there, and then all.
+
+    ``run`` is its folder; the log in it need not be there yet.
+    """
+
+    def __init__(self, run: Path) -> None:
+        self.run = run
+        self._file: BinaryIO | None = None
+        self._rest = b""
+
+    def take(self) -> Iterator[Record]:
+        """Give what has come since the last call."""
+        if self._file is None:
+            yield from self._begin()
+        if self._file is None:
+            return
+        yield from self._read(self._file)
+        while (part := self._next_part(self._file)) is not None:
+            yield from self._read(self._file)  # what came between reading and looking
+            self._open(part)
+            yield from self._read(self._file)
+
+    def close(self) -> None:
+        """Close the file; safe twice."""
+        if self._file is not None:
+            self._file.close()
+
+    def _begin(self) -> Iterator[Record]:
+        parts = self._parts()
+        if not parts:
+            return
+        file = self._open(parts[-1])
+        skipped = max(0, file.seek(0, os.SEEK_END) - RECENT_BYTES)
+        file.seek(skipped)
+        if skipped or len(parts) > 1:
+            yield from self._first()
+        if skipped:
+            file.readline()  # only its end is there
+
+    def _first(self) -> Iterator[Record]:
+        """Give the record that says what runs, from wherever it is."""
+        first = next(iter(RunReader(self.run)), None)
+        if first is not None:
+            yield first
+
+    def _read(self, file: BinaryIO) -> Iterator[Record]:
+        while chunk := file.read(CHUNK_BYTES):
+            *lines, self._rest = (self._rest + chunk).split(b"\n")
+            if len(self._rest) > LINE_BYTES:
+                self._rest = b""  # no record is so long; the line's end will not be one either
+            for line in lines:
+                if isinstance(record := parse(line + b"\n"), dict):
+                    yield record
+
+    def _next_part(self, file: BinaryIO) -> Path | None:
+        """Return the part of the log that follows the open one, if it has begun."""
+        for _ in range(2):  # the writer may rename a part between the list and the look at its files
+            parts = self._parts()
+            for part, following in zip(parts, [*parts[1:], None], strict=True):
+                if _is_same(part, file):
+                    return following
+        return parts[-1] if parts else None  # the open one was deleted to make room: it is far behind
+
+    def _parts(self) -> list[Path]:
+        try:
+            return log_parts(self.run)
+        except BadInput:
+            return []  # not yet, or no more
+
+    def _open(self, part: Path) -> BinaryIO:
+        self.close()
+        self._file, self._rest = part.open("rb"), b""
+        return self._file
+
+
+def _newest(logs: Path) -> Path | None:
+    runs = run_folders(logs)
+    return runs[-1] if runs else None
+
+
+def _is_same(path: Path, file: BinaryIO) -> bool:
+    try:
+        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
+    except OSError:
+        return False

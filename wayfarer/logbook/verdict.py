@@ -1,0 +1,68 @@
+"""What a log is worth: whole, repaired by leaving out what cannot be read, or unreadable."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import IntEnum
+from pathlib import Path
+from typing import NamedTuple
+
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.reader import Damage, Record, RunReader
+
+NO_OUTCOME = "there is no outcome: the run was cut off, or it goes on"
+
+
+def readable(reader: RunReader) -> Iterator[Record]:
+    """Give the records of a run, of which there must be one.
+
+    Raises:
+        BadInput: there is none, or the run cannot be read.
+    """
+    record = None
+    for record in reader:
+        yield record
+    if record is None:
+        raise BadInput(f"{reader.run}: nothing in this log can be read ({reader.damage})")
+
+
+class Worth(IntEnum):
+    """How much of a log is left; the later, the worse."""
+
+    WHOLE = 0
+    REPAIRED = 1
+    UNREADABLE = 2
+
+    @property
+    def exit_code(self) -> int:
+        """0 for whole, 3 for repaired, 1 for unreadable: as ``mcap recover`` has it."""
+        return (0, 3, 1)[self]
+
+
+class Verdict(NamedTuple):
+    """What was found in one log; ``wrong`` says what is not as it should be."""
+
+    worth: Worth
+    records: int
+    wrong: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return "; ".join([f"{self.worth.name.lower()}, {self.records} records", *self.wrong])
+
+
+def judge(run: Path) -> Verdict:
+    """Read a whole run and say what it is worth; one that still goes on has no outcome, and is repaired at best."""
+    records, first, last = 0, "", ""
+    try:
+        reader = RunReader(run)
+        for record in reader:
+            records += 1
+            last = record["record"]
+            first = first or last
+    except BadInput as error:
+        return Verdict(Worth.UNREADABLE, records, (str(error),))
+    damage = str(reader.damage) if reader.damage != Damage() else ""
+    headless = "" if first == "run" else "nothing says what ran"
+    wrong = tuple(filter(None, (damage, headless, "" if last == "outcome" else NO_OUTCOME)))
+    worth = Worth.UNREADABLE if not records else Worth.REPAIRED if wrong else Worth.WHOLE
+    return Verdict(worth, records, wrong)
