@@ -119,6 +119,21 @@ def test_replay_goes_as_far_as_records_are_missing(tmp_path: Path) -> None:
     assert found.cut_t_s is not None
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"compass": 7}, {"compass": {"t_s": 1.0}}, {"applied_left": None}, {"motion": {"forward_m": "far"}},
+        {"contact": {"t_s": 1.0, "sides": ["top"], "obstacle_bearing_deg": None}},
+        {"record": "board", "faults": 3}, {"record": "event"}, {"record": "event", "name": "disarmed"},
+    ],
+)  # fmt: skip
+def test_replay_goes_as_far_as_a_record_that_no_rover_wrote(tmp_path: Path, change: dict[str, Any]) -> None:
+    run = log_trial(tmp_path / "run", 3, budget_m=10.0)
+    garbled = ticks(run)[30]
+    rewrite(run, lambda record: record | change if record.get("n") == garbled["n"] else record)
+    assert replay(run) == Replay(30, None, cut_t_s=garbled["t_s"])
+
+
 def test_log_that_was_cut_off_agrees_up_to_there(tmp_path: Path) -> None:
     run = log_trial(tmp_path / "run", 3, budget_m=10.0)
     whole = (run / "run.jsonl").read_bytes()

@@ -47,8 +47,8 @@ class Difference(NamedTuple):
 class Replay(NamedTuple):
     """What became of a replay.
 
-    ``ticks`` decisions were compared. ``cut_t_s`` is where records are missing in the log: what follows cannot be
-    replayed, because what the rover remembered there is not known.
+    ``ticks`` decisions were compared. ``cut_t_s`` is where records are missing in the log or garbled: what follows
+    cannot be replayed, because what the rover remembered there is not known.
     """
 
     ticks: int
@@ -76,12 +76,11 @@ def replay(run: Path, config: RoverConfig | None = None) -> Replay:
     rerun = Rerun(run, first, config)
     ticks = 0
     for record in records:
-        if reader.damage.missing:
+        if reader.damage.missing or not rerun.take(record):
             return Replay(ticks, None, cut_t_s=record["t_s"])
         if record["record"] != "tick":
-            rerun.take(record)
             continue
-        difference = compare(record, rerun.tick(record))
+        difference = compare(record, rerun.tick(record["t_s"]))
         if difference is not None:
             return Replay(ticks, difference)
         ticks += 1
@@ -106,24 +105,32 @@ class Rerun:
         self._helm = Helm(self._motors, self._cells, config, detector, handler, PartialLog())
         self._compass: tuple[Mapping[str, Any] | None, CompassReading | None] = (None, None)
 
-    def take(self, record: Record) -> None:
-        """Take what was asked for and what the board said between two ticks."""
-        if record["record"] == "board":
-            self._helm.board.update(record["t_s"], MotorHealth(record["battery_v"], tuple(record["faults"])))
-        elif record["record"] == "event":
-            self._event(record["name"], record)
+    def take(self, record: Record) -> bool:
+        """Take what came from outside, at a tick or between two; return whether the record can be what was written."""
+        try:
+            if record["record"] == "tick":
+                self._sense(record)
+            elif record["record"] == "board":
+                self._helm.board.update(record["t_s"], MotorHealth(record["battery_v"], tuple(record["faults"])))
+            elif record["record"] == "event":
+                self._event(record["name"], record)
+        except (LookupError, TypeError, ValueError, AttributeError):
+            return False
+        return True
 
-    def tick(self, record: Record) -> dict[str, Any]:
-        """Do the control tick of a record again, and return what it concludes, as the log would have it."""
-        self._cells.compass.reading = self._compass_of(record["compass"])
-        self._cells.contact.reading = _contact_of(record["contact"])
-        if record["motion"] is not None:
-            self._cells.motion.write(_motion_of(record["motion"]))
-        self._motors.applied = WheelCommand(record["applied_left"], record["applied_right"])
-        _run(self._helm.tick(record["t_s"]))
+    def tick(self, t_s: float) -> dict[str, Any]:
+        """Do the control tick again whose record was taken, and return what it concludes, as the log would have it."""
+        _run(self._helm.tick(t_s))
         assert self._helm.last is not None
         again: dict[str, Any] = orjson.loads(orjson.dumps(tick_fields(self._helm.last)))
         return again
+
+    def _sense(self, record: Record) -> None:
+        self._cells.compass.reading = self._compass_of(record["compass"])
+        self._cells.contact.reading = _contact_of(record["contact"])
+        if record["motion"] is not None:
+            self._cells.motion.write(MotionReading(**_numbers(record["motion"])))
+        self._motors.applied = WheelCommand(float(record["applied_left"]), float(record["applied_right"]))
 
     def _event(self, name: str, record: Record) -> None:
         helm, t_s = self._helm, record["t_s"]
@@ -183,10 +190,6 @@ def _config_of(run: Path, header: Record) -> RoverConfig:
         raise BadInput(f"{run} cannot be replayed with its own settings: {said}; give others with --config") from None
 
 
-def _motion_of(fields: Mapping[str, Any]) -> MotionReading:
-    return MotionReading(**_numbers(fields))
-
-
 def _contact_of(fields: Mapping[str, Any] | None) -> ContactReading | None:
     if fields is None:
         return None
@@ -194,7 +197,13 @@ def _contact_of(fields: Mapping[str, Any] | None) -> ContactReading | None:
 
 
 def _numbers(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a reading; JSON has no NaN, so that a number which was none is null in the log."""
+    """Return the fields of a reading; JSON has no NaN, so that a number which was none is null in the log.
+
+    Raises:
+        ValueError: a field is no number.
+    """
+    if not all(value is None or isinstance(value, int | float) for value in fields.values()):
+        raise ValueError("not a reading")
     return {key: nan if value is None and key != "calibration" else value for key, value in fields.items()}
 
 
