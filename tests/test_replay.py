@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from tests.logbook.records import SAMPLE_LOGS
 from tests.virtual import virtual
 from wayfarer.board import BoardSettings
 from wayfarer.config import RoverConfig, load_rover
@@ -71,6 +72,12 @@ def test_every_algorithm_agrees_also_those_that_draw_lots(tmp_path: Path, algori
     run = log_trial(tmp_path / "run", 3, algorithm, rover=SIM.with_anomaly_source("contact"), budget_m=25.0)
     assert replay(run) == Replay(len(ticks(run)), None)
     assert len(ticks(run)) > 100
+
+
+def test_run_that_was_recorded_in_real_time_agrees() -> None:
+    """The sample of the field logs: a daemon on a busy computer, a hold, a new goal, a disarm."""
+    (sample,) = SAMPLE_LOGS.glob("00001-*")
+    assert replay(sample) == Replay(len(ticks(sample)), None)
 
 
 @pytest.mark.parametrize("rover", ["forestrover", "minirover"])

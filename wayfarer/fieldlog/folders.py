@@ -80,8 +80,8 @@ def find_run(name: str | None, logs: Path) -> Path:
         raise BadInput(f"{name} is no run: there is no {FILE_NAME} in it")
     if path.exists():
         raise BadInput(f"{name} is no field log: a run is a folder with a {FILE_NAME} in it")
-    there = f"{logs} holds {runs[0].name} to {runs[-1].name}" if runs else f"{logs} holds none"
-    raise BadInput(f"there is no run and no folder '{name}': {there} (see wayfarer logs list)")
+    there = " to ".join(dict.fromkeys(run.name for run in (*runs[:1], *runs[-1:]))) or "none"
+    raise BadInput(f"there is no run and no folder '{name}': {logs} holds {there} (see wayfarer logs list)")
 
 
 def part_path(run: Path, number: int) -> Path:
