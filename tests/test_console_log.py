@@ -19,7 +19,7 @@ def said() -> list[str]:
 
 @pytest.fixture
 def log(said: list[str]) -> ConsoleLog:
-    return ConsoleLog(said.append)
+    return ConsoleLog(said.append, "Say go")
 
 
 def record(phase: Phase, why: str = "", *anomalies: Anomaly, seen: bool = True) -> TickRecord:

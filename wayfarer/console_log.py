@@ -9,10 +9,11 @@ from wayfarer.records import PartialLog, TickRecord
 
 
 class ConsoleLog(PartialLog):
-    """Writes one line for what a person wants to know while the rover drives."""
+    """Writes one line for what a person wants to know; ``hint`` says what to do with a rover that stands ready."""
 
-    def __init__(self, write: Callable[[str], None]) -> None:
+    def __init__(self, write: Callable[[str], None], hint: str) -> None:
         self._write = write
+        self._hint = hint
         self._phase = Phase.HALT
 
     def tick(self, record: TickRecord) -> None:
@@ -29,7 +30,7 @@ class ConsoleLog(PartialLog):
         told = ", ".join(f"{key} {_short(value)}" for key, value in details.items() if value is not None)
         self._write(f"{name.replace('_', ' ')}{': ' + told if told else ''}")
         if name == "opened":
-            self._write("disarmed. In another terminal: wayfarer arm, wayfarer status, wayfarer stop")
+            self._write(f"disarmed. {self._hint}")
 
     def close(self, reason: str, text: str) -> None:
         """Tell how the run ended; an error is told by the command itself."""

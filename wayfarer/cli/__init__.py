@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer import __version__
-from wayfarer.cli import care, control, logs, replay, report, rover, sim
+from wayfarer.cli import care, control, demo, logs, replay, report, rover, sim
 from wayfarer.errors import BadInput, WayfarerError
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ AFTERWARDS = "What it did"
 
 EXAMPLES = """Examples:
 
-wayfarer list
+wayfarer demo
 
 wayfarer sim --trials 1000
 
@@ -35,6 +35,7 @@ wayfarer run --sim
 wayfarer sim --help
 """
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
+app.command(epilog=demo.EXAMPLES)(demo.demo)
 app.command(epilog=sim.EXAMPLES)(sim.sim)
 app.command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
 for verb in control.COMMANDS:

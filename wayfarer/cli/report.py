@@ -26,9 +26,7 @@ wayfarer report results --gallery 30 --jobs 2
 def report(
     what: Annotated[
         str,
-        typer.Argument(
-            metavar="[DIR|RUN]", help="What `wayfarer sim --out DIR` has filled, or a run."
-        ),
+        typer.Argument(metavar="[DIR|RUN]", help="What `wayfarer sim --out DIR` has filled, or a run."),
     ] = "last",
     *,
     gallery: Annotated[

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wayfarer.cli.sim import Depth, require_sim_extra
+from wayfarer.cli.watching import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ ROVER_FILE = Path("/etc/wayfarer/rover.toml")
 RUN_EXAMPLES = """Examples:
 
 wayfarer run --sim
+
+wayfarer run --sim --live
 
 wayfarer run --config minirover --dry-run
 
@@ -59,6 +62,11 @@ def run(
     seed: Annotated[
         int | None, typer.Option(min=0, metavar="N", help="With --sim: which forest, and which luck. (default: 0)")
     ] = None,
+    live: Live = False,
+    live_host: LiveHost = None,
+    live_port: LivePort = None,
+    foxglove: Foxglove = False,
+    foxglove_port: FoxglovePort = None,
 ) -> None:
     """Run the daemon: it starts disarmed, and drives once it is armed from another terminal."""
     from wayfarer.config import load_rover
@@ -73,7 +81,7 @@ def run(
     folder = log_folder(logs)
     if seed is None:  # in the wood every run has its own luck; the log's first record says which
         seed = 0 if sim else SystemRandom().randrange(2**31)
-    make_rover, close_buses = _simulated(loaded, depth or Depth.device, seed) if sim else _real(loaded, name, folder)
+    make_rover, close_buses = simulated(loaded, depth or Depth.device, seed) if sim else _real(loaded, name, folder)
     service = Service(
         config=loaded,
         algorithm=find_algorithm(algorithm),
@@ -84,6 +92,7 @@ def run(
         socket=daemon_socket(),
         simulated=sim,
         dry_run=dry_run,
+        viewers=viewers(live, live_host, live_port, foxglove, foxglove_port),
     )
     serve(service)
 
@@ -135,7 +144,12 @@ def _real(config: RoverConfig, where: str, logs: Path) -> tuple[Callable[[Any], 
     return lambda _: Vessel(rover), buses.close
 
 
-def _simulated(config: RoverConfig, depth: Depth, seed: int) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:
+def simulated(config: RoverConfig, depth: Depth, seed: int) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:
+    """Return what makes a simulated rover and what closes it, as ``daemon.service.Service`` wants them.
+
+    Raises:
+        WayfarerError: a package is missing.
+    """
     require_sim_extra()
     from wayfarer.simhal import rig
     from wayfarer.simhal.desk import desk_vessel

@@ -62,7 +62,8 @@ class Service:
     """What one daemon runs.
 
     ``make_rover`` is called on the running loop with a function that ends the run (a simulated rover calls it when it
-    has escaped), and ``close_buses`` afterwards. ``seed`` is for an algorithm that draws lots. ``viewers`` look on.
+    has escaped), and ``close_buses`` afterwards. ``seed`` is for an algorithm that draws lots. ``hint`` says on the
+    terminal what to do with a rover that stands ready. ``viewers`` look on.
     ``loop_factory`` makes the event loop; None is asyncio's own.
     """
 
@@ -75,6 +76,7 @@ class Service:
     socket: Path
     simulated: bool
     dry_run: bool
+    hint: str = "In another terminal: wayfarer arm, wayfarer status, wayfarer stop"
     viewers: Sequence[Viewer] = ()
     loop_factory: Callable[[], asyncio.AbstractEventLoop] | None = None
 
@@ -130,7 +132,7 @@ class Daemon:
         field_log = FieldLog(sink, header, t_s=self._loop.time(), viewers=shown_to)
         witnesses = [vessel.witness(field_log)] if vessel.witness else []
         self._field_log = field_log
-        self._log = Tee(field_log, *witnesses, ConsoleLog(self._lines.write), heartbeat)
+        self._log = Tee(field_log, *witnesses, ConsoleLog(self._lines.write, service.hint), heartbeat)
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
         checks = [check for check in ARMING if not (service.simulated and check in CALIBRATED)]

@@ -1,0 +1,166 @@
+"""``wayfarer demo``, and the options of ``wayfarer run`` for those who look on."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from wayfarer import cli
+from wayfarer.cli import demo
+from wayfarer.control.paths import SingleDaemon, daemon_socket
+from wayfarer.mission import RunEnd
+
+pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
+
+
+@pytest.fixture(autouse=True)
+def own_place(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Keep away from daemons and browsers that there may be on this machine."""
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr("wayfarer.control.paths.SYSTEM_FOLDER", tmp_path / "none")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def taken() -> Iterator[str]:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield str(server.getsockname()[1])
+
+
+@pytest.fixture
+def served(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """Stand in for the daemon: keep the service, make its folder, end well."""
+    kept = SimpleNamespace()
+
+    def serve(service: Any) -> RunEnd:
+        kept.service = service
+        (service.logs / "00001-20261121T061405Z").mkdir(parents=True)
+        (service.logs / "00001-20261121T061405Z" / "run.jsonl").touch()
+        kept.alone = SingleDaemon(service.socket)
+        with kept.alone:
+            for viewer in service.viewers:
+                getattr(viewer, "_viewer", viewer).close()
+        return RunEnd("escaped", "the simulated rover has escaped after 76.0 m")
+
+    monkeypatch.setattr("wayfarer.daemon.service.serve", serve)
+    return kept
+
+
+def test_demo_says_where_the_page_is_how_it_ended_and_what_to_try_next(
+    served: SimpleNamespace, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run(["demo", "--live-port", "0"]) == 0
+    first, *rest = capsys.readouterr().out.splitlines()
+    assert first.startswith("open this page, the rover waits for you: http://127.0.0.1:")
+    assert "the simulated rover has escaped after 76.0 m" in rest
+    (log,) = (line for line in rest if line.startswith("the field log: "))
+    assert Path(log.partition(": ")[2]).is_dir()
+    assert any("wayfarer sim" in line for line in rest)
+
+
+def test_demo_drives_only_the_simulated_rover_and_disturbs_no_daemon(served: SimpleNamespace) -> None:
+    with SingleDaemon(daemon_socket()):
+        assert cli.run(["demo", "--live-port", "0"]) == 0
+    service = served.service
+    assert (service.simulated, service.config.name, service.dry_run) == (True, "sim", False)
+    assert service.socket != daemon_socket()
+    assert not service.socket.parent.exists(), "only the log stays"
+    assert cli.run(["demo", "--config", "minirover"]) == 2
+
+
+def test_demo_keeps_its_log_where_it_is_told(served: SimpleNamespace, tmp_path: Path) -> None:
+    assert cli.run(["demo", "--live-port", "0", "--logs", str(tmp_path / "kept"), "--seed", "5"]) == 0
+    assert (served.service.logs, served.service.seed) == (tmp_path / "kept", 5)
+
+
+def test_browser_is_opened_only_where_it_has_a_window(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[str] = []
+
+    def open_window(url: str) -> bool:
+        opened.append(url)
+        return True
+
+    monkeypatch.setattr("webbrowser.open", open_window)
+    assert not demo.open_page("http://127.0.0.1:1/")
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert demo.open_page("http://127.0.0.1:1/")
+    assert opened == ["http://127.0.0.1:1/"]
+
+
+@pytest.mark.parametrize("speed", ["0", "-1", "nan", "inf", "1e9"])
+def test_speed_that_cannot_be_is_refused(speed: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["demo", "--speed", speed]) == 2
+    assert "0.1 to 1000" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["demo", "--no-browser"], ["run", "--sim", "--live"]])
+def test_port_in_use_is_refused_before_there_is_a_log(
+    command: list[str], taken: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run([*command, "--live-port", taken, "--logs", str(tmp_path / "logs")]) == 2
+    assert "--live-port" in capsys.readouterr().err
+    assert not (tmp_path / "logs").exists()
+
+
+def test_run_serves_the_page_where_it_is_told(served: SimpleNamespace, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["run", "--sim", "--live", "--live-host", "0.0.0.0", "--live-port", "0"]) == 0
+    assert "/?token=" in capsys.readouterr().out
+    assert len(served.service.viewers) == 1
+
+
+def test_run_shows_nobody_anything_unless_asked(served: SimpleNamespace) -> None:
+    assert cli.run(["run", "--sim"]) == 0
+    assert served.service.viewers == []
+
+
+@pytest.mark.parametrize("asked", ["live", "foxglove"])
+def test_place_of_what_is_not_served_is_refused(asked: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["run", "--sim", f"--{asked}-port", "8088"]) == 2
+    assert f"add --{asked}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "port"), [(["--foxglove"], 8765), (["--foxglove", "--foxglove-port", "9001"], 9001)]
+)
+def test_foxglove_takes_a_port_or_its_own(
+    served: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, arguments: list[str], port: int
+) -> None:
+    pytest.importorskip("foxglove", reason="Foxglove's SDK is not installed")
+    asked: list[int] = []
+
+    class Channels:
+        url = "ws://127.0.0.1:1"
+
+        def __init__(self, port: int) -> None:
+            asked.append(port)
+
+        def close(self) -> None: ...
+
+    monkeypatch.setattr("wayfarer.foxglove.live.FoxgloveLive", Channels)
+    assert cli.run(["run", "--sim", *arguments]) == 0
+    assert asked == [port]
+
+
+def test_page_without_what_it_needs_names_the_remedy(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("wayfarer.live.find_spec", lambda name: None)
+    assert cli.run(["run", "--sim", "--live"]) == 1
+    assert "pip install '.[live]'" in capsys.readouterr().err
+
+
+def test_command_line_loads_no_server_until_it_is_asked_for() -> None:
+    code = "import sys, wayfarer.cli; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert {"aiohttp", "asyncio", "orjson", "wayfarer.live.server"} & set(loaded) == set()

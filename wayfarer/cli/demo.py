@@ -1,0 +1,113 @@
+"""``wayfarer demo``: an escape to look at, by one command."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wayfarer.cli.rover import simulated
+from wayfarer.cli.sim import Depth
+from wayfarer.cli.watching import live_page
+from wayfarer.live import HOST, PORT
+
+if TYPE_CHECKING:
+    from wayfarer.mission import RunEnd
+
+EXAMPLES = """Examples:
+
+wayfarer demo
+
+wayfarer demo --algorithm levy-walk --speed 20
+
+wayfarer demo --seed 44 --no-browser
+"""
+
+# Eight episodes, the worst of which turns by 190 degrees before it is unwound, and out after 104 to 115 s whatever luck
+# the noise has (12 runs): 18 s to watch at the speed below.
+SEED = 22
+SPEED = 6.0
+
+
+def _speed(value: float) -> float:
+    if not (math.isfinite(value) and 0.1 <= value <= 1000.0):
+        raise typer.BadParameter(f"{value:g} is not from 0.1 to 1000")
+    return value
+
+
+def demo(
+    *,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Which forest, and which luck.")] = SEED,
+    algorithm: Annotated[str, typer.Option(metavar="NAME", help="What decides; see wayfarer list.")] = "forest-pledge",
+    speed: Annotated[
+        float,
+        typer.Option(
+            callback=_speed, metavar="X", help="How many times faster than real; as fast as this computer can, at most."
+        ),
+    ] = SPEED,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Only print where the page is.")] = False,
+    live_port: Annotated[
+        int, typer.Option(min=0, max=65535, metavar="N", help="Port of the page; 0 takes one that is free.")
+    ] = PORT,
+    logs: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where the run is logged. (default: a temporary folder)")
+    ] = None,
+) -> None:
+    """Watch a simulated rover escape from a forest, in a browser, a few times faster than real."""
+    from wayfarer.config import load_rover
+    from wayfarer.daemon.service import Service, serve
+    from wayfarer.registry import find_algorithm
+    from wayfarer.simhal.fast_loop import FastLoop
+    from wayfarer.simhal.showing import SelfArming
+
+    config = load_rover("sim")
+    found = find_algorithm(algorithm)
+    make_rover, close_buses = simulated(config, Depth.device, seed)
+    page = live_page(HOST, live_port, speed)
+    folder = logs or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
+    with tempfile.TemporaryDirectory(prefix="wayfarer-") as own:  # where no other daemon is disturbed
+        service = Service(
+            config=config,
+            algorithm=found,
+            seed=seed,
+            make_rover=make_rover,
+            close_buses=close_buses,
+            logs=folder,
+            socket=Path(own) / "control.sock",
+            simulated=True,
+            dry_run=False,
+            hint="It sets out when somebody looks on",
+            viewers=[SelfArming(page, page.watched)],
+            loop_factory=partial(FastLoop, speed),
+        )
+        opened = not no_browser and open_page(page.url)
+        print(f"{'opened' if opened else 'open this page, the rover waits for you'}: {page.url}", flush=True)
+        end = serve(service)
+    print(_last_words(end, folder))
+
+
+def open_page(url: str) -> bool:
+    """Open a page in the browser, as far as there is one with a window; return whether."""
+    if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")):
+        return False  # a browser in the terminal would take it over
+    import webbrowser
+
+    return webbrowser.open(url)
+
+
+def _last_words(end: RunEnd, logs: Path) -> str:
+    from wayfarer.fieldlog.folders import run_folders
+
+    return f"""
+{end.text}
+the field log: {run_folders(logs)[-1]}
+
+next: wayfarer demo --seed 44              another forest, a harder one
+      wayfarer demo --algorithm levy-walk  another algorithm in the same forest
+      wayfarer sim --trials 200            the same code in many forests, counted
+      wayfarer run --sim --live            the daemon as it runs on a rover, in real time: arm it yourself"""

@@ -1,0 +1,91 @@
+"""Whoever looks on while a rover drives: the live page, and Foxglove."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wayfarer.errors import BadInput
+from wayfarer.live import HOST, PORT, require_live_extra
+
+if TYPE_CHECKING:
+    from wayfarer.daemon.viewer import Viewer
+    from wayfarer.live.server import LivePage
+
+LOOKING_ON = "Looking on"
+FOXGLOVE_PORT = 8765  # where Foxglove looks first
+
+Live = Annotated[bool, typer.Option("--live", help="Serve a live page.", rich_help_panel=LOOKING_ON)]
+LiveHost = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help=f"Where to serve it; 0.0.0.0 for telephones on the same network. (default: {HOST}, this computer only)",
+        rich_help_panel=LOOKING_ON,
+    ),
+]
+LivePort = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=65535,
+        metavar="N",
+        help=f"Port of the page; 0 takes a free one. (default: {PORT})",
+        rich_help_panel=LOOKING_ON,
+    ),
+]
+Foxglove = Annotated[
+    bool, typer.Option("--foxglove", help="Serve Foxglove on this computer.", rich_help_panel=LOOKING_ON)
+]
+FoxglovePort = Annotated[
+    int | None,
+    typer.Option(
+        min=0, max=65535, metavar="N", help=f"Port for Foxglove. (default: {FOXGLOVE_PORT})", rich_help_panel=LOOKING_ON
+    ),
+]
+
+
+def viewers(
+    live: bool, live_host: str | None, live_port: int | None, foxglove: bool, foxglove_port: int | None
+) -> list[Viewer]:
+    """Return who is to look on, and say where; their ports are theirs from now on.
+
+    Raises:
+        BadInput: a port cannot be had, or options do not go together.
+        WayfarerError: a package is missing.
+    """
+    if not live and (live_host is not None or live_port is not None):
+        raise BadInput("--live-host and --live-port say where the live page is: add --live, or leave them out")
+    if not foxglove and foxglove_port is not None:
+        raise BadInput("--foxglove-port says where Foxglove is served: add --foxglove, or leave it out")
+    found: list[Viewer] = []
+    if live:
+        page = live_page(live_host or HOST, PORT if live_port is None else live_port)
+        print(f"live page: {page.url}", flush=True)
+        found.append(page)
+    if foxglove:
+        from wayfarer.foxglove import require_foxglove_extra
+
+        require_foxglove_extra()
+        from wayfarer.foxglove.live import FoxgloveLive
+
+        channels = FoxgloveLive(port=FOXGLOVE_PORT if foxglove_port is None else foxglove_port)
+        print(f"for Foxglove: {channels.url}", flush=True)
+        found.append(channels)
+    return found
+
+
+def live_page(host: str, port: int, speed: float = 1.0) -> LivePage:
+    """Return the live page at an address, with a new token.
+
+    Raises:
+        BadInput: the port cannot be had.
+        WayfarerError: a package is missing.
+    """
+    require_live_extra()
+    from secrets import token_urlsafe
+
+    from wayfarer.live.server import LivePage
+
+    return LivePage(host, port, token_urlsafe(16), speed)

@@ -1,0 +1,145 @@
+"""Many viewers of one run, none of whom can hold up another, or the rover.
+
+Nothing is queued for anybody. There is one short memory of news for all, and the newest state; each viewer is a place
+in that memory, and is sent what it lacks once it has acknowledged what it was sent before. So a viewer with a slow
+connection gets every piece of news but fewer states, never old ones; one that lacks more than the memory holds gets
+everything anew; and one that acknowledges nothing is dropped.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Awaitable, Callable
+from typing import Any, NamedTuple
+
+import orjson
+
+
+class Limits(NamedTuple):
+    """What viewers may use up; seconds are the clock's."""
+
+    viewers: int = 16
+    connections: int = 32  # viewers, and whoever is only being served the page
+    handshake_s: float = 10.0  # from connecting to looking on
+    message_bytes: int = 8_192
+    news: int = 300  # half a minute at the full rate
+    unseen: int = 3  # messages under way to one viewer
+    silent_s: float = 10.0  # until a viewer that acknowledges nothing is dropped
+    end_s: float = 0.3  # for last words: the run must have ended 2 s after it was told to
+
+
+LIMITS = Limits()
+
+Send = Callable[[str], Awaitable[None]]
+
+
+class TooSlow(Exception):
+    """A viewer has acknowledged nothing for too long."""
+
+
+class Audience:
+    """What all viewers are told; each piece is encoded once.
+
+    Args:
+        snapshot: gives everything that a new viewer must know; it may tell news while it does.
+        limits: what viewers may use up.
+    """
+
+    def __init__(self, snapshot: Callable[[], Any], limits: Limits) -> None:
+        self._snapshot = snapshot
+        self._news: deque[str] = deque(maxlen=limits.news)
+        self.viewers: set[Viewer] = set()
+        self.pieces = 0  # of news, so far
+        self.states = 0
+        self.state = ""
+
+    def tell(self, news: dict[str, Any], state: dict[str, Any]) -> None:
+        """Tell everybody; ``news`` may be empty."""
+        if news:
+            self._news.append(_encoded(news=news))
+            self.pieces += 1
+        self.state = _encoded(state=state)
+        self.states += 1
+        for viewer in self.viewers:
+            viewer.wake()
+
+    def since(self, pieces: int | None) -> list[str]:
+        """Return the news after so many pieces; everything, for a viewer that knows nothing, or too little."""
+        if pieces is not None and self.pieces - pieces <= len(self._news):
+            return list(self._news)[len(self._news) - (self.pieces - pieces) :]
+        return [_encoded(snapshot=self._snapshot())]
+
+
+class Viewer:
+    """One of the audience.
+
+    Args:
+        audience: what it looks at.
+        send: sends it a text; waits where the connection is full.
+        silent_s: how long it may acknowledge nothing, in seconds of the loop.
+        unseen: how many messages may be under way.
+    """
+
+    def __init__(self, audience: Audience, send: Send, silent_s: float, unseen: int) -> None:
+        self._audience = audience
+        self._send = send
+        self._silent_s = silent_s
+        self._unseen = unseen
+        self._awake = asyncio.Event()
+        self._awake.set()
+        self._heard = asyncio.Event()
+        self._pieces: int | None = None
+        self._states = 0
+        self._sent = self._seen = 0
+
+    def wake(self) -> None:
+        """Have it look whether there is something new."""
+        self._awake.set()
+
+    def acknowledge(self, seen: object) -> None:
+        """Take how many messages it says that it has seen."""
+        if isinstance(seen, int) and self._seen < seen <= self._sent:
+            self._seen = seen
+            self._since_s = asyncio.get_running_loop().time()
+            self._heard.set()
+            self.wake()
+
+    async def catch_up(self) -> None:
+        """Wait until it has acknowledged all there is."""
+        while self._states != self._audience.states or self._seen != self._sent:
+            self._heard.clear()
+            await self._heard.wait()
+
+    async def follow(self) -> None:
+        """Send what is new, for ever.
+
+        Raises:
+            TooSlow: it takes nothing, or acknowledges nothing.
+        """
+        time = asyncio.get_running_loop().time
+        self._since_s = time()
+        while True:
+            await self._awake.wait()
+            self._awake.clear()
+            if self._sent == self._seen:
+                self._since_s = time()
+            elif time() - self._since_s > self._silent_s:
+                raise TooSlow
+            if self._sent - self._seen < self._unseen and self._states != self._audience.states:
+                await self._send_what_is_new()
+
+    async def _send_what_is_new(self) -> None:
+        audience = self._audience
+        pieces = audience.since(self._pieces)
+        self._pieces, self._states = audience.pieces, audience.states
+        self._sent += 1
+        try:
+            async with asyncio.timeout(self._silent_s):
+                await self._send(f"[{','.join([*pieces, audience.state])}]")
+        except TimeoutError:
+            raise TooSlow from None
+
+
+def _encoded(**piece: Any) -> str:
+    return orjson.dumps(piece).decode()

@@ -1,0 +1,82 @@
+// Everything that is text: what the rover does, its numbers, its sensors, its story.
+
+const LINES_SHOWN = 200;
+
+function writeAbout(about) {
+  const marks = [about.simulated && "simulated", about.dry_run && "dry run"].filter(Boolean);
+  write("rover", about.rover || "wayfarer");
+  write("about", [about.algorithm, ...marks, `wayfarer ${about.version}`].join(", "));
+  document.title = `${about.rover}: wayfarer`;
+}
+
+function writeState(state) {
+  const why = state.mode === "disarmed" ? `: ${state.why_disarmed}` : "";
+  write("mode", state.held && state.mode === "armed" ? "Held" : `${MODES[state.mode] || state.mode}${why}`);
+  write("health", [state.level_text, state.cause_text].filter(Boolean).join(": "));
+  element("health").className = ["hold", "fault", "degrade"].includes(state.level) ? "bad" : "";
+  write("phase", state.mode === "ended" ? "" : state.phase_text);
+  write("why", state.mode === "ended" ? "" : state.why_text);
+  write("mission-time", clock(state.mission_s));
+  write("mission-m", fixed(state.mission_m, 1, " m"));
+  write("heading", whole(state.heading_deg));
+  write("goal", whole(state.goal_heading_deg));
+  write("counter", signed(state.counter_deg));
+  write("episodes", fixed(state.episodes, 0));
+  write("tilt", `${signed(state.pitch_deg)}, ${signed(state.roll_deg)}`);
+  write("wheels", `${state.wheels.map((duty) => (known(duty) ? Math.round(duty * 100) || 0 : "–")).join("/")} %`);
+  const met = state.counts.map(([what, count]) => `${count}× ${what}`).join(", ");
+  write("counts", [state.anomalies.length && `now: ${state.anomalies.join(", ")}`, met && `so far: ${met}`].filter(Boolean).join(". "));
+  write("hold", state.held ? "Resume" : "Hold");
+  const battery = known(state.battery_v) ? `battery ${state.battery_v.toFixed(1)} V` : "";
+  write("battery", [battery, ...state.faults].filter(Boolean).join(", "));
+  element("battery").className = state.faults.length ? "bad" : "";
+}
+
+// The ages go on while nothing comes: `silentS` is for how long that has been.
+function writeSensors(sensors, silentS) {
+  const rows = sensors.map(([sensor, pulse]) => {
+    const failures = pulse.failures ? `failed ${pulse.failures}×` : "";
+    const age = known(pulse.age_s) ? `${ago(pulse.age_s + silentS)}${pulse.late ? " late" : ""}` : "never";
+    const rate = `${fixed(pulse.rate_hz, 0)}${known(pulse.wanted_hz) ? ` of ${pulse.wanted_hz}` : ""}`;
+    return { late: pulse.late, cells: [sensor, age, rate, [pulse.note, failures].filter(Boolean).join(", ")] };
+  });
+  const body = element("sensor-rows");
+  while (body.rows.length > rows.length) body.deleteRow(-1);
+  rows.forEach(({ late, cells }, index) => {
+    const row = body.rows[index] || body.insertRow();
+    cells.forEach((text, column) => {
+      const cell = row.cells[column] || row.insertCell();
+      if (cell.textContent !== text) cell.textContent = text;
+      cell.className = late && column === 1 ? "bad" : "";
+    });
+  });
+}
+
+function addLines(lines) {
+  const list = element("lines");
+  for (const [at, text, tone] of lines) {
+    const item = document.createElement("li"), time = document.createElement("time"), said = document.createElement("span");
+    time.textContent = at;
+    said.textContent = text;
+    item.className = tone;
+    item.append(time, said);
+    list.prepend(item);
+  }
+  while (list.children.length > LINES_SHOWN) list.lastChild.remove();
+}
+
+function writeLegend(track) {
+  const seen = Object.keys(PHASES).filter((phase) => track.slice(1).some((point) => point[2] === phase));
+  const list = element("legend");
+  if (list.dataset.seen === seen.join()) return;
+  list.dataset.seen = seen.join();
+  const cross = "M8 1 L16 9 M8 9 L16 1";
+  list.replaceChildren(...[...seen.map((phase) => [phase, "M0 5 H24", PHASES[phase]]), ["mark", cross, "something in the way"]].map(key));
+}
+
+function key([name, shape, text]) {
+  const item = document.createElement("li");
+  item.innerHTML = `<svg viewBox="0 0 24 10" aria-hidden="true"><path d="${shape}" fill="none" stroke="var(--${name})" stroke-width="3"/></svg>`;
+  item.append(text);
+  return item;
+}

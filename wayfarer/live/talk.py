@@ -1,0 +1,100 @@
+"""One viewer's connection: it is told what is new, and may ask for a few things.
+
+What it asks for goes the way of the control socket's requests. Arming is not among it: wheels must not start from a
+web page.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from contextlib import suppress
+
+import orjson
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from wayfarer.control.protocol import Commands, Refused, check, perform, read_line
+from wayfarer.errors import WayfarerError
+from wayfarer.live.audience import TooSlow, Viewer
+
+VERBS = ("hold", "resume", "stop", "mark")
+
+_bugs = logging.getLogger("wayfarer.live")
+
+
+class Talk:
+    """Speaks with one viewer.
+
+    Args:
+        socket: its connection.
+        viewer: its place in the audience.
+        commands: what the daemon can do.
+        turn: shared by all: one message is taken in a turn of the loop, so that a flood waits for the control tick and
+            not the tick for the flood.
+        watched: is set when the page has shown something.
+    """
+
+    def __init__(
+        self, socket: web.WebSocketResponse, viewer: Viewer, commands: Commands, turn: asyncio.Lock,
+        watched: asyncio.Event,
+    ) -> None:  # fmt: skip
+        self._socket = socket
+        self._viewer = viewer
+        self._commands = commands
+        self._turn = turn
+        self._watched = watched
+
+    async def run(self) -> None:
+        """Speak until the viewer goes away, or has to."""
+        following = asyncio.create_task(self._follow(), name="live viewer")
+        try:
+            async for message in self._socket:
+                async with self._turn:
+                    await asyncio.sleep(0)
+                if message.type is not WSMsgType.TEXT:
+                    break
+                await self._take(message.data)
+        except ConnectionError:
+            pass  # it went away while it was being answered
+        finally:
+            following.cancel()
+            await asyncio.gather(following, return_exceptions=True)
+
+    async def end(self, why: str) -> None:
+        """Say goodbye."""
+        with suppress(ConnectionError, RuntimeError):  # it is gone already, or has not quite come
+            await self._socket.close(code=WSCloseCode.GOING_AWAY, message=why.encode())
+
+    async def _follow(self) -> None:
+        try:
+            await self._viewer.follow()
+        except TooSlow:
+            await self.end("nothing was acknowledged for too long")
+        except ConnectionError:
+            pass
+        except Exception:
+            _bugs.exception("in telling a viewer what is new")
+
+    async def _take(self, text: str) -> None:
+        """Take an acknowledgement, or do what is asked for and reply."""
+        fields: dict[str, object] = {}
+        try:
+            fields = read_line(text.encode())
+            if "seen" in fields:
+                self._viewer.acknowledge(fields["seen"])
+                self._watched.set()
+                return
+            await self._do(fields)
+            reply: dict[str, object] = {"ok": True}
+        except WayfarerError as refusal:
+            reply = {"ok": False, "why": str(refusal)}
+        except Exception:
+            _bugs.exception("in doing what a page asked for")
+            reply = {"ok": False, "why": "an error inside wayfarer: look at its terminal before you go on"}
+        await self._socket.send_str(orjson.dumps([{"reply": {"do": fields.get("do"), **reply}}]).decode())
+
+    async def _do(self, fields: dict[str, object]) -> None:
+        request = check(fields)
+        if request.do not in VERBS:
+            raise Refused(f"{request.do} is not done from the page: use wayfarer {request.do} in a terminal")
+        await perform(request, self._commands, None)

@@ -1,0 +1,95 @@
+"""What the page says instead of the names in the log. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from wayfarer.conditions import Condition, Level
+from wayfarer.escape.api import Anomaly, Phase
+from wayfarer.escape.phases import Event
+
+PHASES: Mapping[str, str] = {
+    Phase.FOLLOW.value: "Follows the goal heading",
+    Phase.BACK_OFF.value: "Backs off",
+    Phase.TURN_AWAY.value: "Turns away",
+    Phase.PROBE.value: "Feels its way back in a curve",
+    Phase.STRIDE.value: "Drives a straight piece",
+    Phase.HALT.value: "Stands still",
+}
+
+_WHILE: Mapping[str, str] = {
+    Phase.FOLLOW.value: "on its way to the goal",
+    Phase.BACK_OFF.value: "while backing off",
+    Phase.TURN_AWAY.value: "while turning away",
+    Phase.PROBE.value: "while feeling its way back",
+    Phase.STRIDE.value: "on the straight piece",
+    Phase.HALT.value: "while standing still",
+}
+
+_AFTER: Mapping[str, str] = {
+    Phase.FOLLOW.value: "the goal heading was followed",
+    Phase.BACK_OFF.value: "it has backed off",
+    Phase.TURN_AWAY.value: "it has turned away",
+    Phase.PROBE.value: "it has felt its way back",
+    Phase.STRIDE.value: "the straight piece is driven",
+    Phase.HALT.value: "it has stood still",
+}
+
+EVENTS: Mapping[str, str] = {
+    Event.ANOMALY.value: "something was wrong {during}",
+    Event.DONE.value: "{after}",
+    Event.UNWOUND.value: "every turn is unwound: C is back at zero",
+    Event.REALIGNED.value: "the heading is back at the goal",
+    Event.EXHAUSTED.value: "it took too long {during}",
+}
+
+ANOMALIES: Mapping[str, str] = {
+    Anomaly.IMMOBILISED.value: "does not move",
+    Anomaly.NOSE_UP.value: "nose up",
+    Anomaly.NOSE_DOWN.value: "nose down",
+    Anomaly.RIGHT_DOWN.value: "right side down",
+    Anomaly.LEFT_DOWN.value: "left side down",
+    Anomaly.TOUCHED.value: "touches something",
+}
+
+LEVELS: Mapping[str, str] = {
+    Level.WELL.name.lower(): "All well",
+    Level.NOTE.name.lower(): "Noted, drives on",
+    Level.DEGRADE.name.lower(): "Goes on with less",
+    Level.HOLD.name.lower(): "Wheels held until this clears",
+    Level.FAULT.name.lower(): "Fault: stands until armed anew",
+}
+
+CAUSES: Mapping[str, str] = {
+    Condition.COMPASS_STALE.value: "the compass is silent",
+    Condition.COMPASS_LOST.value: "the compass has been silent for seconds",
+    Condition.COMPASS_IMPLAUSIBLE.value: "the compass says what cannot be",
+    Condition.MOTION_STALE.value: "the motion sensor is silent",
+    Condition.MOTION_UNKNOWN.value: "the motion sensor sees too little",
+    Condition.MOTION_LOST.value: "the motion sensor has seen nothing for seconds",
+    Condition.MOTION_IMPLAUSIBLE.value: "the motion sensor says what cannot be",
+    Condition.CONTACT_STALE.value: "the bumper is silent",
+    Condition.OVERTURNED.value: "the rover lies on its side or roof",
+    Condition.MOTORS_FAILED.value: "the motors did not answer",
+    Condition.BOARD_FAULT.value: "the motor board reports a fault",
+    Condition.BOARD_SILENT.value: "the motor board does not say how it is",
+    Condition.BATTERY_LOW.value: "the battery is low",
+    Condition.BATTERY_CRITICAL.value: "the battery is almost empty",
+    Condition.OPERATOR_HOLD.value: "somebody asked to hold",
+    Condition.TICK_LATE.value: "the control tick came late",
+    Condition.DECISION_INVALID.value: "the algorithm asked for what cannot be",
+}
+
+
+def because(why: str, anomalies: Iterable[str]) -> str:
+    """Return what began a phase, given the ``why`` of its first tick, as ``probe.anomaly``, and what was wrong then.
+
+    A third party's algorithm may give any other text: it is returned as it is.
+    """
+    phase, _, event = why.partition(".")
+    if phase not in _WHILE or event not in EVENTS:
+        return why
+    found = ", ".join(ANOMALIES.get(anomaly, anomaly) for anomaly in anomalies)
+    if event == Event.ANOMALY.value and found:
+        return f"{found}, {_WHILE[phase]}"
+    return EVENTS[event].format(during=_WHILE[phase], after=_AFTER[phase])
