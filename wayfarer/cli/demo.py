@@ -103,11 +103,13 @@ def open_page(url: str) -> bool:
 def _last_words(end: RunEnd, logs: Path) -> str:
     from wayfarer.fieldlog.folders import run_folders
 
+    run = run_folders(logs)[-1]
     return f"""
 {end.text}
-the field log: {run_folders(logs)[-1]}
+the field log: {run}
 
-next: wayfarer demo --seed 44              another forest, a harder one
+next: wayfarer report {run}
+      wayfarer demo --seed 44              another forest, a harder one
       wayfarer demo --algorithm levy-walk  another algorithm in the same forest
       wayfarer sim --trials 200            the same code in many forests, counted
       wayfarer run --sim --live            the daemon as it runs on a rover, in real time: arm it yourself"""
