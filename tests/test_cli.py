@@ -80,13 +80,26 @@ def test_error_raised_on_purpose_is_one_line(
     assert run("sim") == (code, "", f"wayfarer: {text}\n")
 
 
-def test_missing_extra_says_how_to_get_it(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wayfarer.cli.sim.find_spec", lambda name: None if name == "numpy" else object())
-    code, out, err = run("sim", "--trials", "1")
-    assert (code, out) == (1, "")
-    assert (
-        err == "wayfarer: simulating needs numpy, which is not installed: pip install '.[sim]' in wayfarer's checkout\n"
-    )
+@pytest.mark.parametrize(
+    ("arguments", "module", "said"),
+    [
+        (["sim", "--trials", "1"], "numpy", "simulating needs numpy, which is not installed: pip install '.[sim]'"),
+        (["run", "--sim"], "skfmm", "simulating needs scikit-fmm, which is not installed: pip install '.[sim]'"),
+        (["report"], "matplotlib", "a report needs matplotlib, which is not installed: pip install '.[sim]'"),
+        (["run", "--sim", "--live"], "aiohttp", "page needs aiohttp, which is not installed: pip install '.[live]'"),
+        (["demo"], "aiohttp", "the live page needs aiohttp, which is not installed: pip install '.[live]'"),
+        (["run", "--sim", "--foxglove"], "foxglove", "needs foxglove-sdk, which is not installed: pip install '.[fox"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_missing_extra_says_how_to_get_it(
+    run: Run, monkeypatch: pytest.MonkeyPatch, arguments: list[str], module: str, said: str
+) -> None:
+    monkeypatch.setattr("wayfarer.cli.extras.find_spec", lambda name: None if name == module else object())
+    code, out, err = run(*arguments)
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert said in err
+    assert err.endswith(" in wayfarer's checkout\n")
 
 
 # --- list

@@ -152,14 +152,6 @@ def test_foxglove_takes_a_port_or_its_own(
     assert asked == [port]
 
 
-def test_page_without_what_it_needs_names_the_remedy(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("wayfarer.live.find_spec", lambda name: None)
-    assert cli.run(["run", "--sim", "--live"]) == 1
-    assert "pip install '.[live]'" in capsys.readouterr().err
-
-
 def test_command_line_loads_no_server_until_it_is_asked_for() -> None:
     code = "import sys, wayfarer.cli; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()

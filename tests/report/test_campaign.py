@@ -17,7 +17,7 @@ import pytest
 from tests.report.campaigns import ALGORITHMS, TRIALS, run_campaign
 from tests.simhal import fake_trials
 from wayfarer.cli import report as command
-from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.errors import BadInput
 from wayfarer.report.campaign import write_report
 from wayfarer.simhal.results import TRIALS as TABLE
 
@@ -212,9 +212,3 @@ def test_command_says_where_the_report_is(finished: Path, tmp_path: Path, capsys
     command.report(str(folder), gallery=1, jobs=1)
     assert capsys.readouterr().out == f"the report is {folder / 'report.html'}\n"
     assert len(list((folder / "figures").glob("forest-*-[0-9].svg"))) == 1
-
-
-def test_missing_matplotlib_is_told_with_its_remedy(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(command, "find_spec", lambda name: None if name == "matplotlib" else object())
-    with pytest.raises(WayfarerError, match=r"needs matplotlib, which is not installed: pip install '\.\[sim\]'"):
-        command.report(str(folder))

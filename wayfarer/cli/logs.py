@@ -8,15 +8,15 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from enum import StrEnum
-from importlib.util import find_spec
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wayfarer.cli.extras import require
 from wayfarer.cli.rover import Logs, log_folder
-from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
     from wayfarer.logbook.story import Line
@@ -233,6 +233,4 @@ def _whoever_reads() -> Iterator[None]:
 def _require_foxglove(out: Path | None) -> None:
     if out == STDOUT:
         raise BadInput("mcap is no text for a terminal: name a file with --out, or leave it out")
-    if find_spec("foxglove") is None:
-        remedy = "pip install '.[foxglove]' in wayfarer's checkout"
-        raise WayfarerError(f"mcap needs foxglove-sdk, which is not installed: {remedy}; csv needs nothing")
+    require("Foxglove")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from wayfarer.cli.extras import require
 from wayfarer.cli.rover import Logs, log_folder
-from wayfarer.errors import WayfarerError
 
 EXAMPLES = """Examples:
 
@@ -38,7 +37,7 @@ def report(
     logs: Logs = None,
 ) -> None:
     """Make report.html of a campaign, or of a run (default: the newest one); the figures as files too."""
-    require_matplotlib()
+    require("a report")
     from wayfarer.fieldlog.folders import find_run, is_run
 
     folder = Path(what)
@@ -52,15 +51,3 @@ def report(
 
         page = write_run_report(find_run(what, log_folder(logs)))
     print(f"the report is {page}")
-
-
-def require_matplotlib() -> None:
-    """Refuse to draw without what that needs.
-
-    Raises:
-        WayfarerError: a package is missing; the text says how to install it.
-    """
-    missing = [name for name in ("matplotlib", "numpy") if find_spec(name) is None]
-    if missing:
-        remedy = "pip install '.[sim]' in wayfarer's checkout"
-        raise WayfarerError(f"a report needs {missing[0]}, which is not installed: {remedy}")

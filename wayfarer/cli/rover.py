@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wayfarer.cli.sim import Depth, require_sim_extra
+from wayfarer.cli.extras import require
+from wayfarer.cli.sim import Depth
 from wayfarer.cli.watching import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.errors import BadInput
 
@@ -150,7 +151,7 @@ def simulated(config: RoverConfig, depth: Depth, seed: int) -> tuple[Callable[[A
     Raises:
         WayfarerError: a package is missing.
     """
-    require_sim_extra()
+    require("simulating")
     from wayfarer.simhal import rig
     from wayfarer.simhal.desk import desk_vessel
 

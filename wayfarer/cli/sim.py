@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from enum import StrEnum
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.cli.extras import require
+from wayfarer.errors import BadInput
 
 EXAMPLES = """Examples:
 
@@ -112,7 +112,7 @@ def sim(
 ) -> None:
     """Run the rover's own code in simulated forests, and count how often it gets out and how far it goes."""
     _refuse_odd_pairs(out, resume, trial, log)
-    require_sim_extra()
+    require("simulating")
     from wayfarer.config import load_rover
     from wayfarer.simhal import command
     from wayfarer.simhal.plan import Campaign, read_forest_file
@@ -142,15 +142,3 @@ def _refuse_odd_pairs(out: Path | None, resume: bool, trial: int | None, log: Pa
         raise BadInput("--log needs every trial to run anew; leave out --resume, or --log")
     if out and trial is not None:
         raise BadInput("--trial runs one trial and prints its row; it keeps no --out, leave it out")
-
-
-def require_sim_extra() -> None:
-    """Refuse to simulate without what that needs.
-
-    Raises:
-        WayfarerError: a package is missing; the text says how to install it.
-    """
-    missing = [name for name in ("numpy", "skfmm") if find_spec(name) is None]
-    if missing:
-        remedy = "pip install '.[sim]' in wayfarer's checkout"
-        raise WayfarerError(f"simulating needs {missing[0]}, which is not installed: {remedy}")

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wayfarer.cli.extras import require
 from wayfarer.errors import BadInput
-from wayfarer.live import HOST, PORT, require_live_extra
+from wayfarer.live import HOST, PORT
 
 if TYPE_CHECKING:
     from wayfarer.daemon.viewer import Viewer
@@ -65,9 +66,7 @@ def viewers(
         print(f"live page: {page.url}", flush=True)
         found.append(page)
     if foxglove:
-        from wayfarer.foxglove import require_foxglove_extra
-
-        require_foxglove_extra()
+        require("Foxglove")
         from wayfarer.foxglove.live import FoxgloveLive
 
         channels = FoxgloveLive(port=FOXGLOVE_PORT if foxglove_port is None else foxglove_port)
@@ -83,7 +82,7 @@ def live_page(host: str, port: int, speed: float = 1.0) -> LivePage:
         BadInput: the port cannot be had.
         WayfarerError: a package is missing.
     """
-    require_live_extra()
+    require("the live page")
     from secrets import token_urlsafe
 
     from wayfarer.live.server import LivePage

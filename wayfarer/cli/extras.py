@@ -1,0 +1,36 @@
+"""The optional parts of an installation: what needs them, and how to get them. A rover's own stays small."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import NamedTuple
+
+from wayfarer.errors import WayfarerError
+
+
+class Need(NamedTuple):
+    """An extra of the installation, and which packages of it something imports, by module and by the index's name."""
+
+    extra: str
+    packages: dict[str, str]
+
+
+NEEDS = {
+    "simulating": Need("sim", {"numpy": "numpy", "skfmm": "scikit-fmm"}),
+    "a report": Need("sim", {"matplotlib": "matplotlib", "numpy": "numpy"}),
+    "the live page": Need("live", {"aiohttp": "aiohttp"}),
+    "Foxglove": Need("foxglove", {"foxglove": "foxglove-sdk"}),
+}
+
+
+def require(what: str) -> None:
+    """Refuse to go on without what one of ``NEEDS`` needs; called before anything of it is imported.
+
+    Raises:
+        WayfarerError: a package is missing; the text says how to install it.
+    """
+    extra, packages = NEEDS[what]
+    for module, package in packages.items():
+        if find_spec(module) is None:
+            remedy = f"pip install '.[{extra}]' in wayfarer's checkout"
+            raise WayfarerError(f"{what} needs {package}, which is not installed: {remedy}")
