@@ -126,18 +126,15 @@ class Daemon:
             "start_delay_s": config.safety.start_delay_s,
         }
         self._lines = LineWriter()
-        heartbeat = Heartbeat(self._notifier, self._guard)
-        header, shown_to = self._header(about, vessel), [viewer.show for viewer in service.viewers]
-        sink = WriterThread(RunFiles(folder, config.log, self._lines.write))
-        field_log = FieldLog(sink, header, t_s=self._loop.time(), viewers=shown_to)
-        witnesses = [vessel.witness(field_log)] if vessel.witness else []
-        self._field_log = field_log
-        self._log = Tee(field_log, *witnesses, ConsoleLog(self._lines.write, service.hint), heartbeat)
+        self._field_log = self._open_log(folder, self._header(about, vessel))
+        witnesses = [vessel.witness(self._field_log)] if vessel.witness else []
+        console, heartbeat = ConsoleLog(self._lines.write, service.hint), Heartbeat(self._notifier, self._guard)
+        self._log = Tee(self._field_log, *witnesses, console, heartbeat)
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
         checks = [check for check in ARMING if not (service.simulated and check in CALIBRATED)]
         self._commands = RoverCommands(
-            self._supervisor, self._rover.motors, self._inspect, self._log, about, checks, lambda: field_log.dropped
+            self._supervisor, self._rover.motors, self._inspect, self._log, about, checks, self._records_lost
         )
 
     async def run(self) -> RunEnd:
@@ -177,6 +174,14 @@ class Daemon:
             finally:
                 if feeding is not None:
                     feeding.cancel()
+
+    def _open_log(self, folder: Path, header: dict[str, Any]) -> FieldLog:
+        sink = WriterThread(RunFiles(folder, self._service.config.log, self._lines.write))
+        shown_to = [viewer.show for viewer in self._service.viewers]
+        return FieldLog(sink, header, t_s=self._loop.time(), viewers=shown_to)
+
+    def _records_lost(self) -> int:
+        return self._field_log.dropped
 
     def _header(self, about: dict[str, Any], vessel: Vessel) -> dict[str, Any]:
         parts = {name: part.name for name, part in self._rover.parts.items()}
