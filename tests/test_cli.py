@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,9 +13,12 @@ import pytest
 from tests.simhal import fake_trials
 from wayfarer import __version__, cli
 from wayfarer.errors import BadReading, MissingPart
+from wayfarer.fieldlog.files import RunFiles
+from wayfarer.fieldlog.log import FieldLog
 from wayfarer.simhal.trial import TrialResult, TrialSpec
 
 Run = Callable[..., tuple[int, str, str]]
+CHECKOUT = Path(__file__).resolve().parents[1]
 
 FOREST = {
     "forest": 0, "noise": 1, "start_m": [25.0, 12.5], "heading_deg": 0.0, "goal_y_m": 50.0,
@@ -100,6 +104,25 @@ def test_missing_extra_says_how_to_get_it(
     assert (code, out, err.count("\n")) == (1, "", 1)
     assert said in err
     assert err.endswith(" in wayfarer's checkout\n")
+
+
+@pytest.mark.parametrize("arguments", [["list"], ["logs", "list", "--logs", "field_logs"]], ids=" ".join)
+def test_nobody_who_reads_is_no_error(arguments: list[str]) -> None:
+    command = f"{sys.executable} -c 'from wayfarer.cli import main; main()' {' '.join(arguments)} >&-"
+    done = subprocess.run(["/bin/sh", "-c", command], capture_output=True, text=True, check=False, cwd=CHECKOUT)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_letters_that_the_terminal_does_not_know_are_written_out(tmp_path: Path) -> None:
+    log = FieldLog(RunFiles(tmp_path), {}, wall=lambda t_s: t_s)
+    log.event("mark", 1.0, text="Bäume")
+    log.close("requested", "enough")
+    command = [sys.executable, "-c", "from wayfarer.cli import main; main()", "logs", "show", str(tmp_path)]
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, env=os.environ | {"PYTHONIOENCODING": "ascii"}
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "mark: B\\xe4ume" in done.stdout
 
 
 # --- list

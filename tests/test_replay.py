@@ -15,6 +15,7 @@ import pytest
 
 from tests.logbook.records import SAMPLE_LOGS
 from tests.virtual import virtual
+from wayfarer import cli
 from wayfarer.board import BoardSettings
 from wayfarer.config import RoverConfig, load_rover
 from wayfarer.errors import BadInput, NotResponding
@@ -141,6 +142,32 @@ def test_replay_goes_as_far_as_a_record_that_no_rover_wrote(tmp_path: Path, chan
     assert replay(run) == Replay(30, None, cut_t_s=garbled["t_s"])
 
 
+def test_conclusion_that_the_log_does_not_have_is_a_difference(tmp_path: Path) -> None:
+    run = log_trial(tmp_path / "run", 3, budget_m=5.0)
+    rewrite(run, lambda record: {key: value for key, value in record.items() if key != "why"})
+    found = replay(run).difference
+    assert found is not None
+    assert (found.key, found.logged) == ("why", None)
+
+
+def test_command_tells_each_run_and_ends_with_the_worst(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    agrees, cut, gone = (log_trial(tmp_path / name, 3, budget_m=5.0) for name in ("agrees", "cut", "gone"))
+    rewrite(cut, lambda record: None if record.get("n") == ticks(agrees)[9]["n"] else record)
+    rewrite(gone, lambda record: record | {"algorithm": "no-such"} if record["record"] == "run" else record)
+    assert cli.run(["replay", str(agrees)]) == 0
+    assert cli.run(["replay", str(agrees), str(cut)]) == 3
+    capsys.readouterr()
+    assert cli.run(["replay", str(gone), str(agrees), str(cut)]) == 2
+    out, err = capsys.readouterr()
+    assert [line.split(":")[0] for line in out.splitlines()] == ["agrees", "cut"]
+    assert "no-such" in err
+    late = ticks(agrees)[40]
+    almost_m = late["travelled_m"] + 1e-9
+    rewrite(agrees, lambda record: record | {"travelled_m": almost_m} if record.get("n") == late["n"] else record)
+    assert cli.run(["replay", str(agrees)]) == 1
+    assert f"travelled_m was {almost_m!r} and is {late['travelled_m']!r} today" in capsys.readouterr().out
+
+
 def test_log_that_was_cut_off_agrees_up_to_there(tmp_path: Path) -> None:
     run = log_trial(tmp_path / "run", 3, budget_m=10.0)
     whole = (run / "run.jsonl").read_bytes()
@@ -155,6 +182,7 @@ def test_log_that_was_cut_off_agrees_up_to_there(tmp_path: Path) -> None:
     [
         ({"algorithm": "no-such"}, "no-such"),
         ({"part": 2}, "begins with part 2"),
+        ({"schema": 1}, "has schema 1, this wayfarer knows 2"),
         ({"config": {"name": "x", "speed": 3}}, "its own settings"),
         ({"config": None}, "does not say all that ran"),
         ({"record": "event", "name": "opened"}, "does not begin with what ran"),

@@ -20,7 +20,7 @@ from pydantic import ValidationError
 from wayfarer.config import RoverConfig
 from wayfarer.config_errors import explain, most_telling
 from wayfarer.errors import BadInput, DriverError
-from wayfarer.fieldlog.log import tick_fields
+from wayfarer.fieldlog.log import SCHEMA, tick_fields
 from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, Side, WheelCommand
 from wayfarer.helm import Helm, Mode
@@ -71,6 +71,10 @@ def replay(run: Path, config: RoverConfig | None = None) -> Replay:
     first = next(records, None)
     if first is None or first["record"] != "run":
         raise BadInput(f"{run} cannot be replayed: its log does not begin with what ran")
+    if first.get("schema") != SCHEMA:
+        raise BadInput(
+            f"{run} cannot be replayed: its log has schema {first.get('schema')}, this wayfarer knows {SCHEMA}"
+        )
     if first.get("part", 1) != 1:
         raise BadInput(f"{run} cannot be replayed: its log begins with part {first['part']}, what was before is gone")
     rerun = Rerun(run, first, config)
@@ -173,11 +177,11 @@ class LoggedMotors:
 
 
 def compare(logged: Record, today: Mapping[str, Any]) -> Difference | None:
-    """Return the first conclusion of a tick that is not as logged; what only one of the two knows does not count."""
-    keys = [*CONCLUSIONS, *(key for key in logged if key not in CONCLUSIONS and key not in READINGS)]
-    for key in keys:
-        if key in logged and key in today and logged[key] != today[key]:
-            return Difference(logged["t_s"], logged.get("n"), key, logged[key], today[key])
+    """Return the first conclusion of a tick that is not as logged; one that only one of the two has counts, too."""
+    others = dict.fromkeys(key for key in (*logged, *today) if key not in CONCLUSIONS and key not in READINGS)
+    for key in (*CONCLUSIONS, *others):
+        if logged.get(key) != today.get(key):
+            return Difference(logged["t_s"], logged.get("n"), key, logged.get(key), today.get(key))
     return None
 
 

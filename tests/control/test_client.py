@@ -89,6 +89,11 @@ async def test_daemon_is_found_where_it_may_be(path: Path, daemon: FakeDaemon, m
         assert await asyncio.to_thread(ask, STATUS) == {"mode": "disarmed"}
 
 
+def test_text_that_is_no_utf_8_is_refused_in_a_line(path: Path) -> None:
+    with pytest.raises(BadInput, match=r"no text in UTF-8: .*bad \\udcff"):
+        ask({"do": "mark", "text": "bad \udcff"}, path)
+
+
 def test_no_socket_means_no_daemon(path: Path) -> None:
     with pytest.raises(NoDaemon, match=rf"no wayfarer daemon is running \(nobody listens at {path}\): start it with"):
         ask(STATUS, path)

@@ -36,12 +36,12 @@ def test_counter_goes_on_past_five_digits_in_order(tmp_path: Path) -> None:
     assert new_run_folder(tmp_path).name.startswith("100001-")
 
 
-def test_foreign_names_are_neither_runs_nor_numbers(tmp_path: Path) -> None:
+def test_foreign_names_are_runs_without_a_number_and_come_first(tmp_path: Path) -> None:
     run = make(tmp_path, f"00003-{TIME} hit the big log")
-    for name in ("2026", "20261121-photos", "notes", "-5", f"٣-{TIME}"):
-        make(tmp_path, name)
+    others = [make(tmp_path, name) for name in ("-5", "2026", "20261121-photos", "forest-pledge-00017", f"٣-{TIME}")]
     (tmp_path / "lost+found").touch()
-    assert run_folders(tmp_path) == [run]
+    (tmp_path / "notes").mkdir()
+    assert run_folders(tmp_path) == [*others, run]
     assert new_run_folder(tmp_path).name.startswith("00004-")
 
 
@@ -64,10 +64,29 @@ def test_run_is_found_by_number_name_or_path(tmp_path: Path) -> None:
     assert find_run(None, tmp_path) == late
     names = ("3", "00003", run.name, str(run), str(run / "run.jsonl"))
     assert {find_run(name, tmp_path) for name in names} == {run}
-    with pytest.raises(BadInput, match=rf"no run '5': .* holds {run.name} to {late.name}"):
+    with pytest.raises(BadInput, match=rf"no run and no folder '5': .* holds {run.name} to {late.name}"):
         find_run("5", tmp_path)
     with pytest.raises(BadInput, match="holds no run"):
         find_run(None, tmp_path / "none")
+
+
+def test_number_that_two_runs_have_names_both(tmp_path: Path) -> None:
+    make(tmp_path, f"00001-{TIME}")
+    make(tmp_path, "00001-20261122T061405Z")
+    with pytest.raises(BadInput, match=rf"several runs 1: 00001-{TIME}, 00001-20261122T061405Z; give"):
+        find_run("1", tmp_path)
+
+
+def test_other_file_beside_a_log_is_no_log(tmp_path: Path) -> None:
+    other = make(tmp_path, f"00001-{TIME}") / "notes.jsonl"
+    other.touch()
+    with pytest.raises(BadInput, match="is no field log"):
+        find_run(str(other), tmp_path)
+
+
+def test_name_that_no_file_can_have_is_told_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="File name too long"):
+        find_run("a" * 300, tmp_path)
 
 
 def test_folder_that_cannot_be_made_is_told_in_one_line(tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ def test_nearly_full_disk_takes_no_ticks_but_events(tmp_path: Path, monkeypatch:
     assert gaps(tmp_path) == [1, 1, 1]
     assert log.files.dropped == 3
     assert log.told == [
-        f"{tmp_path}: the field log leaves out the control ticks: less than 40 MB are free: delete old runs; "
+        f"{tmp_path}: the field log takes only events and positions: less than 40 MB are free: delete old runs; "
         "the rover drives on",
         "the field log is written again; records missing: 3",
     ]

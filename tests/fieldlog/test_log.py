@@ -13,7 +13,7 @@ from wayfarer.config import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Decision, Phase
 from wayfarer.fieldlog.files import RunFiles
-from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.log import FieldLog, Record
 from wayfarer.hal import STOP
 from wayfarer.latest import Snapshot
 from wayfarer.records import TickRecord
@@ -66,8 +66,25 @@ def test_what_cannot_be_written_is_dropped_and_counted(tmp_path: Path) -> None:
     log.close("requested", "enough")
     assert [record["record"] for record in records(tmp_path)] == ["run", "tick", "outcome"]
     assert records(tmp_path)[-1]["dropped"] == 1
+    assert [record["n"] for record in records(tmp_path)[1:]] == [2, 3], "a reader sees that one is missing"
 
 
 def test_folder_that_cannot_be_made_is_bad_input() -> None:
     with pytest.raises(BadInput, match="the field log cannot be written"):
         FieldLog(RunFiles(Path("/dev/null/run")), {})
+
+
+def test_every_viewer_sees_every_record_in_order_and_one_that_fails_costs_nobody_anything(tmp_path: Path) -> None:
+    shown: list[Record] = []
+
+    def failing(record: Record) -> None:
+        if record["record"] == "tick":
+            raise RuntimeError("a bug in a viewer")
+
+    log = FieldLog(RunFiles(tmp_path), {}, wall=lambda t_s: t_s, viewers=[failing, shown.append])
+    log.tick(tick())
+    log.tick(tick())
+    log.close("requested", "enough")
+    assert sorted(shown, key=lambda record: record.get("n", 0)) == records(tmp_path)
+    names = [record.get("name") for record in records(tmp_path)]
+    assert names.count("viewer_failed") == 1

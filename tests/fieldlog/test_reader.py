@@ -194,3 +194,9 @@ def test_damage_says_what_it_is() -> None:
         "1 line is filled with NUL bytes, 1 line is far too long, 3 lines are no records, "
         "1 part of the log cannot be read"
     )
+
+
+def test_number_that_is_garbled_is_not_believed() -> None:
+    lines = LOG.replace(b'"n":3', b'"n":98765432')
+    _, damage = read_bytes(lines)
+    assert damage.missing == 1

@@ -6,7 +6,10 @@ when it runs, so that the light ones stay quick on a rover's small computer.
 
 from __future__ import annotations
 
+import os
 import sys
+from io import TextIOWrapper
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -53,6 +56,10 @@ app.command("install-service", rich_help_panel=ROVER)(care.install_service)
 
 def main() -> None:
     """Run the command line and exit; the console entry point."""
+    if sys.stdout is None:  # it was closed: nobody wants to read
+        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a mark in a script that this terminal does not know
     sys.exit(run(sys.argv[1:]))
 
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from wayfarer.cli.rover import Logs, log_folder
+from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
     from wayfarer.replay import Replay
 
-DIFFERS = 1
+# As wayfarer logs check: something is lost, so that not all of the run was compared.
+DIFFERS, BAD_INPUT, CUT = 1, 2, 3
 EXAMPLES = """Examples:
 
 wayfarer replay
@@ -34,27 +37,36 @@ def replay(
     ] = None,
     logs: Logs = None,
 ) -> None:
-    """Put a run's readings through today's code: do the same decisions come out? Exit code 1 where they differ."""
+    """Put a run's readings through today's code, and say whether the same decisions come out.
+
+    Exit code 0 where all do, 1 where one differs, 3 where records are missing, 2 where a run cannot be replayed.
+    """
     from wayfarer.config import load_rover
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.replay import replay as replay_run
 
     settings = load_rover(config) if config else None
     folders = [find_run(run, log_folder(logs)) for run in runs or ["last"]]
-    exit_code = 0
+    codes = set()
     for folder in folders:
-        result = replay_run(folder, settings)
+        try:
+            result = replay_run(folder, settings)
+        except BadInput as error:
+            codes.add(BAD_INPUT)
+            print("wayfarer:", error, file=sys.stderr)
+            continue
         print(told(folder, result))
-        exit_code = DIFFERS if result.difference else exit_code
-    raise typer.Exit(exit_code)
+        codes.add(DIFFERS if result.difference else CUT if result.cut_t_s is not None or not result.ticks else 0)
+    raise typer.Exit(next(code for code in (BAD_INPUT, DIFFERS, CUT, 0) if code in codes))
 
 
 def told(run: Path, result: Replay) -> str:
     """Return a replay in a line."""
     so_far = f"{run.name}: {result.ticks} decisions as logged"
     if result.difference is not None:
-        t_s, number, key, logged, today = result.difference
-        return f"{so_far}, then at t_s {t_s:.3f} (n {number}) {key} was {_short(logged)} and is {_short(today)} today"
+        t_s, number, key, *values = result.difference
+        logged, today = map(_short, values) if _short(values[0]) != _short(values[1]) else map(repr, values)
+        return f"{so_far}, then at t_s {t_s:.3f} (n {number}) {key} was {logged} and is {today} today"
     if result.cut_t_s is not None:
         return f"{so_far}; records are missing before t_s {result.cut_t_s:.3f}, what follows cannot be replayed"
     return so_far

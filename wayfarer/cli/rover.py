@@ -140,9 +140,10 @@ def _real(config: RoverConfig, where: str, logs: Path) -> tuple[Callable[[Any], 
 
     calibrated = calibration_file(os.environ, Path.home())
     buses = make_buses(config.buses)
-    rover = assemble(config, buses, load(calibrated))
+    calibration = load(calibrated)
+    rover = assemble(config, buses, calibration)
     refuse_missing_ports(config, where, Place(logs, calibrated, (), wall_clock(0.0)))
-    return lambda _: Vessel(rover), buses.close
+    return lambda _: Vessel(rover, calibration), buses.close
 
 
 def simulated(config: RoverConfig, depth: Depth, seed: int) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:

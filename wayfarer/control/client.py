@@ -38,11 +38,15 @@ def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: floa
         WayfarerError: the socket belongs to somebody else, or what answers (or does not) is no healthy daemon.
     """
     check(request)
+    try:
+        line = orjson.dumps(dict(request))
+    except TypeError:  # half a character, as a terminal hands on what is no UTF-8
+        raise BadInput(f"the request is no text in UTF-8: {dict(request)!a}") from None
     with socket.socket(socket.AF_UNIX) as connection:
         _limit_waiting(connection, timeout_s)
         place = _connect(connection, [path] if path else known_sockets())
         try:
-            reply = _exchange(connection, orjson.dumps(dict(request)) + b"\n")
+            reply = _exchange(connection, line + b"\n")
         except BlockingIOError:
             raise _no_answer(place, timeout_s) from None
         except OSError as error:

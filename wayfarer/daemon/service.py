@@ -13,7 +13,7 @@ from random import Random
 from typing import Any
 
 from wayfarer import __version__
-from wayfarer.calibration import calibration_file
+from wayfarer.calibration import Calibration, calibration_file
 from wayfarer.checks import ARMING, CALIBRATED, Place
 from wayfarer.checks.system import device_files
 from wayfarer.config import RoverConfig, part_settings
@@ -47,12 +47,13 @@ ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
 
 @dataclass(frozen=True, slots=True)
 class Vessel:
-    """A rover to serve; of a simulated one also what is known beyond its senses.
+    """A rover to serve, and for its log what is known of it: how it was calibrated; of a simulated one, the truth.
 
     ``world`` is the forest, for the log's first record, and ``witness`` makes what writes the truth beside it.
     """
 
     rover: Rover
+    calibration: Calibration | None = None
     world: Mapping[str, Any] | None = None
     witness: Callable[[FieldLog], RunLog] | None = None
 
@@ -193,6 +194,7 @@ class Daemon:
                 "seed": self._service.seed,
                 "algorithm_seed": self._service.seed,
                 "parts": parts,
+                "calibration": vessel.calibration,
                 "config": self._service.config.model_dump(mode="json"),
                 "boot_id": _boot_id(),
             }

@@ -187,7 +187,7 @@ class RunFiles:
             return
         self._scarce = disk.f_bavail * disk.f_frsize < enough
         if self._scarce:
-            text = f"the field log leaves out the control ticks: less than {self._settings.free_mb:g} MB are free"
+            text = f"the field log takes only events and positions: less than {self._settings.free_mb:g} MB are free"
             self.trouble.begins("disk", f"{self._folder}: {text}: delete old runs; the rover drives on")
 
     def _sync(self, part: Part) -> None:

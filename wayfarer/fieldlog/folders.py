@@ -2,7 +2,7 @@
 
 A folder is named by a counter, which no clock can turn back, and the time in UTC at which the run began:
 ``00017-20261121T061405Z``. The counter is the order; the time is for people, and wrong where the clock was. A person
-may write on behind the name. Whatever else lies among the folders is left alone.
+may write on behind the name. Simulated trials have folders of other names, and those that people gave.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def new_run_folder(logs: Path) -> Path:
     try:
         logs.mkdir(parents=True, exist_ok=True)
         with _only_one(logs):
-            last = max((number for number, _ in _numbered(logs)), default=0)
+            last = max((number for path in logs.iterdir() if (number := run_number(path)) is not None), default=0)
             folder = logs / f"{last + 1:05d}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}"
             folder.mkdir()
     except OSError as error:
@@ -41,13 +41,18 @@ def new_run_folder(logs: Path) -> Path:
 
 
 def run_folders(logs: Path) -> list[Path]:
-    """Return the folders of all runs, oldest first; none where there is no such folder.
+    """Return the folders of all runs, none where there is no such folder.
+
+    Those without a number come first, by name; the newest is the last.
 
     Raises:
         BadInput: the logs' folder cannot be read.
     """
     try:
-        return [path for _, path in sorted(_numbered(logs)) if is_run(path)] if logs.exists() else []
+        entries = [(-1 if number is None else number, path) for path in logs.iterdir() for number in [run_number(path)]]
+        return [path for _, path in sorted(entries) if path.is_dir() and is_run(path)]
+    except FileNotFoundError:
+        return []
     except OSError as error:
         raise BadInput(f"{logs}: the logs' folder cannot be read: {error.strerror}") from None
 
@@ -68,20 +73,29 @@ def find_run(name: str | None, logs: Path) -> Path:
         if not runs:
             raise BadInput(f"{logs} holds no run; say where runs are logged with --logs DIR, or give a run's folder")
         return runs[-1]
-    for run in runs:
-        if run.name == name or (name.isdecimal() and _number(run.name, RUN_NAME) == int(name)):
-            return run
-    path = Path(name)
-    if path.is_file() and path.suffix == ".jsonl":
-        return path.parent
-    if path.is_dir() and is_run(path):
-        return path
-    if path.is_dir():
-        raise BadInput(f"{name} is no run: there is no {FILE_NAME} in it")
-    if path.exists():
-        raise BadInput(f"{name} is no field log: a run is a folder with a {FILE_NAME} in it")
+    found = [run for run in runs if run.name == name or (name.isdecimal() and run_number(run) == int(name))]
+    if len(found) > 1:
+        raise BadInput(
+            f"{logs} holds several runs {name}: {', '.join(run.name for run in found)}; give the folder's name"
+        )
+    return found[0] if found else _run_at(Path(name), logs, runs)
+
+
+def _run_at(path: Path, logs: Path, runs: list[Path]) -> Path:
+    """Return the run at a path."""
+    try:
+        if path.is_file() and (path.name == FILE_NAME or PART_NAME.match(path.name)):
+            return path.parent
+        if path.is_dir() and is_run(path):
+            return path
+        if path.is_dir():
+            raise BadInput(f"{path} is no run: there is no {FILE_NAME} in it")
+        if path.exists():
+            raise BadInput(f"{path} is no field log: a run is a folder with a {FILE_NAME} in it")
+    except OSError as error:
+        raise BadInput(f"{str(path)[:40]} cannot be a run: {error.strerror}") from None
     there = " to ".join(dict.fromkeys(run.name for run in (*runs[:1], *runs[-1:]))) or "none"
-    raise BadInput(f"there is no run and no folder '{name}': {logs} holds {there} (see wayfarer logs list)")
+    raise BadInput(f"there is no run and no folder '{path}': {logs} holds {there} (see wayfarer logs list)")
 
 
 def part_path(run: Path, number: int) -> Path:
@@ -99,8 +113,9 @@ def older_parts(run: Path) -> list[Path]:
     return [path for _, path in sorted(numbered)]
 
 
-def _numbered(logs: Path) -> Iterator[tuple[int, Path]]:
-    return ((number, path) for path in logs.iterdir() if (number := _number(path.name, RUN_NAME)) is not None)
+def run_number(run: Path) -> int | None:
+    """Return the number in the name of a run's folder, None where it has another name."""
+    return _number(run.name, RUN_NAME)
 
 
 def _number(name: str, pattern: re.Pattern[str]) -> int | None:

@@ -80,6 +80,7 @@ class FieldLog:
             fields = tick_fields(record)
         except Exception:  # a third party's memory() or decision; no log is worth a run
             self._unmade += 1
+            self._number += 1  # so that a reader sees that one is missing
         else:
             self._note_clock_step(record.t_s)
             self._write("bulk", "tick", record.t_s, fields)
@@ -91,7 +92,7 @@ class FieldLog:
     def position(self, fix: PositionFix | None) -> None:
         """Write a position."""
         if fix is not None:
-            self._write("bulk", "position", fix.t_s, fix._asdict())
+            self._write("urgent", "position", fix.t_s, fix._asdict())
 
     def board(self, t_s: float, health: MotorHealth) -> None:
         """Write what the motor board says of itself."""

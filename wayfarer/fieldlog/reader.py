@@ -20,6 +20,7 @@ from wayfarer.fieldlog.folders import FILE_NAME, older_parts
 Record = dict[str, Any]
 KINDS = ("run", "tick", "event", "position", "board", "computer", "truth", "outcome")
 LINE_BYTES = 1_000_000  # far more than any record: the header of a simulated forest has 20,000
+JUMP = 10_000_000  # records are never missing in such a number, which is a week of them: the number itself is garbled
 READ_BYTES = 262_144  # read from the disk at once
 
 
@@ -107,7 +108,7 @@ class RunReader:
     def _count_missing(self, record: Record) -> None:
         """Find the gaps in the numbers, which begin at 1; headers have none."""
         number = record.get("n")
-        if isinstance(number, int):
+        if isinstance(number, int) and number - self._highest < JUMP:
             self._numbered += 1
             self._highest = max(self._highest, number)
             self.damage.missing = max(0, self._highest - self._numbered)

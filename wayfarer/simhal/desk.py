@@ -33,4 +33,4 @@ def desk_vessel(config: RoverConfig, depth: Depth, seed: int, finish: Callable[[
 
     world.after_step = Referee(forest, NO_BUDGET_M, physics.tip_deg, tell).watch
     rover = build(depth, world, streams, config, clock)
-    return Vessel(rover, as_row(forest), lambda log: Witness(log, world))
+    return Vessel(rover, world=as_row(forest), witness=lambda log: Witness(log, world))
