@@ -9,12 +9,15 @@ import typer
 
 from wayfarer.cli.extras import require
 from wayfarer.cli.rover import Logs, log_folder
+from wayfarer.errors import BadInput
 
 EXAMPLES = """Examples:
 
 wayfarer report
 
 wayfarer report 17
+
+wayfarer report 17 --out ~/run17/report.html
 
 wayfarer report results
 
@@ -25,7 +28,7 @@ wayfarer report results --gallery 30 --jobs 2
 def report(
     what: Annotated[
         str,
-        typer.Argument(metavar="[DIR|RUN]", help="What `wayfarer sim --out DIR` has filled, or a run."),
+        typer.Argument(metavar="[RUN|DIR]", help="A run, or what `wayfarer sim --out DIR` has filled."),
     ] = "last",
     *,
     gallery: Annotated[
@@ -34,20 +37,41 @@ def report(
     jobs: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Processes; without it one for each core.")
     ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", dir_okay=False, help="The page; its figures go beside it. (default: in the folder itself)"
+        ),
+    ] = None,
     logs: Logs = None,
 ) -> None:
     """Make report.html of a campaign, or of a run (default: the newest one); the figures as files too."""
     require("a report")
-    from wayfarer.fieldlog.folders import find_run, is_run
-
-    folder = Path(what)
-    if folder.is_dir() and not is_run(folder):
+    run = _run(what, log_folder(logs))
+    if run is None:
         from wayfarer.report.campaign import write_report
         from wayfarer.simhal.command import cores
 
-        page = write_report(folder, gallery=gallery, jobs=jobs or cores())
+        page = write_report(Path(what), out, gallery=gallery, jobs=jobs or cores())
     else:
         from wayfarer.report.run import write_run_report
 
-        page = write_run_report(find_run(what, log_folder(logs)))
+        page = write_run_report(run, out)
     print(f"the report is {page}")
+
+
+def _run(what: str, logs: Path) -> Path | None:
+    """Return the folder of the run that is meant, None for another folder; a run's number goes before its name.
+
+    Raises:
+        BadInput: there is neither such a run nor such a folder.
+    """
+    from wayfarer.fieldlog.folders import find_run, is_run
+
+    try:
+        return find_run(what, logs)
+    except BadInput:
+        folder = Path(what)
+        if folder.is_dir() and not is_run(folder):
+            return None
+        raise

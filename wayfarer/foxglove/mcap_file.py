@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +12,7 @@ from foxglove import Context, open_mcap
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.foxglove.channels import Channels
+from wayfarer.whole_file import whole_file
 
 
 def export(run: Path, out: Path) -> int:
@@ -25,22 +25,16 @@ def export(run: Path, out: Path) -> int:
         out: the file to write.
 
     Raises:
-        BadInput: there is no log, nothing in it can be read, or the file cannot be written.
+        BadInput: there is no log, nothing in it can be read, or the file cannot be written or is no ordinary one.
     """
     zero_s = _clock_zero_s(run)
-    partial = out.with_name(f".{out.name}.{os.getpid()}.part")
     try:
-        try:
-            with partial.open("wb") as file:
-                sent = _write(run, zero_s, file)
-            partial.replace(out)
-        finally:
-            partial.unlink(missing_ok=True)
+        with whole_file(out) as draft, draft.open("wb") as file:
+            return _write(run, zero_s, file)
     except OSError as error:
         raise BadInput(
             f"{out}: cannot be written ({error.strerror}); check the folder, its rights and the disk"
         ) from None
-    return sent
 
 
 def _clock_zero_s(run: Path) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
 
@@ -11,13 +10,14 @@ from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.logbook.tables import csv_rows, further_columns, tsv_rows
 from wayfarer.logbook.verdict import readable
+from wayfarer.whole_file import whole_file
 
 
 def export(run: Path, form: str, out: Path, *, overwrite: bool) -> None:
     """Write a run as ``csv``, ``tsv`` or ``mcap`` to a file, which appears whole or not at all.
 
     Raises:
-        BadInput: there is such a file already, it cannot be written, or the run cannot be read.
+        BadInput: there is such a file already, it cannot be written or is no ordinary file, or the run cannot be read.
     """
     if out.is_dir() or (out.exists() and not overwrite):
         raise BadInput(f"{out} is there already: name another file with --out, or replace a file with --force")
@@ -26,18 +26,13 @@ def export(run: Path, form: str, out: Path, *, overwrite: bool) -> None:
 
         export_mcap(run, out)
         return
-    draft = out.with_name(f".{out.name}.new")
     try:
-        with draft.open("w", encoding="utf-8", newline="") as file:
+        with whole_file(out) as draft, draft.open("w", encoding="utf-8", newline="") as file:
             write_table(run, form, file)
-        draft.replace(out)
     except OSError as error:
         raise BadInput(
             f"{out} cannot be written: {error.strerror}; check the folder, its rights and the disk"
         ) from None
-    finally:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
 
 
 def write_table(run: Path, form: str, file: TextIO) -> None:

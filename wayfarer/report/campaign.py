@@ -20,29 +20,33 @@ from wayfarer.report.reading import Results, read_results
 from wayfarer.report.table import results_table
 from wayfarer.simhal.plan import Campaign
 from wayfarer.simhal.progress import shown_progress
-from wayfarer.simhal.results import write_whole
+from wayfarer.whole_file import whole_file
 
 
-def write_report(folder: Path, *, gallery: int = 12, jobs: int) -> Path:
-    """Write the report of the campaign in ``folder``, and return the page's path.
+def write_report(folder: Path, out: Path | None = None, *, gallery: int = 12, jobs: int) -> Path:
+    """Write the report of the campaign in ``folder``, and return the page's path: ``out``, or ``report.html`` in it.
 
-    ``gallery`` is how many trials are drawn; they are run again for that, in ``jobs`` processes. The same folder
+    The figures stand in ``figures`` beside the page. ``gallery`` is how many trials are drawn; they are run again for that, in ``jobs`` processes. The same folder
     gives the same bytes.
 
     Raises:
         BadInput: the folder holds no finished campaign, is damaged, or cannot be written.
         WayfarerError: a worker process died.
     """
+    out = folder / page.PAGE if out is None else out
     results = read_results(folder)
-    figures = folder / page.FIGURES
+    figures = out.parent / page.FIGURES
     try:
-        figures.mkdir(exist_ok=True)
+        figures.mkdir(parents=True, exist_ok=True)
         with house_style():
             body = [*_overview(results, figures), _gallery(results, figures, gallery, jobs)]
-        write_whole(folder / page.PAGE, page.document(words.title(results), body).encode())
+        with whole_file(out) as draft:
+            draft.write_bytes(page.document(words.title(results), body).encode())
     except OSError as error:
-        raise BadInput(f"{folder}: the report cannot be written there: {error.strerror or error}") from error
-    return folder / page.PAGE
+        raise BadInput(
+            f"{out}: the report cannot be written there: {error.strerror or error}; name another file with --out"
+        ) from error
+    return out
 
 
 def _overview(results: Results, figures: Path) -> Iterator[str]:

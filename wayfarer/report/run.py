@@ -20,17 +20,17 @@ from wayfarer.report.run_timeline import timeline_figure
 from wayfarer.report.run_track import forest_track_figure, track_figure
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.forest_file import from_row
-from wayfarer.simhal.results import write_whole
+from wayfarer.whole_file import whole_file
 
 
 def write_run_report(run: Path, out: Path | None = None) -> Path:
     """Write the report of the run in a folder, and return the page's path: ``out``, or ``report.html`` in the folder.
 
-    The figures stand in ``figures`` beside the page. The same log gives the same bytes. A log that is damaged, cut off
-    or empty gives a page that says what is not there.
+    The figures stand in ``figures`` beside the page. The same log gives the same bytes. A log that is damaged or cut
+    off gives a page that says what is not there.
 
     Raises:
-        BadInput: there is no log in the folder, it cannot be read, or the report cannot be written.
+        BadInput: there is no log in the folder, nothing in it can be read, or the report cannot be written.
     """
     out = run / page.PAGE if out is None else out
     data = read_run(run)
@@ -40,9 +40,12 @@ def write_run_report(run: Path, out: Path | None = None) -> Path:
         with house_style(), matplotlib.rc_context({"figure.constrained_layout.use": False}), warnings.catch_warnings():
             warnings.filterwarnings("ignore", r"Glyph .* missing from font")  # of a mark; the page has it
             body = list(_body(data, run.resolve().name, figures))
-        write_whole(out, page.document(run_words.title(data), body).encode())
+        with whole_file(out) as draft:
+            draft.write_bytes(page.document(run_words.title(data), body).encode())
     except OSError as error:
-        raise BadInput(f"{out}: the report cannot be written there: {error.strerror or error}") from error
+        raise BadInput(
+            f"{out}: the report cannot be written there: {error.strerror or error}; name another file with --out"
+        ) from error
     return out
 
 

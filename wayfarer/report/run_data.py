@@ -33,7 +33,8 @@ ANOMALIES = frozenset(anomaly.value for anomaly in Anomaly)
 class Tick(NamedTuple):
     """One control tick, as drawn. ``phase`` counts in ``PHASES``; ``level`` is ``conditions.Level``.
 
-    ``period_s`` is the time since the tick before, NaN where records are missing between the two.
+    ``period_s`` is the time since the tick before, NaN where records are missing between the two. ``stretch`` counts
+    the gaps before it: records are missing between two that differ in it.
     """
 
     t_s: float
@@ -50,15 +51,17 @@ class Tick(NamedTuple):
     period_s: float
     north_m: float
     east_m: float
+    stretch: float
 
 
 class Truth(NamedTuple):
-    """Where a simulated rover really was, in the metres of its forest."""
+    """Where a simulated rover really was, in the metres of its forest; ``stretch`` as in ``Tick``."""
 
     t_s: float
     x_m: float
     y_m: float
     phase: float
+    stretch: float
 
 
 class Onset(NamedTuple):
@@ -130,11 +133,12 @@ class Sensor:
 
 @dataclass
 class RunData:
-    """Everything of one run that its report shows."""
+    """Everything of one run that its report shows; ``beginning_lost`` is set where the log begins later than it."""
 
     header: Record = field(default_factory=dict)
     summary: Summary = field(default_factory=lambda: Account().summary())
     damage: Damage = field(default_factory=Damage)
+    beginning_lost: bool = False
     ticks: Columns = field(default_factory=lambda: columns(Tick, []))
     truth: Columns = field(default_factory=lambda: columns(Truth, []))
     batteries: list[tuple[float, float]] = field(default_factory=list)

@@ -34,6 +34,7 @@ MANY = 30  # anomalies
 CIRCLES = 200  # of error, at most
 ARROW = 0.12  # of the map's smaller side: length of an arrow to the goal
 SCALES_M = [factor * 10**power for power in range(11) for factor in (1, 2, 5)]
+LOG_BEGINS: dict[str, Any] = {"marker": "o", "markersize": 6, "color": "white", "markeredgecolor": BLACK}
 RECEIVER: dict[str, Any] = {"color": GREEN, "linewidth": 0.7, "marker": "+", "markersize": 4.0, "markeredgewidth": 0.7}
 
 
@@ -55,7 +56,7 @@ class Map(NamedTuple):
 
 
 class Way(NamedTuple):
-    """A way: metres east and north, and which of ``STROKES`` draws it from there on."""
+    """A way: metres east and north, and which of ``STROKES`` draws it from there on; NaN where it is broken."""
 
     east_m: Floats
     north_m: Floats
@@ -66,8 +67,8 @@ def map_around(east_m: Floats, north_m: Floats) -> Map:
     """Return a map with everything on it, neither too slim nor too tall for a page."""
     if not east_m.size:
         east_m = north_m = np.zeros(1)
-    west_m, south_m = float(east_m.min()), float(north_m.min())
-    wide_m, high_m = float(east_m.max()) - west_m, float(north_m.max()) - south_m
+    west_m, south_m = float(np.nanmin(east_m)), float(np.nanmin(north_m))
+    wide_m, high_m = float(np.nanmax(east_m)) - west_m, float(np.nanmax(north_m)) - south_m
     pad_m = 0.08 * max(wide_m, high_m, SMALLEST_M)
     width_m = max(wide_m + 2 * pad_m, (high_m + 2 * pad_m) / TALLEST, SMALLEST_M)
     height_m = max(high_m + 2 * pad_m, width_m * SLIMMEST)
@@ -94,6 +95,12 @@ def frame(shown: Map) -> tuple[Figure, Axes]:
     return figure, axes
 
 
+def broken(way: Way, stretch: Floats) -> Way:
+    """Return a way that does not bridge what is missing between one stretch of the log and the next."""
+    at = np.flatnonzero(np.diff(stretch)) + 1
+    return Way(*(np.insert(column, at, np.nan) for column in way))
+
+
 def draw_way(axes: Axes, way: Way, shown: Map) -> None:
     """Draw a way in the colours of its phases."""
     way = thinned(way, shown)
@@ -114,9 +121,10 @@ def thinned(way: Way, shown: Map) -> Way:
     return Way(way.east_m[kept], way.north_m[kept], way.stroke[kept])
 
 
-def draw_ends(axes: Axes, way: Way) -> None:
-    """Mark where a way begins and ends."""
-    for style, at, label in ((START, 0, "start"), (END, -1, "end")):
+def draw_ends(axes: Axes, way: Way, *, from_start: bool) -> None:
+    """Mark where a way begins and ends; where the beginning is lost, its first place is not the start."""
+    first = (START, 0, "start") if from_start else (LOG_BEGINS, 0, "log begins")
+    for style, at, label in (first, (END, -1, "end")):
         if way.east_m.size:
             axes.plot(way.east_m[at], way.north_m[at], linestyle="none", label=label, zorder=4, **style)
 

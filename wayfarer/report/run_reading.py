@@ -13,6 +13,7 @@ from wayfarer.fieldlog.reader import Damage, Record, RunReader
 from wayfarer.fieldlog.track import QUALITY_MIN, Place
 from wayfarer.logbook.account import Account
 from wayfarer.logbook.fields import name, names, reckoning, sound_tick
+from wayfarer.logbook.verdict import readable
 from wayfarer.logbook.wording import event_name
 from wayfarer.report.run_data import (
     ANOMALIES,
@@ -40,10 +41,10 @@ def read_run(run: Path) -> RunData:
     """Read what a report shows of the run in a folder.
 
     Raises:
-        BadInput: there is no log in it, or it cannot be read.
+        BadInput: there is no log in it, or nothing of it can be read.
     """
     reader, reading = RunReader(run), _Reading()
-    for record in reader:
+    for record in readable(reader):
         reading.take(record)
     return reading.finish(reader.damage)
 
@@ -63,6 +64,7 @@ class _Reading:
         self._ticks, self._truths = array("d"), array("d")
         self._first_t_s = self._max_speed_m_s = nan
         self._number: int | None = None
+        self._stretch = 0.0
         self._tick_t_s = self._motion_t_s = nan  # of the one before, NaN where records are missing since
         self._phase = nan
         self._wrong: frozenset[str] = frozenset()
@@ -76,6 +78,7 @@ class _Reading:
             self._note_missing(record.get("n"))
             if isnan(self._first_t_s):
                 self._first_t_s = float(record["t_s"])
+                self.data.beginning_lost |= number(record.get("part")) > 1.0
             if taker := self._takers.get(record["record"]):
                 taker(record["t_s"] - self._first_t_s, record)
 
@@ -91,9 +94,12 @@ class _Reading:
         return data
 
     def _note_missing(self, count: object) -> None:
-        """Forget what two records that do not follow each other would be compared by."""
+        """Forget what two records that do not follow each other would be compared by; their numbers begin at 1."""
         if isinstance(count, int):
-            if self._number is not None and count != self._number + 1:
+            if self._number is None:
+                self.data.beginning_lost |= count > 1
+            elif count != self._number + 1:
+                self._stretch += 1.0
                 self._tick_t_s = self._motion_t_s = nan
                 for sensor in self._sensors.values():
                     sensor.last_t_s = nan
@@ -130,6 +136,7 @@ class _Reading:
             period_s=since_s - self._tick_t_s,
             north_m=north_m,
             east_m=east_m,
+            stretch=self._stretch,
         )
         self._ticks.extend(tick)
         self._tick_t_s = since_s
@@ -218,7 +225,7 @@ class _Reading:
             self.data.batteries.append((since_s, battery_v))
 
     def _truth(self, since_s: float, record: Record) -> None:
-        truth = Truth(since_s, number(record.get("x_m")), number(record.get("y_m")), self._phase)
+        truth = Truth(since_s, number(record.get("x_m")), number(record.get("y_m")), self._phase, self._stretch)
         if not isnan(truth.x_m + truth.y_m):
             self._truths.extend(truth)
 

@@ -17,6 +17,7 @@ from wayfarer.report.run_map import (
     Map,
     Point,
     Way,
+    broken,
     draw_arrow,
     draw_ends,
     draw_fixes,
@@ -56,7 +57,7 @@ def track_figure(data: RunData) -> Figure:
     for place_m, goal_deg in goals:
         draw_arrow(axes, place_m, goal_deg, shown)
     draw_onsets(axes, [(onset.kind, (onset.east_m, onset.north_m)) for onset in data.onsets])
-    draw_ends(axes, way)
+    draw_ends(axes, way, from_start=not data.beginning_lost)
     draw_marks(axes, [(event.mark, (event.east_m, event.north_m)) for event in data.events if event.mark], shown)
     draw_scale(axes, shown)
     draw_legend(axes, *([ARROW] if goals else []))
@@ -71,7 +72,7 @@ def forest_track_figure(data: RunData, forest: Forest) -> Figure:
     draw_way(axes, true, shown)
     axes.plot(reckoned.east_m, reckoned.north_m, zorder=2.5, **RECKONED)
     draw_onsets(axes, [(onset.kind, _true_place(data, onset.t_s)) for onset in data.onsets])
-    draw_ends(axes, true)
+    draw_ends(axes, true, from_start=not data.beginning_lost)
     draw_marks(axes, [(event.mark, _true_place(data, event.t_s)) for event in data.events if event.mark], shown)
     draw_forest(axes, forest, shown.points_per_m)
     draw_legend(axes, TRUNK_KEY, TREE_KEY)
@@ -89,11 +90,13 @@ def drift_m(data: RunData) -> float:
 def _reckoned(data: RunData) -> Way:
     ticks = data.ticks
     known = ~np.isnan(ticks["north_m"] + ticks["east_m"])
-    return Way(ticks["east_m"][known], ticks["north_m"][known], stroke_of(ticks["phase"])[known])
+    way = Way(ticks["east_m"][known], ticks["north_m"][known], stroke_of(ticks["phase"])[known])
+    return broken(way, ticks["stretch"][known])
 
 
 def _true(data: RunData) -> Way:
-    return Way(data.truth["x_m"], data.truth["y_m"], stroke_of(data.truth["phase"]))
+    truth = data.truth
+    return broken(Way(truth["x_m"], truth["y_m"], stroke_of(truth["phase"])), truth["stretch"])
 
 
 def _from_true_start(data: RunData) -> Way:

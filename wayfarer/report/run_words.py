@@ -90,7 +90,22 @@ def _where(data: RunData) -> str:
     offset = data.summary.where.by_reckoning
     if offset is None:
         return "unknown: there was no heading"
-    return f"{offset.distance_m:.0f} m from the start at bearing {round(offset.bearing_deg) % 360}°, by dead reckoning"
+    place = f"{offset.distance_m:.0f} m from {_start(data)} at bearing {round(offset.bearing_deg) % 360}°"
+    return f"{place}, by dead reckoning{_partly(data)}"
+
+
+def _start(data: RunData) -> str:
+    """Return where distances count from: the first arming, else the first record."""
+    if not data.beginning_lost:
+        return "the start"
+    armed = any(event.name == "armed" for event in data.events)
+    return "where the log first has it armed" if armed else "where the log begins"
+
+
+def _partly(data: RunData) -> str:
+    missing = data.damage.missing
+    records = "1 record is" if missing == 1 else f"{missing} records are"
+    return f"; {records} missing, so its way is only partly known" if missing else ""
 
 
 def _goal(data: RunData) -> str:
@@ -112,9 +127,11 @@ def track_caption(data: RunData) -> str:
             "dead reckoning had the rover then; the receiver counts from true north."
         )
     marks = " Numbers: marks, as in the list of events." if data.summary.marks else ""
+    gaps = " The line is broken where records are missing; how the rover moved meanwhile, nobody knows."
     return (
         "The way by dead reckoning (measured motion, else the wheels' commands; the compass), from where the log "
-        f"begins; magnetic north is up. An error of the compass turns it, slip stretches it.{fixes}{marks}"
+        "begins; magnetic north is up. An error of the compass turns it, slip stretches it."
+        f"{gaps if data.damage.missing else ''}{fixes}{marks}"
     )
 
 

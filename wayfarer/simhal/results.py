@@ -19,6 +19,7 @@ from typing import Any, Self
 
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.simhal.rows import COLUMNS, Row, csv_line, parse_row
+from wayfarer.whole_file import whole_file
 
 SETTINGS = "campaign.json"
 FORESTS = "forests.jsonl"
@@ -195,13 +196,5 @@ def _json(value: Mapping[str, Any]) -> bytes:
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file so that it is there whole or not at all."""
-    new = path.with_name(path.name + ".new")
-    try:
-        with new.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(path)
-    except BaseException:
-        new.unlink(missing_ok=True)
-        raise
+    with whole_file(path) as draft:
+        draft.write_bytes(content)
