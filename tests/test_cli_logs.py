@@ -11,12 +11,13 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from threading import Event
+from threading import Event, Timer
 
 import pytest
 
 from tests.logbook.records import HEADER, SAMPLE_LOGS, drive, event, numbered, outcome, tick, write
 from wayfarer import cli
+from wayfarer.logbook.verdict import NO_OUTCOME
 
 FIRST, SECOND = "00001-20261121T061405Z", "00002-20261121T071405Z"
 LONG_S = 20.0
@@ -190,6 +191,35 @@ def test_reader_that_has_enough_is_no_error(logs: Path) -> None:
         process.stdout.close()
         assert process.stderr.read() == ""
         assert process.wait(LONG_S) == 0
+
+
+@pytest.mark.parametrize(("command", "code"), [(["summary", "1"], 0), (["check", "1", "2"], 3)])
+def test_answer_that_nobody_reads_keeps_its_exit_code(logs: Path, command: list[str], code: int) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        done = subprocess.run(
+            wayfarer(*command, "--logs", logs), stdout=writer, stderr=subprocess.PIPE, text=True, check=False
+        )
+    finally:
+        os.close(writer)
+    assert (done.returncode, done.stderr) == (code, "")
+
+
+def test_following_a_run_that_was_cut_off_says_that_it_waits(logs: Path) -> None:
+    with subprocess.Popen(
+        wayfarer("follow", "2", "--logs", logs), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        assert process.stdout is not None
+        silent = Timer(LONG_S, process.kill)
+        silent.start()
+        said = process.stderr.readline()
+        silent.cancel()
+        Event().wait(0.1)  # it is likely to wait for more by now
+        process.send_signal(signal.SIGINT)
+        assert (process.wait(LONG_S), process.stderr.read()) == (0, "")
+    assert said == f"{NO_OUTCOME}; waiting for more (Ctrl-C ends)\n"
 
 
 @pytest.fixture

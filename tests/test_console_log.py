@@ -73,3 +73,8 @@ def test_positions_are_not_shown_and_the_end_is(log: ConsoleLog, said: list[str]
     log.position(None)
     log.close("mission_time", "the mission limit of 900 s was reached")
     assert said == ["ended: mission_time: the mission limit of 900 s was reached"]
+
+
+def test_nothing_that_a_terminal_obeys_gets_through(said: list[str], log: ConsoleLog) -> None:
+    log.event("mark", 1.0, text="hit \x1b[31mlog\u202e\nagain")
+    assert said == [r"mark: text hit \x1b[31mlog\u202e\nagain"]

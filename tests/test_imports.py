@@ -21,7 +21,7 @@ MODULES = {
 
 # Lowest first: a module may import from its own layer and from those before it.
 LAYERS = [
-    ["angles", "bounds", "errors", "hal", "drivers.buses"],
+    ["angles", "bounds", "errors", "hal", "drivers.buses", "whole_file"],
     ["escape", "conditions", "latest", "lines"],
     ["detector", "safety", "records", "watchdog"],
     ["arming", "board", "mission", "fieldlog.settings", "config", "config_errors", "registry", "pace", "calibration"],

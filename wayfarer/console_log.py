@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from wayfarer.escape.api import Phase
+from wayfarer.lines import clean
 from wayfarer.records import PartialLog, TickRecord
 
 
@@ -28,7 +29,7 @@ class ConsoleLog(PartialLog):
     def event(self, name: str, t_s: float, **details: object) -> None:  # noqa: ARG002
         """Tell of an event; the terminal's own clock, or the journal's, says when."""
         told = ", ".join(f"{key} {_short(value)}" for key, value in details.items() if value is not None)
-        self._write(f"{name.replace('_', ' ')}{': ' + told if told else ''}")
+        self._write(clean(f"{name.replace('_', ' ')}{': ' + told if told else ''}"))
         if name == "opened":
             self._write(f"disarmed. {self._hint}")
 

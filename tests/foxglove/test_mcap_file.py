@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import resource
 from pathlib import Path
 from typing import Any
@@ -294,6 +295,18 @@ def test_file_that_is_refused_more_room_is_one_line_and_leaves_nothing_behind(
     assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
     assert out.read_bytes() == b"the one before"
     assert capfd.readouterr() == ("", "")
+
+
+def test_pipe_is_refused_and_a_symlink_is_written_through(run: Path, tmp_path: Path) -> None:
+    pipe, link, target = tmp_path / "pipe", tmp_path / "link", tmp_path / "run.mcap"
+    os.mkfifo(pipe)
+    link.symlink_to(target)
+    with pytest.raises(BadInput, match="is no ordinary file"):
+        export(run, pipe)
+    assert pipe.is_fifo()
+    assert export(run, link) > 0
+    assert link.is_symlink()
+    assert read(target).messages["/pose"]
 
 
 def test_folder_that_cannot_be_written_is_one_line(run: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +22,7 @@ from wayfarer.logbook.export import write_table
 from wayfarer.logbook.listing import lines, rows
 from wayfarer.logbook.story import Story
 from wayfarer.logbook.summary_text import summary_text
-from wayfarer.logbook.verdict import Worth, judge
+from wayfarer.logbook.verdict import Worth, judge, readable
 
 RUN = "00017-20261121T061405Z"
 WHOLE = numbered([HEADER, event("armed", 0.0), *drive(0.0, 1.0), outcome(1.0)])
@@ -31,7 +33,9 @@ def use_every_tool(run: Path) -> None:
     for story in (Story(), Story(ticks=True)):
         for each in RunReader(run):
             assert all(str(line).isprintable() for line in story.take(each))
-    assert summary_text("17", summarise(reader), reader.damage)
+    found = summarise(reader)
+    assert summary_text("17", found, reader.damage)
+    assert json.dumps(asdict(found), allow_nan=False)
     assert judge(run)
     assert lines(rows(run.parent, 0.0), 80)
     for form in ("csv", "tsv"):
@@ -60,6 +64,7 @@ def test_sample_run_is_whole_and_tells_of_everything_that_was_asked() -> None:
     [
         (WHOLE[:-1], "no outcome"),
         (WHOLE[1:], "nothing says what ran"),
+        ([*WHOLE[1:5], HEADER | {"part": 2}, *WHOLE[5:]], "only a later part says what ran"),
         ([*WHOLE[:5], *WHOLE[9:]], "4 records are missing"),
     ],
 )
@@ -79,6 +84,13 @@ def test_log_that_ends_in_the_middle_of_a_line_says_what_was_skipped(tmp_path: P
 def test_log_of_which_nothing_is_left_is_unreadable(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "run.jsonl").write_bytes(content)
     assert judge(tmp_path).worth.exit_code == 1
+
+
+def test_log_with_nothing_in_it_is_called_empty(tmp_path: Path) -> None:
+    run = write(tmp_path, [])
+    assert str(judge(run)) == "unreadable, 0 records; it is empty"
+    with pytest.raises(BadInput, match=r"can be read \(it is empty\)"):
+        list(readable(RunReader(run)))
 
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -115,6 +127,9 @@ RECORDS = st.builds(
     records=[tick(1.0, motion={"forward_m": 1.0}), tick(2.0, motion={"forward_m": "1", "right_m": 1, "quality": 1})]
 )
 @example(records=[HEADER | {"config": None}, HEADER | {"config": {"vehicle": [1]}}, tick(1.0, applied_left="fast")])
+@example(records=[event("armed", 0.0), tick(0.0), tick(1.0, level=["hold"]), tick(2.0, level={"hold": 1})])
+@example(records=[tick(0.0), {"record": "event", "t_s": 1.7e308, "name": "mark"}])
+@example(records=[HEADER, tick(0.0, applied_left=1e308), tick(0.5, applied_left=1e308), tick(1.0)])
 @example(records=[{"record": "tick", "t_s": 1e300}, {"record": "tick", "t_s": -1e300, "t_wall": 1e300}])
 def test_no_tool_fails_on_values_that_cannot_be(tmp_path: Path, records: list[Any]) -> None:
     run = tmp_path / RUN

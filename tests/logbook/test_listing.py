@@ -57,7 +57,25 @@ def test_run_in_parts_is_told_by_its_first_and_its_last(tmp_path: Path) -> None:
 def test_run_of_which_nothing_can_be_read_is_listed_all_the_same(tmp_path: Path, content: bytes) -> None:
     (tmp_path / RUN).mkdir()
     (tmp_path / RUN / "run.jsonl").write_bytes(content)
-    assert row(tmp_path).outcome == "cut off"
+    assert row(tmp_path) == ("17", "", "", "", "", "", "", "unreadable", "")
+
+
+def test_run_whose_first_part_lost_its_header_is_told_by_a_later_one(tmp_path: Path) -> None:
+    write(tmp_path / RUN, [tick(1.0)], "run.00001.jsonl")
+    write(tmp_path / RUN, [HEADER | {"part": 2, "t_s": 105.0, "simulated": True, "trial": 5}, tick(6.0)])
+    assert row(tmp_path)[:5] == ("17", "trial 5", "0:00:05", "minirover (sim)", "forest-pledge")
+
+
+def test_folders_without_a_number_are_listed_by_their_names(tmp_path: Path) -> None:
+    for name in ("forest-pledge-00017", RUN, "oo-pledge-00001"):
+        write(tmp_path / name, [HEADER, tick(1.0)])
+    (tmp_path / "no-run").mkdir()
+    assert sorted(each.run for each in rows(tmp_path, LONG_AGO_S)) == ["17", "forest-pledge-00017", "oo-pledge-00001"]
+
+
+def test_times_that_cannot_be_are_left_out(tmp_path: Path) -> None:
+    write(tmp_path / RUN, [HEADER, tick(1.0), tick(1.7e308)])
+    assert row(tmp_path).lasted == ""
 
 
 def test_narrow_terminal_goes_without_the_less_important() -> None:

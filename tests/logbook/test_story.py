@@ -88,6 +88,10 @@ def test_computer_is_told_when_its_power_sags() -> None:
         (event("mark", 1.0, text="hit log"), "mark: hit log", Tone.PERSON),
         (event("arming", 1.0, start_delay_s=10.0, goal_heading_deg=None), "arming: start delay 10 s", Tone.PERSON),
         (event("goal", 1.0, goal_heading_deg=20.0), "goal: heading 20 degrees", Tone.PERSON),
+        (event("goal", 1.0, goal_heading_deg=0.2381), "goal: heading 0.2 degrees", Tone.PERSON),
+        (event("goal", 1.0, goal_heading_deg=-0.04), "goal: heading 0 degrees", Tone.PERSON),
+        (event("clock_step", 1.0, by_s=-10799.61), "clock step: by -10800 s", Tone.WARNING),
+        (event("clock_step", 1.0, by_s=12.34567), "clock step: by 12.35 s", Tone.WARNING),
         (event("hold", 1.0), "hold", Tone.PERSON),
         (event("health", 1.0, level="well", cause=None), "health: well", Tone.PLAIN),
         (event("health", 1.0, level="hold", cause="compass_stale"), "health: hold, compass_stale", Tone.WARNING),
@@ -117,6 +121,21 @@ def test_missing_records_are_told_where_they_are_missing() -> None:
     records = numbered([event("armed", 1.0), *drive(1.0, 2.0), event("hold", 2.0)])
     lines = told(records[0], *records[8:])
     assert lines[1] == "0:00:01.35  7 records are missing"
+
+
+def test_what_the_log_says_of_missing_records_is_not_said_again() -> None:
+    records = numbered([event("armed", 1.0), *drive(1.0, 2.0), event("hold", 2.0)])
+    gap = event("log_gap", 1.35, dropped=7)
+    assert told(records[0], gap, *records[8:])[1:3] == [
+        "0:00:01.35  log gap: dropped 7", "0:00:01.35  follow     heading   0  counter   +0     0.7 m",
+    ]  # fmt: skip
+    assert "8 records are missing" in told(records[0], gap, *records[9:])[2]
+
+
+def test_header_that_only_a_later_part_has_says_what_runs() -> None:
+    story = Story()
+    lines = [str(line) for each in [event("armed", 1.0) | {"n": 1}, HEADER | {"part": 2}] for line in story.take(each)]
+    assert lines[1:] == ["-0:00:01.00  run of minirover, forest-pledge, wayfarer 9.9"]
 
 
 def test_log_whose_beginning_is_gone_says_so() -> None:

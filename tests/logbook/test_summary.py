@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import pytest
 
 from tests.logbook.records import BEGAN_WALL_S, HEADER, drive, event, numbered, outcome, record, tick
@@ -105,9 +107,13 @@ def test_periods_are_measured_and_late_ticks_counted() -> None:
     assert (found.ticks, found.late_ticks) == (196, 2)
 
 
-def test_ticks_that_were_lost_are_no_late_ones() -> None:
+@pytest.mark.parametrize(
+    "between",
+    [[], [event("log_gap", 3.0, dropped=40)], [HEADER | {"part": 2}], [HEADER | {"part": 2}, event("log_gap", 3.0)]],
+)
+def test_ticks_that_were_lost_are_no_late_ones(between: list[Record]) -> None:
     records = numbered([HEADER, *drive(0.0, 5.0)])
-    found = summarise([*records[:20], *records[60:]])
+    found = summarise([*records[:20], *between, *records[60:]])
     assert found.late_ticks == 0
     assert found.period is not None
     assert found.period.max_s == pytest.approx(0.05)
@@ -141,6 +147,47 @@ def test_lost_rover_is_searched_from_where_it_was_armed() -> None:
     assert found.where.last_fix is None
 
 
+def place_text(records: Iterable[Record], missing: int = 0) -> list[str]:
+    """What is said of where to search."""
+    lines = summary_text("1", summarise(records), Damage(missing=missing)).splitlines()
+    return lines[[line.startswith("where") for line in lines].index(True) :][: 2 if missing else 1]
+
+
+def test_place_is_called_partly_known_where_records_are_missing() -> None:
+    records = [HEADER, event("armed", 0.0), *drive(0.0, 10.05)]
+    assert place_text(records, missing=40) == [
+        "where      5 m at bearing 0 degrees magnetic from the start (dead reckoning)",
+        "           40 records are missing, so its way is only partly known",
+    ]
+    assert "missing" not in summary_text("1", summarise(records), Damage())
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        [HEADER],  # it was armed in what is gone
+        [],
+        [HEADER | {"part": 2}],
+        [HEADER | {"part": 2}, *drive(-8.0, 0.0), event("armed", 0.0)],  # not for the first time
+    ],
+)
+def test_place_counts_from_where_the_log_begins_if_that_is_not_the_start(before: list[Record]) -> None:
+    at = summarise([*before, *drive(0.0, 10.05, motion={"forward_m": 0.025, "right_m": 0.0, "quality": 1.0})]).where
+    assert at.by_reckoning is not None
+    assert not at.from_start
+    (line,) = place_text([*before, *drive(0.0, 10.05, motion={"forward_m": 0.1, "right_m": 0.0, "quality": 1.0})])
+    assert "magnetic from where the log begins (dead reckoning)" in line
+
+
+def test_rover_armed_before_it_knew_its_heading_is_searched_from_its_first_place() -> None:
+    found = summary(
+        event("armed", 0.0), *drive(0.0, 20.05), event("disarmed", 20.0), event("armed", 21.0), *drive(20.1, 30.0)
+    )
+    assert found.where.from_start
+    assert found.where.by_reckoning is not None
+    assert found.where.by_reckoning.distance_m == pytest.approx(15.0, abs=0.2)
+
+
 def test_receiver_says_where_and_how_long_ago() -> None:
     first = record("position", 0.0, latitude_deg=50.0, longitude_deg=179.9999, error_m=3.0)
     last = record("position", 5.0, latitude_deg=50.001, longitude_deg=-179.9999, error_m=None)
@@ -154,6 +201,14 @@ def test_receiver_says_where_and_how_long_ago() -> None:
         "112 m at bearing 7 degrees true from the first position",
         "0 m at bearing 0 degrees magnetic from the start (dead reckoning)",
     ]
+
+
+def test_log_tells_how_many_of_the_missing_records_could_not_be_written() -> None:
+    found = summarise([HEADER, event("log_gap", 1.0, dropped=100), event("log_gap", 2.0, dropped=11), tick(3.0)])
+    assert found.dropped == 111
+    assert summary_text("1", found, Damage(missing=150)).endswith(
+        "log        150 records are missing, 111 of them could not be written"
+    )
 
 
 def test_text_tells_only_what_there_is_to_tell() -> None:

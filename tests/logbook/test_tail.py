@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 
 from tests.logbook.records import HEADER, drive, event, numbered, outcome, tick, write
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.reader import log_parts
 from wayfarer.logbook import tail
 
 FIRST, SECOND = "00001-20261121T061405Z", "00002-20261121T071405Z"
@@ -127,6 +129,61 @@ def test_what_is_no_record_is_skipped(tmp_path: Path) -> None:
         file.write(b"\0" * 100 + b"\nno record\n\xff\xfe\n" + b"x" * 3_000_000 + b"\n")
     write(run, [tick(1.0)])
     assert Following(tmp_path, run).times == {FIRST: [0.0, 1.0]}
+
+
+def test_part_that_is_renamed_before_it_is_opened_is_found_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = write(tmp_path / FIRST, [HEADER, tick(1.0)])
+    listed = log_parts
+
+    def list_and_rename(folder: Path) -> list[Path]:
+        parts = listed(folder)
+        (run / "run.jsonl").rename(run / "run.00001.jsonl")
+        monkeypatch.setattr(tail, "log_parts", listed)
+        return parts
+
+    monkeypatch.setattr(tail, "log_parts", list_and_rename)
+    assert Following(tmp_path, run, lambda: write(run, [HEADER, tick(2.0)])).times[FIRST] == [0.0, 0.0, 2.0]
+
+
+def test_next_part_that_is_renamed_before_it_is_opened_is_found_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = write(tmp_path / FIRST, [HEADER, tick(1.0)])
+    listed = log_parts
+
+    def list_and_rename(folder: Path) -> list[Path]:
+        parts = listed(folder)
+        (run / "run.jsonl").rename(run / "run.00002.jsonl")
+        write(run, [HEADER, tick(3.0)])
+        monkeypatch.setattr(tail, "log_parts", listed)
+        (run / "run.00001.jsonl").touch()
+        return [run / "run.00001.jsonl", run / "gone.jsonl"] if len(parts) > 1 else parts
+
+    def rotate() -> None:
+        (run / "run.jsonl").rename(run / "run.00001.jsonl")
+        write(run, [HEADER, tick(2.0)])
+        monkeypatch.setattr(tail, "log_parts", list_and_rename)
+
+    assert Following(tmp_path, run, rotate, lambda: None).times[FIRST] == [0.0, 1.0, 0.0, 2.0, 0.0, 3.0]
+
+
+def test_log_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
+    (tmp_path / FIRST / "run.jsonl").mkdir(parents=True)
+    with pytest.raises(BadInput, match=r"run\.jsonl: cannot be read"):
+        Following(tmp_path, None)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+def test_run_that_may_not_be_read_is_told(tmp_path: Path) -> None:
+    run = write(tmp_path / FIRST, [HEADER])
+    run.chmod(0)
+    try:
+        with pytest.raises(BadInput, match="cannot be read"):
+            Following(tmp_path, run)
+    finally:
+        run.chmod(0o700)
 
 
 def test_logs_that_cannot_be_read_are_told(tmp_path: Path) -> None:

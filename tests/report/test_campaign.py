@@ -199,9 +199,17 @@ def test_names_cannot_break_out_of_the_page(tmp_path: Path, finished: Path) -> N
 def test_folder_that_cannot_be_written_is_refused(finished: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(finished, tmp_path / "out"))
     (folder / "figures").touch()
-    with pytest.raises(BadInput, match=r"the report cannot be written there: "):
+    with pytest.raises(BadInput, match=r"the report cannot be written there: .*; name another file with --out"):
         write_report(folder, jobs=1)
     assert not (folder / "report.html").exists()
+
+
+def test_page_and_figures_can_go_elsewhere(finished: Path, tmp_path: Path) -> None:
+    out, before = tmp_path / "mine" / "page.html", sorted(finished.rglob("*"))
+    assert write_report(finished, out, gallery=0, jobs=1) == out
+    assert {path.name for path in out.parent.iterdir()} == {"page.html", "figures"}
+    assert (out.parent / "figures" / "paths.svg").exists()
+    assert sorted(finished.rglob("*")) == before
 
 
 # --- the command

@@ -13,6 +13,7 @@ from typing import Any
 import orjson
 import pytest
 
+from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
 from wayfarer.report import drawing, run_words
 from wayfarer.report.run import write_run_report
@@ -65,6 +66,9 @@ def event(at_s: float, name: str, **details: Any) -> Record:
     return {"record": "event", "t_s": 100.0 + at_s, "name": name, **details}
 
 
+ARMED = event(0.0, "armed", goal_heading_deg=0.0)
+
+
 def fix(at_s: float, north_m: float, error_m: float | None = 3.0) -> Record:
     latitude_deg = 47.0 + north_m / 111_320.0
     return {
@@ -88,6 +92,12 @@ def episode() -> list[Record]:
     ticks[40]["anomalies"] = ["immobilised", "nose_up"]
     ticks[72]["why"] = "probe.realigned"
     return ticks
+
+
+def without(records: Iterable[Record], first: int, end: int) -> list[Record]:
+    """Records with their numbers, and a part of them lost."""
+    numbered = [{**record, "n": number} for number, record in enumerate(records, start=1)]
+    return numbered[:first] + numbered[end:]
 
 
 def write_log(folder: Path, records: Iterable[Record], tail: bytes = b"") -> Path:
@@ -147,7 +157,7 @@ def check_page(page: str) -> None:
 
 
 def test_page_tells_what_ran_when_how_far_and_how_it_ended(tmp_path: Path) -> None:
-    text = text_of(page_of(tmp_path, HEADER, *drive(), OUTCOME))
+    text = text_of(page_of(tmp_path, HEADER, ARMED, *drive(), OUTCOME))
     for told in (
         "requested: somebody stopped it", "rover minirover", "algorithm forest-pledge", "on the rover itself",
         "2027-01-15 08:00:00 UTC", "4.0 m by dead reckoning", "4 m from the start at bearing 0°", "00001-run: whole",
@@ -290,10 +300,39 @@ def test_log_without_anything_but_its_header_makes_a_page(tmp_path: Path) -> Non
     check_page(page_of(tmp_path, HEADER))
 
 
-def test_empty_log_makes_a_page(tmp_path: Path) -> None:
-    text = text_of(page_of(tmp_path))
-    assert "unknown: the log does not begin with what ran" in text
-    assert "began unknown" in text
+@pytest.mark.parametrize("content", [b"", b"hello\n", b"\0" * 500])
+def test_log_of_which_nothing_can_be_read_is_refused(tmp_path: Path, content: bytes) -> None:
+    run = write_log(tmp_path / "1-run", [], content)
+    with pytest.raises(BadInput, match="nothing in this log can be read"):
+        write_run_report(run)
+    assert [path.name for path in run.iterdir()] == ["run.jsonl"]
+
+
+def test_log_without_its_header_says_so(tmp_path: Path) -> None:
+    assert "unknown: the log does not begin with what ran" in text_of(page_of(tmp_path, *drive()))
+
+
+def test_missing_records_are_told_where_it_ended(tmp_path: Path) -> None:
+    ended = "from the start at bearing 0°, by dead reckoning"
+    assert "way is only partly known" not in text_of(page_of(tmp_path / "whole", HEADER, ARMED, *drive(), OUTCOME))
+    one = text_of(page_of(tmp_path / "one", HEADER, *without([ARMED, *drive()], 30, 31)))
+    assert f"{ended}; 1 record is missing, so its way is only partly known" in one
+    many = text_of(page_of(tmp_path / "many", HEADER, *without([ARMED, *drive()], 20, 60)))
+    assert f"{ended}; 40 records are missing, so its way is only partly known" in many
+    assert "White diamonds: records are missing there." in many
+
+
+def test_lost_beginning_is_no_start(tmp_path: Path) -> None:
+    part = {**HEADER, "part": 2}
+    late = page_of(tmp_path / "late", part, *without(drive(), 0, 40))
+    assert "2 m from where the log begins at bearing 0°" in text_of(late)
+    assert ">log begins</text>" in late
+    assert ">start</text>" not in late
+    assert "White diamonds" not in text_of(late)
+    assert "from where the log begins at" in text_of(page_of(tmp_path / "headless", *without(drive(), 0, 40)))
+    whole = page_of(tmp_path / "whole", HEADER, ARMED, *drive())
+    assert ">start</text>" in whole
+    assert ">log begins</text>" not in whole
 
 
 def test_log_with_one_tick_makes_a_page(tmp_path: Path) -> None:
@@ -370,5 +409,47 @@ def test_folder_without_a_log_is_refused(tmp_path: Path) -> None:
 def test_report_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     run = write_log(tmp_path / "1-run", [HEADER, *drive(0.5)])
     (tmp_path / "file").touch()
-    with pytest.raises(BadInput, match="cannot be written"):
+    with pytest.raises(BadInput, match=r"cannot be written there: .*; name another file with --out"):
         write_run_report(run, tmp_path / "file" / "report.html")
+
+
+# -- the command -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Two runs; whoever asks stands beside folders that are named as they are called."""
+    for number in (16, 17):
+        write_log(tmp_path / "logs" / f"000{number}-20261121T061405Z", [HEADER, *drive(0.5), OUTCOME])
+    for name in ("last", "17", "18"):
+        (tmp_path / "here" / name).mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "here")
+    return tmp_path / "logs"
+
+
+@pytest.mark.parametrize(("what", "number"), [("16", 16), ("17", 17), ("last", 17)])
+def test_runs_number_goes_before_a_folder_of_that_name(logs: Path, what: str, number: int) -> None:
+    command.report(what, logs=logs)
+    assert [page.parent.name[:5] for page in logs.rglob("report.html")] == [f"000{number}"]
+
+
+@pytest.mark.parametrize("what", ["18", "./17"])
+def test_folder_is_a_campaign_where_no_run_has_its_name(logs: Path, what: str) -> None:
+    with pytest.raises(BadInput, match="campaign"):
+        command.report(what, logs=logs)
+    assert not list(logs.rglob("report.html"))
+
+
+def test_what_is_neither_run_nor_folder_is_refused_with_the_runs_there_are(logs: Path) -> None:
+    with pytest.raises(BadInput, match="00016-20261121T061405Z to 00017-20261121T061405Z"):
+        command.report("19", logs=logs)
+
+
+def test_command_writes_the_page_where_it_is_told(
+    logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine" / "page.html"
+    command.report("17", out=out, logs=logs)
+    assert capsys.readouterr().out == f"the report is {out}\n"
+    assert {path.name for path in out.parent.iterdir()} == {"page.html", "figures"}
+    assert {path.name for path in logs.rglob("*") if path.is_file()} == {"run.jsonl"}

@@ -15,12 +15,13 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from tests.report.test_run import HEADER, drive, episode, event, fix, tick, write_log
+from tests.report.test_run import HEADER, WORLD, drive, episode, event, fix, tick, without, write_log
 from wayfarer.report.drawing import house_style
 from wayfarer.report.run_data import RunData
 from wayfarer.report.run_reading import read_run
 from wayfarer.report.run_timeline import timeline_figure
-from wayfarer.report.run_track import track_figure
+from wayfarer.report.run_track import forest_track_figure, track_figure
+from wayfarer.simhal.forest_file import from_row
 
 Record = dict[str, Any]
 Overlaps = Callable[[Figure], list[tuple[str, str]]]
@@ -117,6 +118,38 @@ def test_whole_way_is_on_the_map(tmp_path: Path, heading_deg: float) -> None:
     (axes,) = track_figure(data).axes
     for limits, name in ((axes.get_xlim(), "east_m"), (axes.get_ylim(), "north_m")):
         assert limits[0] < data.ticks[name].min() <= data.ticks[name].max() < limits[1]
+
+
+def pieces_of(figure: Figure, label: str) -> int:
+    """How many unbroken pieces the line of this name has."""
+    (line,) = (line for line in figure.axes[0].get_lines() if line.get_label() == label)
+    broken = np.concatenate(([True], np.isnan(np.asarray(line.get_xdata())), [True]))
+    return int(np.count_nonzero(np.diff(broken)) // 2)
+
+
+def test_way_is_broken_where_records_are_missing(tmp_path: Path) -> None:
+    way = "follow the goal"
+    assert pieces_of(track_figure(data_of(tmp_path / "whole", *drive())), way) == 1
+    lost = track_figure(data_of(tmp_path / "lost", *without(drive(), 20, 60)))
+    assert pieces_of(lost, way) == 2
+    assert np.isfinite(lost.axes[0].get_xlim()).all()
+    assert pieces_of(lost, "records missing") == 1
+
+
+def test_way_is_broken_where_the_tick_after_the_gap_has_no_heading(tmp_path: Path) -> None:
+    ticks = without(drive(), 20, 60)
+    ticks[20]["heading_deg"] = None
+    assert pieces_of(track_figure(data_of(tmp_path, *ticks)), "follow the goal") == 2
+
+
+def test_ways_in_the_forest_are_broken_where_records_are_missing(tmp_path: Path) -> None:
+    truth: list[Record] = [
+        {"record": "truth", "t_s": each["t_s"], "x_m": 25.0, "y_m": 12.5 + each["t_s"] - 100.0} for each in drive()
+    ]
+    records = [record for pair in zip(drive(), truth, strict=True) for record in pair]
+    figure = forest_track_figure(data_of(tmp_path, *without(records, 40, 120)), from_row(WORLD))
+    assert pieces_of(figure, "follow the goal") == 2
+    assert pieces_of(figure, "dead reckoning") == 2
 
 
 def test_panels_share_their_axis_of_time(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.angles import axis_offset_deg
-from wayfarer.errors import BadForest
+from wayfarer.errors import BadForest, BadInput
 from wayfarer.simhal.forest import WORLD_SIZE_M, Forest, Trunk, lean_of
 from wayfarer.simhal.forest_file import read_forests, write_forests
 
@@ -290,7 +290,7 @@ def test_failed_write_leaves_the_old_file_and_nothing_else(
 
 def test_folder_cannot_be_overwritten(tmp_path: Path, forest: Forest) -> None:
     (tmp_path / "taken").mkdir()
-    with pytest.raises(BadForest, match=r"taken: cannot be written .Is a directory"):
+    with pytest.raises(BadInput, match=r"taken is no ordinary file and is left as it is"):
         write_forests(tmp_path / "taken", [forest])
     assert not list(tmp_path.glob(".taken*"))
 

@@ -7,6 +7,7 @@ import os
 import tempfile
 from functools import partial
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -85,19 +86,19 @@ def demo(
             viewers=[SelfArming(page, page.watched)],
             loop_factory=partial(FastLoop, speed),
         )
-        opened = not no_browser and open_page(page.url)
-        print(f"{'opened' if opened else 'open this page, the rover waits for you'}: {page.url}", flush=True)
+        print(f"open this page, the rover waits for you: {page.url}", flush=True)
+        if not no_browser:
+            Thread(target=open_page, args=[page.url], daemon=True).start()  # some browsers do not return until they end
         end = serve(service)
     print(_last_words(end, folder))
 
 
-def open_page(url: str) -> bool:
-    """Open a page in the browser, as far as there is one with a window; return whether."""
-    if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")):
-        return False  # a browser in the terminal would take it over
-    import webbrowser
+def open_page(url: str) -> None:
+    """Open a page in the browser, as far as there is one with a window."""
+    if any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")):
+        import webbrowser  # without a window, one in the terminal would take that over
 
-    return webbrowser.open(url)
+        webbrowser.open(url)
 
 
 def _last_words(end: RunEnd, logs: Path) -> str:

@@ -78,14 +78,24 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
     from wayfarer.fieldlog.folders import find_run, run_folders
     from wayfarer.logbook.story import Story
     from wayfarer.logbook.tail import follow as follow_records
+    from wayfarer.logbook.verdict import NO_OUTCOME
 
     folder = log_folder(logs)
     chosen = None if run in (None, "last") else find_run(run, folder)
     if chosen is None and not run_folders(folder):
         print(f"waiting for a run in {folder}", file=sys.stderr)
     told: Path | None = None
+    waits_for = "" if chosen is None else f"{NO_OUTCOME}; waiting for more (Ctrl-C ends)"
+
+    def wait() -> None:
+        nonlocal waits_for
+        if waits_for:
+            print(waits_for, file=sys.stderr)
+            waits_for = ""
+        Event().wait(POLL_S)  # there is no event loop that sleeping could hold up
+
     with suppress(KeyboardInterrupt), _whoever_reads():
-        for path, record in follow_records(folder, chosen, lambda: _wait(POLL_S)):
+        for path, record in follow_records(folder, chosen, wait):
             if path != told:
                 told, story = path, Story()
                 print(_titled(path), flush=True)
@@ -137,11 +147,13 @@ def summary(
         import json
         from dataclasses import asdict
 
-        print(json.dumps({"run": title, **asdict(found), "damage": asdict(reader.damage)}))
-        return
-    from wayfarer.logbook.summary_text import summary_text
+        text = json.dumps({"run": title, **asdict(found), "damage": asdict(reader.damage)})
+    else:
+        from wayfarer.logbook.summary_text import summary_text
 
-    print(summary_text(title, found, reader.damage))
+        text = summary_text(title, found, reader.damage)
+    with _whoever_reads():
+        print(text)
 
 
 @app.command(
@@ -164,7 +176,8 @@ def check(
     for run in [find_run(name, folder) for name in runs or ["last"]]:
         verdict = judge(run)
         verdicts.append(verdict)
-        print(f"{_titled(run)}: {verdict}")
+        with _whoever_reads():
+            print(f"{_titled(run)}: {verdict}")
     raise typer.Exit(max(verdict.worth for verdict in verdicts).exit_code)
 
 
@@ -188,7 +201,9 @@ def export(
 
     found = find_run(run, log_folder(logs))
     if form is Form.mcap:
-        _require_foxglove(out)
+        if out == STDOUT:
+            raise BadInput("mcap is no text for a terminal: name a file with --out, or leave it out")
+        require("Foxglove")
     if out == STDOUT:
         with _whoever_reads():
             write_table(found, form.value, sys.stdout)
@@ -200,7 +215,7 @@ def export(
 
 def _titled(run: Path) -> str:
     """Return the name of a run's folder, however it was given."""
-    from wayfarer.logbook.fields import clean
+    from wayfarer.lines import clean
 
     return clean(run.resolve().name)
 
@@ -216,10 +231,6 @@ def _painted(text: str, tone: str) -> str:
     return f"\x1b[{COLOURS[tone]}m{text}\x1b[0m" if wanted and tone in COLOURS else text
 
 
-def _wait(seconds: float) -> None:
-    Event().wait(seconds)  # there is no event loop that sleeping could hold up
-
-
 @contextmanager
 def _whoever_reads() -> Iterator[None]:
     """End quietly when nobody reads any more, as behind ``head``."""
@@ -228,9 +239,3 @@ def _whoever_reads() -> Iterator[None]:
         sys.stdout.flush()
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter flushes once more
-
-
-def _require_foxglove(out: Path | None) -> None:
-    if out == STDOUT:
-        raise BadInput("mcap is no text for a terminal: name a file with --out, or leave it out")
-    require("Foxglove")

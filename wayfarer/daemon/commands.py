@@ -95,7 +95,7 @@ class RoverCommands:
     async def disarm(self) -> Details:
         """Stop the wheels until armed anew; never refused."""
         self._motors.halt()
-        self._supervisor.disarm("asked for on the control socket")
+        self._supervisor.disarm("asked for by a person")
         return {"mode": self._helm.mode.value}
 
     async def hold(self) -> Details:
@@ -129,7 +129,7 @@ class RoverCommands:
     async def stop(self) -> Details:
         """End the run."""
         self._motors.halt()
-        self._supervisor.finish("requested", "asked for on the control socket")
+        self._supervisor.finish("requested", "asked for by a person")
         return {"log": self._about.get("log")}
 
     def _seen(self, last: TickRecord | None) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
 
 from wayfarer.fieldlog.reader import Record
-from wayfarer.logbook.fields import began_wall_s, name, names, number, reckoning, sound_tick, table, whole
+from wayfarer.logbook.fields import ABSURD, began_wall_s, name, names, number, reckoning, sound_tick, table, whole
 from wayfarer.logbook.periods import Periods
 from wayfarer.logbook.summary import LowBattery, Mark, Summary
 from wayfarer.logbook.whereabouts import Search
@@ -36,6 +36,7 @@ class Account:
         self._last: Record = {}
         self._outcome: Record = {}
         self._tick: Record = {}
+        self._number: int | None = None
         self._commanded_m: float | None = None
         self._ends_s = 0.0
         self._armed = False
@@ -45,6 +46,7 @@ class Account:
         self._low_battery: LowBattery | None = None
         self._marks: list[Mark] = []
         self._clock_steps_s: list[float] = []
+        self._dropped = 0
         self._periods = Periods()
         self._track = reckoning({})
         self._search = Search()
@@ -58,11 +60,11 @@ class Account:
         }
 
     def take(self, record: Record) -> None:
-        """Take the next record."""
+        """Take the next record; one that cannot have been made in this run is left out."""
+        if abs(record["t_s"]) >= ABSURD:
+            return
         self._first = self._first or record
-        count, before = whole(record, "n"), whole(self._last, "n")
-        if count is not None and before is not None and count > before + 1:
-            self._periods.interrupted()
+        self._take_number(whole(record, "n"))
         self._last = record
         self._ends_s = max(self._ends_s, self._at_s(record))
         if taker := self._takers.get(record["record"]):
@@ -99,11 +101,19 @@ class Account:
             holds=counts["asked"]["hold"],
             goals=counts["asked"]["goal"],
             clock_steps_s=tuple(self._clock_steps_s),
-            dropped=int(number(outcome, "dropped") or 0.0),
+            dropped=max(self._dropped, int(number(outcome, "dropped") or 0.0)),
             reason=(name(outcome, "reason") or "unknown") if outcome else None,
             text=name(outcome, "text"),
             where=self._search.where(self._last.get("t_s", 0.0)),
         )
+
+    def _take_number(self, count: int | None) -> None:
+        """Find where records are missing; those without a number say nothing of it."""
+        if count is None:
+            return
+        if self._number is not None and count > self._number + 1:
+            self._periods.interrupted()
+        self._number = count
 
     def _at_s(self, record: Record) -> float:
         """Return how long after the beginning a record was made."""
@@ -114,6 +124,8 @@ class Account:
             return  # a further part of the log says the same again
         self._header = header
         self._track = reckoning(header)
+        if (whole(header, "part") or 1) > 1:
+            self._search.begins_late()
         self._periods = Periods(number(table(table(header, "config"), "safety"), "tick_late_s"))
 
     def _take_tick(self, tick: Record) -> None:
@@ -129,7 +141,7 @@ class Account:
         passed_s = max(0.0, tick["t_s"] - before.get("t_s", tick["t_s"]))
         if self._armed:
             self._armed_s += passed_s
-            if tick.get("level") in HELD:
+            if name(tick, "level") in HELD:
                 self._held_s[name(tick, "cause") or "unknown"] += passed_s
 
     def _count(self, tick: Record, before: Record) -> None:
@@ -155,6 +167,8 @@ class Account:
             self._marks.append(Mark(self._at_s(event), name(event, "text") or ""))
         elif what == "clock_step":
             self._clock_steps_s.append(number(event, "by_s") or 0.0)
+        elif what == "log_gap":
+            self._dropped += int(number(event, "dropped") or 0.0)
         self._counts["failures" if what in FAILURES else "asked"][what] += 1
 
     def _take_board(self, board: Record) -> None:

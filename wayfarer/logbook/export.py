@@ -19,14 +19,14 @@ def export(run: Path, form: str, out: Path, *, overwrite: bool) -> None:
     Raises:
         BadInput: there is such a file already, it cannot be written or is no ordinary file, or the run cannot be read.
     """
-    if out.is_dir() or (out.exists() and not overwrite):
-        raise BadInput(f"{out} is there already: name another file with --out, or replace a file with --force")
-    if form == "mcap":
-        from wayfarer.foxglove.mcap_file import export as export_mcap
-
-        export_mcap(run, out)
-        return
     try:
+        if out.is_dir() or (out.exists() and not overwrite):
+            raise BadInput(f"{out} is there already: name another file with --out, or replace a file with --force")
+        if form == "mcap":
+            from wayfarer.foxglove.mcap_file import export as export_mcap
+
+            export_mcap(run, out)
+            return
         with whole_file(out) as draft, draft.open("w", encoding="utf-8", newline="") as file:
             write_table(run, form, file)
     except OSError as error:

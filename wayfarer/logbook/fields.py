@@ -8,19 +8,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from math import isfinite
 from typing import Any
 
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.track import DeadReckoning
+from wayfarer.lines import clean
 
+ABSURD = 1e10  # no time, way, angle or voltage of a run comes near it: the bytes of a number beyond it were changed
 CLOCK_SET_S = 1_704_067_200.0  # 2024-01-01: a clock before that was never set (as in ``checks.system``)
 
 
 def number(record: Mapping[str, Any], key: str) -> float | None:
-    """Return a number, or None."""
+    """Return a number, or None; none is so large that sums of them overflow."""
     value = record.get(key)
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+    if not isinstance(value, int | float) or isinstance(value, bool) or abs(value) >= ABSURD:
+        return None
+    return float(value)
 
 
 def whole(record: Mapping[str, Any], key: str) -> int | None:
@@ -47,16 +50,9 @@ def table(record: Mapping[str, Any], key: str) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
-def clean(text: str) -> str:
-    """Return a text without anything that a terminal obeys: those characters are written out."""
-    if text.isprintable():
-        return text
-    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in text)
-
-
 def span(seconds: float | None, decimals: int = 0) -> str:
     """Return a time since the beginning, or a duration, as ``1:23:45``; empty where it is not known."""
-    if seconds is None or not isfinite(seconds):
+    if seconds is None or not abs(seconds) < ABSURD:
         return ""
     tick = 10**decimals
     ticks = int(abs(seconds) * tick + 0.5)
@@ -94,9 +90,10 @@ def reckoning(header: Mapping[str, Any]) -> DeadReckoning:
 
 def sound_tick(tick: Mapping[str, Any]) -> Record:
     """Return of a tick what dead reckoning takes, each of it a number or None."""
-    sound: Record = {key: number(tick, key) for key in ("t_s", "heading_deg", "applied_left", "applied_right")}
+    read = {key: number(tick, key) for key in ("heading_deg", "applied_left", "applied_right")}
+    sound: Record = {"t_s": tick["t_s"], **read}
     motion = table(tick, "motion")
     if motion:
-        read = {key: number(motion, key) for key in ("forward_m", "right_m", "quality")}
-        sound["motion"] = {**read, "signed": motion.get("signed") is not False}
+        moved = {key: number(motion, key) for key in ("forward_m", "right_m", "quality")}
+        sound["motion"] = {**moved, "signed": motion.get("signed") is not False}
     return sound

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.folders import run_folders
-from wayfarer.fieldlog.reader import Record, RunReader, log_parts, parse
+from wayfarer.fieldlog.folders import run_folders, run_number
+from wayfarer.fieldlog.reader import Record, RunReader, log_parts, parse, read_header
+from wayfarer.lines import clean
 from wayfarer.logbook.fields import began_wall_s, local_time, name, number, span, whole
 from wayfarer.logbook.wording import marks
 
@@ -37,7 +38,11 @@ SPARED = ("size", "rover", "algorithm", "episodes")  # what a narrow terminal go
 
 
 def rows(logs: Path, now_wall_s: float) -> list[Row]:
-    """Return a row for each run, oldest first; ``now_wall_s`` tells a run that goes on from one that was cut off.
+    """Return a row for each run, in the order of ``run_folders``.
+
+    Args:
+        logs: the folder of all runs.
+        now_wall_s: the wall time, which tells a run that goes on from one that was cut off.
 
     Raises:
         BadInput: the logs' folder cannot be read.
@@ -67,25 +72,43 @@ def _cell(row: Row, column: str, width: int) -> str:
 
 
 def _row(run: Path, now_wall_s: float) -> Row:
-    number_text = run.name.partition("-")[0].lstrip("0") or "0"
+    title = _title(run)
     try:
         parts = log_parts(run)
-        first, last = next(iter(RunReader(run)), {}), _last(parts)
         size_b, written_s = sum(part.stat().st_size for part in parts), parts[-1].stat().st_mtime
+        first, last = next(iter(RunReader(run)), None), _last(parts)
     except (BadInput, OSError):
-        return Row(number_text, "", "", "", "", "", "", "unreadable", "")
-    end, tick = last.get("any", {}), last.get("tick", {})
+        first = None
+    if first is None:
+        return Row(title, "", "", "", "", "", "", "unreadable", "")
+    header, end, tick = _header(run, first), last.get("any", {}), last.get("tick", {})
     return Row(
-        number_text,
-        _began(first, end),
+        title,
+        _began(header, first, end),
         _lasted(first, end),
-        "".join([name(first, "rover") or "", *(SHORT[mark] for mark in marks(first))]),
-        name(first, "algorithm") or "",
+        "".join([name(header, "rover") or "", *(SHORT[mark] for mark in marks(header))]),
+        name(header, "algorithm") or "",
         _rounded(tick, "travelled_m"),
         _rounded(tick, "episodes"),
         _outcome(last.get("outcome"), alive=abs(now_wall_s - written_s) < ALIVE_S),
         f"{size_b / 1e6:.1f}",
     )
+
+
+def _title(run: Path) -> str:
+    """Return a run's number, or the name of its folder where that has none."""
+    count = run_number(run)
+    return clean(run.name) if count is None else str(count)
+
+
+def _header(run: Path, first: Record) -> Record:
+    """Return what says what ran; where the first record does not, a later part of the log may."""
+    if first["record"] == "run":
+        return first
+    try:
+        return read_header(run)
+    except BadInput:
+        return {}
 
 
 def _outcome(outcome: Record | None, *, alive: bool) -> str:
@@ -104,8 +127,8 @@ def _rounded(record: Record, key: str) -> str:
     return "" if value is None else f"{value:.0f}"
 
 
-def _began(first: Record, end: Record) -> str:
-    trial = whole(first, "trial")
+def _began(header: Record, first: Record, end: Record) -> str:
+    trial = whole(header, "trial")
     if trial is not None:
         return f"trial {trial}"  # in a time of its own
     wall_s = began_wall_s(first, end)

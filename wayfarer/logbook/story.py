@@ -10,6 +10,7 @@ from wayfarer.logbook.fields import name, names, number, span, whole
 from wayfarer.logbook.wording import (
     Tone,
     aim_text,
+    event_name,
     event_text,
     event_tone,
     outcome_text,
@@ -50,6 +51,8 @@ class Story:
         self._every_tick = ticks
         self._began_s: float | None = None
         self._number: int | None = None
+        self._dropped = 0
+        self._told_run = False
         self._phase: str | None = None
         self._anomalies: tuple[str, ...] = ()
         self._battery_v: float | None = None
@@ -60,7 +63,7 @@ class Story:
         self._tellers: dict[str, Callable[[Record], Told]] = {
             "run": self._run,
             "tick": self._tick,
-            "event": lambda event: iter([(event_text(event), event_tone(event))]),
+            "event": self._event,
             "position": self._position,
             "board": self._board,
             "computer": self._computer,
@@ -77,19 +80,21 @@ class Story:
         return [Line(t_s - self._began_s, text, tone) for text, tone in told]
 
     def _gap(self, record: Record) -> Told:
-        """Tell of numbers that were left out."""
+        """Tell of numbers that were left out, unless the log itself has just said so."""
         count, before = whole(record, "n"), self._number
         if count is not None:
-            if before is not None and count > before + 1:
-                yield str(Damage(missing=count - before - 1)), Tone.WARNING
-            self._number = count
+            missing = 0 if before is None else count - before - 1
+            if missing > 0 and missing != self._dropped:
+                yield str(Damage(missing=missing)), Tone.WARNING
+            self._number, self._dropped = count, 0
 
     def _run(self, header: Record) -> Told:
-        if self._number is not None:
+        if self._told_run:
             return  # the header of a further part says nothing new
+        self._told_run = True
         yield run_text(header), Tone.PLAIN
         part = whole(header, "part") or 1
-        if part > 1:
+        if part > 1 and self._number is None:
             yield f"the log begins with part {part}: what came before is gone", Tone.WARNING
 
     def _tick(self, tick: Record) -> Told:
@@ -106,6 +111,11 @@ class Story:
         else:
             return
         self._status_t_s = tick["t_s"]
+
+    def _event(self, event: Record) -> Told:
+        if event_name(event) == "log_gap":
+            self._dropped += whole(event, "dropped") or 0
+        yield event_text(event), event_tone(event)
 
     def _position(self, fix: Record) -> Told:
         if fix["t_s"] - self._position_t_s >= STANDING_S:

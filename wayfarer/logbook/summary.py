@@ -38,7 +38,7 @@ class Summary:
     ``anomalies`` counts beginnings by kind, ``episodes`` is over all missions of the run, ``recoveries`` is how often
     the rover backed off, ``exhausted`` counts phases that ran out. ``late_ticks`` came later than the rover file's
     ``tick_late_s`` after the tick before. ``sensor_failures`` counts by sensor, ``failures`` the other events of that
-    kind by name. ``dropped`` is what the log itself says it could not write.
+    kind by name. ``dropped`` is how many records the log itself says it could not write.
     """
 
     rover: str | None

@@ -17,7 +17,7 @@ def summary_text(run: str, summary: Summary, damage: Damage) -> str:
     sections = (
         ("run", [run, _about(summary)]),
         ("outcome", [_outcome(summary)]),
-        ("where", list(_where(summary.where))),
+        ("where", list(_where(summary.where, damage.missing))),
         ("time", list(_time(summary))),
         ("way", [_way(summary)]),
         ("anomalies", [_counted(summary.anomalies)]),
@@ -49,7 +49,7 @@ def _outcome(summary: Summary) -> str:
     return f"{summary.reason}: {summary.text}" if summary.text else summary.reason
 
 
-def _where(where: Where) -> Iterator[str]:
+def _where(where: Where, missing: int) -> Iterator[str]:
     """Say where to search; the receiver first, if there is one."""
     fix = where.last_fix
     if fix is not None:
@@ -58,7 +58,10 @@ def _where(where: Where) -> Iterator[str]:
     if where.by_receiver is not None:
         yield f"{_offset(where.by_receiver)} true from the first position"
     if where.by_reckoning is not None:
-        yield f"{_offset(where.by_reckoning)} magnetic from the start (dead reckoning)"
+        origin = "the start" if where.from_start else "where the log begins"
+        yield f"{_offset(where.by_reckoning)} magnetic from {origin} (dead reckoning)"
+        if missing:
+            yield f"{Damage(missing=missing)}, so its way is only partly known"
 
 
 def _offset(offset: Offset) -> str:
@@ -126,5 +129,8 @@ def _ticks(summary: Summary) -> str:
 
 
 def _log(summary: Summary, damage: Damage) -> str:
-    dropped = f"; {summary.dropped} records could not be written" if summary.dropped else ""
-    return f"{damage}{dropped}"
+    if not summary.dropped:
+        return str(damage)
+    if damage.missing:
+        return f"{damage}, {min(summary.dropped, damage.missing)} of them could not be written"
+    return f"{damage}; {summary.dropped} records could not be written"

@@ -19,7 +19,8 @@ from typing import Any
 
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.track import DeadReckoning
-from wayfarer.logbook.fields import clean, local_time, number, reckoning, sound_tick
+from wayfarer.lines import clean
+from wayfarer.logbook.fields import local_time, number, reckoning, sound_tick
 from wayfarer.logbook.wording import event_text, outcome_text
 
 # Always there and in this order, so that the tables of two runs can be put below each other.

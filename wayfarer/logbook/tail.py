@@ -27,7 +27,7 @@ def follow(logs: Path, run: Path | None, wait: Callable[[], None]) -> Iterator[t
         wait: waits a moment for more.
 
     Raises:
-        BadInput: the logs' folder cannot be read.
+        BadInput: the logs' folder, a run's folder or the log in it cannot be read.
     """
     tail = None if run is None else RunTail(run)
     try:
@@ -61,7 +61,11 @@ class RunTail:
         self._rest = b""
 
     def take(self) -> Iterator[Record]:
-        """Give what has come since the last call."""
+        """Give what has come since the last call.
+
+        Raises:
+            BadInput: the folder or the log in it cannot be read.
+        """
         if self._file is None:
             yield from self._begin()
         if self._file is None:
@@ -69,8 +73,10 @@ class RunTail:
         yield from self._read(self._file)
         while (part := self._next_part(self._file)) is not None:
             yield from self._read(self._file)  # what came between reading and looking
-            self._open(part)
-            yield from self._read(self._file)
+            file = self._open(part)
+            if file is None:
+                return
+            yield from self._read(file)
 
     def close(self) -> None:
         """Close the file; safe twice."""
@@ -82,6 +88,8 @@ class RunTail:
         if not parts:
             return
         file = self._open(parts[-1])
+        if file is None:
+            return
         skipped = max(0, file.seek(0, os.SEEK_END) - RECENT_BYTES)
         file.seek(skipped)
         if skipped or len(parts) > 1:
@@ -117,12 +125,21 @@ class RunTail:
         try:
             return log_parts(self.run)
         except BadInput:
+            if self.run.exists() and not os.access(self.run, os.R_OK | os.X_OK):
+                raise
             return []  # not yet, or no more
 
-    def _open(self, part: Path) -> BinaryIO:
+    def _open(self, part: Path) -> BinaryIO | None:
+        """Open a part in the place of the one before; None if the writer has renamed it since it was listed."""
+        try:
+            file = part.open("rb")
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise BadInput(f"{part}: cannot be read: {error.strerror}") from None
         self.close()
-        self._file, self._rest = part.open("rb"), b""
-        return self._file
+        self._file, self._rest = file, b""
+        return file
 
 
 def _newest(logs: Path) -> Path | None:

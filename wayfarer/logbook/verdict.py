@@ -23,7 +23,7 @@ def readable(reader: RunReader) -> Iterator[Record]:
     for record in reader:
         yield record
     if record is None:
-        raise BadInput(f"{reader.run}: nothing in this log can be read ({reader.damage})")
+        raise BadInput(f"{reader.run}: nothing in this log can be read ({_lost(reader.damage) or 'it is empty'})")
 
 
 class Worth(IntEnum):
@@ -52,17 +52,24 @@ class Verdict(NamedTuple):
 
 def judge(run: Path) -> Verdict:
     """Read a whole run and say what it is worth; one that still goes on has no outcome, and is repaired at best."""
-    records, first, last = 0, "", ""
+    records, first, last, told = 0, "", "", False
     try:
         reader = RunReader(run)
         for record in reader:
             records += 1
             last = record["record"]
             first = first or last
+            told = told or last == "run"
     except BadInput as error:
         return Verdict(Worth.UNREADABLE, records, (str(error),))
-    damage = str(reader.damage) if reader.damage != Damage() else ""
-    headless = "" if first == "run" else "nothing says what ran"
+    damage = _lost(reader.damage)
+    if not records:
+        return Verdict(Worth.UNREADABLE, records, (damage or "it is empty",))
+    headless = "" if first == "run" else "only a later part says what ran" if told else "nothing says what ran"
     wrong = tuple(filter(None, (damage, headless, "" if last == "outcome" else NO_OUTCOME)))
-    worth = Worth.UNREADABLE if not records else Worth.REPAIRED if wrong else Worth.WHOLE
-    return Verdict(worth, records, wrong)
+    return Verdict(Worth.REPAIRED if wrong else Worth.WHOLE, records, wrong)
+
+
+def _lost(damage: Damage) -> str:
+    """Return what could not be read; nothing where all could."""
+    return str(damage) if damage != Damage() else ""

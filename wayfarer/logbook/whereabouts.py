@@ -34,7 +34,8 @@ class Fix:
 class Where:
     """Where the rover is at the end of its log; None is not known.
 
-    ``by_reckoning`` counts from where it was first armed, its bearing from magnetic north; it grows worse with the way.
+    ``by_reckoning`` counts from where it was first armed if ``from_start``, else from where the log begins; its bearing
+    is from magnetic north, and it grows worse with the way and with every record that is missing.
     ``by_receiver`` counts from the first fix, its bearing from true north; ``fix_age_s`` is how long before the end the
     last fix was.
     """
@@ -43,6 +44,7 @@ class Where:
     by_receiver: Offset | None = None
     last_fix: Fix | None = None
     fix_age_s: float | None = None
+    from_start: bool = True
 
 
 class Search:
@@ -51,13 +53,19 @@ class Search:
     def __init__(self) -> None:
         self._start: Place | None = None
         self._place: Place | None = None
+        self._from_start: bool | None = None  # None: it was not armed yet
         self._first_fix: Fix | None = None
         self._last_fix: Fix | None = None
 
     def starts(self) -> None:
         """Note that the rover is armed: the first time, it stands where its people are."""
-        if self._start is None:
-            self._start = self._place
+        if self._from_start is None:
+            self._from_start, self._start = True, self._place
+
+    def begins_late(self) -> None:
+        """Note that the log's first part is gone: where the rover is armed from now on need not be where it set out."""
+        if self._from_start is None:
+            self._from_start = False
 
     def reckoned(self, place: Place | None) -> None:
         """Take where dead reckoning has the rover."""
@@ -75,7 +83,10 @@ class Search:
         """Return where the rover is at the end of the log, ``t_s``."""
         last = self._last_fix
         age_s = None if last is None else max(0.0, t_s - last.t_s)
-        return Where(self._by_reckoning(), self._by_receiver(), last, age_s)
+        reckoned = self._by_reckoning()
+        drove = reckoned is not None and reckoned.distance_m > 0.0
+        from_start = not drove if self._from_start is None else self._from_start
+        return Where(reckoned, self._by_receiver(), last, age_s, from_start)
 
     def _by_reckoning(self) -> Offset | None:
         if self._place is None:

@@ -7,7 +7,8 @@ from enum import Enum
 from typing import Any
 
 from wayfarer.fieldlog.reader import Record
-from wayfarer.logbook.fields import clean, name, names, number
+from wayfarer.lines import clean
+from wayfarer.logbook.fields import ABSURD, name, names, number
 
 
 class Tone(Enum):
@@ -140,8 +141,8 @@ def _duties(tick: Record, which: str) -> str:
 
 def _detail(key: str, value: object) -> str:
     """Return a detail as a person says it: ``start_delay_s`` 10 is a start delay of 10 s."""
-    text = _value(value)
     stem, _, unit = key.rpartition("_")
+    text = _degrees(value) if unit == "deg" else _value(value)
     if key in BARE:
         return text
     if stem and unit in UNITS:
@@ -151,5 +152,10 @@ def _detail(key: str, value: object) -> str:
 
 def _value(value: object) -> str:
     if isinstance(value, float):
-        return f"{value:.4g}"
+        return f"{value:.0f}" if 1e3 <= abs(value) < ABSURD else f"{value:.4g}"
     return clean(", ".join(map(str, value)) if isinstance(value, list) else str(value))
+
+
+def _degrees(value: object) -> str:
+    """Return an angle with a decimal at most: no compass has more."""
+    return f"{round(value, 1) + 0.0:g}" if isinstance(value, float) else _value(value)

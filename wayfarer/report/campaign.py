@@ -26,8 +26,8 @@ from wayfarer.whole_file import whole_file
 def write_report(folder: Path, out: Path | None = None, *, gallery: int = 12, jobs: int) -> Path:
     """Write the report of the campaign in ``folder``, and return the page's path: ``out``, or ``report.html`` in it.
 
-    The figures stand in ``figures`` beside the page. ``gallery`` is how many trials are drawn; they are run again for that, in ``jobs`` processes. The same folder
-    gives the same bytes.
+    The figures stand in ``figures`` beside the page. ``gallery`` is how many trials are drawn; they are run again for
+    that, in ``jobs`` processes. The same folder gives the same bytes.
 
     Raises:
         BadInput: the folder holds no finished campaign, is damaged, or cannot be written.

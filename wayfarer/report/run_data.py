@@ -133,12 +133,11 @@ class Sensor:
 
 @dataclass
 class RunData:
-    """Everything of one run that its report shows; ``beginning_lost`` is set where the log begins later than it."""
+    """Everything of one run that its report shows."""
 
     header: Record = field(default_factory=dict)
     summary: Summary = field(default_factory=lambda: Account().summary())
     damage: Damage = field(default_factory=Damage)
-    beginning_lost: bool = False
     ticks: Columns = field(default_factory=lambda: columns(Tick, []))
     truth: Columns = field(default_factory=lambda: columns(Truth, []))
     batteries: list[tuple[float, float]] = field(default_factory=list)

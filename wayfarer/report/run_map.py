@@ -35,6 +35,10 @@ CIRCLES = 200  # of error, at most
 ARROW = 0.12  # of the map's smaller side: length of an arrow to the goal
 SCALES_M = [factor * 10**power for power in range(11) for factor in (1, 2, 5)]
 LOG_BEGINS: dict[str, Any] = {"marker": "o", "markersize": 6, "color": "white", "markeredgecolor": BLACK}
+GAP: dict[str, Any] = {
+    "linestyle": "none", "marker": "D", "markersize": 4.5, "color": "white", "markeredgecolor": BLACK,
+    "markeredgewidth": 0.8,
+}  # fmt: skip
 RECEIVER: dict[str, Any] = {"color": GREEN, "linewidth": 0.7, "marker": "+", "markersize": 4.0, "markeredgewidth": 0.7}
 
 
@@ -119,6 +123,13 @@ def thinned(way: Way, shown: Map) -> Way:
     kept = np.ones(strokes.size, np.bool_)
     kept[1:-1] = ((np.diff(cells, axis=1) != 0).any(axis=0) | (np.diff(strokes) != 0))[:-1]
     return Way(way.east_m[kept], way.north_m[kept], way.stroke[kept])
+
+
+def draw_gaps(axes: Axes, way: Way) -> None:
+    """Mark where a way goes on behind a break: dead reckoning has the rover near where it lost it."""
+    behind = np.flatnonzero(np.isnan(way.east_m)) + 1
+    if behind.size:
+        axes.plot(way.east_m[behind], way.north_m[behind], label="records missing", zorder=3.5, **GAP)
 
 
 def draw_ends(axes: Axes, way: Way, *, from_start: bool) -> None:

@@ -78,7 +78,6 @@ class _Reading:
             self._note_missing(record.get("n"))
             if isnan(self._first_t_s):
                 self._first_t_s = float(record["t_s"])
-                self.data.beginning_lost |= number(record.get("part")) > 1.0
             if taker := self._takers.get(record["record"]):
                 taker(record["t_s"] - self._first_t_s, record)
 
@@ -94,11 +93,9 @@ class _Reading:
         return data
 
     def _note_missing(self, count: object) -> None:
-        """Forget what two records that do not follow each other would be compared by; their numbers begin at 1."""
+        """Forget what two records that do not follow each other would be compared by."""
         if isinstance(count, int):
-            if self._number is None:
-                self.data.beginning_lost |= count > 1
-            elif count != self._number + 1:
+            if self._number is not None and count != self._number + 1:
                 self._stretch += 1.0
                 self._tick_t_s = self._motion_t_s = nan
                 for sensor in self._sensors.values():

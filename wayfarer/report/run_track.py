@@ -21,6 +21,7 @@ from wayfarer.report.run_map import (
     draw_arrow,
     draw_ends,
     draw_fixes,
+    draw_gaps,
     draw_legend,
     draw_marks,
     draw_onsets,
@@ -57,7 +58,8 @@ def track_figure(data: RunData) -> Figure:
     for place_m, goal_deg in goals:
         draw_arrow(axes, place_m, goal_deg, shown)
     draw_onsets(axes, [(onset.kind, (onset.east_m, onset.north_m)) for onset in data.onsets])
-    draw_ends(axes, way, from_start=not data.beginning_lost)
+    draw_gaps(axes, way)
+    draw_ends(axes, way, from_start=data.summary.where.from_start)
     draw_marks(axes, [(event.mark, (event.east_m, event.north_m)) for event in data.events if event.mark], shown)
     draw_scale(axes, shown)
     draw_legend(axes, *([ARROW] if goals else []))
@@ -72,7 +74,7 @@ def forest_track_figure(data: RunData, forest: Forest) -> Figure:
     draw_way(axes, true, shown)
     axes.plot(reckoned.east_m, reckoned.north_m, zorder=2.5, **RECKONED)
     draw_onsets(axes, [(onset.kind, _true_place(data, onset.t_s)) for onset in data.onsets])
-    draw_ends(axes, true, from_start=not data.beginning_lost)
+    draw_ends(axes, true, from_start=data.summary.where.from_start)
     draw_marks(axes, [(event.mark, _true_place(data, event.t_s)) for event in data.events if event.mark], shown)
     draw_forest(axes, forest, shown.points_per_m)
     draw_legend(axes, TRUNK_KEY, TREE_KEY)

@@ -8,7 +8,8 @@ from math import isnan
 
 import numpy as np
 
-from wayfarer.logbook.fields import clean, name, span
+from wayfarer.lines import clean
+from wayfarer.logbook.fields import name, span
 from wayfarer.report.run_data import RunData
 from wayfarer.report.run_track import drift_m
 
@@ -90,16 +91,9 @@ def _where(data: RunData) -> str:
     offset = data.summary.where.by_reckoning
     if offset is None:
         return "unknown: there was no heading"
-    place = f"{offset.distance_m:.0f} m from {_start(data)} at bearing {round(offset.bearing_deg) % 360}°"
+    start = "the start" if data.summary.where.from_start else "where the log begins"
+    place = f"{offset.distance_m:.0f} m from {start} at bearing {round(offset.bearing_deg) % 360}°"
     return f"{place}, by dead reckoning{_partly(data)}"
-
-
-def _start(data: RunData) -> str:
-    """Return where distances count from: the first arming, else the first record."""
-    if not data.beginning_lost:
-        return "the start"
-    armed = any(event.name == "armed" for event in data.events)
-    return "where the log first has it armed" if armed else "where the log begins"
 
 
 def _partly(data: RunData) -> str:
@@ -127,11 +121,15 @@ def track_caption(data: RunData) -> str:
             "dead reckoning had the rover then; the receiver counts from true north."
         )
     marks = " Numbers: marks, as in the list of events." if data.summary.marks else ""
-    gaps = " The line is broken where records are missing; how the rover moved meanwhile, nobody knows."
+    gaps = ""
+    if np.diff(data.ticks["stretch"]).any():
+        gaps = (
+            " White diamonds: records are missing there. Nobody knows how the rover moved meanwhile; the way goes on "
+            "where it broke off."
+        )
     return (
         "The way by dead reckoning (measured motion, else the wheels' commands; the compass), from where the log "
-        "begins; magnetic north is up. An error of the compass turns it, slip stretches it."
-        f"{gaps if data.damage.missing else ''}{fixes}{marks}"
+        f"begins; magnetic north is up. An error of the compass turns it, slip stretches it.{gaps}{fixes}{marks}"
     )
 
 

@@ -8,7 +8,6 @@ Keys: ``forest``, ``noise`` (whole numbers, a pair occurs once), ``start_m`` [x,
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from math import isfinite
@@ -18,6 +17,7 @@ from typing import NoReturn, TypeVar
 
 from wayfarer.errors import BadForest
 from wayfarer.simhal.forest import LEANS, Forest, Trunk, check_forest
+from wayfarer.whole_file import whole_file
 
 Value = TypeVar("Value")
 
@@ -57,16 +57,13 @@ def write_forests(path: Path, forests: Iterable[Forest]) -> None:
 
     Raises:
         BadForest: a forest that ``read_forests`` would refuse, or the file cannot be written.
+        BadInput: what is there is no ordinary file.
     """
     content = "".join(_line_of(forest) for forest in forests).encode()
     _forests_of(path, content)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        try:
-            partial.write_bytes(content)
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
+        with whole_file(path) as draft:
+            draft.write_bytes(content)
     except OSError as error:
         raise BadForest(f"{path}: cannot be written ({error.strerror}); check the folder and its rights") from None
 

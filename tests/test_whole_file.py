@@ -1,0 +1,85 @@
+"""A file that is there whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from wayfarer.errors import BadInput
+from wayfarer.whole_file import whole_file
+
+
+def write(path: Path, text: str = "new") -> None:
+    with whole_file(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+@pytest.mark.parametrize("before", [None, "old"])
+def test_file_appears_once_it_is_whole(tmp_path: Path, before: str | None) -> None:
+    path = tmp_path / "file"
+    if before is not None:
+        path.write_text(before, encoding="utf-8")
+    with whole_file(path) as draft:
+        draft.write_text("new", encoding="utf-8")
+        assert (path.read_text(encoding="utf-8") if path.exists() else None) == before
+    assert path.read_text(encoding="utf-8") == "new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("failure", [OSError, KeyboardInterrupt])
+def test_failure_leaves_what_was_there_and_nothing_else(tmp_path: Path, failure: type[BaseException]) -> None:
+    path = tmp_path / "file"
+    path.write_text("old", encoding="utf-8")
+    with pytest.raises(failure), whole_file(path) as draft:
+        draft.write_text("half", encoding="utf-8")
+        raise failure
+    assert path.read_text(encoding="utf-8") == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_content_is_on_the_disk_before_the_name_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, synced = tmp_path / "file", []
+    monkeypatch.setattr(os, "fsync", lambda file: synced.append((os.fstat(file).st_size, path.exists())))
+    write(path)
+    assert synced == [(3, False)]
+
+
+def test_symlink_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    link, target = tmp_path / "link", tmp_path / "elsewhere" / "file"
+    link.symlink_to(target)
+    for text in ("first", "second"):
+        write(link, text)
+        assert link.is_symlink()
+        assert target.read_text(encoding="utf-8") == text
+    assert list(target.parent.iterdir()) == [target]
+
+
+@pytest.mark.parametrize("through", ["itself", "a symlink"])
+def test_pipe_is_refused_and_stays(tmp_path: Path, through: str) -> None:
+    pipe, link = tmp_path / "pipe", tmp_path / "link"
+    os.mkfifo(pipe)
+    link.symlink_to(pipe)
+    path = pipe if through == "itself" else link
+    with pytest.raises(BadInput, match="is no ordinary file"):
+        write(path)
+    assert pipe.is_fifo()
+    assert link.is_symlink()
+    assert set(tmp_path.iterdir()) == {pipe, link}
+
+
+def test_folder_and_circle_of_symlinks_are_refused(tmp_path: Path) -> None:
+    circle = tmp_path / "circle"
+    circle.symlink_to(circle)
+    for path in (tmp_path, circle):
+        with pytest.raises(BadInput, match="is no ordinary file"):
+            write(path)
+    assert list(tmp_path.iterdir()) == [circle]
+    assert circle.is_symlink()
+
+
+def test_folder_that_is_not_there_is_the_callers_to_tell(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        write(tmp_path / "nowhere" / "file")

@@ -1,0 +1,35 @@
+"""Writing a file so that it is there whole or not at all, whenever the power goes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from wayfarer.errors import BadInput
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give the path of a draft to write; once that is done and on the disk, the draft takes the place of the file.
+
+    A symlink stays, and what it points to is replaced. Whatever fails, the draft goes and what was there stays.
+
+    Raises:
+        BadInput: what is there is no ordinary file; a device or a pipe would be lost.
+        OSError: the file cannot be written.
+    """
+    target = Path(os.path.realpath(path))  # Path.resolve raises RuntimeError where symlinks go round in a circle
+    if (path.exists() or os.path.lexists(target)) and not path.is_file():
+        raise BadInput(f"{path} is no ordinary file and is left as it is: name another one")
+    draft = target.with_name(f".{target.name}.{os.getpid()}.new")
+    try:
+        yield draft
+        with draft.open("rb") as file:
+            os.fsync(file.fileno())
+        draft.replace(target)
+    except BaseException:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
+        raise
