@@ -17,7 +17,9 @@ def access() -> Access:
     return Access(TOKEN)
 
 
-@pytest.mark.parametrize("host", ["localhost:8088", "127.0.0.1:8088", "[::1]:8088", "localhost", "LOCALHOST:9000"])
+@pytest.mark.parametrize(
+    "host", ["localhost:8088", "127.0.0.1:8088", "[::1]:8088", "localhost", "LOCALHOST:9000", "127.0.0.2"]
+)
 def test_this_computer_needs_no_token_at_its_own_names(access: Access, host: str) -> None:
     access.check_page("127.0.0.1", {"Host": host}, "")
     access.check_socket("127.0.0.1", {"Host": host, "Origin": f"http://{host}"}, "")
@@ -34,7 +36,7 @@ def test_name_that_was_made_to_lead_here_is_refused(access: Access, host: str) -
 @pytest.mark.parametrize("peer", ["10.0.0.9", "fe80::1%eth0", "::ffff:10.0.0.9", ""])
 def test_others_need_the_token(access: Access, peer: str) -> None:
     access.check_page(peer, ABROAD, TOKEN)
-    for wrong in ("", "s3cre", "s3crets", "sécret"):
+    for wrong in ("", "s3cre", "s3crets", "sécret", "\udcff\udcfe"):
         with pytest.raises(Refused, match="token included"):
             access.check_page(peer, ABROAD, wrong)
         with pytest.raises(Refused, match="token included"):

@@ -19,6 +19,7 @@ pytestmark = pytest.mark.slow
 
 NARROW = (360, 640)
 STOP_S = 0.2
+BLANK = "\N{EN DASH}"
 ARMED = re.compile("^Armed")  # not disarmed
 
 
@@ -52,7 +53,7 @@ def test_demo_reaches_escaped_on_the_page_and_asks_nobody_else(browser_page: Ope
         opened.page.on("request", lambda request: asked.append(request.url))
         opened.page.on("websocket", lambda socket: asked.append(socket.url))
         opened.page.goto(demo.url)
-        opened.page.locator("#banner", has_text="escaped after").wait_for(timeout=60_000)
+        opened.page.locator("#banner.good", has_text="escaped after").wait_for(timeout=60_000)
         assert demo.process.wait(timeout=10) == 0
         assert "ended" in (opened.page.locator("body").get_attribute("class") or "")
         assert int(text(opened, "#episodes")) > 3
@@ -89,8 +90,10 @@ def test_hold_resume_and_mark_work_from_the_keyboard(browser_page: OpenPage, dae
     page.locator("#hold").press("Enter")
     page.locator("#mode", has_text="Held").wait_for()
     page.locator("#health", has_text="somebody asked to hold").wait_for()
-    page.locator("#hold", has_text="Resume").press("Enter")
+    page.locator("#health", has_text="until Resume").wait_for()
+    page.locator("#resume").press("Enter")
     page.locator("#mode", has_text=ARMED).wait_for()
+    assert page.locator("#resume").is_hidden()
     page.locator("#mark").press_sequentially("<b>hit</b> log")
     page.locator("#mark").press("Enter")
     page.locator("#lines li", has_text="<b>hit</b> log").wait_for()
@@ -104,15 +107,52 @@ def test_daemon_that_is_killed_is_noticed_at_once_and_the_page_comes_back_with_t
 ) -> None:
     opened = look(browser_page, daemon)
     daemon.process.kill()
+    stop_at = opened.page.locator("#stop").bounding_box()
     killed_s = time.monotonic()
     opened.page.locator("body.stale").wait_for(timeout=2000)
     opened.page.locator("#banner", has_text="No connection to the rover. What you see is").wait_for(timeout=2000)
     print(f"shown {1e3 * (time.monotonic() - killed_s):.0f} ms after the daemon was killed")
     opened.page.locator("#stop").click()
     assert "Not sent" in text(opened, "#reply")
+    assert opened.page.locator("#stop").bounding_box() == stop_at, "neither the banner nor the reply moves Stop"
     with running("run", "--sim", "--live", "--live-port", str(daemon.port)):
         alive(opened)
         assert opened.page.locator("#banner").is_hidden()
+        assert text(opened, "#reply") == "", "the new run was asked for nothing"
+
+
+@pytest.mark.parametrize("viewport", [PHONE, DESKTOP], ids=str)
+def test_pressing_hold_twice_holds(browser_page: OpenPage, daemon: Daemon, viewport: tuple[int, int]) -> None:
+    page = look(browser_page, daemon, viewport).page
+    daemon.arm()
+    page.locator("#mode", has_text=ARMED).wait_for()
+    hold, stop_at = page.locator("#hold").bounding_box(), page.locator("#stop").bounding_box()
+    assert hold is not None
+    middle = (hold["x"] + hold["width"] / 2, hold["y"] + hold["height"] / 2)
+    page.mouse.dblclick(*middle)
+    page.locator("#resume").wait_for()
+    page.mouse.click(*middle)
+    page.locator("#reply", has_text="Held").wait_for()
+    assert daemon.ask("status")["held"] is True
+    assert page.locator("#stop").bounding_box() == stop_at
+
+
+def test_resume_on_a_page_that_is_old_starts_no_wheels_later(browser_page: OpenPage, daemon: Daemon) -> None:
+    opened = look(browser_page, daemon)
+    daemon.arm()
+    opened.page.locator("#hold").click()
+    opened.page.locator("#resume").wait_for()
+    daemon.process.send_signal(signal.SIGSTOP)
+    opened.page.locator("body.stale").wait_for(timeout=3000)
+    assert opened.page.locator("#resume").is_disabled()
+    assert opened.page.locator("#send-mark").is_disabled()
+    opened.page.locator("#resume").click(force=True)
+    opened.page.locator("#hold").click()
+    opened.page.locator("#reply", has_text="Hold: no answer yet").wait_for()
+    daemon.process.send_signal(signal.SIGCONT)
+    opened.page.locator("#reply", has_text="Held").wait_for()
+    alive(opened)
+    assert daemon.ask("status")["held"] is True
 
 
 def test_daemon_that_stands_still_does_not_look_alive(browser_page: OpenPage, daemon: Daemon) -> None:
@@ -160,7 +200,9 @@ def test_everything_can_be_read_in_sunlight_and_fits(
 def test_end_can_be_read_as_well(browser_page: OpenPage, daemon: Daemon) -> None:
     opened = look(browser_page, daemon, NARROW)
     daemon.ask("stop")
-    opened.page.locator("#banner", has_text="The run has ended").wait_for()
+    opened.page.locator("#banner.plain", has_text="The run has ended").wait_for()
+    assert (text(opened, "#wheels"), text(opened, "#health")) == (BLANK, "")
+    assert opened.page.locator("#sensor-rows td:nth-child(2)").all_inner_texts() == [BLANK, BLANK]
     assert (weak_texts(opened.page), opened.overflow_px()) == ([], 0)
     opened.page.locator("#again").click()
     opened.page.locator("#banner", has_text="There is no new one yet").wait_for()

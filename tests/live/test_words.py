@@ -5,7 +5,7 @@ from __future__ import annotations
 from wayfarer.conditions import Condition, Level
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import WHY
-from wayfarer.live.words import ANOMALIES, CAUSES, LEVELS, PHASES, because
+from wayfarer.live.words import ANOMALIES, CAUSES, LEVELS, PHASES, because, level_text
 
 
 def test_every_phase_anomaly_level_and_condition_has_words() -> None:
@@ -30,3 +30,10 @@ def test_what_a_third_party_calls_a_reason_is_told_as_it_is() -> None:
     for why in ("spiral.out", "", "probe", "probe.dizzy", "a.b.c"):
         assert because(why, ["immobilised"]) == why
     assert because("follow.anomaly", ["wet"]) == "wet, on its way to the goal"
+
+
+def test_hold_that_a_person_asked_for_ends_with_resume_and_any_other_by_itself() -> None:
+    assert level_text("hold", Condition.OPERATOR_HOLD.value) == "Wheels held until Resume"
+    assert level_text("hold", Condition.COMPASS_STALE.value) == "Wheels held until this clears"
+    assert level_text("well", None) == "All well"
+    assert level_text("made up", None) == "made up"

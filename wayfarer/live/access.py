@@ -15,7 +15,6 @@ from urllib.parse import urlsplit
 
 from wayfarer.control.protocol import Refused
 
-LOCAL_NAMES = {"localhost", "127.0.0.1", "::1"}
 OF_PROXIES = ("Forwarded", "Via", "X-Forwarded-For", "X-Real-IP")
 
 
@@ -23,7 +22,7 @@ class Access:
     """Judges requests. ``token`` is what those must know who are not on this computer."""
 
     def __init__(self, token: str) -> None:
-        self._token = token.encode()
+        self._token = _bytes(token)
 
     def check_page(self, peer: str, headers: Mapping[str, str], token: str) -> None:
         """Let somebody see the page, who gave ``token``, perhaps empty.
@@ -34,9 +33,10 @@ class Access:
         if any(header in headers for header in OF_PROXIES):
             raise Refused("this page works through no proxy: open it at the address that wayfarer printed")
         if is_local(peer):
-            if host_name(headers.get("Host", "")) not in LOCAL_NAMES:
+            name = host_name(headers.get("Host", "")) or ""
+            if name != "localhost" and not is_local(name):
                 raise Refused("on this computer the page is at localhost or 127.0.0.1, and at no other name")
-        elif not compare_digest(token.encode(), self._token):
+        elif not compare_digest(_bytes(token), self._token):
             raise Refused(
                 "open the page at the whole address that wayfarer printed when it was started, token included"
             )
@@ -61,6 +61,10 @@ def is_local(peer: str) -> bool:
     if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
         return address.ipv4_mapped.is_loopback
     return address.is_loopback
+
+
+def _bytes(token: str) -> bytes:
+    return token.encode(errors="surrogatepass")  # a header's bytes that are no UTF-8 become surrogates
 
 
 def host_name(host: str) -> str | None:

@@ -10,6 +10,10 @@ from ipaddress import ip_address
 from wayfarer.errors import BadInput
 from wayfarer.live.access import is_local
 
+# Of a connection, in bytes: as much is read in one turn of the loop, and two-byte frames take their time. The kernel
+# doubles it (socket(7)), so that the longest message fits.
+RECEIVED_BYTES = 8_192
+
 _SOMEWHERE = ("192.0.2.1", 9)  # reserved for documentation (RFC 5737); nothing is sent there
 
 
@@ -19,11 +23,18 @@ def bind(host: str, port: int) -> socket.socket:
     Raises:
         BadInput: there is no such address here, or the port is taken; the text says what to do.
     """
+    if not host:
+        raise BadInput("--live-host is empty: give an address of this computer, such as 0.0.0.0 for all of them")
     try:
         family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
-        return socket.create_server(address, family=family)
+        both = family is socket.AF_INET6 and socket.has_dualstack_ipv6()
+        bound = socket.create_server(address, family=family, dualstack_ipv6=both)
+    except UnicodeError:
+        raise BadInput(f"{host} can be no computer's name: choose an address of this one with --live-host") from None
     except OSError as error:
         raise BadInput(_why_not(host, port, error)) from None
+    bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVED_BYTES)  # connections inherit it
+    return bound
 
 
 def _why_not(host: str, port: int, error: OSError) -> str:

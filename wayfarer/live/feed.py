@@ -16,7 +16,7 @@ from typing import Any
 from wayfarer.fieldlog.log import Record
 from wayfarer.live.pulse import Pulse
 from wayfarer.live.trail import Trail
-from wayfarer.live.words import ANOMALIES, CAUSES, LEVELS, PHASES, because
+from wayfarer.live.words import ANOMALIES, CAUSES, PHASES, because, level_text
 from wayfarer.logbook.fields import name, names, number, reckoning, sound_tick, span, table
 from wayfarer.logbook.story import Story
 from wayfarer.logbook.wording import Tone
@@ -112,7 +112,7 @@ class Feed:
             "phase_text": PHASES.get(phase, phase),
             "why_text": self._why,
             "level": level,
-            "level_text": LEVELS.get(level, level),
+            "level_text": level_text(level, cause),
             "cause_text": CAUSES.get(cause, cause) if cause else "",
             **{key: number(tick, key) for key in ("heading_deg", "pitch_deg", "roll_deg", "counter_deg", "episodes")},
             "goal_heading_deg": self._goal_deg,

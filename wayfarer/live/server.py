@@ -129,9 +129,16 @@ class LivePage:
     # -- connections ---------------------------------------------------------------------------------------------
 
     def _meet(self) -> asyncio.Protocol:
-        """Return what serves a new connection; it must have become a viewer's in time."""
-        if len(self._http.connections) >= self._limits.connections:
-            return _TurnedAway()
+        """Return what serves a new connection; it must have become a viewer's in time.
+
+        Where all places are taken it gets that of the oldest which is no viewer's.
+        """
+        taken = [each for each in self._http.connections if each.transport and not each.transport.is_closing()]
+        if len(taken) >= self._limits.connections:
+            idle = next((each for each in taken if each not in self._talks), None)
+            if idle is None:
+                return _TurnedAway()
+            _abort(idle)
         connection = self._http()
         loop = asyncio.get_running_loop()
         loop.call_later(self._limits.handshake_s * self._speed, self._drop_idle, connection)
@@ -148,6 +155,8 @@ class LivePage:
             return await self._routes[request.path](request)
         except Refused as refusal:
             return _plain(403, str(refusal))
+        except web.HTTPBadRequest:
+            return _plain(400, "this is where the page itself connects, with a WebSocket: open / instead")
         except OSError:
             raise  # the client has gone
         except Exception:
@@ -168,9 +177,13 @@ class LivePage:
         limits, speed = self._limits, self._speed
         if len(self._talks) >= limits.viewers:
             return _plain(503, f"{limits.viewers} viewers look on already, which is the limit")
-        socket = web.WebSocketResponse(timeout=limits.end_s * speed, compress=False, max_msg_size=limits.message_bytes)
+        socket = web.WebSocketResponse(
+            timeout=limits.end_s * speed, compress=False, max_msg_size=limits.message_bytes, autoping=False
+        )
         viewer = Viewer(self._audience, socket.send_str, limits.silent_s * speed, limits.unseen)
-        talk = self._talks[request.protocol] = Talk(socket, viewer, self._commands, self._turn, self.watched)
+        talk = self._talks[request.protocol] = Talk(
+            socket, viewer, self._commands, self._turn, self.watched, limits, speed
+        )
         try:
             await socket.prepare(request)
             self._audience.viewers.add(viewer)

@@ -1,7 +1,8 @@
 """One viewer's connection: it is told what is new, and may ask for a few things.
 
 What it asks for goes the way of the control socket's requests. Arming is not among it: wheels must not start from a
-web page.
+web page. Nor do they go on from a page that shows how things were: a request may have waited, in a network or for a
+daemon that stood still, until nobody looks on any more.
 """
 
 from __future__ import annotations
@@ -15,9 +16,11 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from wayfarer.control.protocol import Commands, Refused, check, perform, read_line
 from wayfarer.errors import WayfarerError
-from wayfarer.live.audience import TooSlow, Viewer
+from wayfarer.live.audience import Limits, TooSlow, Viewer
 
 VERBS = ("hold", "resume", "stop", "mark")
+STOPPING = ("hold", "stop")  # are done whoever asks, and however often
+SHOWN = "state_t_s"  # which state the page shows; to resume needs it
 
 _bugs = logging.getLogger("wayfarer.live")
 
@@ -32,17 +35,21 @@ class Talk:
         turn: shared by all: one message is taken in a turn of the loop, so that a flood waits for the control tick and
             not the tick for the flood.
         watched: is set when the page has shown something.
+        limits: what a viewer may use up.
+        speed: how many seconds of the loop pass in one of the clock's.
     """
 
     def __init__(
         self, socket: web.WebSocketResponse, viewer: Viewer, commands: Commands, turn: asyncio.Lock,
-        watched: asyncio.Event,
+        watched: asyncio.Event, limits: Limits, speed: float,
     ) -> None:  # fmt: skip
         self._socket = socket
         self._viewer = viewer
         self._commands = commands
         self._turn = turn
         self._watched = watched
+        self._old_s = limits.old_s * speed
+        self._allowance = Allowance(limits.requests, limits.requests_hz / speed)
 
     async def run(self) -> None:
         """Speak until the viewer goes away, or has to."""
@@ -94,7 +101,37 @@ class Talk:
         await self._socket.send_str(orjson.dumps([{"reply": {"do": fields.get("do"), **reply}}]).decode())
 
     async def _do(self, fields: dict[str, object]) -> None:
-        request = check(fields)
+        request = check({key: value for key, value in fields.items() if key != SHOWN})
         if request.do not in VERBS:
             raise Refused(f"{request.do} is not done from the page: use wayfarer {request.do} in a terminal")
+        now_s = asyncio.get_running_loop().time()
+        if request.do not in STOPPING and not self._allowance.take(now_s):
+            raise Refused("too much was asked for at once: wait a second and ask again")
+        if request.do == "resume" and not _is_new(fields.get(SHOWN), now_s, self._old_s):
+            raise Refused("the page that this was pressed on was old: look again, and press it if it is still right")
         await perform(request, self._commands, None)
+
+
+class Allowance:
+    """How often something may be done: ``most`` times at once, and ``rate_hz`` times a second for long. Pure."""
+
+    def __init__(self, most: int, rate_hz: float) -> None:
+        self._most = most
+        self._rate_hz = rate_hz
+        self._left = float(most)
+        self._at_s: float | None = None
+
+    def take(self, now_s: float) -> bool:
+        """Tell whether it may be done now, and count it if so. ``now_s`` never goes back."""
+        if self._at_s is not None:
+            self._left = min(self._most, self._left + (now_s - self._at_s) * self._rate_hz)
+        self._at_s = now_s
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+def _is_new(state_t_s: object, now_s: float, old_s: float) -> bool:
+    """Tell whether a state is of now; one from the future is of another run. What is no time is not."""
+    return isinstance(state_t_s, int | float) and abs(now_s - state_t_s) <= old_s

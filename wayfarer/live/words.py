@@ -81,6 +81,16 @@ CAUSES: Mapping[str, str] = {
 }
 
 
+def level_text(level: str, cause: str | None) -> str:
+    """Return what a level of health means for the wheels, given the name of its cause, if there is one.
+
+    A name that is unknown is returned as it is.
+    """
+    if cause == Condition.OPERATOR_HOLD.value:
+        return "Wheels held until Resume"
+    return LEVELS.get(level, level)
+
+
 def because(why: str, anomalies: Iterable[str]) -> str:
     """Return what began a phase, given the ``why`` of its first tick, as ``probe.anomaly``, and what was wrong then.
 

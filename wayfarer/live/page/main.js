@@ -1,11 +1,14 @@
 // What is known of the run, and what happens when more of it comes, when time passes, and when somebody presses a button.
 
 const OLD_S = 1; // ten states come a second: what is older than this must not look alive
+const REPLY_S = 6; // long enough to read a refusal twice
+const ANSWER_S = 2; // an answer that takes longer is missed
 const KEPT = { track: 8000, marks: 400, phases: 400 }; // as the server keeps; it sends a thinner track in time
 
 const model = { about: {}, forest: null, track: [], marks: [], phases: [], outcome: null, state: null };
 const connection = new Connection(take);
 let drawing = false;
+let unsaid; // the timer of what is said about the last request
 let looked = false; // for a new run, after the end of this one
 
 function take(piece) {
@@ -21,6 +24,7 @@ function takeSnapshot(snapshot) {
   const { lines, ...rest } = snapshot;
   Object.assign(model, rest);
   looked = false;
+  say("");
   element("lines").replaceChildren();
   addLines(lines);
   writeAbout(model.about);
@@ -38,7 +42,14 @@ function takeNews(news) {
 
 function takeReply(reply) {
   const done = { stop: "Stopped", hold: "Held", resume: "Going on", mark: "Noted" };
-  write("reply", reply.ok ? done[reply.do] : `Not done: ${reply.why}`);
+  say(reply.ok ? done[reply.do] : `Not done: ${reply.why}`);
+}
+
+// Says what became of a request, and `next` after a while.
+function say(text, afterS = REPLY_S, next = "") {
+  clearTimeout(unsaid);
+  write("reply", text);
+  unsaid = setTimeout(() => write("reply", next), afterS * 1000);
 }
 
 function redraw() {
@@ -55,22 +66,28 @@ function redraw() {
   });
 }
 
+// Whether what the page shows is how things are.
+function isFresh() {
+  return connection.isOpen && connection.silentS !== null && connection.silentS <= OLD_S;
+}
+
 // Tells how old everything is, and makes it look so.
 function watchAge() {
   connection.mind();
   const silentS = connection.silentS;
-  const isOld = !model.outcome && (silentS === null || silentS > OLD_S || !connection.isOpen);
+  const isOld = !model.outcome && !isFresh();
   document.body.classList.toggle("stale", isOld);
   document.body.classList.toggle("ended", model.outcome !== null);
   write("age", silentS === null ? "connecting" : model.outcome ? "the run is over" : `${isOld ? "old: " : "live, "}${ago(silentS)} ago`);
-  if (model.state) writeSensors(model.state.sensors, model.outcome ? 0 : silentS);
+  if (model.state) writeSensors(model.state.sensors, model.outcome ? null : silentS);
+  for (const id of ["resume", "send-mark"]) element(id).disabled = isOld; // what waits in a dead connection is done later, unseen
   showBanner(isOld, silentS);
 }
 
 function showBanner(isOld, silentS) {
   const banner = element("banner");
   banner.hidden = !isOld && !model.outcome;
-  banner.className = model.outcome ? (model.outcome.reason === "failed" ? "failed" : "ended") : "";
+  banner.className = model.outcome ? (ENDS[model.outcome.reason] ?? "") : "";
   element("again").hidden = !model.outcome && connection.isOpen;
   write("again", model.outcome ? "Look for a new run" : "Try now");
   if (model.outcome) write("banner-text", `The run has ended: ${model.outcome.text}.${looked ? " There is no new one yet." : ""}`);
@@ -86,16 +103,24 @@ function lostText(silentS) {
 }
 
 function ask(request, said) {
-  write("reply", connection.send(request) ? said : "Not sent: there is no connection to the rover.");
+  if (connection.send(request)) say(`${said}: asked`, ANSWER_S, `${said}: no answer yet`);
+  else say("Not sent: there is no connection to the rover.");
 }
 
-element("stop").onclick = () => ask({ do: "stop" }, "Stopping");
-element("hold").onclick = () => ask({ do: model.state?.held ? "resume" : "hold" }, "Asked");
+// For what must not be done later, when nobody looks on: the age is taken at the press, not when it was last drawn.
+function askFresh(request, said) {
+  if (isFresh()) ask(request, said);
+  else say("Not sent: what the page shows is old.");
+}
+
+element("stop").onclick = () => ask({ do: "stop" }, "Stop");
+element("hold").onclick = () => ask({ do: "hold" }, "Hold");
+element("resume").onclick = () => askFresh({ do: "resume", state_t_s: model.state.t_s }, "Resume");
 element("mark-form").onsubmit = (event) => {
   event.preventDefault();
   const text = element("mark").value.trim();
-  if (text) ask({ do: "mark", text }, "Sent");
-  if (text && connection.isOpen) element("mark").value = "";
+  if (text) askFresh({ do: "mark", text }, "Mark");
+  if (text && isFresh()) element("mark").value = "";
 };
 element("again").onclick = () => {
   looked = model.outcome !== null;

@@ -10,12 +10,13 @@ function writeAbout(about) {
 }
 
 function writeState(state) {
-  const why = state.mode === "disarmed" ? `: ${state.why_disarmed}` : "";
-  write("mode", state.held && state.mode === "armed" ? "Held" : `${MODES[state.mode] || state.mode}${why}`);
-  write("health", [state.level_text, state.cause_text].filter(Boolean).join(": "));
+  const ended = state.mode === "ended"; // and nothing is measured any more
+  write("mode", state.held && state.mode === "armed" ? "Held" : MODES[state.mode] || state.mode);
+  write("why-disarmed", state.mode === "disarmed" ? state.why_disarmed : "");
+  write("health", ended ? "" : [state.level_text, state.cause_text].filter(Boolean).join(": "));
   element("health").className = ["hold", "fault", "degrade"].includes(state.level) ? "bad" : "";
-  write("phase", state.mode === "ended" ? "" : state.phase_text);
-  write("why", state.mode === "ended" ? "" : state.why_text);
+  write("phase", ended ? "" : state.phase_text);
+  write("why", ended ? "" : state.why_text);
   write("mission-time", clock(state.mission_s));
   write("mission-m", fixed(state.mission_m, 1, " m"));
   write("heading", whole(state.heading_deg));
@@ -23,18 +24,19 @@ function writeState(state) {
   write("counter", signed(state.counter_deg));
   write("episodes", fixed(state.episodes, 0));
   write("tilt", `${signed(state.pitch_deg)}, ${signed(state.roll_deg)}`);
-  write("wheels", `${state.wheels.map((duty) => (known(duty) ? Math.round(duty * 100) || 0 : "–")).join("/")} %`);
+  write("wheels", ended ? "–" : `${state.wheels.map((duty) => (known(duty) ? Math.round(duty * 100) || 0 : "–")).join("/")} %`);
   const met = state.counts.map(([what, count]) => `${count}× ${what}`).join(", ");
   write("counts", [state.anomalies.length && `now: ${state.anomalies.join(", ")}`, met && `so far: ${met}`].filter(Boolean).join(". "));
-  write("hold", state.held ? "Resume" : "Hold");
+  element("resume").hidden = !state.held || !["arming", "armed"].includes(state.mode);
   const battery = known(state.battery_v) ? `battery ${state.battery_v.toFixed(1)} V` : "";
   write("battery", [battery, ...state.faults].filter(Boolean).join(", "));
   element("battery").className = state.faults.length ? "bad" : "";
 }
 
-// The ages go on while nothing comes: `silentS` is for how long that has been.
+// The ages go on while nothing comes: `silentS` is for how long that has been; null after the end, when they mean nothing.
 function writeSensors(sensors, silentS) {
   const rows = sensors.map(([sensor, pulse]) => {
+    if (silentS === null) return { late: false, cells: [sensor, "–", "–", ""] };
     const failures = pulse.failures ? `failed ${pulse.failures}×` : "";
     const age = known(pulse.age_s) ? `${ago(pulse.age_s + silentS)}${pulse.late ? " late" : ""}` : "never";
     const rate = `${fixed(pulse.rate_hz, 0)}${known(pulse.wanted_hz) ? ` of ${pulse.wanted_hz}` : ""}`;

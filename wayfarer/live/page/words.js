@@ -11,6 +11,9 @@ const PHASES = {
 
 const MODES = { disarmed: "Disarmed", arming: "Arming: step away", armed: "Armed", ended: "Ended" };
 
+// Why a run ends: well, or because somebody asked for it or a limit was reached. Any other reason is a bad one.
+const ENDS = { escaped: "good", left_bounds: "good", requested: "plain", signal: "plain", mission_time: "plain", mission_distance: "plain", mission_radius: "plain" };
+
 const known = (value) => value !== null && value !== undefined;
 const fixed = (value, digits, unit = "") => (known(value) ? `${value.toFixed(digits)}${unit}` : "–");
 const whole = (degrees) => (known(degrees) ? `${((Math.round(degrees) % 360) + 360) % 360}°` : "–");
