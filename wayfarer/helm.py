@@ -112,8 +112,9 @@ class Helm:
 
     def hold(self, t_s: float, *, held: bool) -> None:
         """Hold the wheels, or let them go on; the mission stays what it is."""
-        self.held = held
-        self._log.event("hold" if held else "resume", t_s)
+        if held is not self.held:  # asked again and again, it changes nothing, and the log has better things to keep
+            self.held = held
+            self._log.event("hold" if held else "resume", t_s)
 
     def head_for(self, t_s: float, goal_heading_deg: float) -> None:
         """Change the goal of the mission, in degrees clockwise from magnetic north."""

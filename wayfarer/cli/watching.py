@@ -62,7 +62,7 @@ def viewers(
         raise BadInput("--foxglove-port says where Foxglove is served: add --foxglove, or leave it out")
     found: list[Viewer] = []
     if live:
-        page = live_page(live_host or HOST, PORT if live_port is None else live_port)
+        page = live_page(HOST if live_host is None else live_host, PORT if live_port is None else live_port)
         print(f"live page: {page.url}", flush=True)
         found.append(page)
     if foxglove:
