@@ -215,7 +215,7 @@ def test_port_in_use_is_one_line_before_anything_runs() -> None:
         with pytest.raises(BadInput) as refused:
             FoxgloveLive(port=port)
     assert str(refused.value) == (
-        f"port {port} on 127.0.0.1 is in use; see what has it with ss -ltnp, or choose another with --foxglove PORT"
+        f"port {port} on 127.0.0.1 is in use; see what has it with ss -ltnp, or choose another with --foxglove-port"
     )
 
 

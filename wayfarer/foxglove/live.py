@@ -82,5 +82,5 @@ class _Viewers(ServerListener):
 
 def _refusal(host: str, port: int, error: str) -> str:
     if IN_USE in error:
-        return f"port {port} on {host} is in use; see what has it with ss -ltnp, or choose another with --foxglove PORT"
+        return f"port {port} on {host} is in use; see what has it with ss -ltnp, or choose another with --foxglove-port"
     return f"Foxglove cannot be served at {host} port {port}: {error.rpartition('FoxgloveError: ')[2]}"
