@@ -170,6 +170,7 @@ def test_network_that_goes_away_is_noticed_and_its_return_as_well(browser_page: 
     opened.page.locator("#banner", has_text="No connection").wait_for(timeout=3000)
     opened.page.context.set_offline(False)
     alive(opened)
+    assert opened.page.locator("#banner").is_hidden()
 
 
 @pytest.mark.parametrize("viewport", [NARROW, PHONE, DESKTOP], ids=str)

@@ -191,4 +191,4 @@ VALUES = st.none() | st.floats(allow_nan=True) | st.text(max_size=5) | st.lists(
 def test_whatever_an_algorithm_remembers_breaks_nothing(memory: dict[str, Any]) -> None:
     feed = Feed()
     shown(feed).tick(tick(100.0, memory=memory, why="made.up", wheels=WheelCommand(0.5, 0.5)))
-    json.loads(orjson.dumps(feed.snapshot()))
+    assert json.loads(orjson.dumps(feed.snapshot())), "and it can be sent"

@@ -306,6 +306,7 @@ async def test_viewer_that_looks_on_is_not_dropped_with_the_idle() -> None:
             states += 1
             if states == 6:  # half a second
                 break
+    assert states == 6
 
 
 @pytest.mark.parametrize(

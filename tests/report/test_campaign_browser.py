@@ -45,6 +45,7 @@ def test_what_is_too_wide_for_a_phone_can_be_scrolled_by_keyboard(report: str, b
     opened.page.locator("div.table").focus()
     opened.page.keyboard.press("ArrowRight")
     opened.page.wait_for_function("document.querySelector('div.table').scrollLeft > 0")
+    assert opened.overflow_px() == 0, "the table moved, and not the page"
 
 
 def test_trouble_would_be_noticed(browser_page: OpenPage, tmp_path: Path) -> None:

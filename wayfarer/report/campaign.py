@@ -20,7 +20,6 @@ from wayfarer.report.reading import Results, read_results
 from wayfarer.report.table import results_table
 from wayfarer.simhal.plan import Campaign
 from wayfarer.simhal.progress import shown_progress
-from wayfarer.whole_file import whole_file
 
 
 def write_report(folder: Path, out: Path | None = None, *, gallery: int = 12, jobs: int) -> Path:
@@ -33,20 +32,13 @@ def write_report(folder: Path, out: Path | None = None, *, gallery: int = 12, jo
         BadInput: the folder holds no finished campaign, is damaged, or cannot be written.
         WayfarerError: a worker process died.
     """
-    out = folder / page.PAGE if out is None else out
     results = read_results(folder)
-    figures = out.parent / page.FIGURES
-    try:
-        figures.mkdir(parents=True, exist_ok=True)
+
+    def body(figures: Path) -> list[str]:
         with house_style():
-            body = [*_overview(results, figures), _gallery(results, figures, gallery, jobs)]
-        with whole_file(out) as draft:
-            draft.write_bytes(page.document(words.title(results), body).encode())
-    except OSError as error:
-        raise BadInput(
-            f"{out}: the report cannot be written there: {error.strerror or error}; name another file with --out"
-        ) from error
-    return out
+            return [*_overview(results, figures), _gallery(results, figures, gallery, jobs)]
+
+    return page.write_page(folder / page.PAGE if out is None else out, words.title(results), body)
 
 
 def _overview(results: Results, figures: Path) -> Iterator[str]:

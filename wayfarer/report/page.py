@@ -2,16 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
+from pathlib import Path
 
+from wayfarer.errors import BadInput
 from wayfarer.report.drawing import Drawing
+from wayfarer.whole_file import whole_file
 
 PAGE = "report.html"
 FIGURES = "figures"  # the folder beside the page
 LONG = 30  # letters
+
+
+def write_page(out: Path, title: str, body_of: Callable[[Path], Iterable[str]]) -> Path:
+    """Write a page, whole or not at all, and return ``out``; ``body_of`` gets the folder for the figures, beside it.
+
+    Raises:
+        BadInput: it cannot be written there.
+    """
+    figures = out.parent / FIGURES
+    try:
+        figures.mkdir(parents=True, exist_ok=True)
+        with whole_file(out) as draft:
+            draft.write_bytes(document(title, body_of(figures)).encode())
+    except OSError as error:
+        raise BadInput(
+            f"{out}: the report cannot be written there: {error.strerror or error}; name another file with --out"
+        ) from error
+    return out
 
 
 def document(title: str, body: Iterable[str]) -> str:

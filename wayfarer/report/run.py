@@ -8,7 +8,7 @@ from pathlib import Path
 
 import matplotlib
 
-from wayfarer.errors import BadForest, BadInput
+from wayfarer.errors import BadForest
 from wayfarer.fieldlog.reader import Record
 from wayfarer.report import page, run_words
 from wayfarer.report.drawing import house_style, save
@@ -20,7 +20,6 @@ from wayfarer.report.run_timeline import timeline_figure
 from wayfarer.report.run_track import forest_track_figure, track_figure
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.forest_file import from_row
-from wayfarer.whole_file import whole_file
 
 
 def write_run_report(run: Path, out: Path | None = None) -> Path:
@@ -32,21 +31,14 @@ def write_run_report(run: Path, out: Path | None = None) -> Path:
     Raises:
         BadInput: there is no log in the folder, nothing in it can be read, or the report cannot be written.
     """
-    out = run / page.PAGE if out is None else out
     data = read_run(run)
-    figures = out.parent / page.FIGURES
-    try:
-        figures.mkdir(parents=True, exist_ok=True)
+
+    def body(figures: Path) -> list[str]:
         with house_style(), matplotlib.rc_context({"figure.constrained_layout.use": False}), warnings.catch_warnings():
             warnings.filterwarnings("ignore", r"Glyph .* missing from font")  # of a mark; the page has it
-            body = list(_body(data, run.resolve().name, figures))
-        with whole_file(out) as draft:
-            draft.write_bytes(page.document(run_words.title(data), body).encode())
-    except OSError as error:
-        raise BadInput(
-            f"{out}: the report cannot be written there: {error.strerror or error}; name another file with --out"
-        ) from error
-    return out
+            return list(_body(data, run.resolve().name, figures))
+
+    return page.write_page(run / page.PAGE if out is None else out, run_words.title(data), body)
 
 
 def _body(data: RunData, folder: str, figures: Path) -> Iterator[str]:
