@@ -26,17 +26,27 @@ class Condition(Enum):
     COMPASS_STALE = "compass_stale"
     COMPASS_LOST = "compass_lost"
     COMPASS_IMPLAUSIBLE = "compass_implausible"
+    COMPASS_FROZEN = "compass_frozen"
+    COMPASS_UNCALIBRATED = "compass_uncalibrated"
     MOTION_STALE = "motion_stale"
     MOTION_UNKNOWN = "motion_unknown"
     MOTION_LOST = "motion_lost"
+    MOTION_GONE = "motion_gone"
     MOTION_IMPLAUSIBLE = "motion_implausible"
     CONTACT_STALE = "contact_stale"
     OVERTURNED = "overturned"
+    RUNAWAY = "runaway"
+    DRIVE_ASYMMETRY = "drive_asymmetry"
+    DRIVE_FAILED = "drive_failed"
+    ENTRAPPED = "entrapped"
     MOTORS_FAILED = "motors_failed"
     BOARD_FAULT = "board_fault"
+    BOARD_DISAGREES = "board_disagrees"
     BOARD_SILENT = "board_silent"
     BATTERY_LOW = "battery_low"
     BATTERY_CRITICAL = "battery_critical"
+    UNDERVOLTAGE = "undervoltage"
+    POWER_UNSTABLE = "power_unstable"
     OPERATOR_HOLD = "operator_hold"
     TICK_LATE = "tick_late"
     DECISION_INVALID = "decision_invalid"
@@ -46,17 +56,27 @@ LEVELS: Mapping[Condition, Level] = {
     Condition.COMPASS_STALE: Level.HOLD,
     Condition.COMPASS_LOST: Level.FAULT,
     Condition.COMPASS_IMPLAUSIBLE: Level.HOLD,
+    Condition.COMPASS_FROZEN: Level.HOLD,
+    Condition.COMPASS_UNCALIBRATED: Level.DEGRADE,
     Condition.MOTION_STALE: Level.HOLD,
     Condition.MOTION_UNKNOWN: Level.DEGRADE,
     Condition.MOTION_LOST: Level.HOLD,
+    Condition.MOTION_GONE: Level.FAULT,
     Condition.MOTION_IMPLAUSIBLE: Level.NOTE,
     Condition.CONTACT_STALE: Level.HOLD,
     Condition.OVERTURNED: Level.FAULT,
+    Condition.RUNAWAY: Level.FAULT,
+    Condition.DRIVE_ASYMMETRY: Level.DEGRADE,
+    Condition.DRIVE_FAILED: Level.FAULT,
+    Condition.ENTRAPPED: Level.FAULT,
     Condition.MOTORS_FAILED: Level.FAULT,
     Condition.BOARD_FAULT: Level.FAULT,
+    Condition.BOARD_DISAGREES: Level.FAULT,
     Condition.BOARD_SILENT: Level.DEGRADE,
     Condition.BATTERY_LOW: Level.DEGRADE,
     Condition.BATTERY_CRITICAL: Level.FAULT,
+    Condition.UNDERVOLTAGE: Level.DEGRADE,
+    Condition.POWER_UNSTABLE: Level.HOLD,
     Condition.OPERATOR_HOLD: Level.HOLD,
     Condition.TICK_LATE: Level.HOLD,
     Condition.DECISION_INVALID: Level.FAULT,
