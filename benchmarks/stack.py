@@ -12,7 +12,8 @@ from benchmarks.stock_loop import JumpingStockLoop
 from wayfarer.config import load_rover
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.plan import Campaign, Task
-from wayfarer.simhal.trial import TrialSpec, run_trial
+from wayfarer.simhal.stage import TrialSpec
+from wayfarer.simhal.trial import run_trial
 
 ALGORITHM = "forest-pledge"
 CAMPAIGN = Campaign((ALGORITHM,), 1000, load_rover("sim"))

@@ -15,7 +15,8 @@ from wayfarer import __version__, cli
 from wayfarer.errors import BadReading, MissingPart
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.simhal.trial import TrialResult, TrialSpec
+from wayfarer.simhal.stage import TrialSpec
+from wayfarer.simhal.trial import TrialResult
 
 Run = Callable[..., tuple[int, str, str]]
 CHECKOUT = Path(__file__).resolve().parents[1]

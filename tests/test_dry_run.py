@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from wayfarer.config import load_rover
 from wayfarer.dry_run import DryMotors
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand
-from wayfarer.simhal import trial
+from wayfarer.simhal import stage, trial
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.rig import Depth, build
@@ -97,9 +97,9 @@ def test_dry_run_of_a_whole_trial_at_bus_depth_moves_nothing(monkeypatch: pytest
         rover = build(*parts)
         return replace(rover, motors=DryMotors(rover.motors))
 
-    monkeypatch.setattr(trial, "build", dry_build)
+    monkeypatch.setattr(stage, "build", dry_build)
     forest = generate_forest(1, 0, 0)
-    spec = trial.TrialSpec(0, "forest-pledge", forest, 1, load_rover("sim"), budget_m=5.0, depth=Depth.BUS)
+    spec = stage.TrialSpec(0, "forest-pledge", forest, 1, load_rover("sim"), budget_m=5.0, depth=Depth.BUS)
     result = trial.run_trial(spec)
     assert (result.path_m, result.reverse_m) == (0.0, 0.0)
     assert result.ticks > 300

@@ -18,7 +18,8 @@ from wayfarer.hal import STOP
 from wayfarer.latest import Snapshot
 from wayfarer.records import TickRecord
 from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.trial import TrialSpec, run_trial
+from wayfarer.simhal.stage import TrialSpec
+from wayfarer.simhal.trial import run_trial
 
 SPEC = TrialSpec(3, "cv-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"), budget_m=10.0)
 

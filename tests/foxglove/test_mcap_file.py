@@ -22,7 +22,8 @@ from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.track import DeadReckoning
 from wayfarer.foxglove.mcap_file import export
 from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.trial import TrialSpec, run_trial
+from wayfarer.simhal.stage import TrialSpec
+from wayfarer.simhal.trial import run_trial
 
 JSON_TYPES: dict[str, Any] = {"number": (int, float), "boolean": bool, "string": str}
 

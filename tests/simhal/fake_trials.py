@@ -16,7 +16,8 @@ from wayfarer.simhal import command
 from wayfarer.simhal.plan import Campaign
 from wayfarer.simhal.referee import Outcome
 from wayfarer.simhal.rows import OUTCOMES
-from wayfarer.simhal.trial import TrialResult, TrialSpec
+from wayfarer.simhal.stage import TrialSpec
+from wayfarer.simhal.trial import TrialResult
 
 SLOW_S = 0.05
 MANY = 100

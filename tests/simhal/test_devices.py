@@ -43,8 +43,10 @@ def run(main: Callable[[], Awaitable[None]]) -> None:
 
 
 async def drive(motors: SimMotors, left: float, right: float, seconds_s: float) -> None:
-    await motors.drive(WheelCommand(left, right))
-    await asyncio.sleep(seconds_s)
+    """Command the wheels as often as the helm does: after 0.3 s of silence they stop by themselves."""
+    for period_s in [0.05] * int(seconds_s / 0.05 + 1e-9):
+        await motors.drive(WheelCommand(left, right))
+        await asyncio.sleep(period_s)
 
 
 def test_rig_gives_every_part_that_the_field_code_may_ask_for() -> None:
@@ -130,13 +132,28 @@ def test_bumper_feels_the_side_and_the_axis_of_a_trunk_and_only_the_side_of_a_tr
     run(main)
 
 
+def test_wheels_stop_by_themselves_when_nobody_commands_them_any_more() -> None:
+    async def main() -> None:
+        world = world_in(CLEARING)
+        motors = SimMotors(world)
+        await motors.open()
+        await drive(motors, 1.0, 1.0, 1.0)
+        last_s = asyncio.get_running_loop().time() - 0.05
+        while world.commanded != (0.0, 0.0):
+            await asyncio.sleep(0.05)
+            world.advance_to(asyncio.get_running_loop().time())
+        assert asyncio.get_running_loop().time() - last_s == pytest.approx(0.3, abs=0.051)
+
+    run(main)
+
+
 def test_motors_apply_what_they_say_and_stop() -> None:
     async def main() -> None:
         world = world_in(CLEARING)
         motors = SimMotors(world)
         await motors.open()
         assert await motors.drive(WheelCommand(1.0, 0.5)) == WheelCommand(1.0, 63 / 127)
-        await asyncio.sleep(2.0)
+        await drive(motors, 1.0, 0.5, 2.0)
         assert await motors.drive(STOP) == STOP
         driven_m = world.path_m
         assert driven_m == pytest.approx(2.0 * 1.4 * 0.75, rel=0.1)

@@ -35,8 +35,9 @@ from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.plan import Campaign, Task, read_forest_file
 from wayfarer.simhal.rig import Depth, build
+from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.trial import TrialResult, TrialSpec, run_trial
+from wayfarer.simhal.trial import TrialResult, run_trial
 from wayfarer.simhal.world import World
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())

@@ -13,8 +13,9 @@ from wayfarer.errors import UnknownName
 from wayfarer.escape.api import Phase
 from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.trace import KEPT_EVERY_M, Trace, run_traced
-from wayfarer.simhal.trial import TrialResult, TrialSpec, run_trial
+from wayfarer.simhal.trial import TrialResult, run_trial
 
 SPEC = TrialSpec(0, "forest-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"))
 TICK_M = 1.4 / 20  # the rover's full speed for one control period

@@ -15,7 +15,8 @@ from wayfarer.simhal import trial
 from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.rows import OUTCOMES
-from wayfarer.simhal.trial import TrialResult, TrialSpec, run_trial
+from wayfarer.simhal.stage import TrialSpec
+from wayfarer.simhal.trial import TrialResult, run_trial
 
 SHORT_M = 30.0
 # A trunk that is met on the right: who feels that turns left, who does not turns right.

@@ -17,8 +17,9 @@ from wayfarer.errors import WayfarerError
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.progress import Progress
 from wayfarer.simhal.rows import COLUMNS, SUCCESSES, Row
+from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.trace import Trace, run_traced
-from wayfarer.simhal.trial import TrialResult, TrialSpec
+from wayfarer.simhal.trial import TrialResult
 from wayfarer.simhal.workers import Done, TrialRunner, stream
 
 

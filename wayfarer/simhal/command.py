@@ -50,7 +50,7 @@ def check_rover(campaign: Campaign) -> None:
     if campaign.depth == "device":
         return
     from wayfarer.assembly import NEEDED
-    from wayfarer.simhal.fakebus import ChipMisuse
+    from wayfarer.simhal.fakebus import ChipMisuse, FakeBuses
     from wayfarer.simhal.forest import Forest
     from wayfarer.simhal.physics import Physics
     from wayfarer.simhal.rig import bus_depth
@@ -63,7 +63,7 @@ def check_rover(campaign: Campaign) -> None:
     clearing, streams = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ()), Streams(0)
     world = World(clearing, campaign.rover.vehicle, Physics(), streams)
     try:
-        bus_depth(world, streams, campaign.rover, lambda: 0.0)
+        bus_depth(world, streams, campaign.rover, lambda: 0.0, FakeBuses())
     except ChipMisuse as error:
         raise BadConfig(f"rover '{name}': {error}; correct its parts") from None
 

@@ -14,7 +14,7 @@ from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
 
 FLOW_QUALITY = 0.8
-BATTERY_V = 12.6
+DEADMAN_S = 0.3  # as forestrover.toml sets its Sabertooth's
 
 
 class SimPart:
@@ -106,7 +106,7 @@ class SimMotors(SimPart):
     """
 
     name = "simulated motors"
-    deadman_s: float | None = 0.3
+    deadman_s: float | None = DEADMAN_S
 
     def __init__(self, world: World, steps: float = 127.0) -> None:
         super().__init__(world)
@@ -114,10 +114,11 @@ class SimMotors(SimPart):
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Apply a command, in whole steps towards zero."""
-        steps, (left, right) = self._steps, command
+        steps, (left, right), now_s, world = self._steps, command, self._time(), self._world
         left, right = int(left * steps) / steps, int(right * steps) / steps
-        self._world.advance_to(self._time())
-        self._world.command(left, right)
+        world.advance_to(now_s)
+        world.command(left, right)
+        world.deadman_at_s = now_s + DEADMAN_S
         return WheelCommand(left, right)
 
     async def stop(self) -> None:
@@ -133,5 +134,5 @@ class SimMotors(SimPart):
         return WheelCommand(*self._world.commanded)
 
     async def health(self) -> MotorHealth:
-        """Return a full battery and no faults."""
-        return MotorHealth(BATTERY_V, ())
+        """Return the battery's voltage and no faults."""
+        return MotorHealth(self._world.battery_v, ())

@@ -85,6 +85,10 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         """Return the virtual time in seconds."""
         return self._now_s
 
+    def stall(self, for_s: float) -> None:
+        """Let time pass in which nothing runs, as when a callback blocks or the computer was suspended."""
+        self._now_s += for_s
+
     def call_soon(  # type: ignore[override]
         self, callback: Callable[[Unpack[Ts]], object], *args: Unpack[Ts], context: Context | None = None
     ) -> _Handle:

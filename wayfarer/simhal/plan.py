@@ -17,7 +17,7 @@ from wayfarer.simhal.forest import Forest
 
 if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
     from wayfarer.config import RoverConfig
-    from wayfarer.simhal.trial import TrialSpec
+    from wayfarer.simhal.stage import TrialSpec
 
 NOISES_PER_LAYOUT = 2  # the paper's 1,000 trials are 500 layouts x 2 noise seeds
 
@@ -98,7 +98,7 @@ class Campaign:
     def spec(self, task: Task, forest: Forest) -> TrialSpec:
         """Return everything that decides one trial."""
         from wayfarer.simhal.rig import Depth
-        from wayfarer.simhal.trial import TrialSpec
+        from wayfarer.simhal.stage import TrialSpec
 
         seed, depth = self.trial_seed(task.trial), Depth(self.depth)
         return TrialSpec(task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m, depth)

@@ -44,14 +44,16 @@ class Depth(StrEnum):
     BUS = "bus"
 
 
-def build(depth: Depth, world: World, streams: Streams, config: RoverConfig, clock: Clock) -> Rover:
-    """Return a simulated rover.
+def build(
+    depth: Depth, world: World, streams: Streams, config: RoverConfig, clock: Clock, buses: FakeBuses | None = None
+) -> Rover:
+    """Return a simulated rover; at bus depth on these buses, or else on new ones.
 
     Raises:
         BadConfig: at bus depth, a part has no simulated chip.
     """
     if depth is Depth.BUS:
-        return bus_depth(world, streams, config, clock)
+        return bus_depth(world, streams, config, clock, buses or FakeBuses())
     return device_depth(world, streams, config)
 
 
@@ -69,14 +71,14 @@ def device_depth(world: World, streams: Streams, config: RoverConfig) -> Rover:
     )
 
 
-def bus_depth(world: World, streams: Streams, config: RoverConfig, clock: Clock) -> Rover:
+def bus_depth(world: World, streams: Streams, config: RoverConfig, clock: Clock, buses: FakeBuses) -> Rover:
     """Return the rover of the file with its real drivers, each over a simulated chip.
 
     A bumper is a switch, not a chip: it is simulated as at device depth, and also feels the obstacle's bearing. What
     only logs (a receiver) or shines at a GPIO pin is left out.
     """
-    buses = FakeBuses()
     solder = Solder(world, streams, clock, buses)
+    world.chips_act = solder.tick
     on_a_bus = {part: table for part, table in config.parts.items() if part not in {"contact", "position"}}
     for part, table in list(on_a_bus.items()):
         driver, settings = part_settings(part, table)

@@ -32,9 +32,9 @@ class HeadingSense:
         world, tilt_noise_tenths = self._world, self._tilt_noise_tenths
         world.advance_to(t_s)
         return (
-            round(world.heading_rad * TENTHS_PER_RAD + self._noise_tenths()) % 3600,
-            round(world.pitch_deg * 10.0 + tilt_noise_tenths()),
-            round(world.roll_deg * 10.0 + tilt_noise_tenths()),
+            round(world.heading_rad * TENTHS_PER_RAD + world.field_deg * 10.0 + self._noise_tenths()) % 3600,
+            round((world.pitch_deg + world.ground_pitch_deg) * 10.0 + tilt_noise_tenths()),
+            (round((world.roll_deg + world.ground_roll_deg) * 10.0 + tilt_noise_tenths()) + 1800) % 3600 - 1800,
         )
 
 

@@ -12,7 +12,8 @@ from typing import NamedTuple
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Rover
 from wayfarer.records import PartialLog, TickRecord
-from wayfarer.simhal.trial import TrialResult, TrialSpec, run_watched
+from wayfarer.simhal.stage import TrialSpec
+from wayfarer.simhal.trial import TrialResult, run_watched
 from wayfarer.simhal.world import World
 
 KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius of 1.15 m

@@ -3,39 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from wayfarer.config import RoverConfig
+from wayfarer.conditions import Condition
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Rover
 from wayfarer.mission import RunEnd
 from wayfarer.records import PartialLog, RunLog, Tee, TickRecord
-from wayfarer.registry import find_algorithm
-from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.referee import Outcome, Referee
-from wayfarer.simhal.rig import Depth, build
+from wayfarer.simhal.stage import MakeLog, Stage, TrialSpec
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
-from wayfarer.supervisor import Supervisor
-
-
-@dataclass(frozen=True, slots=True)
-class TrialSpec:
-    """Everything that decides a trial: the same spec gives the same result, on any worker."""
-
-    trial: int
-    algorithm: str
-    forest: Forest
-    seed: int
-    rover: RoverConfig
-    slip_mean_m: float = 10.0
-    budget_m: float = 1000.0
-    depth: Depth = Depth.DEVICE
 
 
 class TrialResult(NamedTuple):
@@ -57,7 +37,7 @@ class TrialResult(NamedTuple):
     ticks: int
 
 
-MakeLog = Callable[[World, Rover], RunLog]
+GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the helm's reason of disarming
 
 
 class Tally(PartialLog):
@@ -67,7 +47,7 @@ class Tally(PartialLog):
         self.ticks = 0
         self.anomalies = 0
         self.episodes = 0
-        self.disarmed = False
+        self.why_disarmed: object = None
         self._phase = Phase.HALT
 
     def tick(self, record: TickRecord) -> None:
@@ -85,7 +65,8 @@ class Tally(PartialLog):
 
     def event(self, name: str, t_s: float, **details: object) -> None:  # noqa: ARG002
         """Note a rover that gave up by itself."""
-        self.disarmed |= name == "disarmed"
+        if name == "disarmed":
+            self.why_disarmed = details["reason"]
 
 
 def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
@@ -109,26 +90,17 @@ def run_watched(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
 
 
 async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
-    streams = Streams(spec.seed)
-    algorithm = find_algorithm(spec.algorithm)
-    handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
-    physics = replace(Physics(), slip_mean_m=spec.slip_mean_m)
-    world = World(spec.forest, spec.rover.vehicle, physics, streams)
-    rover = build(spec.depth, world, streams, spec.rover, asyncio.get_running_loop().time)
     tally = Tally()
-    log = tally if make_log is None else Tee(tally, make_log(world, rover))
-    supervisor = Supervisor(rover, spec.rover, algorithm, handler, log)
-    referee = Referee(spec.forest, spec.budget_m, physics.tip_deg, supervisor.finish)
-    world.after_step = referee.watch
-    await supervisor.arm(spec.forest.heading_deg)
-    end = await supervisor.run()
-    return _result(spec, _outcome(referee, tally, end), referee, world, tally)
+    stage = Stage(spec, lambda *seen: tally if make_log is None else Tee(tally, make_log(*seen)))
+    await stage.supervisor.arm(spec.forest.heading_deg)
+    end = await stage.supervisor.run()
+    return _result(spec, _outcome(stage.referee, tally, end), stage.referee, stage.world, tally)
 
 
 def _outcome(referee: Referee, tally: Tally, end: RunEnd) -> Outcome:
-    """Return how a trial ended; a rover that used up its own mission's limits did not get out either."""
-    if tally.disarmed:
-        return "fault"
+    """Return how a trial ended; a rover that gave up, or used up its own mission's limits, did not get out either."""
+    if tally.why_disarmed is not None:
+        return "entrapped" if tally.why_disarmed == GAVE_UP else "fault"
     return referee.outcome or ("entrapped" if end.reason.startswith("mission_") else "fault")
 
 

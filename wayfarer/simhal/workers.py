@@ -23,7 +23,8 @@ from wayfarer.simhal.rows import Row, row_of
 
 if TYPE_CHECKING:
     from wayfarer.simhal.forest import Forest
-    from wayfarer.simhal.trial import TrialResult, TrialSpec
+    from wayfarer.simhal.stage import TrialSpec
+    from wayfarer.simhal.trial import TrialResult
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -10,7 +10,8 @@ Positions are metres east (x) and north (y); headings degrees clockwise from nor
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import atan2, ceil, cos, degrees, exp, hypot, radians, sin, sqrt
+from dataclasses import dataclass, replace
+from math import atan2, ceil, cos, degrees, exp, hypot, inf, radians, sin, sqrt
 from typing import NamedTuple
 
 from wayfarer.escape.api import Vehicle
@@ -34,6 +35,7 @@ ROUNDING_S = 1e-9
 STILL_M = 1e-6
 # Less pitch than this is level.
 LEVEL_DEG = 0.01
+FULL_BATTERY_V = 12.6  # three lithium cells, charged
 # Contacts within this angle of straight ahead are head-on.
 HEAD_ON_DEG = 10.0
 
@@ -43,6 +45,30 @@ class Touch(NamedTuple):
 
     obstacle: Obstacle
     sides: tuple[Side, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Mishaps:
+    """What is wrong with the body.
+
+    Each side turns ``gain`` times as fast as it is told to (0 is dead, -1 wired the wrong way), and not at all below a
+    duty of ``dead_band``. A ``snagged`` body cannot move, ``shove_m_s`` moves it ahead whatever its wheels do.
+    """
+
+    left_gain: float = 1.0
+    right_gain: float = 1.0
+    dead_band: float = 0.0
+    snagged: bool = False
+    shove_m_s: float = 0.0
+
+    def wheels(self, left: float, right: float) -> tuple[float, float]:
+        """Return the duties that the sides turn with."""
+        left = left if abs(left) >= self.dead_band else 0.0
+        right = right if abs(right) >= self.dead_band else 0.0
+        return left * self.left_gain, right * self.right_gain
+
+
+UNHARMED = Mishaps()
 
 
 class World:
@@ -55,7 +81,10 @@ class World:
         streams: where its chance comes from.
         starts_s: the time on the clock of its parts at which the world begins.
 
-    ``after_step`` is called with the world after each step; the referee sits there.
+    ``deadman_at_s`` is when the wheels stop by themselves, for parts at device depth; chips have deadmen of their own,
+    and ``chips_act`` lets them act. ``after_step`` is called with the world after each step; the referee sits there.
+    What may go wrong with the world itself (``harm``, ``field_deg``, ``ground_pitch_deg``, ``ground_roll_deg``,
+    ``battery_v``) is neutral unless a fault changes it.
     """
 
     def __init__(
@@ -74,6 +103,12 @@ class World:
         self.reverse_m = 0.0
         self.touch: Touch | None = None
         self.slipping = False
+        self.field_deg = 0.0
+        self.ground_pitch_deg = self.ground_roll_deg = 0.0
+        self.battery_v = FULL_BATTERY_V
+        self.deadman_at_s = inf
+        self.chips_act: Callable[[], None] = _nothing_acts
+        self.mishaps = UNHARMED
         self.steps = 0
         self.t_s = self._starts_s = starts_s
         self._step_s = physics.step_s
@@ -117,9 +152,18 @@ class World:
     def command(self, left: float, right: float) -> None:
         """Set the duty of both sides, each in -1..1, from the next step on."""
         self.commanded = (left, right)
+        if self.mishaps is not UNHARMED:
+            left, right = self.mishaps.wheels(left, right)
         self._left_target_m_s = left * self._full_left_m_s
         self._right_target_m_s = right * self._full_right_m_s
         self._pulls_back = left + right < 0.0
+
+    def harm(self, **mishaps: float | bool) -> None:
+        """Change what is wrong with the body, from the next step on."""
+        self.mishaps = replace(self.mishaps, **mishaps)  # type: ignore[arg-type]
+        if self.mishaps == UNHARMED:
+            self.mishaps = UNHARMED
+        self.command(*self.commanded)
 
     def advance_to(self, t_s: float) -> None:
         """Take whole steps up to a time; nothing happens where the world is there already."""
@@ -127,6 +171,9 @@ class World:
             self.steps += 1
             now_s = self.t_s = self._starts_s + self.steps * self._step_s
             self._next_step_s = now_s + self._step_s - ROUNDING_S
+            if now_s >= self.deadman_at_s:
+                self.deadman_at_s = inf
+                self.command(0.0, 0.0)
             self._step()
             self.after_step(self)
 
@@ -135,6 +182,8 @@ class World:
         right_m_s = self._right_m_s = self._right_m_s + (self._right_target_m_s - self._right_m_s) * self._lag
         if self.slipping and not self._break_free():
             return
+        if self.mishaps is not UNHARMED:
+            left_m_s, right_m_s = self._suffer(left_m_s, right_m_s)
         if self.pitch_deg:
             self.pitch_deg = self.pitch_deg * self._settling if abs(self.pitch_deg) > LEVEL_DEG else 0.0
         forward_m = (left_m_s + right_m_s) * self._half_step_s
@@ -146,6 +195,14 @@ class World:
         for _ in range(pieces):
             if not self._move(forward_m / pieces, turn_rad / pieces):
                 return
+
+    def _suffer(self, left_m_s: float, right_m_s: float) -> tuple[float, float]:
+        """Return how fast the sides really go: a snagged body not at all, a shoved one also by itself."""
+        if self.mishaps.snagged:
+            self._left_m_s = self._right_m_s = 0.0
+            return 0.0, 0.0
+        shove_m_s = self.mishaps.shove_m_s
+        return left_m_s + shove_m_s, right_m_s + shove_m_s
 
     def _break_free(self) -> bool:
         """Tell whether the wheels, which turn without grip, have begun to pull back: that frees them."""
@@ -248,3 +305,7 @@ class World:
 
 def _nobody_watches(_world: World) -> None:
     """Stand in for the referee."""
+
+
+def _nothing_acts() -> None:
+    """Stand in for the chips."""

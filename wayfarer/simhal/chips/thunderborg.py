@@ -36,7 +36,7 @@ class ThunderBorgChip:
     Args:
         world: whose wheels turn: at level / ``full_level`` from the world's next step on.
         clock: seconds on the clock of the world.
-        volts: battery; an attribute, so that it can be drained.
+        volts: battery; None is the world's. An attribute, so that it can be drained.
         full_level: the level at which the world's motors run at their full duty.
         left: the output that the left wheels are on, the other drives the right ones.
         reverse_left: whether the left motors turn backwards when told to go forward.
@@ -47,7 +47,7 @@ class ThunderBorgChip:
     """
 
     def __init__(
-        self, world: World, clock: Callable[[], float], volts: float = 12.0, *, full_level: float = FULL_LEVEL,
+        self, world: World, clock: Callable[[], float], volts: float | None = None, *, full_level: float = FULL_LEVEL,
         left: Literal["A", "B"] = "B", reverse_left: bool = False, reverse_right: bool = False,
     ) -> None:  # fmt: skip
         self.volts = volts
@@ -138,10 +138,14 @@ class ThunderBorgChip:
             15: lambda: (int(_A in self.drive_faults or bool(self._never_driven)),),
             16: lambda: (int(_B in self.drive_faults or bool(self._never_driven)),),
             20: lambda: (int(self.failsafe),),
-            21: lambda: divmod(round(self.volts / _FULL_VOLTS * 1023), 256),
+            21: self._voltage,
             23: lambda: self.led_limits,
             153: lambda: (_ID,),
         }
+
+    def _voltage(self) -> tuple[int, int]:
+        volts = self._world.battery_v if self.volts is None else self.volts
+        return divmod(round(volts / _FULL_VOLTS * 1023), 256)
 
     def _light(self, led: int, red: int, green: int, blue: int) -> None:
         if not self.shows_battery:

@@ -1,0 +1,296 @@
+"""Faults as data: what goes wrong, where, from when to when; and every kind of fault there is.
+
+A fault is injected at one of four layers, and the field code cannot tell that it was:
+
+* ``world``: what happens to the body and around it;
+* ``reading``: what a driver hands on, whatever the part said;
+* ``bus``: what the wires carry and the chips answer; needs bus depth, where the real drivers are asked;
+* ``process``: what happens to the daemon and the computer under it.
+
+Kinds of the ``process`` layer that need a process to happen to (a full disk, a signal) are not here: they are tried on
+the real daemon (``scenarios``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from math import inf
+from typing import Annotated, Any, Literal
+
+from annotated_types import Interval
+
+Degrees = Annotated[float, Interval(ge=-180, le=180)]
+Gain = Annotated[float, Interval(ge=-1, le=2)]
+Share = Annotated[float, Interval(ge=0, le=1)]
+Delay = Annotated[float, Interval(gt=0, le=60)]
+Byte = Annotated[int, Interval(ge=0, le=255)]
+
+
+class Layer(StrEnum):
+    """Where a fault is injected."""
+
+    WORLD = "world"
+    READING = "reading"
+    BUS = "bus"
+    PROCESS = "process"
+
+
+@dataclass(frozen=True, slots=True)
+class Nothing:
+    """A kind without parameters."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Something that goes wrong from ``at_s`` on for ``for_s`` seconds (infinite: to the end of the run).
+
+    ``at_s`` is seconds from the start of the run. ``target`` is a part (``compass``), or the ``world`` or the
+    ``process`` itself. ``params`` is the kind's own dataclass, one of ``KINDS``.
+    """
+
+    at_s: float
+    for_s: float
+    target: str
+    kind: str
+    params: Any = field(default_factory=Nothing)
+
+    def __str__(self) -> str:
+        """Return the fault as a person would write it down."""
+        lasting = "" if self.for_s == inf else f" for {self.for_s:g} s"
+        return f"{self.target} {self.kind}{lasting} from {self.at_s:g} s on"
+
+
+# -- world -----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class MagneticAnomaly:
+    """Iron nearby bends the field: the heading is off by ``bias_deg``, reached evenly over ``ramp_s``."""
+
+    bias_deg: Degrees = 20.0
+    ramp_s: Annotated[float, Interval(ge=0, le=3600)] = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class MotorField:
+    """The motors' current bends the field: the heading is off by ``bias_deg`` at full duty, in proportion below."""
+
+    bias_deg: Degrees = 15.0
+
+
+@dataclass(frozen=True, slots=True)
+class Slope:
+    """The ground tilts the body, nose up and right side down positive; 180 is upside down."""
+
+    pitch_deg: Degrees = 0.0
+    roll_deg: Degrees = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Shove:
+    """Something moves the body ahead at ``speed_m_s``, whatever its wheels do: a slope, or motors that run away."""
+
+    speed_m_s: Annotated[float, Interval(ge=-2, le=2)] = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """The sides turn ``left_gain`` and ``right_gain`` times as fast as told: 0 dead, -1 wired the wrong way."""
+
+    left_gain: Gain = 1.0
+    right_gain: Gain = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class DeadBand:
+    """Motors that do not turn below a duty."""
+
+    duty: Share = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Battery:
+    """A battery at ``volts``."""
+
+    volts: Annotated[float, Interval(ge=0, le=36)] = 9.5
+
+
+# -- reading ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """A value that is off by ``by``, in the unit of the reading's own field."""
+
+    of: str = "heading_deg"
+    by: float = 90.0
+
+
+@dataclass(frozen=True, slots=True)
+class Jumps:
+    """A value that is off by ``by`` in one reading of ``every``, and right in between."""
+
+    of: str = "heading_deg"
+    by: float = 90.0
+    every: Annotated[int, Interval(ge=1, le=1000)] = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """A value with normal noise of ``sd`` on it."""
+
+    of: str = "heading_deg"
+    sd: Annotated[float, Interval(ge=0)] = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Becomes:
+    """A value that is ``value`` whatever was measured."""
+
+    of: str = "quality"
+    value: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Garbage:
+    """Every number of a reading is anything at all: out of range, infinite or no number, as chance has it."""
+
+    chance: Share = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class NotANumber:
+    """A value that is no number, or without end."""
+
+    of: str = "heading_deg"
+    value: Literal["nan", "inf", "-inf"] = "nan"
+
+
+@dataclass(frozen=True, slots=True)
+class Delayed:
+    """Readings that are handed on ``by_s`` late, with the time at which they were taken."""
+
+    by_s: Delay = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class LateAnswer:
+    """A part that takes ``by_s`` to answer."""
+
+    by_s: Delay = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Saturated:
+    """A value that never leaves -limit..limit."""
+
+    of: str = "forward_m"
+    limit: Annotated[float, Interval(gt=0)] = 0.037
+
+
+# -- bus -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """Transfers that are not acknowledged: the share ``chance`` of them."""
+
+    chance: Share = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class FlippedBits:
+    """``bits`` of each answer are the wrong way round, in the share ``chance`` of answers."""
+
+    bits: Annotated[int, Interval(ge=1, le=64)] = 1
+    chance: Share = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Shifted:
+    """Answers shifted by so many bits: clock stretching that the bus master does not understand gives such."""
+
+    bits: Annotated[int, Interval(ge=1, le=16)] = 8
+
+
+@dataclass(frozen=True, slots=True)
+class WrongId:
+    """A part that says it is another."""
+
+    says: Byte = 0x2A
+
+
+# -- process ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Stall:
+    """Something blocks the event loop; or the clock jumps, which looks the same."""
+
+    by_s: Annotated[float, Interval(gt=0, le=3600)] = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Undervoltage:
+    """The computer's supply sags ``times``, each half of ``every_s`` long."""
+
+    times: Annotated[int, Interval(ge=1, le=1000)] = 1
+    every_s: Annotated[float, Interval(ge=2, le=3600)] = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A row of the table of kinds: what it is, at which layer, to what it can happen, and its parameters."""
+
+    layer: Layer
+    about: str
+    targets: tuple[str, ...]
+    params: type = Nothing
+
+
+_SENSES = ("compass", "motion", "contact", "position")
+_PARTS = (*_SENSES, "motors")
+_ON_A_BUS = ("compass", "motion", "motors")
+_WORLD, _PROCESS = ("world",), ("process",)
+
+KINDS: Mapping[str, Kind] = {
+    "slip": Kind(Layer.WORLD, "the wheels lose their grip until they pull back", _WORLD),
+    "snag": Kind(Layer.WORLD, "something holds the body", _WORLD),
+    "magnetic_anomaly": Kind(Layer.WORLD, "iron nearby bends the field", _WORLD, MagneticAnomaly),
+    "motor_field": Kind(Layer.WORLD, "the motors' current bends the field", _WORLD, MotorField),
+    "slope": Kind(Layer.WORLD, "the ground tilts the body", _WORLD, Slope),
+    "shove": Kind(Layer.WORLD, "something else moves the body", _WORLD, Shove),
+    "drive": Kind(Layer.WORLD, "a side is weak, dead or wired the wrong way", _WORLD, Drive),
+    "dead_band": Kind(Layer.WORLD, "motors do not turn at a low duty", _WORLD, DeadBand),
+    "battery": Kind(Layer.WORLD, "the battery's voltage", _WORLD, Battery),
+    "silent": Kind(Layer.READING, "the part does not answer", _PARTS),
+    "frozen": Kind(Layer.READING, "the last reading again and again, with a fresh time", _SENSES),
+    "offset": Kind(Layer.READING, "a value is off", _SENSES, Offset),
+    "jumps": Kind(Layer.READING, "a value jumps now and then", _SENSES, Jumps),
+    "noisy": Kind(Layer.READING, "a value with noise", _SENSES, Noise),
+    "becomes": Kind(Layer.READING, "a value is what it is not", _SENSES, Becomes),
+    "saturated": Kind(Layer.READING, "a value has a limit", _SENSES, Saturated),
+    "garbage": Kind(Layer.READING, "numbers that mean nothing", _SENSES, Garbage),
+    "not_a_number": Kind(Layer.READING, "a value is no number", _SENSES, NotANumber),
+    "delayed": Kind(Layer.READING, "readings come late, with their old time", _SENSES, Delayed),
+    "late_answer": Kind(Layer.READING, "the part takes its time to answer", _PARTS, LateAnswer),
+    "nack": Kind(Layer.BUS, "transfers are not acknowledged", _ON_A_BUS, Lost),
+    "hang": Kind(Layer.BUS, "a device holds the whole bus", _ON_A_BUS),
+    "flipped_bits": Kind(Layer.BUS, "answers with wrong bits", _ON_A_BUS, FlippedBits),
+    "shifted_block": Kind(Layer.BUS, "answers that are shifted", _ON_A_BUS, Shifted),
+    "wrong_id": Kind(Layer.BUS, "the part says that it is another", _ON_A_BUS, WrongId),
+    "reset": Kind(Layer.BUS, "the part loses its power for a moment, and its settings", _ON_A_BUS),
+    "all_00": Kind(Layer.BUS, "answers of nothing but zeros", _ON_A_BUS),
+    "all_ff": Kind(Layer.BUS, "answers of nothing but ones", _ON_A_BUS),
+    "lost_bytes": Kind(Layer.BUS, "written bytes that get lost", ("motors",), Lost),
+    "failsafe_off": Kind(Layer.BUS, "the board's deadman does not arm", ("motors",)),
+    "board_fault": Kind(Layer.BUS, "the board reports a drive fault", ("motors",)),
+    "ignores": Kind(Layer.BUS, "the board acknowledges commands and does not follow them", ("motors",)),
+    "dark": Kind(Layer.BUS, "nothing to be seen: a leaf on the lens, or the night", ("motion",)),
+    "uncalibrated": Kind(Layer.BUS, "the part says that its calibration is gone", ("compass",)),
+    "task_crash": Kind(Layer.PROCESS, "a bug in a driver ends its task", _PARTS),
+    "loop_stall": Kind(Layer.PROCESS, "the event loop stands still, or the clock jumps", _PROCESS, Stall),
+    "undervoltage": Kind(Layer.PROCESS, "the computer's supply sags", _PROCESS, Undervoltage),
+}

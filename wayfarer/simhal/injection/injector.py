@@ -1,0 +1,122 @@
+"""Beginning and ending faults at their times, in one run."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import replace
+from math import inf
+from typing import Any, Protocol
+
+from wayfarer.config import RoverConfig
+from wayfarer.errors import BadInput
+from wayfarer.hal import Rover
+from wayfarer.simhal.faults import KINDS, Fault, Layer
+from wayfarer.simhal.injection.bus_layer import bus_fault, place_of
+from wayfarer.simhal.injection.process_layer import TakePower, process_fault
+from wayfarer.simhal.injection.reading_layer import TamperedPart, crashed, reading_fault
+from wayfarer.simhal.injection.wires import TamperedBuses
+from wayfarer.simhal.injection.world_layer import world_fault
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+
+PUMP_S = 0.05
+PARTS = ("compass", "motion", "contact", "position", "motors")
+
+
+class Note(Protocol):
+    """Takes what a fault did, for the log: ground truth that no field code sees."""
+
+    def __call__(self, t_s: float, fault: Fault, *, begins: bool) -> None:
+        """Take the beginning of a fault, or its end."""
+
+
+class Bug(RuntimeError):
+    """What a driver with a bug raises."""
+
+
+class Injector:
+    """Holds the faults of one run.
+
+    Build the rover over ``buses``, pass it through ``fit``, and enter the injector when the run begins: leaving it ends
+    what still lasts, the latest first.
+
+    Args:
+        faults: what is to go wrong.
+        config: the rover, for where its parts are.
+        seed: of the faults' own chance, which is apart from the world's.
+    """
+
+    def __init__(self, faults: Iterable[Fault], config: RoverConfig, seed: int) -> None:
+        self._faults = tuple(faults)
+        self._config = config
+        self._streams = Streams(seed)
+        self._parts: dict[str, TamperedPart] = {}
+        self._lasting: dict[int, ExitStack] = {}
+        self.buses = TamperedBuses()
+
+    def fit(self, rover: Rover) -> Rover:
+        """Return the rover with everything around its parts that the faults need."""
+        kinds = (Layer.READING, Layer.PROCESS)
+        targets = {fault.target for fault in self._faults if KINDS[fault.kind].layer in kinds} & set(PARTS)
+        for name in targets:
+            if getattr(rover, name) is None:
+                raise BadInput(f"rover '{self._config.name}' has no {name} to inject a fault into")
+            self._parts[name] = TamperedPart(getattr(rover, name))
+        fitted: dict[str, Any] = dict(self._parts)
+        return replace(rover, **fitted)
+
+    def start(self, world: World, take_power: TakePower, note: Note) -> None:
+        """Begin what begins at once, and the rest at its time from now on."""
+        self._world, self._take_power, self._note = world, take_power, note
+        loop = asyncio.get_running_loop()
+        self._pump(loop)
+        for number, fault in enumerate(self._faults):
+            if fault.at_s <= 0.0:
+                self._begin(number, fault)
+            else:
+                loop.call_later(fault.at_s, self._begin, number, fault)
+
+    def _pump(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Let the world go on, and chips act, even if no part asks: faults may silence all of them."""
+        self._world.chips_act()
+        self._world.advance_to(loop.time())
+        if self._faults:
+            loop.call_later(PUMP_S, self._pump, loop)
+
+    def end(self) -> None:
+        """End all that lasts, the latest first, and begin nothing more."""
+        self._faults = ()
+        for number in reversed(list(self._lasting)):
+            self._lasting.pop(number).close()
+
+    def _begin(self, number: int, fault: Fault) -> None:
+        if not self._faults:
+            return
+        loop = asyncio.get_running_loop()
+        self._note(loop.time(), fault, begins=True)
+        stack = self._lasting[number] = ExitStack()
+        stack.enter_context(self._effect(number, fault))
+        if fault.for_s < inf:
+            loop.call_later(fault.for_s, self._end, number, fault)
+
+    def _end(self, number: int, fault: Fault) -> None:
+        stack = self._lasting.pop(number, None)
+        if stack is not None:
+            stack.close()
+            self._note(asyncio.get_running_loop().time(), fault, begins=False)
+
+    def _effect(self, number: int, fault: Fault) -> AbstractContextManager[None]:
+        chance = self._streams.random(f"fault.{number}")
+        match KINDS[fault.kind].layer:
+            case Layer.WORLD:
+                return world_fault(fault, self._world)
+            case Layer.READING:
+                return reading_fault(fault, self._parts[fault.target], chance)
+            case Layer.BUS:
+                return bus_fault(fault, place_of(fault.target, self._config, self.buses), chance)
+            case Layer.PROCESS if fault.kind == "task_crash":
+                return crashed(self._parts[fault.target], Bug("a bug in a driver, injected"))
+            case _:
+                return process_fault(fault, self._take_power)

@@ -1,0 +1,66 @@
+"""A simulated rover under the daemon's own supervisor, in one forest, watched by a referee: what a trial runs on."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from wayfarer.config import RoverConfig
+from wayfarer.hal import Rover
+from wayfarer.records import RunLog
+from wayfarer.registry import find_algorithm
+from wayfarer.simhal.faults import Fault
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.referee import Referee
+from wayfarer.simhal.rig import Depth, build
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+from wayfarer.supervisor import Supervisor
+
+MakeLog = Callable[[World, Rover], RunLog]
+
+
+@dataclass(frozen=True, slots=True)
+class TrialSpec:
+    """Everything that decides a trial: the same spec gives the same result, on any worker."""
+
+    trial: int
+    algorithm: str
+    forest: Forest
+    seed: int
+    rover: RoverConfig
+    slip_mean_m: float = 10.0
+    budget_m: float = 1000.0
+    depth: Depth = Depth.DEVICE
+    faults: Sequence[Fault] = ()
+
+
+class Stage:
+    """World, rover, supervisor and referee of one run; made on the running loop.
+
+    Raises:
+        MissingPart: the rover cannot give what the algorithm needs.
+        BadInput: a fault is meant for what the rover has not.
+    """
+
+    def __init__(self, spec: TrialSpec, make_log: MakeLog) -> None:
+        self.control_hz = spec.rover.control_hz
+        loop, streams = asyncio.get_running_loop(), Streams(spec.seed)
+        algorithm = find_algorithm(spec.algorithm)
+        handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
+        physics = replace(Physics(), slip_mean_m=spec.slip_mean_m)
+        self.world = World(spec.forest, spec.rover.vehicle, physics, streams)
+        if spec.faults:
+            from wayfarer.simhal.injection import Injector  # a trial without faults need not know them
+
+            self.injector: Injector | None = Injector(spec.faults, spec.rover, spec.seed)
+            rover = build(spec.depth, self.world, streams, spec.rover, loop.time, self.injector.buses)
+            self.rover = self.injector.fit(rover)
+        else:
+            self.injector = None
+            self.rover = build(spec.depth, self.world, streams, spec.rover, loop.time)
+        self.supervisor = Supervisor(self.rover, spec.rover, algorithm, handler, make_log(self.world, self.rover))
+        self.referee = Referee(spec.forest, spec.budget_m, physics.tip_deg, self.supervisor.finish)
+        self.world.after_step = self.referee.watch
