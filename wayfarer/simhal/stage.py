@@ -24,7 +24,10 @@ MakeLog = Callable[[World, Rover], RunLog]
 
 @dataclass(frozen=True, slots=True)
 class TrialSpec:
-    """Everything that decides a trial: the same spec gives the same result, on any worker."""
+    """Everything that decides a trial: the same spec gives the same result, on any worker.
+
+    ``sense_noise`` multiplies the noise of compass, tilt and flow.
+    """
 
     trial: int
     algorithm: str
@@ -35,6 +38,7 @@ class TrialSpec:
     budget_m: float = 1000.0
     depth: Depth = Depth.DEVICE
     faults: Sequence[Fault] = ()
+    sense_noise: float = 1.0
 
 
 class Stage:
@@ -47,7 +51,7 @@ class Stage:
 
     def __init__(self, spec: TrialSpec, make_log: MakeLog) -> None:
         self.control_hz = spec.rover.control_hz
-        loop, streams = asyncio.get_running_loop(), Streams(spec.seed)
+        loop, streams = asyncio.get_running_loop(), Streams(spec.seed, spec.sense_noise)
         algorithm = find_algorithm(spec.algorithm)
         handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
         physics = replace(Physics(), slip_mean_m=spec.slip_mean_m)

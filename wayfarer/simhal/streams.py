@@ -15,11 +15,15 @@ from numpy.random import PCG64, Generator, SeedSequence
 BLOCK = 256
 
 
-class Streams:
-    """The random streams of one trial."""
+SENSES = frozenset({"compass.heading", "compass.tilt", "flow"})
 
-    def __init__(self, seed: int) -> None:
+
+class Streams:
+    """The random streams of one trial; ``sense_noise`` multiplies what compass, tilt and flow draw."""
+
+    def __init__(self, seed: int, sense_noise: float = 1.0) -> None:
         self._seed = seed
+        self._sense_noise = sense_noise
 
     def generator(self, name: str) -> Generator:
         """Return numpy's generator of that name."""
@@ -27,7 +31,7 @@ class Streams:
 
     def normal(self, name: str, sd: float) -> Callable[[], float]:
         """Return a function that draws from a normal distribution with mean 0."""
-        return _normal(self.generator(name), sd).__next__
+        return _normal(self.generator(name), sd * self._sense_noise if name in SENSES else sd).__next__
 
     def random(self, name: str) -> Random:
         """Return Python's generator of that name, for field code, which does not need numpy."""
