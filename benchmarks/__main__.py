@@ -1,7 +1,7 @@
 """All figures beside their limits, as a Markdown table.
 
 With ``daemon`` only those of ``wayfarer run --sim``, with ``log`` only those of the field log; with ``profile``, where
-the time of a control tick goes.
+the time of a control tick goes; with ``soak``, whether anything grows in a simulated day full of faults.
 """
 
 from __future__ import annotations
@@ -9,21 +9,26 @@ from __future__ import annotations
 import argparse
 import os
 import platform
+import sys
 
 from benchmarks import command, daemon, disk, rover, stack
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
+from benchmarks.soak import print_soak
 from wayfarer import __version__
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("what", nargs="?", choices=("figures", "profile", "daemon", "log"), default="figures")
+    parser.add_argument("what", nargs="?", choices=("figures", "profile", "daemon", "log", "soak"), default="figures")
     parser.add_argument("--quick", action="store_true", help="fewer trials and runs: half a minute")
+    parser.add_argument("--hours", type=float, default=24.0, help="of the soak, simulated")
     asked = parser.parse_args()
     cores = len(os.sched_getaffinity(0))
     print(f"wayfarer {__version__}, Python {platform.python_version()}, {cores} cores, {platform.machine()}\n")
+    if asked.what == "soak":
+        sys.exit(print_soak(asked.hours))
     if asked.what == "profile":
         print_breakdown(trials=20 if asked.quick else 200)
     elif asked.what == "daemon":

@@ -32,7 +32,7 @@ PARTS = {
     "/wayfarer/simhal/devices.py": "sensors and motors",
     "/wayfarer/supervisor.py": "sensors and motors",
     "/wayfarer/latest.py": "sensors and motors",
-    "/wayfarer/detector.py": "detector",
+    "/wayfarer/detector/": "detector",
     "/wayfarer/escape/": "escape handler",
     "/wayfarer/safety.py": "safety gate",
     "/wayfarer/helm.py": "helm",

@@ -18,7 +18,7 @@ from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.drivers.thunderborg import ThunderBorg
 from wayfarer.drivers.thunderborg_light import ThunderBorgLight
 from wayfarer.errors import BadConfig, NotResponding
-from wayfarer.hal import MotionReading, MotionSensor
+from wayfarer.hal import MotionReading, MotionSensor, troubles_of
 from wayfarer.simhal.fakebus import FakeBuses
 
 TOP = 'name = "test"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.4\n'
@@ -138,6 +138,13 @@ async def test_calibrated_metres_are_scaled_and_nothing_else_is() -> None:
     assert await scaled.read() == MotionReading(3.0, 0.4 * 1.25, -0.2 * 1.25, 0.7, signed=False)
     await scaled.close()
     assert flow.done == ["open", "close"]
+
+
+def test_troubles_that_a_scaled_sensor_counts_are_those_of_the_sensor() -> None:
+    flow = Flow(MotionReading(0.0, 0.0, 0.0, 1.0))
+    assert troubles_of(Scaled(flow, 2.0)) == {}
+    flow.troubles = {"garbage rejected": 2}  # type: ignore[attr-defined]
+    assert troubles_of(Scaled(flow, 2.0)) == {"garbage rejected": 2}
 
 
 async def test_error_of_a_scaled_sensor_is_its_own() -> None:

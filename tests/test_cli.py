@@ -85,6 +85,13 @@ def test_error_raised_on_purpose_is_one_line(
     assert run("sim") == (code, "", f"wayfarer: {text}\n")
 
 
+def test_error_that_quotes_what_a_terminal_obeys_has_it_written_out(run: Run) -> None:
+    code, _, said = run("sim", "--algorithm", "\x1b[2Jpledge")
+    assert code == 2
+    assert "\\x1b[2Jpledge" in said
+    assert said.rstrip("\n").isprintable()
+
+
 @pytest.mark.parametrize(
     ("arguments", "module", "said"),
     [

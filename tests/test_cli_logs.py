@@ -122,7 +122,12 @@ def test_export_for_foxglove(run: Run, tmp_path: Path) -> None:
 @pytest.mark.parametrize("command", ["show", "summary", "check", "export", "follow"])
 @pytest.mark.parametrize(
     ("name", "said"),
-    [("99", "there is no run and no folder '99'"), ("/etc/passwd", "no field log"), ("/etc", "no run")],
+    [
+        ("99", "there is no run and no folder '99'"),
+        ("9" * 5_000, "cannot be a run: File name too long"),
+        ("/etc/passwd", "no field log"),
+        ("/etc", "no run"),
+    ],
 )
 def test_run_that_is_not_there_is_one_line_and_exit_code_2(run: Run, command: str, name: str, said: str) -> None:
     code, out, err = run(command, name)

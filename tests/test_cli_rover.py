@@ -95,6 +95,18 @@ def test_refusal_is_one_line_and_exit_code_1(
     assert capsys.readouterr().err == "wayfarer: not armed: battery: 9.1 V\n"
 
 
+@pytest.mark.parametrize("arguments", [["status"], ["arm"], ["goal", "20"], ["stop"]])
+@pytest.mark.parametrize("answer", [{}, {"warnings": 3, "goal_heading_deg": None, "rover": None}])
+def test_answer_of_a_daemon_of_another_version_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str], answer: dict[str, Any]
+) -> None:
+    Daemon(monkeypatch, answer)
+    assert cli.run(arguments) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("wayfarer: it was done, but the daemon's answer is not as expected")
+    assert said.count("\n") == 1
+
+
 @pytest.mark.parametrize("verb", ["status", "arm", "disarm", "hold", "resume", "stop"])
 def test_without_a_daemon_each_verb_says_how_to_start_one(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run([verb]) == 1

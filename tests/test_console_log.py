@@ -61,6 +61,11 @@ def test_phase_that_comes_back_is_told_again(log: ConsoleLog, said: list[str]) -
         ("health", {"level": "well", "cause": None}, "health: level well"),
         ("sensor_failed", {"sensor": "compass", "retry_in_s": 1.6}, "sensor failed: sensor compass, retry_in_s 1.6"),
         ("hold", {}, "hold"),
+        (
+            "part_troubles",
+            {"part": "CMPS14", "counts": {"reads retried": 3}},
+            "part troubles: part CMPS14, counts 3 reads retried",
+        ),
     ],
 )
 def test_event_is_a_line(log: ConsoleLog, said: list[str], name: str, details: dict[str, object], line: str) -> None:

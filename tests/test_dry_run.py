@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from wayfarer.config import load_rover
 from wayfarer.dry_run import DryMotors
-from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand
+from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand, troubles_of
 from wayfarer.simhal import stage, trial
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.loop import VirtualLoop
@@ -84,6 +84,13 @@ async def test_everything_else_reaches_the_board() -> None:
     assert motors.done == ["open", "stop", "halt", "close"]
     assert await dry.read_back() == WheelCommand(0.25, 0.5)
     assert await dry.health() == MotorHealth(11.5, ("hot",))
+
+
+def test_troubles_of_the_board_are_told_in_a_dry_run_too() -> None:
+    motors = Motors()
+    assert troubles_of(DryMotors(motors)) == {}
+    motors.troubles = {"transfers retried": 1}  # type: ignore[attr-defined]
+    assert troubles_of(DryMotors(motors)) == {"transfers retried": 1}
 
 
 async def test_dry_motors_keep_the_promises_of_motors() -> None:

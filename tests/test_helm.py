@@ -17,7 +17,7 @@ from wayfarer.errors import DriverError, NotResponding
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, CompassReading, MotorHealth, PositionFix, WheelCommand
-from wayfarer.helm import Helm, Mode
+from wayfarer.helm import Helm, Mode, Wheels
 from wayfarer.latest import Cells
 from wayfarer.mission import FIX_FRESH_S, FIXES_BEYOND, METRES_PER_DEG
 from wayfarer.records import TickRecord
@@ -78,7 +78,7 @@ class Log:
     def position(self, fix: PositionFix | None) -> None:
         self.fixes.append(fix)
 
-    def board(self, t_s: float, health: MotorHealth) -> None: ...
+    def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None: ...
 
     def close(self, reason: str, text: str) -> None: ...
 
@@ -107,13 +107,13 @@ class Wanting:
 class Bench:
     """A helm with parts of which the test has the other end; the compass speaks each tick unless told otherwise."""
 
-    def __init__(self, handler: EscapeHandler | None = None, **safety: Any) -> None:
+    def __init__(self, handler: EscapeHandler | None = None, wheels: Wheels | None = None, **safety: Any) -> None:
         limits = SafetySettings(**{"start_delay_s": 0.0, "settle_s": 0.2, "slew_per_s": 1000.0} | safety)
         self.config = RoverConfig(name="bench", vehicle=VEHICLE, safety=limits, board=BOARD)
         self.motors, self.cells, self.log = Motors(), Cells(), Log()
         self.handler = Wanting()
-        detector = Detector(self.config.detector, VEHICLE.max_speed_m_s, watches_motion=False)
-        self.helm = Helm(self.motors, self.cells, self.config, detector, handler or self.handler, self.log)
+        detector = Detector(self.config.detector, VEHICLE, watches_motion=False)
+        self.helm = Helm(wheels or self.motors, self.cells, self.config, detector, handler or self.handler, self.log)
         self.t_s = 100.0
 
     async def tick(

@@ -24,16 +24,19 @@ LAYERS = [
     ["angles", "bounds", "errors", "hal", "drivers.buses", "whole_file"],
     ["escape", "conditions", "latest", "lines"],
     ["detector", "safety", "records", "watchdog"],
-    ["arming", "board", "mission", "fieldlog.settings", "config", "config_errors", "registry", "pace", "calibration"],
+    [
+        "arming", "board", "power", "electrics", "mission", "progress", "fieldlog.settings", "config", "config_errors",
+        "registry", "pace", "calibration",
+    ],
     ["helm", "fieldlog", "console_log", "status_light"],
-    ["supervisor", "stop_path"],
+    ["supervisor", "stop_path", "troubles"],
     ["assembly", "dry_run", "stop_motors", "service", "checks", "control"],
     ["logbook", "foxglove"],
     ["calibrate", "daemon", "replay", "live"],
-]
+]  # fmt: skip
 PURE = [
-    "angles", "bounds", "conditions", "hal", "escape", "detector", "latest", "safety", "arming", "board", "mission",
-    "status_light",
+    "angles", "bounds", "conditions", "hal", "escape", "detector", "latest", "safety", "arming", "board", "power",
+    "electrics", "mission", "progress", "status_light",
 ]  # fmt: skip
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
 BUS_LIBRARIES = {"cv2", "smbus2", "spidev", "serial", "gpiozero", "picamera2"}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from math import inf, isfinite, nan
+from typing import Any
+
 import pytest
 
 from wayfarer.hal import CompassReading, ContactReading, MotionReading
@@ -48,3 +51,19 @@ def test_no_ground_is_lost_at_any_rate(readings: int) -> None:
         motion = cells.snapshot(float(tick)).motion
         taken_m += motion.forward_m if motion is not None else 0.0
     assert taken_m == 10 * readings * 0.125
+
+
+@pytest.mark.parametrize("field", ["t_s", "forward_m", "right_m", "quality"])
+@pytest.mark.parametrize("value", [nan, inf])
+@pytest.mark.parametrize("first", [True, False])
+def test_part_that_is_no_number_leaves_no_displacement_to_be_believed(field: str, value: float, first: bool) -> None:
+    """Field catalogue, fault 8: what one part hides is unknown, not the rest of the sum."""
+    good = MotionReading(0.1, 0.01, 0.0, 0.9)
+    change: dict[str, Any] = {field: value}
+    bad = good._replace(**change)
+    cells = Cells()
+    for reading in (bad, good) if first else (good, bad):
+        cells.motion.write(reading)
+    motion = cells.snapshot(0.1).motion
+    assert motion is not None
+    assert motion.quality == 0.0 or not isfinite(motion.forward_m + motion.right_m)

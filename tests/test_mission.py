@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import asin, cos, degrees, hypot, inf, radians, sin, sqrt
+from math import asin, cos, degrees, hypot, inf, nan, radians, sin, sqrt
 
 import pytest
 from hypothesis import assume, given
@@ -150,3 +150,29 @@ def test_the_first_limit_of_several_is_told() -> None:
     under_test.advance(500.0, 0.0)
     assert reason(under_test) == "mission_distance"
     assert reason(under_test, inf) == "mission_time"
+
+
+BAD_FIXES = [
+    fix(0.0)._replace(**{field: value})
+    for field in ("t_s", "latitude_deg", "longitude_deg")
+    for value in (nan, inf, -inf)
+] + [fix(0.0)._replace(latitude_deg=90.1), fix(0.0)._replace(longitude_deg=-180.1)]
+
+
+@pytest.mark.parametrize("bad", BAD_FIXES, ids=str)
+def test_fix_that_no_receiver_can_give_is_not_taken_for_the_start_and_lifts_no_limit(bad: PositionFix) -> None:
+    """Field catalogue, fault 8: around a start that is no number every place would be within the radius."""
+    under_test = mission()
+    under_test.position(bad)
+    under_test.position(fix(0.0))
+    for _ in range(FIXES_BEYOND):
+        under_test.position(bad)
+        under_test.position(fix(150.0))
+    assert reason(under_test, STARTS_S) == "mission_radius"
+
+
+def test_fix_of_the_future_does_not_keep_dead_reckoning_out() -> None:
+    under_test = mission()
+    under_test.position(fix(0.0, t_s=STARTS_S + 1e6))
+    under_test.advance(150.0, 0.0)
+    assert reason(under_test) == "mission_radius"

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from wayfarer.conditions import LEVELS, Condition, Level, worst
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety import Gate, SafetySettings
+from wayfarer.safety import LOW_VOLTAGE_SHARE, Gate, SafetySettings
 
 HZ = 20.0
 AHEAD = WheelCommand(1.0, 1.0)
 BY_LEVEL = {level: [condition for condition in Condition if LEVELS[condition] is level] for level in Level}
 STOPPING = BY_LEVEL[Level.HOLD] + BY_LEVEL[Level.FAULT]
-HARMLESS = BY_LEVEL[Level.NOTE] + BY_LEVEL[Level.DEGRADE]
+HARMLESS = [each for each in (*BY_LEVEL[Level.NOTE], *BY_LEVEL[Level.DEGRADE]) if each is not Condition.UNDERVOLTAGE]
 DUTIES = st.floats(-1.5, 1.5) | st.sampled_from([0.0, nan, inf, -inf])
 COMMANDS = st.builds(WheelCommand, DUTIES, DUTIES)
 CONDITIONS = st.lists(st.sampled_from(Condition), max_size=2).map(tuple)
@@ -171,3 +171,22 @@ def test_duty_is_limited_on_both_sides_and_both_ways(wanted: WheelCommand) -> No
     gate_ = gate(duty_max=0.6, slew_per_s=1000.0)
     for _ in range(2):
         assert [abs(duty) for duty in update(gate_, wanted, (), armed=True)] == [0.6, 0.6]
+
+
+def test_low_supply_takes_duty_away_at_once_and_gives_it_back_within_the_slew() -> None:
+    gate_ = gate(duty_max=0.8, slew_per_s=2.0)
+    for _ in range(20):
+        update(gate_, AHEAD, (), armed=True)
+    capped = 0.8 * LOW_VOLTAGE_SHARE
+    assert update(gate_, AHEAD, (Condition.UNDERVOLTAGE,), armed=True) == pytest.approx((capped, capped))
+    assert update(gate_, AHEAD, (), armed=True) == pytest.approx((capped + 0.1, capped + 0.1))
+
+
+@given(wanted=st.lists(COMMANDS, min_size=1, max_size=20), low=st.lists(st.booleans(), min_size=20, max_size=20))
+def test_low_supply_never_gives_more_and_never_holds_up_a_stop(wanted: list[WheelCommand], low: list[bool]) -> None:
+    gate_ = gate(duty_max=0.9)
+    for command, is_low in zip(wanted, low, strict=False):
+        given_ = update(gate_, command, (Condition.UNDERVOLTAGE,) if is_low else (), armed=True)
+        most = 0.9 * (LOW_VOLTAGE_SHARE if is_low else 1.0)
+        assert max(map(abs, given_)) <= most
+    assert update(gate_, STOP, (Condition.UNDERVOLTAGE,), armed=True) == STOP

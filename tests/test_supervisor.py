@@ -24,6 +24,7 @@ from tests.workshop import (
     mending,
     supervisor,
 )
+from wayfarer.conditions import Condition
 from wayfarer.errors import DriverError, MissingPart, NotArmed, NotResponding, WayfarerError
 from wayfarer.hal import (
     STOP,
@@ -321,6 +322,83 @@ def test_board_fault_stops_the_wheels_within_half_a_second() -> None:
     drive(shop, {1.01: lambda _: setattr(shop, "faults", ("motor A: drive fault",))}, for_s=3.0)
     assert shop.named("disarmed") == [{"reason": "fault: board_fault"}]
     assert 1.01 < max(shop.times("handler.decide")) <= 1.51
+
+
+def halts_between(shop: Workshop, from_s: float, to_s: float) -> int:
+    return sum(from_s <= t_s < to_s for t_s in shop.times("motors.halt"))
+
+
+@pytest.mark.parametrize("at_s", [1.01, 1.06, 1.11, 1.16, 1.21, 1.249, 1.251])
+def test_board_that_turns_the_wheels_by_itself_is_a_fault_within_half_a_second(at_s: float) -> None:
+    """It answers what it was told, until a hold that it does not take."""
+    shop, seen = Workshop(), []
+    script: Script = {
+        0.4: lambda it: setattr(shop, "answer", AHEAD),
+        at_s: lambda it: it.helm.hold(at_s, held=True),
+        at_s + 0.5: lambda it: seen.append((it.mode, it.helm.why_disarmed)),
+    }
+    drive(shop, script, for_s=3.0)
+    assert seen == [(Mode.DISARMED, "fault: board_disagrees")]
+    assert halts_between(shop, 2.0, 3.0) == pytest.approx(20, abs=1), "the stop is repeated at each tick"
+
+
+def test_board_that_turns_the_wheels_of_a_disarmed_rover_is_stopped_again_and_again() -> None:
+    shop, seen = Workshop(), []
+    script: Script = {
+        1.01: lambda it: it.disarm("asked"),
+        2.01: lambda it: setattr(shop, "answer", WheelCommand(0.2, 0.0)),
+        2.51: lambda it: seen.append(it.helm.conditions),
+        4.01: lambda it: setattr(shop, "answer", STOP),
+        5.01: lambda it: seen.append(it.helm.conditions),
+    }
+    drive(shop, script, for_s=6.0)
+    assert seen == [(Condition.BOARD_DISAGREES,), ()]
+    assert halts_between(shop, 2.51, 4.01) == pytest.approx(30, abs=1)
+    assert halts_between(shop, 4.6, 5.9) == 0
+
+
+def test_stop_that_comes_between_a_command_and_the_board_is_no_fault() -> None:
+    """A halt reaches the board before the next tick does: for a moment it says less than was applied."""
+    shop, seen = Workshop(), []
+
+    def halt(it: Supervisor) -> None:
+        shop.answer = STOP
+        it.helm.hold(1.249, held=True)
+
+    drive(
+        shop,
+        {0.4: lambda it: setattr(shop, "answer", AHEAD), 1.249: halt, 3.0: lambda it: seen.append(it.mode)},
+        for_s=4.0,
+    )
+    assert seen == [Mode.ARMED]
+
+
+# -- what parts get over by themselves ---------------------------------------------------------------------------
+
+
+class CountingContact(Contact):
+    """A bumper that counts."""
+
+    def __init__(self, shop: Workshop, name: str) -> None:
+        super().__init__(shop, name)
+        self.troubles = {"reads retried": 0, "garbage": 0}
+
+
+def test_troubles_of_a_part_are_noted_when_they_grow_at_most_once_a_second() -> None:
+    shop = Workshop()
+    contact = CountingContact(shop, "contact")
+
+    def fail_often(it: Supervisor) -> None:
+        contact.troubles["reads retried"] += 1
+        if it.helm.end is None:
+            asyncio.get_running_loop().call_later(0.01, fail_often, it)
+
+    drive(shop, {0.2: fail_often}, for_s=3.5, contact=contact, source="contact")
+    noted = shop.named("part_troubles")
+    assert [each["part"] for each in noted] == ["contact"] * 3
+    assert [each["counts"] for each in noted] == [
+        {"reads retried": pytest.approx(count, abs=3)} for count in (80, 180, 280)
+    ]
 
 
 def test_board_that_hangs_stops_neither_the_ticks_nor_the_end() -> None:

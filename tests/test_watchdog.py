@@ -44,8 +44,10 @@ def test_each_word_reaches_systemd_as_it_expects(listener: Listener) -> None:
     notifier.ready()
     notifier.status("armed,\n3 m travelled")
     notifier.watchdog()
+    notifier.status("half a character: \ud83e")
     notifier.stopping()
-    assert listener.heard() == ["READY=1", "STATUS=armed, 3 m travelled", "WATCHDOG=1", "STOPPING=1"]
+    told = ["READY=1", "STATUS=armed, 3 m travelled", "WATCHDOG=1", "STATUS=half a character: ?", "STOPPING=1"]
+    assert listener.heard() == told
 
 
 def test_abstract_socket_is_named_with_an_at_sign() -> None:
@@ -76,6 +78,8 @@ def test_full_socket_makes_nobody_wait(listener: Listener) -> None:
         ({"WATCHDOG_USEC": "10000000", "WATCHDOG_PID": "1"}, None),
         ({"WATCHDOG_USEC": "0"}, None),
         ({"WATCHDOG_USEC": "soon"}, None),
+        ({"WATCHDOG_USEC": str(2**64 - 1)}, None),  # systemd's infinity
+        ({"WATCHDOG_USEC": "9" * 5_000}, None),
         ({}, None),
     ],
 )
@@ -105,13 +109,18 @@ class Wheels:
         self._time = asyncio.get_running_loop().time
         self.halts_s: list[float] = []
         self.recoveries_s: list[float] = []
+        self.places: list[str] = []
 
     def halt(self) -> None:
         self.halts_s.append(self._time())
 
+    def recovered(self, stall_s: float, where: str) -> None:
+        self.recoveries_s.append(stall_s)
+        self.places.append(where)
+
     def guard(self, limit_s: float = 0.4) -> StallGuard:
         """A guard with more patience than the rover's, for a busy test machine."""
-        return StallGuard(self.halt, self.recoveries_s.append, limit_s)
+        return StallGuard(self.halt, self.recovered, limit_s)
 
 
 def block(seconds_s: float) -> None:
@@ -139,6 +148,10 @@ async def test_blocked_loop_has_its_wheels_stopped_again_and_again(capfd: pytest
     assert while_blocked_s[0] >= 0.4
     assert len(while_blocked_s) >= 3
     assert wheels.recoveries_s == [pytest.approx(ended_s - began_s, abs=0.1)]
+    (where,) = wheels.places
+    assert "tests/test_watchdog.py:" in where, where
+    assert " block < " in where, "taken while it stood still, and who called"
+    assert "\n" not in where
     told = capfd.readouterr().err
     assert told.count("the event loop stands still") == 1
     assert "in block" in told, "the stacks show what blocks"

@@ -158,7 +158,7 @@ class Log:
     def position(self, fix: PositionFix | None) -> None:
         self.shop.note("log.position")
 
-    def board(self, t_s: float, health: MotorHealth) -> None:
+    def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
         self.shop.note("log.board")
 
     def close(self, reason: str, text: str) -> None:

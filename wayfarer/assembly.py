@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from wayfarer.calibration import Calibration
 from wayfarer.config import RoverConfig, part_settings
 from wayfarer.errors import BadConfig
-from wayfarer.hal import MotionReading, MotionSensor, Rover
+from wayfarer.hal import MotionReading, MotionSensor, Rover, troubles_of
 
 if TYPE_CHECKING:
     from wayfarer.drivers.buses import Buses
@@ -48,6 +49,11 @@ class Scaled:
         self.name = sensor.name  # calibration is kept under it
         self._sensor = sensor
         self._scale = scale
+
+    @property
+    def troubles(self) -> Mapping[str, int]:
+        """What the sensor has counted."""
+        return troubles_of(self._sensor)
 
     async def open(self) -> None:
         """Open the sensor."""

@@ -33,6 +33,7 @@ from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.fieldlog.settings import LogSettings
+from wayfarer.progress import ProgressSettings
 from wayfarer.registry import driver_names, find_driver
 from wayfarer.safety import SafetySettings
 from wayfarer.watchdog import STALL_LIMIT_S
@@ -71,6 +72,7 @@ class RoverConfig(BaseModel):
     escape: EscapeSettings = EscapeSettings()
     detector: DetectorSettings = DetectorSettings()
     safety: SafetySettings = SafetySettings()
+    progress: ProgressSettings = ProgressSettings()
     board: BoardSettings = BoardSettings()
     log: LogSettings = LogSettings()
     declination_deg: float | None = Field(default=None, ge=-180, le=180)

@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 _OUT_OF_RANGE = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
-_SECTION = re.compile(r"\[+\s*([^\]]+?)\s*\]")
+_SECTION = re.compile(r"(\[+)\s*([^\]]+?)\s*\]")
 _KEY = re.compile(r"[\"']?([\w-]+)[\"']?\s*=")
 _NAMED = re.compile(r"(?:unknown )?key '([^']+)'")
 
@@ -38,29 +38,50 @@ def explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
         return f"unknown key '{dotted}'" + (f"; did you mean '{near[0]}'?" if near else "")
     if problem["type"] in {"missing", "missing_argument"}:
         return f"key '{dotted}' is missing"
-    wanted = text.lower().replace("an object", "a table")  # JSON's word for it is not TOML's
+    wanted = (text[:1].lower() + text[1:]).replace("an object", "a table")  # JSON's word for it is not TOML's
     allowed = _allowed(model, key) if problem["type"] in _OUT_OF_RANGE else ""
     return f"key '{dotted}' = {problem['input']!r}: {wanted}{allowed}"
 
 
 def at_line(text: str, said: str) -> str:
     """Return where in a file's text the key stands that an explanation names, nothing where it is not there."""
-    named = _NAMED.match(said)
-    number = named and line_of(text, named[1])
+    key = named_key(said)
+    number = key and line_of(text, key)
     return f" (line {number})" if number else ""
 
 
+def named_key(said: str) -> str | None:
+    """Return the key that an explanation names."""
+    named = _NAMED.match(said)
+    return named and named[1]
+
+
 def line_of(text: str, dotted: str) -> int | None:
-    """Return the number of the line on which a key or a table begins, None where no line has it plainly."""
-    section = ""
+    """Return the number of the line on which a key or a table begins, None where no line has it plainly.
+
+    Of an array of tables each has its number, from 0: ``scenario.1.fault.0.kind``.
+    """
+    section, arrays = "", dict[str, int]()
     for number, line in enumerate(text.splitlines(), 1):
         if found := _SECTION.match(line.strip()):
-            section = found[1]
+            section = _numbered(found[2], arrays, another=found[1] == "[[")
             if section == dotted:
                 return number
         elif (found := _KEY.match(line.strip())) and _dotted(section, found[1]) == dotted:
             return number
     return None
+
+
+def _numbered(header: str, arrays: dict[str, int], *, another: bool) -> str:
+    """Return a table's name with the number of each array of tables in it; ``arrays`` has the newest of each."""
+    section, names = "", [name.strip() for name in header.split(".")]
+    for depth, name in enumerate(names, 1):
+        section = _dotted(section, name)
+        if another and depth == len(names):
+            arrays[section] = arrays.get(section, -1) + 1
+        if section in arrays:
+            section = f"{section}.{arrays[section]}"
+    return section
 
 
 def _dotted(section: str, key: str) -> str:

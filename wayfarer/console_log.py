@@ -42,4 +42,6 @@ class ConsoleLog(PartialLog):
 def _short(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
+    if isinstance(value, dict):
+        return ", ".join(f"{count} {what}" for what, count in value.items())
     return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand
+from collections.abc import Mapping
+
+from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand, troubles_of
 
 
 class DryMotors:
@@ -12,6 +14,11 @@ class DryMotors:
         self._motors = motors
         self.name = f"{motors.name} (dry run)"
         self.deadman_s = motors.deadman_s
+
+    @property
+    def troubles(self) -> Mapping[str, int]:
+        """What the motors have counted."""
+        return troubles_of(self._motors)
 
     async def open(self) -> None:
         """Open the motors: their deadman is verified as ever."""

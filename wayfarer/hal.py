@@ -235,6 +235,20 @@ class PositionLogger(Driver, Protocol):
         """
 
 
+@runtime_checkable
+class Counting(Protocol):
+    """What a part of any kind may have besides: it counts what went wrong and did no harm, such as a read again."""
+
+    @property
+    def troubles(self) -> Mapping[str, int]:
+        """How often since the part was made, by what it was, in a few words: ``{"reads retried": 3}``."""
+
+
+def troubles_of(part: Driver) -> Mapping[str, int]:
+    """Return what a part has counted, nothing where it does not count."""
+    return part.troubles if isinstance(part, Counting) else {}
+
+
 @dataclass(frozen=True, slots=True)
 class Rover:
     """The bundle of drivers that makes one rover; members that a rover does not have are None."""

@@ -14,15 +14,16 @@ from enum import Enum
 from typing import Protocol
 
 from wayfarer.arming import Arming
-from wayfarer.board import BoardWatch
 from wayfarer.conditions import LEVELS, Condition, Level
 from wayfarer.config import RoverConfig
 from wayfarer.detector import Detector
-from wayfarer.errors import DriverError
+from wayfarer.electrics import Electrics
+from wayfarer.errors import BadReading, DriverError
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
 from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.latest import Cells, Snapshot
 from wayfarer.mission import Mission, RunEnd
+from wayfarer.progress import Progress
 from wayfarer.records import RunLog, TickRecord
 from wayfarer.safety import Gate
 
@@ -50,12 +51,14 @@ class Wheels(Protocol):
 # Members of an Enum are found slowly through its class, and the tick asks 20 times a second.
 _ARMED = Mode.ARMED
 _FAULT = Level.FAULT
+_RUNAWAY = Condition.RUNAWAY
+_WHEELS_ASTRAY = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
 
 
 class Helm:
     """Ticks; ``end`` is None until something ends the run, ``last`` is the record of the latest tick.
 
-    ``board`` is what the motor board said of itself; whoever polls it writes there.
+    ``electrics`` take what the motor board and the computer's supply say; ``board`` is what the board said of itself.
     """
 
     def __init__(
@@ -71,7 +74,9 @@ class Helm:
         self._handler = handler
         self._log = log
         self._gate = Gate(config.safety, config.control_hz)
-        self.board = BoardWatch(config.board)
+        self._progress = Progress(config.progress, config.detector.quality_min)
+        self.electrics = Electrics(config.board, log)
+        self.board = self.electrics.board
         self.mode = Mode.DISARMED
         self.end: RunEnd | None = None
         self.last: TickRecord | None = None
@@ -96,6 +101,7 @@ class Helm:
         The motors must have been opened anew: only that makes sure that they answer and that their deadman is on.
         """
         self._motors_failed = self.held = False
+        self._progress.reset()
         self.mission = None
         self._arming = Arming(self._safety, t_s, goal_heading_deg)
         self.mode = Mode.ARMING
@@ -127,6 +133,10 @@ class Helm:
         if fix is not None and self.mission is not None:
             self.mission.position(fix)
 
+    def power(self, t_s: float, flags: int | None) -> None:
+        """Take the power flags of the computer's firmware, None where there are none; see ``power.PowerWatch``."""
+        self.electrics.power(t_s, flags)
+
     def finish(self, reason: str, text: str) -> None:
         """End the run; the first reason stands."""
         if self.end is None:
@@ -144,8 +154,15 @@ class Helm:
         self._travelled_m += abs(forward_m)
         snapshot = self._cells.snapshot(t_s)
         anomalies, conditions = self._detector.update(snapshot, applied)
-        if dt_s > self._late_s or self._motors_failed or self.held or self.board.conditions:
-            conditions = self._own_conditions(conditions, dt_s)
+        if self.mode is _ARMED and self._progress.ends(dt_s, applied, forward_m, bool(anomalies), snapshot.motion):
+            conditions += (Condition.ENTRAPPED,)
+        if conditions and self.mode is not _ARMED and gate.cause is not _RUNAWAY:
+            # A person may push a rover that is not armed; one that ran away goes on being stopped.
+            conditions = tuple(condition for condition in conditions if condition is not _RUNAWAY)
+        if self.electrics.hear(applied) or dt_s > self._late_s or self._motors_failed or self.held:
+            conditions = self._own_conditions(conditions, t_s, dt_s)
+        if conditions and not _WHEELS_ASTRAY.isdisjoint(conditions):
+            self._motors.halt()  # at each tick: a board that does not do as it is told may take one stop of many
         self.conditions = conditions
         if self._arming is not None:
             self._continue_arming(t_s, self._arming, conditions)
@@ -157,7 +174,7 @@ class Helm:
         elif armed and observation is not None:
             decision = self._handler.decide(observation)
         try:
-            self._applied = applied = await self._motors.drive(gate.limit(decision.wheels, armed=armed))
+            self._applied = applied = _checked(await self._motors.drive(gate.limit(decision.wheels, armed=armed)))
         except DriverError as error:
             self._applied = applied = self._lose_motors(t_s, error)
         self.last = TickRecord(
@@ -183,12 +200,12 @@ class Helm:
             pitch_deg,
             roll_deg,
             anomalies,
-            snapshot.contact,
+            self._detector.contact,
             self.goal_heading_deg,
             self._travelled_m,
         )
 
-    def _own_conditions(self, conditions: tuple[Condition, ...], dt_s: float) -> tuple[Condition, ...]:
+    def _own_conditions(self, conditions: tuple[Condition, ...], t_s: float, dt_s: float) -> tuple[Condition, ...]:
         """Add what the helm itself knows to what the detector found."""
         if dt_s > self._late_s:
             conditions += (Condition.TICK_LATE,)
@@ -196,7 +213,7 @@ class Helm:
             conditions += (Condition.MOTORS_FAILED,)
         if self.held:
             conditions += (Condition.OPERATOR_HOLD,)
-        return conditions + self.board.conditions
+        return conditions + self.electrics.conditions(t_s)
 
     def _continue_arming(self, t_s: float, arming: Arming, conditions: tuple[Condition, ...]) -> None:
         compass = self._detector.compass
@@ -232,3 +249,15 @@ class Helm:
         self._log.event("health", t_s, level=level.name.lower(), cause=cause.value if cause is not None else None)
         if level is Level.FAULT and self.mode is not Mode.DISARMED:
             self.disarm(t_s, f"fault: {cause.value if cause is not None else 'unknown'}")
+
+
+def _checked(applied: WheelCommand) -> WheelCommand:
+    """Return what the motors say that they apply.
+
+    Raises:
+        BadReading: it cannot be (field catalogue, fault 8): what the wheels do is not known.
+    """
+    left, right = applied
+    if abs(left) <= 1.0 >= abs(right):
+        return applied
+    raise BadReading(f"motors: duties of {left:g} and {right:g} applied, possible are -1 to 1: their driver is wrong")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Generic, NamedTuple, TypeVar
 
 from wayfarer.hal import CompassReading, ContactReading, MotionReading
@@ -25,7 +26,8 @@ class Cell(Generic[R]):
 class MotionCell:
     """Adds up displacements until the tick takes them, so that no sensor rate loses ground.
 
-    The quality of the sum is that of its worst part: half a displacement is not a displacement.
+    The quality of the sum is that of its worst part: half a displacement is not a displacement. A part without a time
+    or a quality makes that of the sum 0 (field catalogue, fault 8).
     """
 
     __slots__ = ("_pending", "latest")
@@ -39,11 +41,12 @@ class MotionCell:
         self.latest = reading
         pending = self._pending
         if pending is not None:
+            known = isfinite(pending.t_s + pending.quality + reading.t_s + reading.quality)
             reading = MotionReading(
                 reading.t_s,
                 pending.forward_m + reading.forward_m,
                 pending.right_m + reading.right_m,
-                min(pending.quality, reading.quality),
+                min(pending.quality, reading.quality) if known else 0.0,
                 reading.signed,
             )
         self._pending = reading

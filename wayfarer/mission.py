@@ -7,7 +7,7 @@ decisions see neither.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, hypot, radians, sin
+from math import cos, hypot, isfinite, radians, sin
 
 from wayfarer.hal import PositionFix
 from wayfarer.safety import SafetySettings
@@ -48,7 +48,9 @@ class Mission:
         self.east_m += forward_m * sin(heading_rad)
 
     def position(self, fix: PositionFix) -> None:
-        """Take a fix; the first one is the start."""
+        """Take a fix; the first one is the start. One that no receiver can give is none (field catalogue, fault 8)."""
+        if not (abs(fix.latitude_deg) <= 90.0 and abs(fix.longitude_deg) <= 180.0 and isfinite(fix.t_s)):
+            return
         if self._home is None:
             self._home = fix
         self._fix_t_s = fix.t_s
@@ -72,7 +74,7 @@ class Mission:
         return None
 
     def _beyond_radius(self, t_s: float) -> bool:
-        if t_s - self._fix_t_s <= FIX_FRESH_S:
+        if 0.0 <= t_s - self._fix_t_s <= FIX_FRESH_S:  # a fix of the future is none either
             return self._fixes_beyond >= FIXES_BEYOND
         return not self._within_radius()
 

@@ -41,8 +41,8 @@ class RunLog(Protocol):
     def position(self, fix: PositionFix | None) -> None:
         """Take a position."""
 
-    def board(self, t_s: float, health: MotorHealth) -> None:
-        """Take what the motor board says of itself."""
+    def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
+        """Take what the motor board says of itself, and the duties that it says it applies (None: it does not tell)."""
 
     def close(self, reason: str, text: str) -> None:
         """Write the outcome and end the log."""
@@ -60,7 +60,7 @@ class PartialLog:
     def position(self, fix: PositionFix | None) -> None:
         """Let a position pass."""
 
-    def board(self, t_s: float, health: MotorHealth) -> None:
+    def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
         """Let what the motor board says pass."""
 
     def close(self, reason: str, text: str) -> None:
@@ -88,10 +88,10 @@ class Tee:
         for log in self._logs:
             log.position(fix)
 
-    def board(self, t_s: float, health: MotorHealth) -> None:
+    def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
         """Take what the motor board says of itself."""
         for log in self._logs:
-            log.board(t_s, health)
+            log.board(t_s, health, duties)
 
     def close(self, reason: str, text: str) -> None:
         """Write the outcome and end the logs."""

@@ -9,7 +9,7 @@ rover have done with another threshold?
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import nan
+from math import isnan, nan
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
@@ -115,7 +115,8 @@ class Rerun:
             if record["record"] == "tick":
                 self._sense(record)
             elif record["record"] == "board":
-                self._helm.board.update(record["t_s"], MotorHealth(record["battery_v"], tuple(record["faults"])))
+                health = MotorHealth(_number(record["battery_v"]), tuple(record["faults"]))
+                self._helm.electrics.board_said(record["t_s"], health, _duties(record))
             elif record["record"] == "event":
                 self._event(record["name"], record)
         except (LookupError, TypeError, ValueError, AttributeError):
@@ -139,15 +140,17 @@ class Rerun:
     def _event(self, name: str, record: Record) -> None:
         helm, t_s = self._helm, record["t_s"]
         if name == "arming":
-            helm.arm(t_s, record.get("goal_heading_deg"))
+            helm.arm(t_s, _number(record.get("goal_heading_deg")))
         elif name == "disarmed" and helm.mode is not Mode.DISARMED:
             helm.disarm(t_s, record["reason"])
         elif name in {"hold", "resume"}:
             helm.hold(t_s, held=name == "hold")
         elif name == "goal":
-            helm.head_for(t_s, record["goal_heading_deg"])
+            helm.head_for(t_s, float(record["goal_heading_deg"]))
         elif name == "board_silent":
-            helm.board.silent()
+            helm.electrics.board_silent(t_s, record["error"])
+        elif name == "power":
+            helm.power(t_s, int(record["flags"], 16))
         elif name == "motors_failed":
             self._motors.fails = True
 
@@ -198,6 +201,26 @@ def _contact_of(fields: Mapping[str, Any] | None) -> ContactReading | None:
     if fields is None:
         return None
     return ContactReading(fields["t_s"], tuple(map(Side, fields["sides"])), fields["obstacle_bearing_deg"])
+
+
+def _duties(board: Record) -> WheelCommand | None:
+    """Return what a board said that it applies; null, and nothing in an old log, where it could not be asked.
+
+    Raises:
+        ValueError: a duty is no number.
+    """
+    said = _numbers({key: board.get(key) for key in ("says_left", "says_right")})
+    duties = WheelCommand(said["says_left"], said["says_right"])
+    return None if all(map(isnan, duties)) else duties
+
+
+def _number(value: Any) -> float | None:
+    """Return a number that may not be known.
+
+    Raises:
+        ValueError, TypeError: it is something else.
+    """
+    return None if value is None else float(value)
 
 
 def _numbers(fields: Mapping[str, Any]) -> dict[str, Any]:

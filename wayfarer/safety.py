@@ -17,6 +17,8 @@ from wayfarer.bounds import Seconds
 from wayfarer.conditions import LEVELS, Condition, Level, worst
 from wayfarer.hal import STOP, WheelCommand
 
+LOW_VOLTAGE_SHARE = 0.7  # of ``duty_max`` while the computer's supply sags: field catalogue, fault 32
+
 
 @dataclass(frozen=True, slots=True)
 class SafetySettings:
@@ -47,7 +49,7 @@ class Gate:
     """
 
     def __init__(self, settings: SafetySettings, control_hz: float) -> None:
-        self._most = settings.duty_max
+        self._duty_max = self._most = settings.duty_max
         self._step = settings.slew_per_s / control_hz
         self._left = self._right = 0.0
         self._fault: Condition | None = None
@@ -87,6 +89,7 @@ class Gate:
         """Find the worst condition; a fault stays."""
         self.cause = self._fault or worst(conditions)
         self.level = LEVELS[self.cause] if self.cause is not None else Level.WELL
+        self._most = self._duty_max * (LOW_VOLTAGE_SHARE if Condition.UNDERVOLTAGE in conditions else 1.0)
         self._holds = self.level >= Level.HOLD
         if self.level is Level.FAULT:
             self._fault = self.cause

@@ -27,11 +27,21 @@ from wayfarer.pace import Pace
 from wayfarer.records import RunLog
 from wayfarer.status_light import LIGHT_HZ, colour
 from wayfarer.stop_path import StopPath, unhindered
+from wayfarer.troubles import NOTE_HZ, TroubleNotes
 
 FRESH_S = 1.0  # a control tick older than this feeds no watchdog
-STALE = frozenset({Condition.COMPASS_STALE, Condition.COMPASS_LOST, Condition.MOTION_STALE, Condition.CONTACT_STALE})
+STALE = frozenset(
+    {
+        Condition.COMPASS_STALE,
+        Condition.COMPASS_LOST,
+        Condition.MOTION_STALE,
+        Condition.MOTION_GONE,
+        Condition.CONTACT_STALE,
+    }
+)
 RETRY_PAUSE_S = 0.05  # a single missed answer is asked again within one control period (field.md, fault 1)
 RETRY_PAUSE_MAX_S = 2.0
+DOUBT_S = 0.1  # two ticks, of which one has judged the answer: so two answers and a stop fit into 0.5 s (fault 30)
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,6 +175,7 @@ class Supervisor:
         async with asyncio.TaskGroup() as group:
             beside = [group.create_task(self._keep_sampling(row), name=f"sensor:{row.name}") for row in self.tasks]
             beside.append(group.create_task(self._watch_board(), name="board"))
+            beside.append(group.create_task(self._note_troubles(), name="troubles"))
             if self._rover.light is not None:
                 beside.append(group.create_task(self._show_state(self._rover.light), name="light"))
             await asyncio.sleep(0)  # the sensors speak first, at this and so at every common time of their grids
@@ -199,19 +210,30 @@ class Supervisor:
         return tuple(rows)
 
     async def _watch_board(self) -> None:
-        """Ask the motor board for battery and faults; the helm acts on what it says."""
-        board, time, pace = self.helm.board, asyncio.get_running_loop().time, Pace(self._health_hz)
+        """Ask the motor board how it is, and soon again where its answer is doubtful; the helm acts on what it says."""
+        pace = Pace(self._health_hz)
         while True:
-            try:
-                health = await self._rover.motors.health()
-                t_s = time()
-                board.update(t_s, health)
-                self._log.board(t_s, health)
-            except DriverError as error:
-                if Condition.BOARD_SILENT not in board.conditions:
-                    self._log.event("board_silent", time(), error=str(error))
-                board.silent()
+            await self._ask_board()
+            await asyncio.sleep(DOUBT_S)
+            if self.helm.board.doubtful:
+                await self._ask_board()
             await pace.wait()
+
+    async def _ask_board(self) -> None:
+        motors, time = self._rover.motors, asyncio.get_running_loop().time
+        try:
+            health, duties = await motors.health(), await motors.read_back()
+        except DriverError as error:
+            self.helm.electrics.board_silent(time(), str(error))
+        else:
+            self.helm.electrics.board_said(time(), health, duties)
+
+    async def _note_troubles(self) -> None:
+        """Have the log say what parts have got over by themselves."""
+        notes, pace = TroubleNotes(self._parts, self._log), Pace(NOTE_HZ)
+        while True:
+            await pace.wait()
+            notes.note(asyncio.get_running_loop().time())
 
     async def _show_state(self, light: StatusLight) -> None:
         """Keep the status light showing what the rover is about to do; a light that fails stops nothing."""
@@ -282,7 +304,8 @@ def make_detector(config: RoverConfig, needs: frozenset[str], *, watches_motion:
     """Return the detector of a run that uses the parts ``needs``; ``watches_motion`` where it has a motion sensor."""
     return Detector(
         config.detector,
-        config.vehicle.max_speed_m_s,
+        config.vehicle,
+        calibration_min=config.safety.calibration_min,
         watches_motion=watches_motion,
         watches_contact=config.anomaly_source == "contact",
         needs_contact="contact" in needs,

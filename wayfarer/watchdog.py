@@ -13,13 +13,19 @@ import asyncio
 import faulthandler
 import os
 import socket
+import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from itertools import islice
+from pathlib import Path
+from types import FrameType
 
 from wayfarer.lines import LineWriter
 
 STALL_LIMIT_S = 0.2  # field.md, fault 37: ArduPilot's rover disarms after as long without its main loop
+WHERE_FRAMES = 4  # the innermost ones: what blocks, and who called it
+NEVER_US = 2.0**64 - 1.0  # what systemd calls infinity
 HALT_AGAIN_S = 0.1  # a stop may be lost on the bus; it is repeated for as long as the loop stands still
 
 
@@ -57,7 +63,7 @@ class Notifier:
             return
         with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
             notify.setblocking(False)
-            notify.sendto(message.encode(), self._address)
+            notify.sendto(message.encode(errors="replace"), self._address)
 
 
 def watchdog_period_s(environment: Mapping[str, str]) -> float | None:
@@ -66,9 +72,9 @@ def watchdog_period_s(environment: Mapping[str, str]) -> float | None:
     None where no watchdog watches this process (sd_watchdog_enabled(3)).
     """
     limit_us, watched = environment.get("WATCHDOG_USEC", ""), environment.get("WATCHDOG_PID", "")
-    if watched not in {"", str(os.getpid())} or not limit_us.isdecimal() or int(limit_us) == 0:
+    if watched not in {"", str(os.getpid())} or not limit_us.isdecimal() or not 0.0 < float(limit_us) < NEVER_US:
         return None
-    return int(limit_us) / 4e6
+    return float(limit_us) / 4e6
 
 
 async def feed_watchdog(notifier: Notifier, is_fresh: Callable[[], bool], period_s: float) -> None:
@@ -89,12 +95,13 @@ class StallGuard:
 
     Args:
         halt: stops the wheels without waiting, from any thread (``hal.DriveMotors.halt``).
-        recovered: called on the loop after a stall, with its length in seconds, counted from the last beat.
+        recovered: called on the loop after a stall, with its length in seconds, counted from the last beat, and where
+            the loop's thread was: the innermost calls, as ``file:line function``, in one line.
         limit_s: how long the loop may be silent; seconds, above the control period.
     """
 
     def __init__(
-        self, halt: Callable[[], None], recovered: Callable[[float], None], limit_s: float = STALL_LIMIT_S
+        self, halt: Callable[[], None], recovered: Callable[[float, str], None], limit_s: float = STALL_LIMIT_S
     ) -> None:
         self._halt = halt
         self._recovered = recovered
@@ -109,6 +116,7 @@ class StallGuard:
         if self._thread is not None:
             return
         self._loop = asyncio.get_running_loop()
+        self._loop_thread = threading.get_ident()
         self._stopped = threading.Event()
         self.beat()
         self._thread = threading.Thread(target=self._watch, args=(self._stopped,), name="stall guard", daemon=True)
@@ -133,16 +141,33 @@ class StallGuard:
     def _stand_in(self, last_beat_s: float, stopped: threading.Event) -> None:
         """Keep the wheels still until the loop is back."""
         self._halt()
+        where = _where(self._loop_thread)
         self._tell_what_blocks()
         while self._beat_s == last_beat_s and not stopped.wait(HALT_AGAIN_S):
             self._halt()
         with suppress(RuntimeError):  # the loop was closed meanwhile
-            self._loop.call_soon_threadsafe(self._recovered, self._beat_s - last_beat_s)
+            self._loop.call_soon_threadsafe(self._recovered, self._beat_s - last_beat_s, where)
 
     def _tell_what_blocks(self) -> None:
         self._lines.write(f"wayfarer: the event loop stands still for {self._limit_s:g} s; wheels stopped")
         with suppress(OSError):  # no file to be had; the wheels matter more
             self._lines.write(_stacks())
+
+
+def _where(thread: int) -> str:
+    """Return the innermost calls of a thread, the innermost first; no source file is read for it."""
+    calls = islice(_calls(sys._current_frames().get(thread)), WHERE_FRAMES)
+    return " < ".join(f"{_short(frame)}:{frame.f_lineno} {frame.f_code.co_qualname}" for frame in calls)
+
+
+def _calls(frame: FrameType | None) -> Iterator[FrameType]:
+    while frame is not None:
+        yield frame
+        frame = frame.f_back
+
+
+def _short(frame: FrameType) -> str:
+    return "/".join(Path(frame.f_code.co_filename).parts[-2:])
 
 
 def _stacks() -> str:

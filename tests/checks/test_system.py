@@ -147,8 +147,8 @@ def test_a_writable_log_folder_with_room_is_well_and_is_not_made(rig: Rig) -> No
     assert not rig.place.log_folder.exists()
 
 
-@pytest.mark.parametrize(("free_bytes", "verdict"), [(49_999_999, Verdict.FAIL), (50_000_000, Verdict.OK)])
-def test_fifty_megabytes_must_be_free(
+@pytest.mark.parametrize(("free_bytes", "verdict"), [(149_999_999, Verdict.FAIL), (150_000_000, Verdict.OK)])
+def test_a_mission_must_fit_beside_what_the_log_leaves_free(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, free_bytes: int, verdict: Verdict
 ) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=free_bytes))

@@ -169,6 +169,8 @@ def test_daemon_that_does_not_even_accept_is_reported_in_time(path: Path) -> Non
         b"HTTP/1.1 400 Bad Request\r\n",
         b"{}\n",
         b'{"ok": false}\n',
+        b'{"ok": false, "why": ""}\n',
+        b'{"ok": false, "why": ["arm"]}\n',
         b'{"ok": 1}\n',
         b'{"ok": tr',
         b"\0" * 99,

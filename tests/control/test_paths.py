@@ -50,7 +50,7 @@ def test_session_folder_is_better(places: Path, monkeypatch: pytest.MonkeyPatch)
     assert daemon_socket() == places / "session" / "wayfarer" / "control.sock"
 
 
-@pytest.mark.parametrize("session", ["gone", "relative", ""])
+@pytest.mark.parametrize("session", ["gone", "relative", "", "/" + "x" * 300])
 def test_session_folder_that_is_not_there_is_passed_over(
     places: Path, monkeypatch: pytest.MonkeyPatch, session: str
 ) -> None:

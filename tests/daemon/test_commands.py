@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -13,7 +13,8 @@ from typing import Any
 import orjson
 import pytest
 
-from tests.checks.rigs import Flow, Needle, Rig
+from tests.checks.rigs import T_WALL, Flow, Needle, Rig
+from wayfarer.calibration import Calibration, MotorsEntry, save, stamp
 from wayfarer.checks import Verdict, run_checks
 from wayfarer.checks.parts import contact
 from wayfarer.control.protocol import Commands, Refused
@@ -216,6 +217,82 @@ def test_arming_is_refused_with_what_a_check_found_and_what_to_do(
         assert run.log.named("arming_refused")
         await asyncio.sleep(DELAY_S + 1.0)
         assert run.wheels == STOP
+
+    play(scene)
+
+
+SHIFTED = MotorsEntry(
+    **stamp("board at 0x15 on /dev/i2c-1", T_WALL), shift_half_deg=4.0, shift_full_deg=17.0, passed=False
+)
+
+
+@pytest.mark.parametrize(
+    ("entry", "text"),
+    [
+        (SHIFTED, "calibrated motors: the motors turn the heading by 17°"),
+        (dataclasses.replace(SHIFTED, part="board at 0x16"), "calibrated motors: made with board at 0x16, but this is"),
+        (None, "calibrated compass: .*calibration.json: not a calibration"),
+    ],
+)
+def test_calibration_that_is_bad_broken_or_of_another_part_refuses_arming_and_is_named(
+    play: Play, entry: MotorsEntry | None, text: str
+) -> None:
+    """Field catalogue, faults 12 and 49."""
+
+    async def scene(run: Run) -> None:
+        path = run.rig.place.calibration_file
+        save(path, Calibration(motors=entry))
+        if entry is None:
+            path.write_bytes(path.read_bytes()[:-10])
+        with pytest.raises(Refused, match=f"not armed: .*{text}"):
+            await run.commands.arm(0.0)
+        assert run.mode == "disarmed"
+
+    play(scene)
+
+
+def test_rover_that_lies_on_its_roof_is_refused_at_once_and_told_what_to_do(play: Play) -> None:
+    """Today's fault, not a memory of one: set upright, it is armed."""
+
+    async def scene(run: Run) -> None:
+        run.rig.compass.tilt_deg = 170.0
+        await asyncio.sleep(1.0)
+        with pytest.raises(Refused, match=r"not armed: overturned: .*stand it on its wheels"):
+            await run.commands.arm(0.0)
+        assert run.mode == "disarmed"
+        assert run.log.named("arming_refused") == [{"failed": ["overturned"]}]
+        assert not run.log.named("arming")
+        run.rig.compass.tilt_deg = 0.0
+        await asyncio.sleep(1.0)
+        await run.arm()
+
+    play(scene)
+
+
+def test_board_that_turns_the_wheels_by_itself_is_refused_at_once(play: Play) -> None:
+    async def scene(run: Run) -> None:
+        async def astray() -> WheelCommand:
+            return WheelCommand(0.3, 0.3)
+
+        run.rig.motors.read_back = astray  # type: ignore[method-assign]
+        await asyncio.sleep(2.5)  # sim.toml asks the board once a second
+        with pytest.raises(Refused, match=r"board disagrees: .*no other program commands it"):
+            await run.commands.arm(0.0)
+        assert not run.log.named("arming")
+
+    play(scene)
+
+
+def test_motors_that_failed_keep_no_rover_from_arming_once_they_answer(play: Play) -> None:
+    """Nobody knows whether they answer again before they are opened, and arming does that."""
+
+    async def scene(run: Run) -> None:
+        await run.arm()
+        run.rig.motors.fails_at = 0
+        await asyncio.sleep(0.5)
+        assert (run.mode, (await run.status())["why_disarmed"]) == ("disarmed", "fault: motors_failed")
+        run.rig.motors.fails_at = 10**9
+        await run.arm()
 
     play(scene)
 
@@ -487,7 +564,7 @@ class MuteFlow(Flow):
 def test_compass_that_fell_silent_is_stale_and_keeps_the_rover_from_arming(play: Play, tmp_path: Path) -> None:
     rig = Rig(tmp_path)
     compass = MuteCompass(rig.world, Streams(0))
-    rig.rover = replace(rig.rover, compass=compass)
+    rig.rover = dataclasses.replace(rig.rover, compass=compass)
 
     async def scene(run: Run) -> None:
         compass.silent = True
@@ -506,7 +583,7 @@ def test_compass_that_fell_silent_is_stale_and_keeps_the_rover_from_arming(play:
 def test_motion_sensor_that_fell_silent_lets_no_rover_drive(play: Play, tmp_path: Path) -> None:
     rig = Rig(tmp_path)
     motion = MuteFlow(rig.world, Streams(0))
-    rig.rover = replace(rig.rover, motion=motion)
+    rig.rover = dataclasses.replace(rig.rover, motion=motion)
 
     async def scene(run: Run) -> None:
         motion.silent = True

@@ -9,7 +9,7 @@ import pytest
 
 from wayfarer.checks.system import THROTTLED
 from wayfarer.daemon import computer
-from wayfarer.daemon.computer import CPU_TEMPERATURE, ComputerWatch, Health, health
+from wayfarer.daemon.computer import CPU_TEMPERATURE, ComputerWatch, health, power_flags
 
 
 def write(root: Path, path: str, text: str) -> None:
@@ -34,17 +34,49 @@ def test_what_is_not_told_is_none(tmp_path: Path, text: str) -> None:
 
 def test_watch_tells_at_once_and_ends_when_it_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(computer, "EVERY_S", 0.01)
-    told, enough = [], threading.Event()
+    monkeypatch.setattr(computer, "POWER_EVERY_S", 0.01)
+    write(tmp_path, THROTTLED, "50005\n")
+    told: list[float | str | None] = []
+    enough = threading.Semaphore(0)
 
-    def take(found: Health) -> None:
+    def take(found: float | str | None) -> None:
         told.append(found)
-        if len(told) == 3:
-            enough.set()
+        if told.count(found) == 3:
+            enough.release()
             raise RuntimeError("Event loop is closed")
 
-    with ComputerWatch(tmp_path, take):
-        assert enough.wait(5.0)
-    thread = next((each for each in threading.enumerate() if each.name == "computer watch"), None)
-    if thread is not None:
+    with ComputerWatch(tmp_path, lambda found: take(found["throttled"]), take, tmp_path):
+        assert enough.acquire(timeout=5.0)
+        assert enough.acquire(timeout=5.0)
+    assert {"50005", 0x50005} <= set(told)
+    for thread in [each for each in threading.enumerate() if each.name in {"computer watch", "power watch"}]:
         thread.join(5.0)
         assert not thread.is_alive()
+
+
+def test_card_that_hangs_does_not_hold_up_the_power_flags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(computer, "POWER_EVERY_S", 0.01)
+    write(tmp_path, THROTTLED, "1\n")
+    answers, polled = threading.Event(), threading.Semaphore(0)
+
+    def hang() -> None:
+        answers.wait(5.0)
+
+    with ComputerWatch(tmp_path, lambda _: hang(), lambda _: polled.release(), tmp_path):
+        for _ in range(3):
+            assert polled.acquire(timeout=5.0)
+        answers.set()
+
+
+def test_power_is_asked_for_once_a_second() -> None:
+    assert computer.POWER_EVERY_S == 1.0, "the field catalogue's bound, fault 32"
+
+
+@pytest.mark.parametrize(("text", "flags"), [("50005", 0x50005), ("0x1", 1), ("0", 0), ("", None), ("hot", None)])
+def test_power_flags_are_the_number_that_the_firmware_gives(tmp_path: Path, text: str, flags: int | None) -> None:
+    write(tmp_path, THROTTLED, text)
+    assert power_flags(tmp_path) == flags
+
+
+def test_computer_that_is_no_pi_tells_no_power_flags(tmp_path: Path) -> None:
+    assert power_flags(tmp_path) is None

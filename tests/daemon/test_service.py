@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import json
 import os
 import signal
@@ -17,12 +18,15 @@ from typing import Any
 
 import pytest
 
+from tests.fieldlog.disks import FailingCall
+from tests.logbook.records import HEADER, drive, event, numbered, write
 from tests.system.faulty import FAULTY
 from wayfarer.config import load_rover
 from wayfarer.control.client import ask
 from wayfarer.control.paths import AlreadyRunning, SingleDaemon
+from wayfarer.daemon import computer
 from wayfarer.daemon.service import Daemon, Service, Vessel, serve
-from wayfarer.errors import NotResponding
+from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.mission import RunEnd
@@ -77,8 +81,11 @@ class Site:
     async def ask(self, do: str, **keys: object) -> dict[str, Any]:
         return await asyncio.to_thread(ask, {"do": do, **keys}, self.socket)
 
+    def runs(self) -> int:
+        return len(list(self.logs.iterdir())) if self.logs.exists() else 0
+
     def log(self) -> list[dict[str, Any]]:
-        (folder,) = self.logs.iterdir()
+        folder = max(self.logs.iterdir())
         return [json.loads(line) for line in (folder / "run.jsonl").read_text(encoding="utf-8").splitlines()]
 
     def events(self, name: str) -> list[dict[str, Any]]:
@@ -92,8 +99,10 @@ class Running:
         self.site = site
 
     async def __aenter__(self) -> Running:
+        before = self.site.runs()
+        self.site.socket.unlink(missing_ok=True)  # as ``SingleDaemon`` does
         self._run = asyncio.create_task(Daemon(self.site.service).run())
-        await self.until(lambda: self.site.logs.exists() and any(each.get("heading_deg") for each in self.site.log()))
+        await self.until(lambda: self.site.runs() > before and any(each.get("heading_deg") for each in self.site.log()))
         return self
 
     async def __aexit__(self, kind: object, error: object, where: object) -> None:
@@ -189,6 +198,106 @@ async def test_loop_that_stands_still_has_its_wheels_stopped_meanwhile(site: Sit
         assert site.events("loop_stalled")[0]["stall_s"] >= 0.4
         await site.ask("stop")
         await daemon.end()
+
+
+async def test_log_says_where_the_loop_stood_still(site: Site) -> None:
+    async with Running(site) as daemon:
+        time.sleep(0.5)  # noqa: ASYNC251 - the bug that is guarded against
+        await daemon.until(lambda: bool(site.events("loop_stalled")))
+        await site.ask("stop")
+        await daemon.end()
+    where = site.events("loop_stalled")[0]["where"]
+    assert where.startswith("daemon/test_service.py:"), where
+    assert "test_log_says_where_the_loop_stood_still" in where.split(" < ")[0]
+
+
+async def test_settings_of_two_runs_are_told_apart_by_their_hash(site: Site) -> None:
+    hashes = []
+    for control_hz in (20.0, 20.0, 25.0):
+        site.service = replace(site.service, config=site.service.config.model_copy(update={"control_hz": control_hz}))
+        async with Running(site) as daemon:
+            await site.ask("stop")
+            await daemon.end()
+        hashes.append(site.log()[0]["config_hash"])
+    assert hashes[0] == hashes[1] != hashes[2]
+    assert all(len(bytes.fromhex(each)) == 8 for each in hashes)
+
+
+# -- the run before ----------------------------------------------------------------------------------------------------
+
+
+async def test_run_that_was_cut_off_is_told_by_the_next_which_stands_disarmed(
+    site: Site, capfd: pytest.CaptureFixture[str]
+) -> None:
+    before = "00016-20261121T061405Z"
+    write(site.logs / before, numbered([HEADER, event("armed", 1.0), *drive(1.0, 2.0, phase="follow")]))
+    async with Running(site) as daemon:
+        assert (await site.ask("status"))["mode"] == "disarmed"
+        await site.ask("stop")
+        await daemon.end()
+    (told,) = site.events("unclean_shutdown")
+    assert (told["run"], told["last_t_s"], told["mode"], told["error"]) == (before, 101.95, "armed", None)
+    assert f"the run before ({before}) was cut off while armed at " in capfd.readouterr().err
+    assert site.log()[-1]["record"] == "outcome", "and the next one will not speak of this"
+
+
+async def test_run_that_was_ended_in_order_is_not_spoken_of(site: Site) -> None:
+    for _ in range(2):
+        async with Running(site) as daemon:
+            await site.ask("stop")
+            await daemon.end()
+        assert site.events("unclean_shutdown") == []
+
+
+async def test_log_of_the_run_before_that_cannot_be_read_stops_no_daemon(site: Site) -> None:
+    (site.logs / "00016-20261121T061405Z" / "run.jsonl").mkdir(parents=True)
+    async with Running(site) as daemon:
+        await site.ask("stop")
+        await daemon.end()
+    assert "directory" in site.events("unclean_shutdown")[0]["error"]
+
+
+# -- disk and power ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("number", "cure"), [(errno.ENOSPC, "delete old runs"), (errno.EROFS, "mount the disk")])
+async def test_disk_that_takes_no_records_lets_the_rover_drive_on_and_refuses_the_next_arming(
+    site: Site, monkeypatch: pytest.MonkeyPatch, number: int, cure: str
+) -> None:
+    async with Running(site) as daemon:
+        await daemon.drives()
+        disk = FailingCall(monkeypatch, "fdatasync", number)
+        disk.failures, broke_s = 10**9, time.monotonic()
+        while not (await site.ask("status"))["log_dropped"]:
+            await asyncio.sleep(0.05)
+            assert time.monotonic() - broke_s < LONG_S
+        assert time.monotonic() - broke_s < 1.5, "a second, and this machine's patience"
+        assert (await site.ask("status"))["mode"] == "armed"
+        assert await site.wheels() != STOP
+        await site.ask("disarm")
+        with pytest.raises(WayfarerError, match=rf"not armed: log: .*cannot be written: .*{cure}.*within a second"):
+            await site.ask("arm", heading_deg=0.0)
+        disk.failures = 0
+        await asyncio.sleep(2.5)
+        await daemon.drives()
+        await site.ask("stop")
+        await daemon.end()
+
+
+async def test_low_voltage_of_the_computer_is_noticed_within_a_second(
+    site: Site, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    flags = tmp_path / "get_throttled"
+    monkeypatch.setattr(computer, "THROTTLED", str(flags))
+    async with Running(site) as daemon:
+        flags.write_text("50005\n", encoding="ascii")
+        async with asyncio.timeout(1.5):  # a second, and this machine's patience
+            while "undervoltage" not in (await site.ask("status"))["conditions"]:
+                await asyncio.sleep(0.05)
+        await site.ask("stop")
+        await daemon.end()
+    (told,) = site.events("power")
+    assert (told["flags"], told["text"].split(",")[0]) == ("0x50005", "under-voltage now")
 
 
 async def test_dry_run_does_everything_but_turn_the_wheels(site: Site) -> None:

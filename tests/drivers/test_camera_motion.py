@@ -263,8 +263,13 @@ def test_two_pictures_of_one_moment_are_unknown() -> None:
 
 
 def test_a_picture_of_another_size_is_refused() -> None:
-    with pytest.raises(BadReading, match="64 x 48, not 160 x 120"):
+    with pytest.raises(BadReading, match="64 x 48 uint8, not 160 x 120 uint8"):
         readings(DOWN, patch(), patch()[:48, :64])
+
+
+def test_a_picture_of_other_than_grey_bytes_is_refused() -> None:
+    with pytest.raises(BadReading, match="160 x 120 float32, not 160 x 120 uint8"):
+        readings(DOWN, patch(), patch().astype("float32"))
 
 
 def test_a_camera_that_stops_is_told_and_the_next_picture_counts_from_the_last_one() -> None:

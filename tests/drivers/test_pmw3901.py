@@ -388,6 +388,28 @@ def test_spike_is_dropped_and_the_next_reading_is_good() -> None:
     run(main)
 
 
+@pytest.mark.parametrize(
+    ("counts", "is_limit"), [((0, 0), False), ((100, -150), False), ((0, -166), True), ((174, 3), True)]
+)
+def test_readings_at_the_speed_that_the_chip_can_follow_and_garbage_are_counted(
+    counts: tuple[int, int], is_limit: bool
+) -> None:
+    """7.4 rad/s are 0.74 m/s at 0.1 m, and 173 counts in 0.05 s."""
+
+    async def main() -> None:
+        flow = flow_over(PMW3901Chip(Driven(counts, (1201, 0)), time))
+        await flow.open()
+        await asyncio.sleep(0.05)
+        await flow.read()
+        assert flow.troubles == ({"readings at the speed limit": 1} if is_limit else {})
+        await asyncio.sleep(0.05)
+        with pytest.raises(BadReading):
+            await flow.read()
+        assert flow.troubles["garbage rejected"] == 1
+
+    run(main)
+
+
 def test_chip_that_lost_its_settings_is_reported_and_opening_it_anew_helps() -> None:
     async def main() -> None:
         chip = PMW3901Chip(Driven((8, 0)), time)

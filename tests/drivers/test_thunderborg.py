@@ -236,6 +236,18 @@ async def test_two_missing_acknowledgements_are_made_good_and_three_are_told() -
 
 
 @virtual
+async def test_transfers_that_were_tried_again_are_counted() -> None:
+    bench = Bench()
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    assert bench.motors.troubles == {"transfers retried": 0}
+    bench.cable.loose = 2
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    bench.cable.garbled = {21: 1}
+    await bench.motors.health()
+    assert bench.motors.troubles == {"transfers retried": 3}
+
+
+@virtual
 async def test_stop_keeps_trying_and_never_raises() -> None:
     bench = Bench()
     await bench.motors.drive(WheelCommand(0.5, 0.5))

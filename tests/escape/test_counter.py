@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from tests.escape.walk import STUCK, Walk, make, observation
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.escape.handler import COUNTER_MAX_DEG
 
 
 def in_episode(name: str = "pledge", heading_deg: float = 0.0, goal_heading_deg: float = 0.0) -> Walk:
@@ -19,7 +20,7 @@ def in_episode(name: str = "pledge", heading_deg: float = 0.0, goal_heading_deg:
     return walk
 
 
-@given(st.lists(st.integers(-179 * 64, 179 * 64).map(lambda n: n / 64), max_size=30))
+@given(st.lists(st.integers(-179 * 64, 179 * 64).map(lambda n: n / 64), max_size=6))
 def test_counter_is_the_sum_of_all_turns_however_they_come_about(turns_deg: list[float]) -> None:
     walk = in_episode()
     for turn_deg in turns_deg:
@@ -42,6 +43,18 @@ def test_counter_counts_whole_turns() -> None:
     for _ in range(10):
         walk.tick(*STUCK, turn_deg=90.0)
     assert walk.counter_deg == 900.0
+
+
+@given(st.lists(st.integers(-179, 179), max_size=80), st.sampled_from(sorted(CATALOGUE)))
+def test_counter_never_leaves_three_turns_for_longer_than_a_tick(turns_deg: list[int], name: str) -> None:
+    walk = in_episode(name)
+    for turn_deg in turns_deg:
+        before_deg = walk.counter_deg
+        decision = walk.tick(turn_deg=turn_deg)
+        assert abs(walk.counter_deg) <= COUNTER_MAX_DEG
+        if abs(before_deg + turn_deg) > COUNTER_MAX_DEG:
+            assert (decision.phase, walk.counter_deg) == (Phase.FOLLOW, 0.0)
+            assert decision.why.endswith(".overwound")
 
 
 def test_blocked_turn_counts_what_was_turned() -> None:

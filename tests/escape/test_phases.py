@@ -118,6 +118,20 @@ def held_tail(walk: Walk) -> None:
     walk.seen = walk.seen._replace(heading_deg=120.0)
 
 
+def overwinding(phase: Phase) -> Callable[[Walk], None]:
+    """In a phase, while something turns the body round and round, away from where a turn ends."""
+
+    def prepare(walk: Walk) -> None:
+        walk.to(phase)
+        walk.turns = walk.travels = False
+        away = -179.0 if phase is Phase.TURN_AWAY else 179.0
+        turn_deg = away * float(walk.handler.memory()["side"])
+        while walk.decision.phase is phase and "." not in walk.tick(turn_deg=turn_deg).why:
+            pass
+
+    return prepare
+
+
 def free(phase: Phase) -> Callable[[Walk], None]:
     def prepare(walk: Walk) -> None:
         walk.to(phase)
@@ -142,6 +156,7 @@ ROUTES: Mapping[tuple[Phase, Event], Callable[[Walk], None]] = {
     (Phase.STRIDE, Event.ANOMALY): met_something(Phase.STRIDE),
     (Phase.STRIDE, Event.DONE): free(Phase.STRIDE),
     (Phase.STRIDE, Event.EXHAUSTED): spinning(Phase.STRIDE),
+    **{(phase, Event.OVERWOUND): overwinding(phase) for phase in Phase if phase is not Phase.HALT},
 }
 
 

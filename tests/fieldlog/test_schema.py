@@ -24,7 +24,8 @@ from wayfarer.fieldlog.reader import KINDS, Record, RunReader
 from wayfarer.hal import PositionFix
 from wayfarer.logbook import account, wording
 from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.trial import TrialSpec, run_trial
+from wayfarer.simhal.stage import TrialSpec
+from wayfarer.simhal.trial import run_trial
 
 README = Path(__file__).resolve().parents[2] / "field_logs" / "README.md"
 CODE = Path(wayfarer.__file__).parent

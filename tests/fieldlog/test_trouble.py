@@ -5,6 +5,18 @@ from __future__ import annotations
 from wayfarer.fieldlog.trouble import Trouble
 
 
+def test_present_trouble_is_known_until_it_is_over() -> None:
+    trouble = Trouble(lambda _: None)
+    assert trouble.now is None
+    trouble.begins("disk", "the disk is full; the rover drives on")
+    trouble.begins("queue", "the disk does not answer")
+    assert trouble.now == "the disk is full"
+    trouble.ends("disk", 1)
+    assert trouble.now == "the disk does not answer"
+    trouble.ends("queue", 1)
+    assert trouble.now is None
+
+
 def test_each_kind_of_trouble_is_told_once_until_all_of_it_is_over() -> None:
     told: list[str] = []
     trouble = Trouble(told.append)

@@ -108,7 +108,7 @@ def test_mission_counts_time_and_metres_from_arming(feed: Feed) -> None:
 def test_health_is_told_in_words(feed: Feed) -> None:
     log = shown(feed)
     log.tick(tick(100.0, level=Level.HOLD, cause=Condition.COMPASS_STALE))
-    log.board(100.0, board(11.4, "motor A: drive fault"))
+    log.board(100.0, board(11.4, "motor A: drive fault"), None)
     state = feed.state()
     assert (state["level_text"], state["cause_text"]) == ("Wheels held until this clears", "the compass is silent")
     assert (state["battery_v"], state["faults"]) == (11.4, ["motor A: drive fault"])

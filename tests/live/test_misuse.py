@@ -62,6 +62,18 @@ def test_allowance_is_used_up_and_comes_back() -> None:
     assert [allowance.take(100.0) for _ in range(6)] == [True] * 5 + [False], "never more than at first"
 
 
+async def test_request_too_deep_to_be_sent_back_is_refused_and_the_connection_stays() -> None:
+    deep: Any = "hold"
+    for _ in range(300):  # more than can be encoded, and fewer than are read
+        deep = [deep]
+    async with serving() as site, site.connect() as connection:
+        await connection.send_json({"do": deep})
+        reply = await first(connection, "reply")
+        assert (reply["ok"], reply["do"]) == (False, None)
+        await connection.send_json({"do": "hold"})
+        assert (await first(connection, "reply"))["ok"]
+
+
 @pytest.mark.parametrize("send", ["ping", "pong"])
 async def test_who_pings_is_cut_off(send: str) -> None:
     async with serving() as site, site.connect() as connection, asyncio.timeout(5.0):
@@ -83,6 +95,17 @@ async def test_socket_that_is_asked_for_as_a_page_is_refused_in_words() -> None:
     async with serving() as site, site.client.get(f"{site.url}ws", headers={"Origin": site.origin}) as response:
         assert response.status == 400
         assert "open /" in await response.text()
+
+
+async def test_socket_that_is_asked_for_in_bytes_that_are_no_text_is_refused_in_words() -> None:
+    async with serving() as site:
+        reader, writer = await asyncio.open_connection("127.0.0.1", site.port)
+        host = site.origin.removeprefix("http://").encode()
+        asked = b"GET /ws HTTP/1.1\r\nHost: %s\r\nOrigin: http://%s\r\nUpgrade: \x80\r\n\r\n" % (host, host)
+        writer.write(asked)
+        async with asyncio.timeout(5.0):
+            assert b" 400 " in await reader.readline()
+        writer.close()
 
 
 @pytest.mark.usefixtures("nobody_is_local")

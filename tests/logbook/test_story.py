@@ -102,6 +102,31 @@ def test_computer_is_told_when_its_power_sags() -> None:
             Tone.WARNING,
         ),
         (event("loop_stalled", 1.0, stall_s=0.512), "loop stalled: stall 0.512 s", Tone.FAULT),
+        (
+            event("power", 1.0, flags="0x1", text="under-voltage now"),
+            "power: flags 0x1, under-voltage now",
+            Tone.WARNING,
+        ),
+        (
+            event("part_troubles", 1.0, part="CMPS14", counts={"reads retried": 3, "garbage": 1}),
+            "part troubles: part CMPS14, counts 3 reads retried, 1 garbage",
+            Tone.PLAIN,
+        ),
+        (
+            event("unclean_shutdown", 1.0, run="00016-x", last_t_s=9.0, last_t_wall=None, mode="armed", error=None),
+            "unclean shutdown: the run before (00016-x) was cut off while armed: killed, or without power",
+            Tone.WARNING,
+        ),
+        (
+            event("unclean_shutdown", 1.0, run="00016-x", last_t_s=None, last_t_wall=None, mode=None, error="no entry"),
+            "unclean shutdown: the run before (00016-x) cannot be read: no entry",
+            Tone.WARNING,
+        ),
+        (
+            event("unclean_shutdown", 1.0),
+            "unclean shutdown: the run before (?) was cut off: killed, or without power",
+            Tone.WARNING,
+        ),
         (event("opened", 1.0, parts=["CMPS14", "PMW3901"]), "opened: parts CMPS14, PMW3901", Tone.PLAIN),
         (event("of a third party", 1.0, deeply={"a": [1]}), "of a third party: deeply {'a': [1]}", Tone.PLAIN),
         (outcome(1.0), "ended: requested: enough", Tone.END),

@@ -56,7 +56,21 @@ def test_row_never_holds_nan_or_a_negative_zero() -> None:
     assert csv_line(row_of(result)[:-1]) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,\n"
 
 
-@pytest.mark.parametrize("line", ["", "1,pledge", csv_line(ROWS[0]).replace("escaped", "vanished"), "x" * 99])
+WHOLE = csv_line(ROWS[0])
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "",
+        "1,pledge",
+        "x" * 99,
+        WHOLE.replace("escaped", "vanished"),
+        WHOLE.replace("80.125", "nan"),
+        WHOLE.replace("80.125", "1e999"),
+        WHOLE.removeprefix("0"),
+    ],
+)
 def test_line_that_is_no_row_is_refused_with_its_place(line: str) -> None:
     with pytest.raises(BadInput, match=r"^trials.csv, line 9 is not a row"):
         parse_row(line, Row._fields, "trials.csv, line 9")
@@ -108,6 +122,26 @@ def test_damaged_row_in_the_middle_is_named(tmp_path: Path) -> None:
     with (tmp_path / PARTIAL).open("a") as partial:
         partial.write("\0\0\0\n")
     with pytest.raises(BadInput, match=r"trials\.partial\.csv, line 3 is not a row"):
+        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+
+
+@pytest.mark.parametrize("damage", [b"\x80", b"\xff\xfe"])
+def test_rows_that_are_no_text_are_refused_with_the_file(tmp_path: Path, damage: bytes) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        folder.append(ROWS[0])
+    with (tmp_path / PARTIAL).open("ab") as partial:
+        partial.write(damage + b"\n")
+    with pytest.raises(BadInput, match=r"trials\.partial\.csv is damaged: byte \d+ is no text"):
+        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+
+
+@pytest.mark.parametrize("content", [b"", b"trial,algorithm\n"])
+def test_table_without_its_columns_is_refused(tmp_path: Path, content: bytes) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        folder.append(ROWS[0])
+        folder.finish(ROWS, {})
+    (tmp_path / TRIALS).write_bytes(content)
+    with pytest.raises(BadInput, match=r"trials\.csv is damaged: its first line does not name its columns"):
         ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
 
 

@@ -7,24 +7,25 @@ import os
 import pwd
 import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import fields, is_dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.checks.api import Finding, Inspection, Place, fail, ok, skipped, warn
+from wayfarer.power import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
-# At 22 MB an hour of field log (field.md 4) this is two hours and a bit: a mission's limit is one.
-DISK_FREE_MIN_BYTES = 50_000_000
+# At 50 MB an hour of field log (``LogSettings``) this is what a mission takes, beside what its log leaves alone.
+MISSION_MB = 50.0
+MB = 1_000_000
 # A clock that was never set stands at 1970, or at the day its system image was made.
 YEAR_MIN = 2024
 # The debug connector of a Raspberry Pi 5, which its /dev/serial0 leads to. Second hand, from the issue tracker of the
 # Raspberry Pi documentation (issue 3239, pull request 3294).
 PI5_DEBUG_PORT = "ttyAMA10"
-# The firmware's power and heat flags, in hexadecimal: bits 0-3 now, 16-19 since boot (field.md 4).
+# The firmware's power and heat flags (``wayfarer.power``), in hexadecimal.
 THROTTLED = "/sys/devices/platform/soc/soc:firmware/get_throttled"
-UNDER_VOLTAGE_NOW, SLOWED_NOW, UNDER_VOLTAGE_SINCE_BOOT = 0x1, 0xE, 0x10000
 
 
 class Trouble(NamedTuple):
@@ -138,16 +139,16 @@ async def power(inspection: Inspection) -> Finding:
 
 async def disk(inspection: Inspection) -> Finding:
     """Check that the log folder can be written and has room."""
-    return await asyncio.to_thread(_disk, inspection.place.log_folder)
+    return await asyncio.to_thread(_disk, inspection.place.log_folder, inspection.config.log.free_mb + MISSION_MB)
 
 
-def _disk(folder: Path) -> Finding:
+def _disk(folder: Path, needed_mb: float) -> Finding:
     there = folder.absolute()
     try:
         there = next(path for path in (there, *there.parents) if path.exists())
         with tempfile.TemporaryFile(dir=there) as file:
             file.write(b"wayfarer")
-        free_bytes = shutil.disk_usage(there).free
+        free_mb = shutil.disk_usage(there).free / MB
     except OSError as error:
         return fail(
             "disk",
@@ -155,10 +156,24 @@ def _disk(folder: Path) -> Finding:
             "the folder belongs to another user, or the card went read-only after an error",
             f"sudo chown {_user()} {there}; if it is read-only, reboot and look at `dmesg`",
         )
-    found = f"{free_bytes / 1e6:.0f} MB free in {there}"
-    if free_bytes < DISK_FREE_MIN_BYTES:
-        return fail("disk", found, "old runs fill it", f"copy old runs from {folder} and delete them; 50 MB are needed")
+    found = f"{free_mb:.0f} MB free in {there}"
+    if free_mb < needed_mb:
+        remedy = f"copy old runs from {folder} and delete them; {needed_mb:.0f} MB are needed"
+        return fail("disk", found, "old runs fill it", remedy)
     return ok("disk", found)
+
+
+async def log(trouble: Callable[[], str | None], inspection: Inspection) -> Finding:  # noqa: ARG001 - as any check
+    """Check that the log of this run is being written: a mission that nobody can look at is not begun (fault 40).
+
+    Args:
+        trouble: tells why records are lost at present, None where they are not.
+        inspection: not looked at.
+    """
+    text = trouble()
+    if text is None:
+        return ok("log", "is being written")
+    return fail("log", text, "records of this run are being lost", "mend that; the log goes on within a second")
 
 
 async def clock(inspection: Inspection) -> Finding:

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer import __version__
-from wayfarer.cli import care, control, demo, logs, replay, report, rover, sim
+from wayfarer.cli import care, control, demo, faults, logs, replay, report, rover, sim
 from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.lines import clean
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -40,6 +41,7 @@ wayfarer sim --help
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
 app.command(epilog=demo.EXAMPLES)(demo.demo)
 app.command(epilog=sim.EXAMPLES)(sim.sim)
+app.command(epilog=faults.EXAMPLES)(faults.faults)
 app.command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
 for verb in control.COMMANDS:
     app.command(rich_help_panel=CONTROL)(verb)
@@ -77,7 +79,7 @@ def run(arguments: list[str]) -> int:
 
 def _fail(text: str, exit_code: int) -> int:
     if text:  # there is none where the help was the answer
-        print("wayfarer:", " ".join(text.splitlines()), file=sys.stderr)
+        print("wayfarer:", clean(" ".join(text.splitlines())), file=sys.stderr)
     return exit_code
 
 

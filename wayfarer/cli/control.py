@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from typing import Annotated, Any
 
 import typer
+
+from wayfarer.errors import WayfarerError
 
 ANSWER_S = 5.0
 ARM_S = 30.0  # the checks before arming may wait for every part in turn
@@ -32,7 +36,8 @@ def status(*, as_json: Annotated[bool, typer.Option("--json", help="Everything, 
         return
     from wayfarer.cli.status_text import status_text
 
-    print(status_text(found))
+    with _as_this_version():
+        print(status_text(found))
 
 
 def arm(
@@ -46,9 +51,10 @@ def arm(
     """Check everything, wait for the start delay, then drive. Step away from the rover."""
     keys = {} if heading_deg is None else {"heading_deg": heading_deg % 360.0, "north": north.value}
     reply = _ask("arm", **keys)
-    for warning in reply["warnings"]:
-        print("warning:", warning)
-    print(f"arming: the wheels may turn in {reply['start_delay_s']:g} s")
+    with _as_this_version():
+        for warning in reply["warnings"]:
+            print("warning:", warning)
+        print(f"arming: the wheels may turn in {reply['start_delay_s']:g} s")
 
 
 def disarm() -> None:
@@ -72,7 +78,8 @@ def resume() -> None:
 def goal(heading_deg: Heading, *, north: NorthOption = North.magnetic) -> None:
     """Head elsewhere."""
     reply = _ask("goal", heading_deg=heading_deg % 360.0, north=north.value)
-    print(f"heading for {reply['goal_heading_deg']:g} degrees magnetic")
+    with _as_this_version():
+        print(f"heading for {reply['goal_heading_deg']:g} degrees magnetic")
 
 
 def mark(text: Annotated[str, typer.Argument(help="What happened, such as 'hit log'.")]) -> None:
@@ -84,10 +91,22 @@ def mark(text: Annotated[str, typer.Argument(help="What happened, such as 'hit l
 def stop() -> None:
     """Stop the wheels and end the run."""
     reply = _ask("stop")
-    print(f"stopped; the log is in {reply['log']}")
+    with _as_this_version():
+        print(f"stopped; the log is in {reply['log']}")
 
 
 COMMANDS = (status, arm, disarm, hold, resume, goal, mark, stop)
+
+
+@contextmanager
+def _as_this_version() -> Iterator[None]:
+    """Say so where the details of an answer are not those that this version gives."""
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError):
+        raise WayfarerError(
+            "it was done, but the daemon's answer is not as expected: it may be of another version, restart it"
+        ) from None
 
 
 def _ask(do: str, **keys: object) -> dict[str, Any]:

@@ -114,7 +114,9 @@ def _read_reply(place: Path, reply: bytes) -> dict[str, Any]:
         details: dict[str, Any] = read_line(reply)
         if details.pop("ok") is True:
             return details
-        why = str(details["why"])
+        why = details["why"]
     except (BadInput, KeyError):
-        raise WayfarerError(f"{place}: what answers there is no wayfarer daemon: {reply[:40]!r}") from None
+        why = None
+    if not isinstance(why, str) or not why.strip():
+        raise WayfarerError(f"{place}: what answers there is no wayfarer daemon: {reply[:40]!r}")
     raise Refused(why)

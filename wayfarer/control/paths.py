@@ -51,7 +51,7 @@ def known_sockets() -> Iterator[Path]:
         yield Path(services.split(":")[0]) / SOCKET_NAME
     yield SYSTEM_FOLDER / SOCKET_NAME
     sessions = Path(os.environ.get("XDG_RUNTIME_DIR") or "nowhere")
-    if sessions.is_absolute() and sessions.is_dir():
+    if sessions.is_absolute() and os.access(sessions, os.F_OK) and sessions.is_dir():  # is_dir() raises at long names
         yield sessions / "wayfarer" / SOCKET_NAME
     folder = SHARED_FOLDER / f"wayfarer-{os.geteuid()}"
     _refuse_if_shared(folder)

@@ -7,12 +7,28 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from wayfarer.checks import ARMING, Check, Finding, Inspection, Verdict, run_checks
+from wayfarer.checks.api import fail
+from wayfarer.conditions import Condition
 from wayfarer.control.protocol import Details, Refused
 from wayfarer.errors import DriverError
 from wayfarer.hal import DriveMotors
 from wayfarer.helm import Mode
 from wayfarer.records import RunLog, TickRecord
 from wayfarer.supervisor import Supervisor
+
+# Faults that arming anew cannot mend, as long as they last; the others it forgets, or finds again by itself.
+REMEDIES: Mapping[Condition, tuple[str, str]] = {
+    Condition.OVERTURNED: ("it lies on its side or roof, or its compass is mounted askew", "stand it on its wheels"),
+    Condition.COMPASS_LOST: ("a loose wire, or no power", "check the compass's wires and power; wayfarer check"),
+    Condition.MOTION_GONE: ("a loose wire, or no power", "check the motion sensor's wires and power; wayfarer check"),
+    Condition.BOARD_FAULT: ("a low battery, a short circuit or a hot board", "wayfarer check says which"),
+    Condition.BOARD_DISAGREES: (
+        "the motor board applies another duty than it is told",
+        "take the battery off the motors, check the board's wires and that no other program commands it",
+    ),
+    Condition.BATTERY_CRITICAL: ("the battery is almost empty", "charge it or change it"),
+    Condition.POWER_UNSTABLE: ("the computer's supply dips again and again", "give it a 5 V supply of its own"),
+}
 
 
 class RoverCommands:
@@ -87,10 +103,18 @@ class RoverCommands:
         """Refuse to arm a rover on which a check fails."""
         findings = await run_checks(self._inspect(), self._checks)
         self._warnings = [_told(finding) for finding in findings if finding.verdict is Verdict.WARN]
-        failed = [finding for finding in findings if finding.verdict is Verdict.FAIL]
+        failed = [finding for finding in findings if finding.verdict is Verdict.FAIL] + self._standing()
         if failed:
             self._log.event("arming_refused", _now_s(), failed=[finding.name for finding in failed])
             raise Refused("not armed: " + "; ".join(_told(finding) for finding in failed))
+
+    def _standing(self) -> list[Finding]:
+        """Return what is wrong with the rover now, and would only let the arming fail later (field catalogue, 51)."""
+        return [
+            fail(condition.value.replace("_", " "), "at this moment", *REMEDIES[condition])
+            for condition in self._helm.conditions
+            if condition in REMEDIES
+        ]
 
     async def disarm(self) -> Details:
         """Stop the wheels until armed anew; never refused."""

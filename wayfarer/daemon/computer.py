@@ -1,6 +1,7 @@
-"""The computer's own health in the log: heat, power, load, disk. A Pi that gets hot or hungry slows down unasked.
+"""The computer's own health: heat, power, load, disk. A Pi that gets hot or hungry slows down unasked.
 
-It is read in a thread, because a card that hangs may hold whoever asks for its free space.
+It is read in threads, because a card that hangs may hold whoever asks for its free space; the power flags have a thread
+of their own, because the rover drives more gently by them.
 """
 
 from __future__ import annotations
@@ -17,28 +18,38 @@ from typing import Self
 from wayfarer.checks.system import THROTTLED
 
 EVERY_S = 10.0  # field.md, users' complaint 34
+POWER_EVERY_S = 1.0  # field catalogue, fault 32
 CPU_TEMPERATURE = "/sys/class/thermal/thermal_zone0/temp"  # thousandths of a degree Celsius, on every Linux board
 
 Health = Mapping[str, float | str | None]
 
 
 class ComputerWatch:
-    """Reads the computer's health every ``EVERY_S`` while it is entered.
+    """Reads the computer's health every ``EVERY_S``, and its power flags every ``POWER_EVERY_S``, while it is entered.
 
     Args:
         logs: the folder whose disk is of interest; it need not be there.
-        take: is called in the watch's own thread.
+        take: takes the health, in a thread of the watch.
+        take_power: takes the firmware's power flags, None where it does not tell; in another thread of the watch.
         root: where the file system begins; another one in a test.
     """
 
-    def __init__(self, logs: Path, take: Callable[[Health], None], root: Path = Path("/")) -> None:
+    def __init__(
+        self,
+        logs: Path,
+        take: Callable[[Health], None],
+        take_power: Callable[[int | None], None],
+        root: Path = Path("/"),
+    ) -> None:
         self._logs = logs
         self._take = take
+        self._take_power = take_power
         self._root = root
         self._ended = threading.Event()
 
     def __enter__(self) -> Self:
-        threading.Thread(target=self._watch, name="computer watch", daemon=True).start()
+        self._start("computer watch", EVERY_S, lambda: self._take(health(self._logs, self._root)))
+        self._start("power watch", POWER_EVERY_S, lambda: self._take_power(power_flags(self._root)))
         return self
 
     def __exit__(
@@ -46,11 +57,14 @@ class ComputerWatch:
     ) -> None:
         self._ended.set()
 
-    def _watch(self) -> None:
+    def _start(self, name: str, every_s: float, tell: Callable[[], None]) -> None:
+        threading.Thread(target=self._watch, args=(every_s, tell), name=name, daemon=True).start()
+
+    def _watch(self, every_s: float, tell: Callable[[], None]) -> None:
         while not self._ended.is_set():
             with suppress(RuntimeError):  # the loop that is told has ended
-                self._take(health(self._logs, self._root))
-            self._ended.wait(EVERY_S)
+                tell()
+            self._ended.wait(every_s)
 
 
 def health(logs: Path, root: Path = Path("/")) -> Health:
@@ -62,6 +76,14 @@ def health(logs: Path, root: Path = Path("/")) -> Health:
         "load_1min": round(os.getloadavg()[0], 2),
         "disk_free_mb": _free_mb(logs),
     }
+
+
+def power_flags(root: Path = Path("/")) -> int | None:
+    """Return the flags of ``wayfarer.power``, None where the computer does not tell."""
+    try:
+        return int(_text(root, THROTTLED) or "", 16)
+    except ValueError:
+        return None
 
 
 def _text(root: Path, path: str) -> str | None:

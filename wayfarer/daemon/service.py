@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import os
 import signal
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
 
+import orjson
+
 from wayfarer import __version__
 from wayfarer.calibration import Calibration, calibration_file
-from wayfarer.checks import ARMING, CALIBRATED, Place
+from wayfarer.checks import ARMING, CALIBRATED, Place, system
 from wayfarer.checks.system import device_files
 from wayfarer.config import RoverConfig, part_settings
 from wayfarer.console_log import ConsoleLog
@@ -30,12 +34,14 @@ from wayfarer.dry_run import DryMotors
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.clock import wall_clock
+from wayfarer.fieldlog.ending import Unfinished, unfinished_run
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.folders import new_run_folder
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.thread import WriterThread
 from wayfarer.hal import Rover
 from wayfarer.lines import LineWriter
+from wayfarer.logbook.wording import unclean_text
 from wayfarer.mission import RunEnd
 from wayfarer.records import RunLog, Tee
 from wayfarer.supervisor import Supervisor, check_parts, first_cause
@@ -116,7 +122,7 @@ class Daemon:
         self._rover = replace(rover, motors=DryMotors(rover.motors)) if service.dry_run else rover
         self._notifier = Notifier(os.environ.get("NOTIFY_SOCKET"))
         self._guard = StallGuard(self._rover.motors.halt, self._tell_of_stall)
-        folder = new_run_folder(service.logs)
+        before, folder = unfinished_run(service.logs), new_run_folder(service.logs)
         about = {
             "version": __version__,
             "rover": config.name,
@@ -127,13 +133,19 @@ class Daemon:
             "start_delay_s": config.safety.start_delay_s,
         }
         self._lines = LineWriter()
-        self._field_log = self._open_log(folder, self._header(about, vessel))
+        self._writer = WriterThread(RunFiles(folder, config.log, self._lines.write))
+        shown_to = [viewer.show for viewer in service.viewers]
+        header = self._header(about, vessel)
+        self._field_log = FieldLog(self._writer, header, t_s=self._loop.time(), viewers=shown_to)
+        if before is not None:
+            self._tell_of_unfinished(before)
         witnesses = [vessel.witness(self._field_log)] if vessel.witness else []
         console, heartbeat = ConsoleLog(self._lines.write, service.hint), Heartbeat(self._notifier, self._guard)
         self._log = Tee(self._field_log, *witnesses, console, heartbeat)
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
         checks = [check for check in ARMING if not (service.simulated and check in CALIBRATED)]
+        checks.append(partial(system.log, lambda: self._writer.trouble))
         self._commands = RoverCommands(
             self._supervisor, self._rover.motors, self._inspect, self._log, about, checks, self._records_lost
         )
@@ -153,7 +165,7 @@ class Daemon:
             async with server, AsyncExitStack() as stack:
                 for viewer in self._service.viewers:
                     await stack.enter_async_context(viewer.serving(self._commands))
-                stack.enter_context(ComputerWatch(self._service.logs, self._note_computer))
+                stack.enter_context(ComputerWatch(self._service.logs, self._note_computer, self._note_power))
                 return await self._run_watched()
         finally:
             self._guard.stop()
@@ -176,17 +188,13 @@ class Daemon:
                 if feeding is not None:
                     feeding.cancel()
 
-    def _open_log(self, folder: Path, header: dict[str, Any]) -> FieldLog:
-        sink = WriterThread(RunFiles(folder, self._service.config.log, self._lines.write))
-        shown_to = [viewer.show for viewer in self._service.viewers]
-        return FieldLog(sink, header, t_s=self._loop.time(), viewers=shown_to)
-
     def _records_lost(self) -> int:
         return self._field_log.dropped
 
     def _header(self, about: dict[str, Any], vessel: Vessel) -> dict[str, Any]:
         parts = {name: part.name for name, part in self._rover.parts.items()}
         world = {"world": vessel.world} if vessel.world else {}
+        config = self._service.config.model_dump(mode="json")
         return (
             about
             | world
@@ -195,7 +203,8 @@ class Daemon:
                 "algorithm_seed": self._service.seed,
                 "parts": parts,
                 "calibration": vessel.calibration,
-                "config": self._service.config.model_dump(mode="json"),
+                "config": config,
+                "config_hash": _hash(config),
                 "boot_id": _boot_id(),
             }
         )
@@ -207,6 +216,19 @@ class Daemon:
             self._field_log.note("computer", self._loop.time(), {**health, "log_dropped": self._field_log.dropped})
 
         self._loop.call_soon_threadsafe(note)
+
+    def _note_power(self, flags: int | None) -> None:
+        """Hand the computer's power flags to the helm; called in another thread."""
+        self._loop.call_soon_threadsafe(lambda: self._supervisor.helm.power(self._loop.time(), flags))
+
+    def _tell_of_unfinished(self, before: Unfinished) -> None:
+        """Tell of the run before, which was cut off (field catalogue, fault 33), in the log and on the terminal."""
+        run, last_t_s, last_t_wall, mode, error = before
+        self._field_log.event(
+            "unclean_shutdown", self._loop.time(),
+            run=run, last_t_s=last_t_s, last_t_wall=last_t_wall, mode=mode, error=error,
+        )  # fmt: skip
+        self._lines.write(unclean_text(before._asdict()))
 
     def _inspect(self) -> Live:
         config, logs = self._service.config, self._service.logs
@@ -224,8 +246,13 @@ class Daemon:
         self._rover.motors.halt()
         self._finish("signal", f"ended by {name}")
 
-    def _tell_of_stall(self, stall_s: float) -> None:
-        self._log.event("loop_stalled", self._loop.time(), stall_s=round(stall_s, 3))
+    def _tell_of_stall(self, stall_s: float, where: str) -> None:
+        self._log.event("loop_stalled", self._loop.time(), stall_s=round(stall_s, 3), where=where)
+
+
+def _hash(config: dict[str, Any]) -> str:
+    """Return what tells two rovers' settings apart at a glance: BLAKE2b of their JSON with sorted keys."""
+    return hashlib.blake2b(orjson.dumps(config, option=orjson.OPT_SORT_KEYS), digest_size=8).hexdigest()
 
 
 def _boot_id() -> str | None:

@@ -114,7 +114,7 @@ class CameraMotion:
 
         Raises:
             NotResponding: OpenCV is missing, or no camera, or no picture comes.
-            BadReading: a picture of another size.
+            BadReading: a picture of another size, or of no grey bytes.
         """
         try:
             self._cv2: Any = import_module("cv2")
@@ -133,7 +133,7 @@ class CameraMotion:
 
         Raises:
             NotResponding: no picture comes, or this is not open.
-            BadReading: a picture of another size.
+            BadReading: a picture of another size, or of no grey bytes.
         """
         last, now = await self._next()
         displaces = self._settings.method == "displacement"
@@ -160,10 +160,10 @@ class CameraMotion:
     async def _picture(self) -> Picture:
         t_s, luma = await self._camera.frame()
         settings = self._settings
-        if luma.shape != (settings.height, settings.width):
+        if luma.shape != (settings.height, settings.width) or luma.dtype != "uint8":
             size = " x ".join(map(str, reversed(luma.shape)))
             raise BadReading(
-                f"{self.name}: a picture of {size}, not {settings.width} x {settings.height}; "
+                f"{self.name}: a picture of {size} {luma.dtype}, not {settings.width} x {settings.height} uint8; "
                 "does another program use the camera?"
             )
         mean = luma.mean()

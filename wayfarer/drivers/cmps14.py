@@ -9,6 +9,7 @@ says twice agrees.
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from dataclasses import dataclass
 from struct import Struct
 from typing import Annotated, ClassVar, NamedTuple
@@ -152,7 +153,7 @@ class CMPS14Settings:
 
 
 class CMPS14:
-    """The compass as ``hal.Compass``. ``retries`` counts the reads since ``open`` that needed a second transfer."""
+    """The compass as ``hal.Compass``; ``troubles`` count the reads that needed a second transfer."""
 
     part: ClassVar[str] = "compass"
     Settings = CMPS14Settings
@@ -163,7 +164,7 @@ class CMPS14:
         self._where = f"at 0x{settings.address:02X} on {settings.bus}"
         self._version = 0
         self.name = f"CMPS14 {self._where}"
-        self.retries = 0
+        self.troubles: Counter[str] = Counter()
 
     async def open(self) -> None:
         """Ask for the firmware, then for one block; a part that is still booting gets a second.
@@ -176,7 +177,6 @@ class CMPS14:
             WrongPart: no firmware number, or the register map of a CMPS12.
             BadReading: no block that can be true within a second.
         """
-        self.retries = 0
         try:
             await self._identify()
             block = await self._first_block()
@@ -276,7 +276,7 @@ class CMPS14:
         try:
             return await self._checked_block()
         except DriverError:
-            self.retries += 1
+            self.troubles["reads retried"] += 1
             return await self._checked_block()
 
     async def _checked_block(self) -> Block:

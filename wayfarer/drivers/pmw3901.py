@@ -11,6 +11,7 @@ is off the centre of the turn; that is not taken out.
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from dataclasses import dataclass
 from struct import unpack
 from typing import Annotated, ClassVar, Literal, NamedTuple
@@ -29,6 +30,7 @@ RUNNING = 0xBF  # the observation byte of a chip that works: hardware.md 2.2
 MOTION_BIT = 0x80
 SQUAL_DARK, SHUTTER_UPPER_DARK = 0x19, 0x1F  # too little texture at the longest exposure: data sheet 7.2
 SPIKE_COUNTS, SPIKE_S = 240, 0.010  # PX4 reads every 10 ms and takes more counts than that for garbage from the bus
+LIMIT_RAD_S, AT_LIMIT = 7.4, 0.95  # what the chip follows (hardware.md 2.1); near it, it may be going faster
 PROBE_TRIES = 3
 RESET_S, SETTLE_S, START_S = 0.02, 0.01, 0.24  # Pimoroni's waits; the reset needs 1 ms
 OBSERVE_S = 0.02  # two frames are 15 ms
@@ -114,7 +116,10 @@ def contradiction(burst: Burst, since_s: float) -> str | None:
 
 
 class PMW3901:
-    """The sensor as a ``hal.MotionSensor``."""
+    """The sensor as a ``hal.MotionSensor``.
+
+    ``troubles`` count the readings at the limit of what it can follow, and those that were rejected as garbage.
+    """
 
     part: ClassVar[str] = "motion"
     Settings = PMW3901Settings
@@ -124,6 +129,7 @@ class PMW3901:
         self._settings = settings
         self._bus = buses.spi(settings.bus, mode=settings.spi_mode, speed_hz=settings.speed_hz)
         self._read_t_s = 0.0
+        self.troubles: Counter[str] = Counter()
 
     async def open(self) -> None:
         """Reset the chip, make sure that it is one, give it its settings and see that it runs; takes 0.3 s.
@@ -175,7 +181,10 @@ class PMW3901:
                 "likely its supply dipped and it lost its settings, check the 3.3 V wire"
             )
         if what := contradiction(burst, since_s):
+            self.troubles["garbage rejected"] += 1
             raise BadReading(f"{self.name}: ({burst.dx}, {burst.dy}): {what}; noise on the SPI wires, keep them short")
+        if max(abs(burst.dx), abs(burst.dy)) * self._settings.rad_per_count >= AT_LIMIT * LIMIT_RAD_S * since_s > 0.0:
+            self.troubles["readings at the speed limit"] += 1
         return burst
 
     async def _reset(self) -> None:

@@ -34,12 +34,13 @@ _FULL_VOLTS, _FULL_RAW = 36.3, 1023
 
 
 class Board:
-    """Writes and requests to one ThunderBorg: what its motors and its lights share."""
+    """Writes and requests to one ThunderBorg: what its motors and its lights share; ``retries`` are counted."""
 
     def __init__(self, bus: I2CBus, address: int) -> None:
         self.where = f"ThunderBorg at 0x{address:02X} on {bus.name}"
         self._bus = bus
         self._address = address
+        self.retries = 0
 
     async def write(self, *data: int) -> None:
         """Send a command and its data.
@@ -90,6 +91,7 @@ class Board:
         for _ in range(_RETRIES):
             with suppress(DriverError):
                 return await transfer()
+            self.retries += 1
         try:
             return await transfer()
         except NotResponding as error:
@@ -143,6 +145,8 @@ class ThunderBorg:
 
     The board's failsafe, off at power-up, is the deadman: it stops the motors when no drive command came for 0.25 s.
     Whether requests count as commands is not documented; the helm drives 20 times a second.
+
+    ``troubles`` count the transfers that were tried again.
     """
 
     part: ClassVar[str] = "motors"
@@ -156,6 +160,11 @@ class ThunderBorg:
         self._levels = Levels(FULL_LEVEL, settings)
         self._left, self._right = (_A, _B) if settings.left == "A" else (_B, _A)
         self._driven: set[_Motor] = set()
+
+    @property
+    def troubles(self) -> dict[str, int]:
+        """How many transfers were tried again."""
+        return {"transfers retried": self._board.retries}
 
     async def open(self) -> None:
         """Find the board, arm its failsafe, read that back, and set both motors to zero.

@@ -17,9 +17,10 @@ BLOCKED_TURNS_BEFORE_ALTERNATING = 2
 # Shares of the back-off distance, by the number of blocked turns: between two trunks a body turns best in the middle.
 BACK_OFF_SHARES = (1.0, 0.5, 0.25)
 
-
 # Blocked turns are forgotten after following the goal freely for so long: that is another place.
 FREE_RUN_M = 1.0
+# A counter beyond this is forgotten (field catalogue, fault 59).
+COUNTER_MAX_DEG = 1080.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +64,7 @@ class PhasedHandler:
         """Return the decision for this tick; see ``EscapeHandler``."""
         self._count_turn(observation)
         manoeuvre = self._manoeuvre
-        event = manoeuvre.event(observation)
+        event = Event.OVERWOUND if abs(self._course.counter_deg) > COUNTER_MAX_DEG else manoeuvre.event(observation)
         if event is None:
             return Decision(manoeuvre.wheels(observation), manoeuvre.phase, self._phase_name)
         why = WHY[manoeuvre.phase, event]
@@ -96,6 +97,8 @@ class PhasedHandler:
         if left is Phase.TURN_AWAY:
             self._blocked_turns = 0 if event is Event.DONE else self._blocked_turns + 1
             self._course.side = self._side
+        if event is Event.OVERWOUND:
+            self._course.counter_deg = 0.0
         if phase is Phase.FOLLOW:
             self._followed_from_m = observation.travelled_m
         elif phase is Phase.BACK_OFF:

@@ -11,12 +11,15 @@ from wayfarer.angles import wrap180
 from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.phases import Event
 from wayfarer.escape.steering import HeadingHold
+from wayfarer.escape.turning import TurnWatch, push_rad_s
 from wayfarer.hal import Side, WheelCommand
 
 # A manoeuvre may take this much longer, in time and in distance, than its plan before it counts as failed: lag, mud
 # and turn slip are part of a normal day. The constant second covers the start from standstill.
 SLACK = 3.0
 SLACK_S = 1.0
+# Whatever the plan: reversing may be blocked behind as well, unnoticed (field catalogue, fault 58).
+BACK_OFF_MAX_S = 3.0
 
 
 @dataclass(slots=True)
@@ -109,6 +112,8 @@ class Follow(Manoeuvre):
     def event(self, observation: Observation) -> Event | None:
         if observation.anomalies and _ahead(observation):
             return Event.ANOMALY
+        if self._hold.stands:
+            return Event.EXHAUSTED
         if observation.t_s >= self._limit_t_s:
             return self._check_alignment(observation)
         return None
@@ -139,6 +144,7 @@ class BackOff(Manoeuvre):
         self._known = frozenset(observation.anomalies)
         self._until_m = observation.travelled_m + distance_m
         self._bound(observation, distance_m / self._settings.reverse_m_s, distance_m)
+        self._limit_t_s = min(self._limit_t_s, observation.t_s + BACK_OFF_MAX_S)
 
     def event(self, observation: Observation) -> Event | None:
         if observation.travelled_m >= self._until_m:
@@ -160,29 +166,41 @@ class BackOff(Manoeuvre):
 class TurnAway(Manoeuvre):
     """Turn on the spot by the course's angle to its side. Being blocked shows as running out of time.
 
-    The rate falls with the angle that is left, because a skid-steered body does not stop turning at once.
+    The rate falls with the angle that is left, because a skid-steered body does not stop turning at once; it does not
+    fall below what surely turns a body once it was found to stand.
     """
 
     phase = Phase.TURN_AWAY
+
+    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
+        super().__init__(settings, vehicle, course)
+        self._watch = TurnWatch()
+        self._push_rad_s = push_rad_s(vehicle)
 
     def begin(self, observation: Observation) -> None:
         course = self._course
         self._known = frozenset(observation.anomalies)
         self._until_deg = course.counter_deg + course.side * course.turn_deg
+        self._watch.rest()
         self._bound(observation, course.turn_deg / self._settings.turn_deg_s)
 
     def event(self, observation: Observation) -> Event | None:
-        if self._left_deg <= self._settings.turn_within_deg:
+        left_deg = self._left_deg
+        if left_deg <= self._settings.turn_within_deg:
             return Event.DONE
+        self._watch.update(observation.t_s, left_deg)
         if self._fresh(observation):
             # Backing off once more does not help against what is behind: that turn is over.
             return Event.ANOMALY if _ahead(observation) else Event.EXHAUSTED
-        return Event.EXHAUSTED if self._exhausted(observation) else None
+        return Event.EXHAUSTED if self._watch.stands or self._exhausted(observation) else None
 
     def wheels(self, _observation: Observation) -> WheelCommand:
         settings = self._settings
         rate_deg_s = min(max(self._left_deg * settings.turn_p, settings.turn_min_deg_s), settings.turn_deg_s)
-        return self._vehicle.mix(0.0, self._course.side * radians(rate_deg_s))
+        rate_rad_s = radians(rate_deg_s)
+        if self._watch.pushes:
+            rate_rad_s = max(rate_rad_s, self._push_rad_s)
+        return self._vehicle.mix(0.0, self._course.side * rate_rad_s)
 
     @property
     def _left_deg(self) -> float:
@@ -248,7 +266,7 @@ class Stride(Manoeuvre):
             return Event.ANOMALY
         if observation.travelled_m >= self._until_m:
             return Event.DONE
-        return Event.EXHAUSTED if self._exhausted(observation) else None
+        return Event.EXHAUSTED if self._hold.stands or self._exhausted(observation) else None
 
     def wheels(self, observation: Observation) -> WheelCommand:
         return self._hold.wheels(observation.t_s, wrap180(self._heading_deg - observation.heading_deg))

@@ -20,6 +20,9 @@ follow the goal again. They remember nothing, which is why they stay in pockets.
 Every phase is bounded in time and in commanded distance. Running out is an event like any other (``EXHAUSTED``), so a
 rover whose reverse is blocked, or whose wheels spin in place, goes on to the next manoeuvre instead of grinding.
 
+A counter beyond three turns is forgotten (``OVERWOUND``), whatever the phase: a compass that drifts, or a spiral that
+no forest has, would otherwise have the rover unwind for ever.
+
 Every transition is in ``PLEDGE`` and ``STRIDES`` below, and nowhere else. The event's name, with the phase it ended,
 is the ``why`` of the decision and of the log: ``probe.unwound``, ``turn_away.exhausted``.
 """
@@ -40,11 +43,13 @@ class Event(Enum):
     UNWOUND = "unwound"  # the counter came back to zero
     REALIGNED = "realigned"  # the heading came back to the goal, whole turns forgiven
     EXHAUSTED = "exhausted"  # out of time or distance
+    OVERWOUND = "overwound"  # the counter can no longer be true
 
 
 Transitions = Mapping[tuple[Phase, Event], Phase]
 
 _SHARED: Transitions = {
+    **{(phase, Event.OVERWOUND): Phase.FOLLOW for phase in (Phase.FOLLOW, Phase.BACK_OFF, Phase.TURN_AWAY)},
     (Phase.FOLLOW, Event.ANOMALY): Phase.BACK_OFF,
     # FOLLOW runs out when it cannot turn to the goal: something holds the tail or the side.
     (Phase.FOLLOW, Event.EXHAUSTED): Phase.BACK_OFF,
@@ -64,6 +69,7 @@ PLEDGE: Transitions = {
     (Phase.PROBE, Event.REALIGNED): Phase.FOLLOW,
     # The heading does not follow the curve (one side dead, wheels spinning): steer to the goal instead.
     (Phase.PROBE, Event.EXHAUSTED): Phase.FOLLOW,
+    (Phase.PROBE, Event.OVERWOUND): Phase.FOLLOW,
 }
 
 STRIDES: Transitions = {
@@ -73,6 +79,7 @@ STRIDES: Transitions = {
     (Phase.STRIDE, Event.ANOMALY): Phase.BACK_OFF,
     (Phase.STRIDE, Event.DONE): Phase.FOLLOW,
     (Phase.STRIDE, Event.EXHAUSTED): Phase.FOLLOW,
+    (Phase.STRIDE, Event.OVERWOUND): Phase.FOLLOW,
 }
 
 # Interned once: the control tick must not build strings.

@@ -16,7 +16,7 @@ from wayfarer.errors import BadInput
 from wayfarer.fieldlog.part import Part
 from wayfarer.fieldlog.parts import MB, Parts, at
 from wayfarer.fieldlog.settings import UNLIMITED, LogSettings
-from wayfarer.fieldlog.trouble import Trouble, cure
+from wayfarer.fieldlog.trouble import DRIVES_ON, Trouble, cure
 
 BATCH_BYTES = 65_536  # what is written at once, unless it is asked for earlier
 LOG_GAP = {"record": "event", "t_s": None, "t_wall": None, "name": "log_gap"}  # the times come from ``at``
@@ -188,7 +188,7 @@ class RunFiles:
         self._scarce = disk.f_bavail * disk.f_frsize < enough
         if self._scarce:
             text = f"the field log takes only events and positions: less than {self._settings.free_mb:g} MB are free"
-            self.trouble.begins("disk", f"{self._folder}: {text}: delete old runs; the rover drives on")
+            self.trouble.begins("disk", f"{self._folder}: {text}: delete old runs{DRIVES_ON}")
 
     def _sync(self, part: Part) -> None:
         try:
@@ -201,5 +201,5 @@ class RunFiles:
 
     def _fail(self, error: OSError) -> None:
         self._failing = True
-        text = f"{self._folder}: the field log cannot be written: {cure(error)}; the rover drives on"
+        text = f"{self._folder}: the field log cannot be written: {cure(error)}{DRIVES_ON}"
         self.trouble.begins("disk", text)

@@ -20,6 +20,7 @@ from wayfarer.fieldlog.trouble import cure
 
 FILE_NAME = "run.jsonl"  # the newest part of a run's log; older ones are run.00001.jsonl and so on
 RUN_NAME = re.compile(r"(\d+)-\d{8}T\d{6}Z", re.ASCII)
+LONGEST_NAME = 255  # of a file, in bytes
 PART_NAME = re.compile(r"run\.(\d+)\.jsonl\Z", re.ASCII)
 
 
@@ -73,7 +74,8 @@ def find_run(name: str | None, logs: Path) -> Path:
         if not runs:
             raise BadInput(f"{logs} holds no run; say where runs are logged with --logs DIR, or give a run's folder")
         return runs[-1]
-    found = [run for run in runs if run.name == name or (name.isdecimal() and run_number(run) == int(name))]
+    number = int(name) if name.isdecimal() and len(name) <= LONGEST_NAME else None
+    found = [run for run in runs if run.name == name or (number is not None and run_number(run) == number)]
     if len(found) > 1:
         raise BadInput(
             f"{logs} holds several runs {name}: {', '.join(run.name for run in found)}; give the folder's name"

@@ -20,7 +20,7 @@ from wayfarer import __version__
 from wayfarer.escape.api import Observation
 from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.files import LineSink
-from wayfarer.hal import MotorHealth, PositionFix
+from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
 from wayfarer.latest import Snapshot
 from wayfarer.records import TickRecord
 
@@ -94,9 +94,10 @@ class FieldLog:
         if fix is not None:
             self._write("urgent", "position", fix.t_s, fix._asdict())
 
-    def board(self, t_s: float, health: MotorHealth) -> None:
+    def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
         """Write what the motor board says of itself."""
-        self._write("bulk", "board", t_s, health._asdict())
+        left, right = duties or (None, None)
+        self._write("bulk", "board", t_s, {**health._asdict(), "says_left": left, "says_right": right})
 
     def note(self, kind: str, t_s: float, fields: Mapping[str, Any]) -> None:
         """Write a record of another kind: ``computer``, or a simulation's ``truth``."""

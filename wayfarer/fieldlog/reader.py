@@ -18,7 +18,7 @@ from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import FILE_NAME, older_parts
 
 Record = dict[str, Any]
-KINDS = ("run", "tick", "event", "position", "board", "computer", "truth", "outcome")
+KINDS = ("run", "tick", "event", "position", "board", "computer", "truth", "fault", "outcome")
 LINE_BYTES = 1_000_000  # far more than any record: the header of a simulated forest has 20,000
 JUMP = 10_000_000  # records are never missing in such a number, which is a week of them: the number itself is garbled
 READ_BYTES = 262_144  # read from the disk at once

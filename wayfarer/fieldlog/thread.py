@@ -8,6 +8,7 @@ from itertools import count
 from typing import NamedTuple
 
 from wayfarer.fieldlog.files import RunFiles
+from wayfarer.fieldlog.trouble import DRIVES_ON
 
 WRITE_S = 0.2  # what a killed process can lose; a power cut takes what was written since the last sync
 WRITES_A_SYNC = 5  # so that each second, and whatever was written at once, is on the disk
@@ -50,6 +51,11 @@ class WriterThread:
     def dropped(self) -> int:
         """How many lines could not be written."""
         return self._files.dropped
+
+    @property
+    def trouble(self) -> str | None:
+        """Why records are lost at present, None where they are not."""
+        return self._files.trouble.now
 
     def open(self, header: Callable[[int], bytes]) -> None:
         """Make the files, which may wait for the disk, and start the thread; see ``LineSink``."""
@@ -94,8 +100,8 @@ class WriterThread:
                 if urgent:
                     self._changed.notify()
         if full:
-            text = "the field log cannot be written: the disk does not answer (see dmesg); the rover drives on"
-            self._files.trouble.begins("queue", text)
+            text = "the field log cannot be written: the disk does not answer (see dmesg)"
+            self._files.trouble.begins("queue", f"{text}{DRIVES_ON}")
 
     def _run(self) -> None:
         for turn in count(1):

@@ -19,6 +19,9 @@ CURES = {
 }
 
 
+DRIVES_ON = "; the rover drives on"  # ends what is told of trouble while a run goes on
+
+
 def cure(error: OSError) -> str:
     """Return what went wrong and what a person can do about it."""
     if error.errno in {errno.EACCES, errno.EPERM}:
@@ -39,12 +42,18 @@ class Trouble:
     def __init__(self, tell: Callable[[str], None]) -> None:
         self._tell = tell
         self._told: set[str] = set()
-        self._open: set[str] = set()
+        self._open: dict[str, str] = {}
         self._dropped_before = 0
+
+    @property
+    def now(self) -> str | None:
+        """What the trouble is at present, None where there is none; from any thread."""
+        texts = list(self._open.values())
+        return texts[0].removesuffix(DRIVES_ON) if texts else None
 
     def begins(self, source: str, text: str) -> None:
         """Tell what the trouble is."""
-        self._open.add(source)
+        self._open[source] = text
         if text not in self._told:
             self._told.add(text)
             self._tell(text)
@@ -56,7 +65,7 @@ class Trouble:
             source: as it was named to ``begins``.
             dropped: how many lines the log has lost so far.
         """
-        self._open.discard(source)
+        self._open.pop(source, None)
         if self._open:
             return
         if self._told:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from foxglove.messages import LogLevel
 
 from wayfarer.fieldlog.reader import Record
-from wayfarer.logbook.wording import Tone, event_name, event_text, event_tone, outcome_text, run_text
+from wayfarer.logbook.wording import Tone, event_name, event_text, event_tone, fault_text, outcome_text, run_text
 
 LEVELS: Mapping[Tone, LogLevel] = {Tone.WARNING: LogLevel.Warning, Tone.FAULT: LogLevel.Error}  # else for information
 
@@ -35,6 +35,8 @@ class Notes:
             case "event":
                 level = LEVELS.get(event_tone(record), LogLevel.Info)
                 yield Note(level, event_name(record), event_text(record))
+            case "fault":
+                yield Note(LogLevel.Warning, "fault", fault_text(record))
             case "outcome":
                 yield Note(LogLevel.Info, "outcome", outcome_text(record))
             case "tick":

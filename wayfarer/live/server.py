@@ -155,7 +155,7 @@ class LivePage:
             return await self._routes[request.path](request)
         except Refused as refusal:
             return _plain(403, str(refusal))
-        except web.HTTPBadRequest:
+        except (web.HTTPBadRequest, UnicodeError):  # aiohttp quotes headers in its refusals, also what is no text
             return _plain(400, "this is where the page itself connects, with a WebSocket: open / instead")
         except OSError:
             raise  # the client has gone

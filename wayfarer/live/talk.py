@@ -98,7 +98,9 @@ class Talk:
         except Exception:
             _bugs.exception("in doing what a page asked for")
             reply = {"ok": False, "why": "an error inside wayfarer: look at its terminal before you go on"}
-        await self._socket.send_str(orjson.dumps([{"reply": {"do": fields.get("do"), **reply}}]).decode())
+        do = fields.get("do")
+        told = {"do": do if isinstance(do, str) else None, **reply}  # what is no verb may be too deep to be sent back
+        await self._socket.send_str(orjson.dumps([{"reply": told}]).decode())
 
     async def _do(self, fields: dict[str, object]) -> None:
         request = check({key: value for key, value in fields.items() if key != SHOWN})

@@ -41,6 +41,7 @@ EVENTS: Mapping[str, str] = {
     Event.UNWOUND.value: "every turn is unwound: C is back at zero",
     Event.REALIGNED.value: "the heading is back at the goal",
     Event.EXHAUSTED.value: "it took too long {during}",
+    Event.OVERWOUND.value: "C was beyond three turns {during}, and is forgotten",
 }
 
 ANOMALIES: Mapping[str, str] = {

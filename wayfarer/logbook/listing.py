@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.ending import end_of_log
 from wayfarer.fieldlog.folders import run_folders, run_number
-from wayfarer.fieldlog.reader import Record, RunReader, log_parts, parse, read_header
+from wayfarer.fieldlog.reader import Record, RunReader, log_parts, read_header
 from wayfarer.lines import clean
 from wayfarer.logbook.fields import began_wall_s, local_time, name, number, span, whole
 from wayfarer.logbook.wording import marks
 
-TAIL_BYTES = 65_536  # about a hundred ticks: the last one, the outcome and what stood between them
 ALIVE_S = 5.0  # a log that was written to so recently has no outcome because its run still goes on
 
 
@@ -136,20 +136,9 @@ def _began(header: Record, first: Record, end: Record) -> str:
 
 
 def _last(parts: Sequence[Path]) -> dict[str, Record]:
-    """Return the last record of each kind and the last of ``any``; from the part before where one has just begun."""
+    """Return the last record of each kind, and the last of ``any``."""
     found: dict[str, Record] = {}
-    for part in reversed(parts[-2:]):
-        for record in reversed(_tail(part)):
-            found.setdefault("any", record)
-            found.setdefault(record["record"], record)
-        if "tick" in found:
-            break
+    for record in reversed(end_of_log(parts)):
+        found.setdefault("any", record)
+        found.setdefault(record["record"], record)
     return found
-
-
-def _tail(part: Path) -> list[Record]:
-    with part.open("rb") as file:
-        size_b = file.seek(0, 2)
-        file.seek(max(0, size_b - TAIL_BYTES))
-        tail = file.read(TAIL_BYTES)
-    return [record for line in tail.splitlines(keepends=True) if isinstance(record := parse(line), dict)]

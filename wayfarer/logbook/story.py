@@ -13,6 +13,7 @@ from wayfarer.logbook.wording import (
     event_name,
     event_text,
     event_tone,
+    fault_text,
     outcome_text,
     place_text,
     reason_text,
@@ -68,6 +69,7 @@ class Story:
             "board": self._board,
             "computer": self._computer,
             "truth": lambda _: iter(()),
+            "fault": lambda fault: iter([(fault_text(fault), Tone.WARNING)]),
             "outcome": lambda outcome: iter([(outcome_text(outcome), Tone.END)]),
         }
 

@@ -21,7 +21,7 @@ from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.track import DeadReckoning
 from wayfarer.lines import clean
 from wayfarer.logbook.fields import local_time, number, reckoning, sound_tick
-from wayfarer.logbook.wording import event_text, outcome_text
+from wayfarer.logbook.wording import event_text, fault_text, outcome_text
 
 # Always there and in this order, so that the tables of two runs can be put below each other.
 COLUMNS = (
@@ -33,7 +33,7 @@ COLUMNS = (
     "compass_t_s", "compass_heading_deg", "compass_pitch_deg", "compass_roll_deg", "compass_calibration",
     "motion_t_s", "motion_forward_m", "motion_right_m", "motion_quality", "motion_signed",
     "contact_t_s", "contact_sides", "contact_obstacle_bearing_deg",
-    "board_battery_v", "board_faults",
+    "board_battery_v", "board_faults", "board_says_left", "board_says_right",
     "position_latitude_deg", "position_longitude_deg", "position_error_m",
     "computer_cpu_c", "computer_throttled", "computer_load_1min", "computer_disk_free_mb", "computer_log_dropped",
     "truth_x_m", "truth_y_m", "truth_heading_deg", "truth_pitch_deg", "truth_roll_deg", "truth_slipping",
@@ -121,7 +121,7 @@ class _Sheet:
         return {"reckoned_north_m": f"{place.north_m:.3f}", "reckoned_east_m": f"{place.east_m:.3f}"}
 
 
-TOLD: Mapping[str, Callable[[Record], str]] = {"event": event_text, "outcome": outcome_text}
+TOLD: Mapping[str, Callable[[Record], str]] = {"event": event_text, "fault": fault_text, "outcome": outcome_text}
 
 
 def _told(record: Record) -> Cells:

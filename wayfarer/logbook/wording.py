@@ -8,7 +8,7 @@ from typing import Any
 
 from wayfarer.fieldlog.reader import Record
 from wayfarer.lines import clean
-from wayfarer.logbook.fields import ABSURD, name, names, number
+from wayfarer.logbook.fields import ABSURD, local_time, name, names, number
 
 
 class Tone(Enum):
@@ -26,7 +26,7 @@ class Tone(Enum):
 PERSON = {"arming", "armed", "disarmed", "hold", "resume", "goal", "mark"}
 WARNINGS = {
     "arming_refused", "sensor_failed", "board_silent", "light_failed", "part_failed", "clock_step", "log_gap",
-    "viewer_failed", "close_hangs",
+    "viewer_failed", "close_hangs", "unclean_shutdown", "power",
 }  # fmt: skip
 FAULTS = {"motors_failed", "loop_stalled", "stop_not_confirmed", "control_error"}
 LEVEL_TONES = {"degrade": Tone.WARNING, "hold": Tone.WARNING, "fault": Tone.FAULT}
@@ -51,9 +51,21 @@ def marks(header: Mapping[str, Any]) -> list[str]:
 def event_text(event: Record) -> str:
     """Say what happened, with its details."""
     what = event_name(event)
+    if what == "unclean_shutdown":
+        return unclean_text(event)
     details = {key.removeprefix(f"{what}_"): value for key, value in event.items() if key not in STAMP}
     told = [_detail(key, value) for key, value in details.items() if value not in (None, [])]
     return f"{what.replace('_', ' ')}{': ' if told else ''}{', '.join(told)}"
+
+
+def unclean_text(event: Record) -> str:
+    """Say how the run before this one was left."""
+    which = f"the run before ({name(event, 'run') or '?'})"
+    if error := name(event, "error"):
+        return f"unclean shutdown: {which} cannot be read: {error}"
+    mode, wall_s = name(event, "mode"), number(event, "last_t_wall")
+    told = [f"while {mode}" if mode else "", local_time(wall_s, "at %Y-%m-%d %H:%M:%S") if wall_s else ""]
+    return f"unclean shutdown: {' '.join([which, 'was cut off', *filter(None, told)])}: killed, or without power"
 
 
 def event_name(event: Record) -> str:
@@ -70,6 +82,16 @@ def event_tone(event: Record) -> Tone:
         if what in group:
             return tone
     return Tone.PLAIN
+
+
+def fault_text(fault: Record) -> str:
+    """Say which fault a scenario injects now, or takes away."""
+    begins = fault.get("begins") is True
+    lasting_s, params = number(fault, "for_s"), fault.get("params")
+    told = [_detail(key, value) for key, value in params.items()] if begins and isinstance(params, dict) else []
+    what = " ".join(filter(None, [name(fault, "target"), name(fault, "kind")])) or "?"
+    lasting = "" if lasting_s is None or not begins else f" for {lasting_s:g} s"
+    return ", ".join([f"a fault {'begins' if begins else 'ends'}: {what}{lasting}", *told])
 
 
 def outcome_text(outcome: Record) -> str:
@@ -153,6 +175,8 @@ def _detail(key: str, value: object) -> str:
 def _value(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.0f}" if 1e3 <= abs(value) < ABSURD else f"{value:.4g}"
+    if isinstance(value, dict) and all(isinstance(count, int) for count in value.values()):
+        return clean(", ".join(f"{count} {what}" for what, count in value.items()))
     return clean(", ".join(map(str, value)) if isinstance(value, list) else str(value))
 
 

@@ -11,8 +11,9 @@ boards' own deadmen. ``WAYFARER_BENCH`` names the socket; it exists to try the d
 
 Both ends speak one JSON object a line. Transfers name a bus and give their bytes in hex, a list of pieces; beside them
 
-* ``{"do": "look"}`` tells how the world is and what its wheels were told last;
+* ``{"do": "look", "since_s": 0.0}`` tells how the world is and what its wheels were told since then;
 * ``{"do": "power_cycle"}`` interrupts the motor board's power for a moment;
+* ``{"do": "inject", "target": "motors", "kind": "failsafe_off"}`` begins a fault of the bus layer (``faults.KINDS``);
 * ``{"do": "silence", "bus": "/dev/i2c-1", "address": 96}`` takes a part off its bus;
 * ``{"do": "hang", "bus": "/dev/i2c-1", "for_s": 1.0}`` holds a bus: what is under way ends late, as told.
 """
@@ -25,8 +26,10 @@ import errno
 from asyncio import StreamReader, StreamWriter
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
+from math import inf
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import orjson
@@ -37,9 +40,12 @@ from wayfarer.errors import BadConfig, BadInput, NotResponding
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.bench_buses import from_hex
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.fakebus import ChipMisuse, FakeBuses
+from wayfarer.simhal.fakebus import ChipMisuse
+from wayfarer.simhal.faults import KINDS, Fault
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.injection.bus_layer import bus_fault, place_of
+from wayfarer.simhal.injection.wires import TamperedBuses
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.rig import Solder
 from wayfarer.simhal.streams import Streams
@@ -93,9 +99,11 @@ class Bench(Solder):
     def __init__(self, config: RoverConfig, seed: int, clock: Callable[[], float]) -> None:
         streams = Streams(seed)
         self.world = RecordedWorld(generate_forest(seed, 0, seed), config.vehicle, Physics(), streams, clock())
-        self._wires = FakeBuses()
+        self._wires = TamperedBuses()
         super().__init__(self.world, streams, clock, self._wires)
+        self._config = config
         self._silent: set[tuple[str, int]] = set()
+        self._faults = ExitStack()
         self._hangs_until_s: dict[str, float] = {}
         for part, table in config.parts.items():
             driver, settings = part_settings(part, table)
@@ -159,12 +167,12 @@ class Bench(Solder):
 
     # -- what a test, or a person, may see and do ------------------------------------------------------------------
 
-    async def _do_look(self) -> dict[str, Any]:
+    async def _do_look(self, since_s: float = -inf) -> dict[str, Any]:
         self.step()
         return {
             "t_s": self._clock(),
             "commanded": self.world.commanded,
-            "commands": list(self.world.commands),
+            "commands": [command for command in self.world.commands if command[0] >= since_s],
             "wheels_m_s": self.world.wheels_m_s,
             "forward_m": self.world.forward_m,
             "deadman_armed": [
@@ -176,6 +184,11 @@ class Bench(Solder):
     async def _do_power_cycle(self) -> dict[str, Any]:
         for board in self._boards:
             board.power_cycle()
+        return {"t_s": self._clock()}
+
+    async def _do_inject(self, target: str, kind: str, **params: Any) -> dict[str, Any]:
+        fault = Fault(0.0, inf, target, kind, KINDS[kind].params(**params))
+        self._faults.enter_context(bus_fault(fault, place_of(fault, self._config, self._wires), Random(0)))
         return {"t_s": self._clock()}
 
     async def _do_silence(self, bus: str, address: int) -> dict[str, Any]:

@@ -91,7 +91,7 @@ def run(
     jobs = max(1, min(jobs, len(todo)))
     progress = progress or Progress()
     began, ticks = os.times(), 0
-    with _stop_on_signals() as stop:
+    with stop_on_signals() as stop:
         with (
             suppress(Stopped),
             _worker_death_explained(rows, stop),
@@ -121,7 +121,7 @@ def _effort(began: os.times_result, ticks: int) -> Effort:
 
 
 @contextmanager
-def _stop_on_signals() -> Iterator[threading.Event]:
+def stop_on_signals() -> Iterator[threading.Event]:
     """Turn the first SIGINT or SIGTERM into a set event; only a main thread gets signals."""
     stop = threading.Event()
     if threading.current_thread() is not threading.main_thread():

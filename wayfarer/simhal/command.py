@@ -90,7 +90,7 @@ def run_all(
     aside = Console(stderr=True)
     total = len(campaign.algorithms) * campaign.trials
     if log:
-        _make_empty_folder(log)
+        make_empty_folder(log, "the log")
         run_trial = partial(logged_trial, log)
     with ResultsFolder(out, campaign.settings(), resume=resume) if out else nullcontext() as folder:
         if folder and forests:
@@ -125,7 +125,7 @@ def run_alone(campaign: Campaign, trial: int, log: Path | None, run_trial: RunTr
     if len(campaign.algorithms) > 1:
         raise BadInput(f"--trial runs one trial of one algorithm; choose one of {', '.join(campaign.algorithms)}")
     if log:
-        _make_empty_folder(log)
+        make_empty_folder(log, "the log")
     done = TrialRunner(campaign, run_trial).run(Task(campaign.algorithms[0], trial), log)
     print(csv_line(COLUMNS) + csv_line(done.row[:-1]), end="")
     if done.fault is None:
@@ -153,11 +153,16 @@ def _effort(finished: Finished) -> str:
     return f"{simulated_h:.1f} h simulated; this run took {effort.wall_s:.1f} s{per_tick}"
 
 
-def _make_empty_folder(path: Path) -> None:
+def make_empty_folder(path: Path, what: str) -> None:
+    """Make a folder, or take an empty one.
+
+    Raises:
+        BadInput: it is not empty, or cannot be made.
+    """
     try:
         path.mkdir(parents=True, exist_ok=True)
         empty = not any(path.iterdir())
     except OSError as error:
-        raise BadInput(f"{path} cannot be used for the log: {error.strerror}") from error
+        raise BadInput(f"{path} cannot be used for {what}: {error.strerror}") from error
     if not empty:
-        raise BadInput(f"{path} is not empty; the log needs a new or empty folder")
+        raise BadInput(f"{path} is not empty; {what} needs a new or empty folder")

@@ -7,14 +7,18 @@ sides of a bumper, wheels in the steps of a motor board. None knows more of the 
 from __future__ import annotations
 
 from asyncio import get_running_loop, sleep
+from math import cos, radians
 
-from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, WheelCommand
+from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, PositionFix, WheelCommand
+from wayfarer.mission import METRES_PER_DEG
 from wayfarer.simhal.senses import FLOW_M_PER_COUNT, FlowSense, HeadingSense
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
 
 FLOW_QUALITY = 0.8
 DEADMAN_S = 0.3  # as forestrover.toml sets its Sabertooth's
+ORIGIN_DEG = 51.0, 0.0  # latitude and longitude of the forest's corner; nothing depends on it
+FIX_ERROR_M = 3.0  # standard deviation of each axis under trees; from no source
 
 
 class SimPart:
@@ -97,6 +101,29 @@ class SimBumper(SimPart):
         if touch is None:
             return ContactReading(t_s, (), None)
         return ContactReading(t_s, touch.sides, touch.obstacle.axis_deg)
+
+
+class SimReceiver(SimPart):
+    """A GPS receiver with white noise; a real one's error wanders."""
+
+    name = "simulated receiver"
+
+    def __init__(self, world: World, streams: Streams) -> None:
+        super().__init__(world)
+        self._error_m = streams.normal("receiver", FIX_ERROR_M)
+
+    async def read(self) -> PositionFix:
+        """Return a fix."""
+        t_s, world = self._time(), self._world
+        world.advance_to(t_s)
+        latitude_deg, longitude_deg = ORIGIN_DEG
+        north_m, east_m = world.y_m + self._error_m(), world.x_m + self._error_m()
+        return PositionFix(
+            t_s,
+            latitude_deg + north_m / METRES_PER_DEG,
+            longitude_deg + east_m / (METRES_PER_DEG * cos(radians(latitude_deg))),
+            FIX_ERROR_M,
+        )
 
 
 class SimMotors(SimPart):

@@ -146,6 +146,21 @@ class Noise:
 
 
 @dataclass(frozen=True, slots=True)
+class Drifts:
+    """A value that drifts away, further by ``per_s`` each second, in the unit of the reading's own field."""
+
+    of: str = "heading_deg"
+    per_s: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Negated:
+    """A value of the wrong sign: a part that is mounted the other way round, or set so."""
+
+    of: str = "heading_deg"
+
+
+@dataclass(frozen=True, slots=True)
 class Becomes:
     """A value that is ``value`` whatever was measured."""
 
@@ -195,14 +210,25 @@ class Saturated:
 
 @dataclass(frozen=True, slots=True)
 class Lost:
-    """Transfers that are not acknowledged: the share ``chance`` of them."""
+    """Transfers that are not acknowledged: the share ``chance`` of them, and no more than ``most`` in all."""
 
     chance: Share = 1.0
+    most: Annotated[int, Interval(ge=1, le=1_000_000)] = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class LostBytes:
+    """Written bytes that never arrive: the share ``chance`` of them."""
+
+    chance: Share = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class FlippedBits:
-    """``bits`` of each answer are the wrong way round, in the share ``chance`` of answers."""
+    """``bits`` of each answer are the wrong way round, in the share ``chance`` of answers.
+
+    To a part that only listens it happens to what is written.
+    """
 
     bits: Annotated[int, Interval(ge=1, le=64)] = 1
     chance: Share = 1.0
@@ -270,6 +296,8 @@ KINDS: Mapping[str, Kind] = {
     "offset": Kind(Layer.READING, "a value is off", _SENSES, Offset),
     "jumps": Kind(Layer.READING, "a value jumps now and then", _SENSES, Jumps),
     "noisy": Kind(Layer.READING, "a value with noise", _SENSES, Noise),
+    "drifts": Kind(Layer.READING, "a value drifts away", _SENSES, Drifts),
+    "negated": Kind(Layer.READING, "a value has the wrong sign", _SENSES, Negated),
     "becomes": Kind(Layer.READING, "a value is what it is not", _SENSES, Becomes),
     "saturated": Kind(Layer.READING, "a value has a limit", _SENSES, Saturated),
     "garbage": Kind(Layer.READING, "numbers that mean nothing", _SENSES, Garbage),
@@ -281,14 +309,15 @@ KINDS: Mapping[str, Kind] = {
     "flipped_bits": Kind(Layer.BUS, "answers with wrong bits", _ON_A_BUS, FlippedBits),
     "shifted_block": Kind(Layer.BUS, "answers that are shifted", _ON_A_BUS, Shifted),
     "wrong_id": Kind(Layer.BUS, "the part says that it is another", _ON_A_BUS, WrongId),
-    "reset": Kind(Layer.BUS, "the part loses its power for a moment, and its settings", _ON_A_BUS),
+    "reset": Kind(Layer.BUS, "the part loses its power, and with it its settings", _ON_A_BUS),
     "all_00": Kind(Layer.BUS, "answers of nothing but zeros", _ON_A_BUS),
     "all_ff": Kind(Layer.BUS, "answers of nothing but ones", _ON_A_BUS),
-    "lost_bytes": Kind(Layer.BUS, "written bytes that get lost", ("motors",), Lost),
+    "lost_bytes": Kind(Layer.BUS, "written bytes that get lost", ("motors",), LostBytes),
     "failsafe_off": Kind(Layer.BUS, "the board's deadman does not arm", ("motors",)),
     "board_fault": Kind(Layer.BUS, "the board reports a drive fault", ("motors",)),
     "ignores": Kind(Layer.BUS, "the board acknowledges commands and does not follow them", ("motors",)),
     "dark": Kind(Layer.BUS, "nothing to be seen: a leaf on the lens, or the night", ("motion",)),
+    "same_picture": Kind(Layer.BUS, "the camera gives the same picture again and again", ("motion",)),
     "uncalibrated": Kind(Layer.BUS, "the part says that its calibration is gone", ("compass",)),
     "task_crash": Kind(Layer.PROCESS, "a bug in a driver ends its task", _PARTS),
     "loop_stall": Kind(Layer.PROCESS, "the event loop stands still, or the clock jumps", _PROCESS, Stall),

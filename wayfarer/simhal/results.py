@@ -184,9 +184,14 @@ def read_rows(path: Path, fields: tuple[str, ...]) -> list[Row]:
     """Read the rows of a file that has these columns.
 
     Raises:
-        BadInput: a line is no row; the text names it.
+        BadInput: the file is no text or has other columns, or a line is no row; the text names it.
     """
-    _, *lines = path.read_text(encoding="utf-8").splitlines()
+    try:
+        columns, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
+    except UnicodeDecodeError as error:
+        raise BadInput(f"{path} is damaged: byte {error.start} is no text; run the campaign again") from None
+    if f"{columns}\n" != csv_line(fields):
+        raise BadInput(f"{path} is damaged: its first line does not name its columns; run the campaign again")
     return [parse_row(line, fields, f"{path}, line {number}") for number, line in enumerate(lines, start=2)]
 
 

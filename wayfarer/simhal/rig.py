@@ -26,7 +26,7 @@ from wayfarer.simhal.chips.cmps14 import CMPS14Chip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.devices import SimBumper, SimCompass, SimFlow, SimMotors
+from wayfarer.simhal.devices import SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.senses import FlowSense, HeadingSense
 from wayfarer.simhal.streams import Streams
@@ -68,14 +68,15 @@ def device_depth(world: World, streams: Streams, config: RoverConfig) -> Rover:
         motors=SimMotors(world, _steps(settings.get("motors"))),
         motion=SimFlow(world, streams, *of_the_chip),
         contact=SimBumper(world) if _has_bumper(config) else None,
+        position=_receiver(world, streams, config),
     )
 
 
 def bus_depth(world: World, streams: Streams, config: RoverConfig, clock: Clock, buses: FakeBuses) -> Rover:
     """Return the rover of the file with its real drivers, each over a simulated chip.
 
-    A bumper is a switch, not a chip: it is simulated as at device depth, and also feels the obstacle's bearing. What
-    only logs (a receiver) or shines at a GPIO pin is left out.
+    A bumper is a switch, not a chip, and a receiver speaks through a socket: both are simulated as at device depth, and
+    the bumper also feels the obstacle's bearing. What shines at a GPIO pin is left out.
     """
     solder = Solder(world, streams, clock, buses)
     world.chips_act = solder.tick
@@ -89,7 +90,8 @@ def bus_depth(world: World, streams: Streams, config: RoverConfig, clock: Clock,
             raise BadConfig(f"rover '{config.name}': no simulated chip for '{table['driver']}'; use --depth device")
         solder.chips[driver](settings)
     rover = assemble(config.model_copy(update={"parts": on_a_bus}), buses)
-    return replace(rover, contact=SimBumper(world)) if _has_bumper(config) else rover
+    contact = SimBumper(world) if _has_bumper(config) else None
+    return replace(rover, contact=contact, position=_receiver(world, streams, config))
 
 
 class Solder:
@@ -197,6 +199,10 @@ def _steps(settings: Any) -> float:
     if isinstance(settings, SabertoothSettings):
         return sabertooth.FULL_LEVEL * settings.duty_limit
     return float(sabertooth.FULL_LEVEL)
+
+
+def _receiver(world: World, streams: Streams, config: RoverConfig) -> SimReceiver | None:
+    return SimReceiver(world, streams) if "position" in config.parts else None
 
 
 def _has_bumper(config: RoverConfig) -> bool:

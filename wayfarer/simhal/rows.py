@@ -93,6 +93,11 @@ def _text(name: str, value: Any) -> str:
 def _value(name: str, text: str) -> Any:
     if name in TEXT_COLUMNS:
         return text
-    if name in DECIMALS:
-        return float(text) if text else None
-    return int(text) if text else None
+    if not text and name in Row._field_defaults:
+        return None
+    if name not in DECIMALS:
+        return int(text)
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{name} is {text}")
+    return value

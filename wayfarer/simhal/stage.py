@@ -50,7 +50,7 @@ class Stage:
     """
 
     def __init__(self, spec: TrialSpec, make_log: MakeLog) -> None:
-        self.control_hz = spec.rover.control_hz
+        self.config = spec.rover
         loop, streams = asyncio.get_running_loop(), Streams(spec.seed, spec.sense_noise)
         algorithm = find_algorithm(spec.algorithm)
         handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))

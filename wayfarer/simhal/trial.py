@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.conditions import Condition
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Rover
 from wayfarer.mission import RunEnd
-from wayfarer.records import PartialLog, RunLog, Tee, TickRecord
+from wayfarer.records import PartialLog, Tee, TickRecord
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.referee import Outcome, Referee
 from wayfarer.simhal.stage import MakeLog, Stage, TrialSpec
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
+
+if TYPE_CHECKING:
+    from wayfarer.fieldlog.log import FieldLog
+    from wayfarer.simhal.witness import Witness
 
 
 class TrialResult(NamedTuple):
@@ -76,7 +80,9 @@ def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
         MissingPart: the rover cannot give what the algorithm needs.
         BadInput: the log cannot be written.
     """
-    return run_watched(spec, None if log_dir is None else lambda world, rover: _field_log(spec, log_dir, world, rover))
+    if log_dir is None:
+        return run_watched(spec, None)
+    return run_watched(spec, lambda world, rover: Tee(*field_log(spec, log_dir, world, rover)))
 
 
 def run_watched(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
@@ -104,8 +110,8 @@ def _outcome(referee: Referee, tally: Tally, end: RunEnd) -> Outcome:
     return referee.outcome or ("entrapped" if end.reason.startswith("mission_") else "fault")
 
 
-def _field_log(spec: TrialSpec, folder: Path, world: World, rover: Rover) -> RunLog:
-    """Return the log that a rover in the field writes, and the truth beside it.
+def field_log(spec: TrialSpec, folder: Path, world: World, rover: Rover) -> tuple[FieldLog, Witness]:
+    """Return the log that a rover in the field writes, and who writes the truth beside it.
 
     Its wall clock is the trial's, and it is written as it comes, without a thread: the same trial gives the same bytes.
     """
@@ -131,7 +137,7 @@ def _field_log(spec: TrialSpec, folder: Path, world: World, rover: Rover) -> Run
         "budget_m": spec.budget_m,
     }
     log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s)
-    return Tee(log, Witness(log, world))
+    return log, Witness(log, world)
 
 
 def _result(spec: TrialSpec, outcome: Outcome, referee: Referee, world: World, tally: Tally) -> TrialResult:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from math import degrees
+from dataclasses import asdict
+from math import degrees, inf
 
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.records import PartialLog, TickRecord
+from wayfarer.simhal.faults import Fault
 from wayfarer.simhal.world import World
 
 TICKS_A_RECORD = 4  # a fifth of a second at 20 Hz: plenty to draw a path
 
 
 class Witness(PartialLog):
-    """Writes ``truth`` beside the ticks: regularly, and whenever the rover begins or ceases to slip or to touch."""
+    """Writes ``truth`` beside the ticks: regularly, and whenever the rover begins or ceases to slip or to touch.
+
+    Injected faults are ground truth too: ``note`` writes ``fault`` when one begins or ends.
+    """
 
     def __init__(self, log: FieldLog, world: World) -> None:
         self._log = log
@@ -28,6 +33,12 @@ class Witness(PartialLog):
             self._log.note("truth", record.t_s, _truth(world))
         self._ticks += 1
         self._last = happening
+
+    def note(self, t_s: float, fault: Fault, *, begins: bool) -> None:
+        """Take the beginning of a fault, or its end; implements ``injection.injector.Note``."""
+        about = {"target": fault.target, "kind": fault.kind, "begins": begins}
+        lasting_s = fault.for_s if fault.for_s < inf else None
+        self._log.note("fault", t_s, {**about, "for_s": lasting_s, "params": asdict(fault.params)})
 
 
 def _truth(world: World) -> dict[str, float | bool]:

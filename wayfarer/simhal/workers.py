@@ -16,7 +16,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, ParamSpec, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeVar
 
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.rows import Row, row_of
@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 T = TypeVar("T")
+TaskT = TypeVar("TaskT")
+DoneT = TypeVar("DoneT")
+TaskT_contra = TypeVar("TaskT_contra", contravariant=True)
+DoneT_co = TypeVar("DoneT_co", covariant=True)
 
 LARGEST_CHUNK = 4  # handing over a chunk costs the parent 0.3 ms; what is in flight at Ctrl-C is lost
 CHUNKS_AHEAD = 2  # a worker: one that it runs and one that waits for it
@@ -69,6 +73,13 @@ def field_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
 def logged_trial(logs: Path, spec: TrialSpec, _log_dir: Path | None = None) -> TrialResult:
     """Run the real trial with its field log in a folder of its own, such as ``logs/forest-pledge-00017``."""
     return field_trial(spec, logs / f"{spec.algorithm.replace(':', '-')}-{spec.trial:05d}")
+
+
+class Runner(Protocol[TaskT_contra, DoneT_co]):
+    """Runs whatever tasks there are; what it needs can be sent to another process."""
+
+    def run_chunk(self, tasks: Sequence[TaskT_contra], /) -> Sequence[DoneT_co]:
+        """Run several tasks."""
 
 
 class TrialRunner:
@@ -113,12 +124,12 @@ class InProcess(Executor):
 
 
 def stream(
-    runner: TrialRunner,
-    tasks: Sequence[Task],
+    runner: Runner[TaskT, DoneT],
+    tasks: Sequence[TaskT],
     jobs: int,
     stop: threading.Event,
     executor: Executor | None = None,
-) -> Generator[Done]:
+) -> Generator[DoneT]:
     """Run ``tasks`` and yield what is done, in the order of completion.
 
     Without an ``executor``, one job runs in this process and more of them in a pool of that many processes.
@@ -135,12 +146,12 @@ def stream(
         yield from _drive(lambda chunk: here.submit(runner.run_chunk, chunk), tasks, jobs, stop)
 
 
-Submit = Callable[[Sequence[Task]], "Future[list[Done]]"]
+Submit = Callable[[Sequence[TaskT]], "Future[Sequence[DoneT]]"]
 
 
-def _drive(submit: Submit, tasks: Sequence[Task], jobs: int, stop: threading.Event) -> Iterator[Done]:
+def _drive(submit: Submit[TaskT, DoneT], tasks: Sequence[TaskT], jobs: int, stop: threading.Event) -> Iterator[DoneT]:
     chunks = _chunks(tasks, jobs)
-    running: set[Future[list[Done]]] = set()
+    running: set[Future[Sequence[DoneT]]] = set()
     while True:
         while not stop.is_set() and len(running) < CHUNKS_AHEAD * jobs and (chunk := next(chunks, None)):
             running.add(submit(chunk))
@@ -155,7 +166,7 @@ def _drive(submit: Submit, tasks: Sequence[Task], jobs: int, stop: threading.Eve
             raise Stopped
 
 
-def _chunks(tasks: Sequence[Task], jobs: int) -> Iterator[Sequence[Task]]:
+def _chunks(tasks: Sequence[TaskT], jobs: int) -> Iterator[Sequence[TaskT]]:
     """Cut ``tasks`` into chunks that get smaller towards the end, so that all workers finish together."""
     start = 0
     while start < len(tasks):
@@ -165,12 +176,12 @@ def _chunks(tasks: Sequence[Task], jobs: int) -> Iterator[Sequence[Task]]:
 
 
 @contextmanager
-def _process_pool(runner: TrialRunner, jobs: int) -> Iterator[Submit]:
+def _process_pool(runner: Runner[TaskT, DoneT], jobs: int) -> Iterator[Submit[TaskT, DoneT]]:
     others = set(multiprocessing.active_children())
     spawn = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_install, initargs=(runner,))
 
-    def submit(chunk: Sequence[Task]) -> Future[list[Done]]:
+    def submit(chunk: Sequence[TaskT]) -> Future[Sequence[DoneT]]:
         with _sigint_blocked():  # a pool starts its workers when work is submitted
             return pool.submit(_run_installed, chunk)
 
@@ -193,15 +204,15 @@ def _sigint_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-_installed: list[TrialRunner] = []  # in a worker: its runner
+_installed: list[Runner[Any, Any]] = []  # in a worker: its runner
 
 
-def _install(runner: TrialRunner) -> None:
+def _install(runner: Runner[Any, Any]) -> None:
     _installed.append(runner)
     threading.Thread(target=_end_with_parent, name="end-with-parent", daemon=True).start()
 
 
-def _run_installed(tasks: Sequence[Task]) -> list[Done]:
+def _run_installed(tasks: Sequence[Any]) -> Sequence[Any]:
     return _installed[0].run_chunk(tasks)
 
 

@@ -158,6 +158,12 @@ class World:
         self._right_target_m_s = right * self._full_right_m_s
         self._pulls_back = left + right < 0.0
 
+    def carry_to(self, x_m: float, y_m: float, heading_deg: float) -> None:
+        """Put the body elsewhere, as a person does who carries it; what it has driven stays counted."""
+        self.x_m, self.y_m, self.heading_rad = x_m, y_m, radians(heading_deg)
+        self.touch, self._free_m = None, 0.0
+        self.pitch_deg = self.roll_deg = 0.0
+
     def harm(self, **mishaps: float | bool) -> None:
         """Change what is wrong with the body, from the next step on."""
         self.mishaps = replace(self.mishaps, **mishaps)  # type: ignore[arg-type]

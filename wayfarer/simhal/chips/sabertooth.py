@@ -109,6 +109,12 @@ class SabertoothChip:
         self._mixed = False
         self._values: list[float | None] = [0, 0]
 
+    @property
+    def stops_by_s(self) -> float:
+        """When the serial timeout stops the motors unless a packet comes before; infinite while it is off."""
+        timeout_s = self.settings.get(_SERIAL_TIMEOUT, 0) * _TIMEOUT_UNIT_S
+        return self._heard_s + timeout_s if timeout_s else inf
+
     def power_cycle(self) -> None:
         """Lose power for a moment: motors off, voltage limits and the serial timeout forgotten."""
         self.tick()
@@ -119,9 +125,8 @@ class SabertoothChip:
 
     def tick(self) -> None:
         """Let the serial timeout trip, at its own time, if that has come. Every byte received does this first."""
-        timeout_s = self.settings.get(_SERIAL_TIMEOUT, 0) * _TIMEOUT_UNIT_S
-        trips_at_s = self._heard_s + timeout_s
-        if timeout_s and any(self.levels) and self._clock() >= trips_at_s:
+        trips_at_s = self.stops_by_s
+        if any(self.levels) and self._clock() >= trips_at_s:
             self._apply(trips_at_s, [0, 0])
 
     def receive(self, data: bytes) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 from functools import partial
+from math import inf
 from typing import Literal
 
 from wayfarer.simhal.fakebus import ChipMisuse
@@ -65,6 +66,11 @@ class ThunderBorgChip:
         self._getters = self._table_of_getters()
         self._power_up()
 
+    @property
+    def stops_by_s(self) -> float:
+        """When the failsafe stops the motors unless a drive command comes before; infinite while it is off."""
+        return self._trips_at_s if self.failsafe else inf
+
     def power_cycle(self) -> None:
         """Lose power for a moment: motors off, and all forgotten but the EEPROM's address and LED limits."""
         self.tick()
@@ -82,8 +88,9 @@ class ThunderBorgChip:
 
     def tick(self) -> None:
         """Let the failsafe trip, at its own time, if that has come. Every access does this first."""
-        if self.failsafe and any(self.levels) and self._clock() >= self._trips_at_s:
-            self._apply(self._trips_at_s, 0, 0)
+        trips_at_s = self.stops_by_s
+        if any(self.levels) and self._clock() >= trips_at_s:
+            self._apply(trips_at_s, 0, 0)
 
     def write(self, data: bytes) -> None:
         """Take a command; a request is answered by the reads that follow."""

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from random import Random
 from typing import Any
 
 from wayfarer.config import RoverConfig, part_settings
+from wayfarer.drivers.buses import Frame
+from wayfarer.drivers.camera_motion import CameraMotionSettings
 from wayfarer.drivers.cmps14 import CMPS14Settings
 from wayfarer.drivers.pmw3901 import PMW3901Settings
 from wayfarer.drivers.sabertooth import SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorgSettings
-from wayfarer.errors import BadInput
 from wayfarer.simhal.fakebus import FakeI2C
 from wayfarer.simhal.faults import Fault
 from wayfarer.simhal.injection.hang import Hang
@@ -24,9 +25,31 @@ _PMW3901_PRODUCT = 0x00
 _DARK_SQUAL, _LONGEST_SHUTTER = 0, 0x1FFF
 
 
+# To what each kind can happen, by the settings of its driver.
+_ANSWERING = (CMPS14Settings, PMW3901Settings, ThunderBorgSettings)
+_CHIPS = (*_ANSWERING, SabertoothSettings)
+_FITS: dict[str, tuple[type, ...]] = {
+    "nack": (*_CHIPS, CameraMotionSettings),
+    "hang": (*_CHIPS, CameraMotionSettings),
+    "flipped_bits": _CHIPS,
+    "shifted_block": _ANSWERING,
+    "wrong_id": _ANSWERING,
+    "reset": _CHIPS,
+    "all_00": _ANSWERING,
+    "all_ff": _ANSWERING,
+    "lost_bytes": (SabertoothSettings,),
+    "failsafe_off": (ThunderBorgSettings,),
+    "board_fault": (ThunderBorgSettings,),
+    "ignores": (ThunderBorgSettings, SabertoothSettings),
+    "dark": (PMW3901Settings, CameraMotionSettings),
+    "same_picture": (CameraMotionSettings,),
+    "uncalibrated": (CMPS14Settings,),
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a part is: its chip, its wire, and the hang of its bus; ``settings`` are its driver's."""
+    """Where a part is: its chip (or camera), its wire, and the hang of its bus; ``settings`` are its driver's."""
 
     settings: Any
     chip: Any
@@ -34,15 +57,19 @@ class Place:
     hang: Hang
 
 
-def place_of(part: str, config: RoverConfig, buses: TamperedBuses) -> Place:
-    """Return where a part of a rover is.
+def misplaced(fault: Fault, config: RoverConfig) -> str | None:
+    """Say why a fault of this layer cannot happen to a rover, None where it can."""
+    if fault.target not in config.parts:
+        return f"rover '{config.name}' has no [parts.{fault.target}]"
+    table = config.parts[fault.target]
+    if isinstance(part_settings(fault.target, table)[1], _FITS[fault.kind]):
+        return None
+    return f"rover '{config.name}': '{fault.kind}' cannot happen to driver = \"{table['driver']}\""
 
-    Raises:
-        BadInput: the rover has no such part, or it is on no bus.
-    """
-    if part not in config.parts:
-        raise BadInput(f"rover '{config.name}' has no [parts.{part}] to inject a fault into")
-    settings = part_settings(part, config.parts[part])[1]
+
+def place_of(fault: Fault, config: RoverConfig, buses: TamperedBuses) -> Place:
+    """Return where a fault is to happen that is not ``misplaced``."""
+    settings = part_settings(fault.target, config.parts[fault.target])[1]
     if isinstance(settings, CMPS14Settings | ThunderBorgSettings):
         i2c = buses.i2c(settings.bus)
         return Place(settings, FakeI2C.chip_at(i2c, settings.address), i2c.wire(settings.address), i2c.hang)
@@ -52,7 +79,9 @@ def place_of(part: str, config: RoverConfig, buses: TamperedBuses) -> Place:
     if isinstance(settings, SabertoothSettings):
         port = buses.serial(settings.port)
         return Place(settings, port.chip, port.wire, port.hang)
-    raise BadInput(f"rover '{config.name}': [parts.{part}] has no wires that a fault could be injected into")
+    assert isinstance(settings, CameraMotionSettings)
+    camera = buses.views[settings.camera]
+    return Place(settings, camera, camera.wire, camera.hang)
 
 
 def bus_fault(fault: Fault, place: Place, chance: Random) -> AbstractContextManager[None]:
@@ -69,7 +98,15 @@ def _listed(items: list[Any], item: Any) -> Iterator[None]:
 
 
 def _nack(place: Place, params: Any, chance: Random) -> AbstractContextManager[None]:
-    return _listed(place.wire.unheard, lambda: chance.random() < params.chance)
+    left = params.most
+
+    def is_lost() -> bool:
+        nonlocal left
+        lost = left > 0 and chance.random() < params.chance
+        left -= lost
+        return lost
+
+    return _listed(place.wire.unheard, is_lost)
 
 
 @contextmanager
@@ -80,15 +117,17 @@ def _hang(place: Place, _: object, __: Random) -> Iterator[None]:
 
 
 def _flipped_bits(place: Place, params: Any, chance: Random) -> AbstractContextManager[None]:
-    def flip(_: bytes, answer: bytes) -> bytes:
-        if chance.random() >= params.chance or not answer:
-            return answer
-        wrong: int = int.from_bytes(answer, "big")
-        for bit in chance.sample(range(len(answer) * 8), min(params.bits, len(answer) * 8)):
+    def flip(data: bytes) -> bytes:
+        if chance.random() >= params.chance or not data:
+            return data
+        wrong: int = int.from_bytes(data, "big")
+        for bit in chance.sample(range(len(data) * 8), min(params.bits, len(data) * 8)):
             wrong ^= 1 << bit
-        return wrong.to_bytes(len(answer), "big")
+        return wrong.to_bytes(len(data), "big")
 
-    return _listed(place.wire.answers, flip)
+    if isinstance(place.settings, _ANSWERING):
+        return _listed(place.wire.answers, lambda _, answer: flip(answer))
+    return _listed(place.wire.writes, flip)
 
 
 def _shifted_block(place: Place, params: Any, _: Random) -> AbstractContextManager[None]:
@@ -123,11 +162,23 @@ def _wrong_id(place: Place, params: Any, _: Random) -> AbstractContextManager[No
 
 @contextmanager
 def _reset(place: Place, _: object, __: Random) -> Iterator[None]:
+    """Take the power away: the part is silent for as long, and begins anew after that."""
+    _lose_power(place.chip)
+    with ExitStack() as silence:
+        if isinstance(place.settings, CMPS14Settings | ThunderBorgSettings):
+            silence.enter_context(_listed(place.wire.unheard, lambda: True))
+        else:
+            silence.enter_context(_listed(place.wire.writes, lambda _: None))
+            silence.enter_context(_listed(place.wire.answers, lambda _, answer: b"\xff" * len(answer)))
+        yield
+    _lose_power(place.chip)
+
+
+def _lose_power(chip: Any) -> None:
     for name in ("power_cycle", "lose_power", "reset"):
-        if hasattr(place.chip, name):
-            getattr(place.chip, name)()
-            break
-    yield
+        if hasattr(chip, name):
+            getattr(chip, name)()
+            return
 
 
 def _lost_bytes(place: Place, params: Any, chance: Random) -> AbstractContextManager[None]:
@@ -160,12 +211,26 @@ def _ignores(place: Place, _: object, __: Random) -> AbstractContextManager[None
     return _listed(place.wire.writes, drop)
 
 
+def _dark(place: Place, _: object, __: Random) -> AbstractContextManager[None]:
+    if isinstance(place.settings, CameraMotionSettings):
+        return _listed(place.chip.shows, lambda frame: frame._replace(luma=frame.luma * 0))
+    return _dark_chip(place)
+
+
 @contextmanager
-def _dark(place: Place, _: object, __: Random) -> Iterator[None]:
+def _dark_chip(place: Place) -> Iterator[None]:
     kept = place.chip.squal, place.chip.shutter
     place.chip.squal, place.chip.shutter = _DARK_SQUAL, _LONGEST_SHUTTER
     yield
     place.chip.squal, place.chip.shutter = kept
+
+
+def _same_picture(place: Place, _: object, __: Random) -> AbstractContextManager[None]:
+    def show(frame: Frame) -> Frame:
+        last: Frame | None = place.chip.last
+        return frame if last is None else last._replace(t_s=frame.t_s)
+
+    return _listed(place.chip.shows, show)
 
 
 @contextmanager
@@ -190,5 +255,6 @@ _EFFECTS: dict[str, Any] = {
     "board_fault": _board_fault,
     "ignores": _ignores,
     "dark": _dark,
+    "same_picture": _same_picture,
     "uncalibrated": _uncalibrated,
 }

@@ -21,8 +21,9 @@ class Hang:
     deadline that there was no answer, and every further one at once. Stops that were posted go first after that.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, deadline_s: float = TRANSFER_DEADLINE_S) -> None:
         self._name = name
+        self._deadline_s = deadline_s
         self._hangs = False
         self._under_way: Callable[[], Any] | None = None
         self._posted: deque[Callable[[], Any]] = deque(maxlen=POSTED_KEPT)
@@ -57,10 +58,10 @@ class Hang:
         done: list[T] = []
         self._under_way = lambda: done.append(job())
         try:
-            async with asyncio.timeout(TRANSFER_DEADLINE_S):
+            async with asyncio.timeout(self._deadline_s):
                 await self._back.wait()
         except TimeoutError:
-            raise NotResponding(f"{self._name}: no end of a transfer within {TRANSFER_DEADLINE_S:g} s") from None
+            raise NotResponding(f"{self._name}: no end of a transfer within {self._deadline_s:g} s") from None
         if not done:
             raise NotResponding(f"{self._name}: no answer")
         return done[0]

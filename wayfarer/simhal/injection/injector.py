@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterable
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import replace
 from math import inf
 from typing import Any, Protocol
 
 from wayfarer.config import RoverConfig
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, NotResponding
 from wayfarer.hal import Rover
 from wayfarer.simhal.faults import KINDS, Fault, Layer
-from wayfarer.simhal.injection.bus_layer import bus_fault, place_of
+from wayfarer.simhal.injection.bus_layer import bus_fault, misplaced, place_of
 from wayfarer.simhal.injection.process_layer import TakePower, process_fault
 from wayfarer.simhal.injection.reading_layer import TamperedPart, crashed, reading_fault
 from wayfarer.simhal.injection.wires import TamperedBuses
@@ -56,8 +56,24 @@ class Injector:
         self._lasting: dict[int, ExitStack] = {}
         self.buses = TamperedBuses()
 
+    @property
+    def board(self) -> Any:
+        """The chip of the motor board; None at device depth, where there is none."""
+        if "motors" not in self._config.parts:
+            return None
+        with suppress(NotResponding):
+            return place_of(Fault(0.0, 0.0, "motors", "reset"), self._config, self.buses).chip
+        return None
+
     def fit(self, rover: Rover) -> Rover:
-        """Return the rover with everything around its parts that the faults need."""
+        """Return the rover with everything around its parts that the faults need.
+
+        Raises:
+            BadInput: the rover has no such part, or one to which a fault cannot happen.
+        """
+        for fault in self._faults:
+            if KINDS[fault.kind].layer is Layer.BUS and (why := misplaced(fault, self._config)):
+                raise BadInput(f"{fault}: {why}")
         kinds = (Layer.READING, Layer.PROCESS)
         targets = {fault.target for fault in self._faults if KINDS[fault.kind].layer in kinds} & set(PARTS)
         for name in targets:
@@ -74,9 +90,9 @@ class Injector:
         self._pump(loop)
         for number, fault in enumerate(self._faults):
             if fault.at_s <= 0.0:
-                self._begin(number, fault)
+                self.begin(number, fault)
             else:
-                loop.call_later(fault.at_s, self._begin, number, fault)
+                loop.call_later(fault.at_s, self.begin, number, fault)
 
     def _pump(self, loop: asyncio.AbstractEventLoop) -> None:
         """Let the world go on, and chips act, even if no part asks: faults may silence all of them."""
@@ -91,7 +107,8 @@ class Injector:
         for number in reversed(list(self._lasting)):
             self._lasting.pop(number).close()
 
-    def _begin(self, number: int, fault: Fault) -> None:
+    def begin(self, number: int, fault: Fault) -> None:
+        """Begin a fault now, whatever its time; it lasts as long as it says. ``number`` tells it from others."""
         if not self._faults:
             return
         loop = asyncio.get_running_loop()
@@ -99,9 +116,10 @@ class Injector:
         stack = self._lasting[number] = ExitStack()
         stack.enter_context(self._effect(number, fault))
         if fault.for_s < inf:
-            loop.call_later(fault.for_s, self._end, number, fault)
+            loop.call_later(fault.for_s, self.cease, number, fault)
 
-    def _end(self, number: int, fault: Fault) -> None:
+    def cease(self, number: int, fault: Fault) -> None:
+        """End a fault that lasts; nothing happens where it has ended."""
         stack = self._lasting.pop(number, None)
         if stack is not None:
             stack.close()
@@ -115,7 +133,7 @@ class Injector:
             case Layer.READING:
                 return reading_fault(fault, self._parts[fault.target], chance)
             case Layer.BUS:
-                return bus_fault(fault, place_of(fault.target, self._config, self.buses), chance)
+                return bus_fault(fault, place_of(fault, self._config, self.buses), chance)
             case Layer.PROCESS if fault.kind == "task_crash":
                 return crashed(self._parts[fault.target], Bug("a bug in a driver, injected"))
             case _:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from math import ceil
 
+from wayfarer.daemon.computer import POWER_EVERY_S
 from wayfarer.simhal.faults import Fault, Stall, Undervoltage
 from wayfarer.simhal.loop import VirtualLoop
 
@@ -33,11 +35,11 @@ def _loop_stall(params: Stall) -> Iterator[None]:
 
 @contextmanager
 def _undervoltage(params: Undervoltage, take_power: TakePower) -> Iterator[None]:
-    """Have the flags go up and down, as a daemon sees them that looks once a second."""
+    """Have the flags go up and down, as a daemon sees them that looks once in a while."""
     loop = asyncio.get_running_loop()
     timers = []
     for dip in range(params.times):
-        at_s = loop.time() + dip * params.every_s
+        at_s = ceil((loop.time() + dip * params.every_s) / POWER_EVERY_S) * POWER_EVERY_S
         timers.append(loop.call_at(at_s, lambda: take_power(loop.time(), UNDER_VOLTAGE | UNDER_VOLTAGE_SINCE_BOOT)))
         over_s = at_s + params.every_s / 2
         timers.append(loop.call_at(over_s, lambda: take_power(loop.time(), UNDER_VOLTAGE_SINCE_BOOT)))

@@ -24,6 +24,7 @@ class TamperedPart:
 
     ``changes`` are applied to each reading in turn. ``silent`` parts raise ``NotResponding`` at any question or
     command, and one with a ``crash`` raises that, as a bug in a driver would. ``answers_after_s`` delays every answer.
+    ``last`` is the latest reading as it was handed on.
     """
 
     def __init__(self, part: Any) -> None:
@@ -32,6 +33,7 @@ class TamperedPart:
         self.silent = 0
         self.crash: Exception | None = None
         self.answers_after_s = 0.0
+        self.last: Any = None
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._part, name)
@@ -47,12 +49,15 @@ class TamperedPart:
         reading = await self._part.read()
         for change in self.changes:
             reading = change(reading) if reading is not None else None
+        self.last = reading
         return reading
 
     async def drive(self, command: Any) -> Any:
-        """Hand a command on."""
-        await self._suffer()
-        return await self._part.drive(command)
+        """Hand a command on; where the answer is late, the wheels were not: no bus carries a command that old."""
+        self._refuse()
+        applied = await self._part.drive(command)
+        await self._wait()
+        return applied
 
     async def health(self) -> Any:
         """Hand the question on."""
@@ -75,8 +80,14 @@ class TamperedPart:
             self._part.halt()
 
     async def _suffer(self) -> None:
+        await self._wait()
+        self._refuse()
+
+    async def _wait(self) -> None:
         if self.answers_after_s:
             await asyncio.sleep(self.answers_after_s)
+
+    def _refuse(self) -> None:
         if self.crash is not None:
             raise self.crash
         if self.silent:
@@ -89,6 +100,8 @@ def reading_fault(fault: Fault, part: TamperedPart, chance: Random) -> AbstractC
         return _silent(part)
     if fault.kind == "late_answer":
         return _late_answer(part, fault.params.by_s)
+    if fault.kind == "frozen":
+        return _changed(part, _frozen(part))
     return _changed(part, _CHANGES[fault.kind](fault.params, chance))
 
 
@@ -126,15 +139,9 @@ def _with(reading: Any, name: str, value: float) -> Any:
     return reading._replace(**{name: value % 360.0 if name == "heading_deg" and isfinite(value) else value})
 
 
-def _frozen(_: object, __: Random) -> Change:
-    kept: list[Any] = []
-
-    def change(reading: Any) -> Any:
-        if not kept:
-            kept.append(reading)
-        return kept[0]._replace(t_s=reading.t_s)
-
-    return change
+def _frozen(part: TamperedPart) -> Change:
+    """Repeat what was read last; a part that has not spoken yet has nothing to repeat."""
+    return lambda reading: reading if part.last is None else part.last._replace(t_s=reading.t_s)
 
 
 def _offset(params: Any, _: Random) -> Change:
@@ -154,6 +161,22 @@ def _jumps(params: Any, _: Random) -> Change:
 
 def _noisy(params: Any, chance: Random) -> Change:
     return lambda reading: _with(reading, params.of, getattr(reading, params.of) + chance.gauss(0.0, params.sd))
+
+
+def _drifts(params: Any, _: Random) -> Change:
+    since_s: float | None = None
+
+    def change(reading: Any) -> Any:
+        nonlocal since_s
+        if since_s is None:
+            since_s = reading.t_s
+        return _with(reading, params.of, getattr(reading, params.of) + params.per_s * (reading.t_s - since_s))
+
+    return change
+
+
+def _negated(params: Any, _: Random) -> Change:
+    return lambda reading: _with(reading, params.of, -getattr(reading, params.of))
 
 
 def _becomes(params: Any, _: Random) -> Change:
@@ -196,10 +219,11 @@ def _delayed(params: Any, _: Random) -> Change:
 
 
 _CHANGES: dict[str, Callable[[Any, Random], Change]] = {
-    "frozen": _frozen,
     "offset": _offset,
     "jumps": _jumps,
     "noisy": _noisy,
+    "drifts": _drifts,
+    "negated": _negated,
     "becomes": _becomes,
     "saturated": _saturated,
     "garbage": _garbage,

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from wayfarer.drivers.buses import Camera, Frame
+from wayfarer.drivers.linux import FRAME_DEADLINE_S
 from wayfarer.errors import NotResponding
 from wayfarer.simhal.fakebus import FakeBuses, FakeI2C, FakeSerial, FakeSPI
 from wayfarer.simhal.injection.hang import Hang
@@ -164,8 +166,41 @@ class TamperedSerial(FakeSerial):
             TamperedChip(self.chip, self.wire).receive(data)
 
 
+class TamperedCamera:
+    """A camera that can hang, go, or show what is not there.
+
+    ``shows`` change its pictures, one after another; ``last`` is the latest picture as it was handed on.
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        self.name = camera.name
+        self.hang = Hang(camera.name, FRAME_DEADLINE_S)
+        self.wire = Wire(camera.name)
+        self.shows: list[Callable[[Frame], Frame]] = []
+        self.last: Frame | None = None
+        self._camera = camera
+
+    async def frame(self) -> Frame:
+        """Return the next frame, changed."""
+        await self.hang.carry(self.wire.check)
+        frame = await self._camera.frame()
+        for change in self.shows:
+            frame = change(frame)
+        self.last = frame
+        return frame
+
+
 class TamperedBuses(FakeBuses):
-    """Hands out buses that can be tampered with, by name."""
+    """Hands out buses that can be tampered with, by name; ``views`` are the cameras that were handed out."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.views: dict[str, TamperedCamera] = {}
+
+    def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> TamperedCamera:
+        """Return the camera of that name."""
+        camera = super().camera(name, width=width, height=height, rate_hz=rate_hz, exposure_us=exposure_us)
+        return self.views.setdefault(name, TamperedCamera(camera))
 
     def i2c(self, name: str) -> TamperedI2C:
         """Return the I2C bus of that name."""

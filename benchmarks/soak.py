@@ -1,0 +1,238 @@
+"""A simulated day: one daemon's run at bus depth, with random faults all the time and its log on disk.
+
+Nothing may grow: memory, tasks, open files, and the log beyond its cap. A person mends what lasts, arms again after
+each fault, and carries the rover back when it is out of the forest. Bugs that end a run are left out: then another
+process begins.
+
+Memory is told in two ways: what the process takes of the computer, and how many blocks Python's own allocator has given
+out. The second is exact, and costs nothing: tracing each allocation makes a day three times as long.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import os
+import sys
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from math import inf
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+from benchmarks.figures import print_table
+from wayfarer.checks import Place
+from wayfarer.config import load_rover
+from wayfarer.control.protocol import Refused
+from wayfarer.daemon.commands import RoverCommands
+from wayfarer.daemon.inspection import Live
+from wayfarer.errors import NotArmed
+from wayfarer.fieldlog.files import RunFiles
+from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.settings import LogSettings
+from wayfarer.helm import Mode
+from wayfarer.records import Tee
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.referee import WORLD_SIZE_M
+from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.scenarios.invariants import Invariants
+from wayfarer.simhal.scenarios.random_faults import draw_fault, possible_faults, quick_settings, ready_for
+from wayfarer.simhal.scenarios.rovers import laid_over
+from wayfarer.simhal.stage import Stage, TrialSpec
+from wayfarer.simhal.world import World
+
+Beside = Callable[[Stage], Coroutine[Any, Any, None]]
+
+ROVER = "forestrover"
+HOUR_S = 3600.0
+DAY_S = 24 * HOUR_S
+FAULT_EVERY_S, LASTS_MOST_S = 20.0, 20.0  # on average; a fault that would last for ever is mended then
+PERSON_EVERY_S = 10.0
+SAMPLES = 24
+LOG = LogSettings(part_mb=5.0, run_mb=20.0, free_mb=0.0)  # half an hour of ticks: the cap is reached soon
+LOG_SLACK_MB = 0.1  # the last batch, and the headers
+WARM_UP = 0.25  # share of the run in which caches fill, and the log
+# How much more than after the warm-up there may be at the end: measured noise of an hour, and a good deal more.
+MAY_GROW = {"rss_mb": 8.0, "blocks": 5000.0, "tasks": 2.0, "handles": 1.0}
+MB = 1_000_000.0
+
+
+class Sample(NamedTuple):
+    """How things were at one moment; counts are those of the whole run so far."""
+
+    t_s: float
+    rss_mb: float
+    blocks: int
+    tasks: int
+    handles: int
+    log_mb: float
+    ticks: int
+    faults: int
+    missions: int
+
+
+@dataclass
+class Counts:
+    """What has happened so far."""
+
+    ticks: int = 0
+    faults: int = 0
+    missions: int = 0
+
+
+class CountingRules(Invariants):
+    """The safety rules, and how often there was a tick and a mission."""
+
+    def __init__(self, counts: Counts) -> None:
+        super().__init__()
+        self._counts = counts
+
+    def tick(self, record: Any) -> None:
+        """Count a tick."""
+        self._counts.ticks += 1
+        super().tick(record)
+
+    def event(self, name: str, t_s: float, **details: object) -> None:
+        """Count a mission."""
+        self._counts.missions += name == "armed"
+        super().event(name, t_s, **details)
+
+
+def soak(for_s: float, beside: Beside | None = None, seed: int = 0) -> tuple[list[Sample], tuple[str, ...]]:
+    """Run for so many simulated seconds; return samples and the safety rules that were broken.
+
+    ``beside`` makes a coroutine that runs beside the rover, for tests of this soak itself.
+    """
+    with TemporaryDirectory() as folder, asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(_soak(for_s, seed, Path(folder), beside))
+
+
+def growth(samples: Sequence[Sample]) -> list[str]:
+    """Return what grew after the warm-up, in words, and whether the log ever passed its cap."""
+    warm = [sample for sample in samples if sample.t_s >= WARM_UP * samples[-1].t_s]
+    early, late = warm[: len(warm) // 2], warm[len(warm) // 2 :]
+    found = [f"the log took {sample.log_mb:.1f} MB of {LOG.run_mb:g}" for sample in samples if _is_too_long(sample)][:1]
+    for name, slack in MAY_GROW.items():
+        before, after = (max(getattr(sample, name) for sample in part) for part in (early, late))
+        if after > before + slack:
+            found.append(f"{name} grew from {before:g} to {after:g}; {slack:g} more are allowed")
+    return found
+
+
+def print_soak(hours: float) -> int:
+    """Soak, print the samples as a table and the verdict; return 1 where something grew or a rule was broken."""
+    samples, broken = soak(hours * HOUR_S)
+    header = ("hours", "RSS MB", "blocks", "tasks", "open files", "log MB", "ticks", "faults", "missions")
+    print_table(header, [_cells(sample) for sample in samples])
+    problems = [*growth(samples), *broken]
+    print("\n" + ("\n".join(problems) if problems else "nothing grew, and no safety rule was broken"))
+    return 1 if problems else 0
+
+
+async def _soak(for_s: float, seed: int, folder: Path, beside: Beside | None) -> tuple[list[Sample], tuple[str, ...]]:
+    config = load_rover(ROVER)
+    limits = {"mission_time_s": DAY_S, "mission_distance_m": 1e6, "mission_radius_m": 1e6}
+    quick = quick_settings(config)
+    config = laid_over(config, {**quick, "safety": quick["safety"] | limits})
+    places = possible_faults(config, Depth.BUS)
+    forest, counts = generate_forest(seed, 0, seed), Counts()
+    rules = CountingRules(counts)
+    spec = TrialSpec(0, "forest-pledge", forest, seed, config, budget_m=inf, depth=Depth.BUS, faults=ready_for(places))
+    logs = folder / "log"
+    stage = Stage(spec, lambda *_: Tee(FieldLog(RunFiles(logs, LOG), {"simulated": True}, wall=lambda t_s: t_s), rules))
+    stage.world.after_step = partial(_carry_back, forest)  # in place of the referee, who would end the run
+    rules.follow(stage)
+    assert stage.injector is not None
+    stage.injector.start(stage.world, stage.supervisor.helm.power, rules.note)
+    chance = Random(seed)
+    beginning = [place for place in places if place.kind != "task_crash"]
+    others = [_faults(stage, beginning, chance, counts), _person(stage, rules, chance)]
+    tasks = [asyncio.ensure_future(each) for each in (*others, *([beside(stage)] if beside else []))]
+    run = asyncio.ensure_future(stage.supervisor.run())
+    samples: list[Sample] = []
+    for _ in range(SAMPLES):
+        await asyncio.sleep(for_s / SAMPLES)
+        samples.append(_sample(logs, counts))
+        for task in (run, *tasks):
+            if task.done():
+                task.result()  # nothing here ends by itself: an error
+    stage.supervisor.finish("requested", "the soak is over")
+    await run
+    for task in tasks:
+        task.cancel()
+    stage.injector.end()
+    return samples, rules.broken
+
+
+def _carry_back(forest: Forest, world: World) -> None:
+    """Put a rover that is out of the forest back to where it began."""
+    if not (0.0 <= world.x_m <= WORLD_SIZE_M and 0.0 <= world.y_m < forest.goal_y_m):
+        world.carry_to(*forest.start_m, forest.heading_deg)
+
+
+async def _faults(stage: Stage, places: Sequence[Any], chance: Random, counts: Counts) -> None:
+    """Begin a fault now and then, of any kind, and none twice at the same time."""
+    assert stage.injector is not None
+    until_s: dict[Any, float] = {}
+    time = asyncio.get_running_loop().time
+    while True:
+        await asyncio.sleep(chance.expovariate(1.0 / FAULT_EVERY_S))
+        place = chance.choice(places)
+        if until_s.get(place, 0.0) > time():
+            continue
+        counts.faults += 1
+        fault = draw_fault(place, time(), chance, LASTS_MOST_S)
+        until_s[place] = time() + fault.for_s + 1.0
+        stage.injector.begin(counts.faults, fault)
+
+
+async def _person(stage: Stage, log: Any, chance: Random) -> None:
+    """Arm again whatever stands, resume what is held, and now and then hold, disarm or send elsewhere."""
+    config, nowhere = stage.config, Path()
+    live = Live(config, stage.rover, Place(nowhere, nowhere, (), 0.0), stage.supervisor)
+    about = {"start_delay_s": config.safety.start_delay_s}
+    commands = RoverCommands(stage.supervisor, stage.rover.motors, lambda: live, log, about, checks=())
+    helm = stage.supervisor.helm
+    while True:
+        await asyncio.sleep(chance.expovariate(1.0 / PERSON_EVERY_S))
+        with suppress(Refused, NotArmed):
+            if helm.mode is Mode.DISARMED:
+                await commands.arm()
+            elif helm.held:
+                await commands.resume()
+            elif chance.random() < 0.1:
+                await chance.choice(
+                    (commands.hold, commands.disarm, partial(commands.goal, chance.uniform(0.0, 359.0)))
+                )()
+
+
+def _sample(logs: Path, counts: Counts) -> Sample:
+    gc.collect()
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return Sample(
+        asyncio.get_running_loop().time(),
+        pages * os.sysconf("SC_PAGESIZE") / MB,
+        sys.getallocatedblocks(),
+        len(asyncio.all_tasks()),
+        len(os.listdir("/proc/self/fd")),  # noqa: PTH208 - of links that may be gone
+        sum(path.stat().st_size for path in logs.iterdir()) / MB,
+        counts.ticks,
+        counts.faults,
+        counts.missions,
+    )
+
+
+def _is_too_long(sample: Sample) -> bool:
+    return sample.log_mb > LOG.run_mb + LOG_SLACK_MB
+
+
+def _cells(sample: Sample) -> tuple[str, ...]:
+    t_s, rss_mb, blocks, tasks, handles, log_mb, *counted = sample
+    shown: Iterator[str] = map(str, (blocks, tasks, handles))
+    return f"{t_s / HOUR_S:.2f}", f"{rss_mb:.1f}", *shown, f"{log_mb:.1f}", *map(str, counted)

@@ -1,0 +1,69 @@
+"""A rover for the detector's tests: what its sensors say, tick by tick."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from wayfarer.conditions import Condition
+from wayfarer.detector import ALL_WELL, Detection, Detector, DetectorSettings
+from wayfarer.escape.api import Anomaly, Vehicle
+from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, WheelCommand
+from wayfarer.latest import Snapshot
+
+MAX_SPEED_M_S = 1.0
+VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=MAX_SPEED_M_S)
+TICK_S = 0.0625  # binary, so that times are exact
+SETTINGS = DetectorSettings(
+    immobilised_s=0.25, tilt_s=0.25, compass_stale_s=0.25, motion_stale_s=0.5, contact_stale_s=0.5, implausible_s=0.5
+)
+FULL = WheelCommand(1.0, 1.0)
+BACK = WheelCommand(-1.0, -1.0)
+PIVOT = WheelCommand(1.0, -1.0)
+STEP_M = MAX_SPEED_M_S * TICK_S
+
+
+class Rover:
+    """Feeds a detector; all sensors speak each tick and say that all is well unless told otherwise."""
+
+    def __init__(self, settings: DetectorSettings = SETTINGS, vehicle: Vehicle = VEHICLE, **watches: Any) -> None:
+        self.detector = Detector(settings, vehicle, **watches)
+        self.t_s = 0.0
+        self.contact: ContactReading | None = None
+
+    def tick(
+        self,
+        applied: WheelCommand = STOP,
+        moved_m: float | None = 0.0,
+        *,
+        compass: bool = True,
+        quality: float = 1.0,
+        signed: bool = True,
+        dt_s: float = TICK_S,
+        **fields: Any,
+    ) -> Detection:
+        """One tick; ``moved_m`` None and ``compass`` False mean that the sensor is silent."""
+        self.t_s += dt_s
+        reading = CompassReading(self.t_s, 0.0, 0.0, 0.0, None)._replace(**fields) if compass else self.detector.compass
+        motion = MotionReading(self.t_s, moved_m, 0.0, quality, signed) if moved_m is not None else None
+        return self.detector.update(Snapshot(self.t_s, reading, motion, self.contact), applied)
+
+    def drive(self, ticks: int, applied: WheelCommand = FULL, moved_m: float = 0.0) -> list[bool]:
+        """Tick and tell for each whether the rover is called immobilised."""
+        return [Anomaly.IMMOBILISED in self.tick(applied, moved_m).anomalies for _ in range(ticks)]
+
+    def headings(self, *headings_deg: float, **fields: Any) -> list[tuple[Condition, ...]]:
+        """Stand, while the compass reads these; return the conditions of each tick."""
+        return [self.tick(heading_deg=heading_deg, **fields).conditions for heading_deg in headings_deg]
+
+    @property
+    def heading_deg(self) -> float:
+        """The heading that is believed."""
+        assert self.detector.compass is not None
+        return self.detector.compass.heading_deg
+
+
+def started(settings: DetectorSettings = SETTINGS, **watches: Any) -> Rover:
+    """A rover whose first tick was well."""
+    rover = Rover(settings, **watches)
+    assert rover.tick() == ALL_WELL
+    return rover

@@ -1,0 +1,220 @@
+"""Whether the compass can be believed: its age, its jumps, its calibration, and one that is frozen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.detector.rover import PIVOT, SETTINGS, TICK_S, VEHICLE, Rover, started
+from wayfarer.angles import wrap180
+from wayfarer.conditions import Condition
+from wayfarer.detector import ALL_WELL, Detector, DetectorSettings
+from wayfarer.hal import STOP, CompassReading, WheelCommand
+from wayfarer.latest import Snapshot
+
+
+def test_compass_goes_stale_and_then_lost_and_comes_back() -> None:
+    rover = started()
+    found = [rover.tick(compass=False).conditions for _ in range(90)]
+    assert found[:4] == [()] * 4
+    assert set(found[4:80]) == {(Condition.COMPASS_STALE,)}
+    assert set(found[80:]) == {(Condition.COMPASS_LOST,)}
+    assert rover.tick() == ALL_WELL
+
+
+def test_compass_that_never_spoke_is_stale_from_the_start() -> None:
+    rover = Rover()
+    assert rover.tick(compass=False).conditions == (Condition.COMPASS_STALE,)
+    assert [rover.tick(compass=False) for _ in range(81)][-1].conditions == (Condition.COMPASS_LOST,)
+
+
+def test_possible_turn_is_believed() -> None:
+    rover = started()
+    for heading_deg in (40.0, 80.0, 40.0, 355.0):
+        assert rover.tick(heading_deg=heading_deg) == ALL_WELL
+        assert rover.detector.compass is not None
+        assert rover.detector.compass.heading_deg == heading_deg
+
+
+SLOW_TO_TURN = replace(SETTINGS, heading_rate_max_deg_s=30.0)
+
+
+def test_impossible_heading_never_reaches_a_decision() -> None:
+    rover = started(SLOW_TO_TURN)
+    rover.tick(heading_deg=180.0)
+    assert rover.detector.compass is not None
+    assert rover.detector.compass.heading_deg == 0.0
+    assert rover.tick(heading_deg=1.0) == ALL_WELL
+    assert rover.detector.compass.heading_deg == 1.0
+
+
+def test_heading_that_insists_is_believed_after_a_stop() -> None:
+    rover = started(SLOW_TO_TURN)
+    found = rover.headings(*[180.0] * 16)
+    assert found[:4] == [()] * 4
+    assert found[4:8] == [(Condition.COMPASS_IMPLAUSIBLE, Condition.COMPASS_STALE)] * 4, "a rejected reading is none"
+    assert found[8:14] == [(Condition.COMPASS_IMPLAUSIBLE,)] * 6, "believed, and of the last ten so many were not"
+    assert found[14:] == [()] * 2
+    assert rover.heading_deg == 180.0
+
+
+def test_impossible_readings_must_insist_without_a_gap() -> None:
+    rover = started(SLOW_TO_TURN)
+    for n in range(60):
+        rover.tick(heading_deg=180.0 if n % 4 else 0.0)
+        assert rover.heading_deg == 0.0
+
+
+@pytest.mark.parametrize(("jump_deg", "believed"), [(45.0, True), (46.0, False), (62.0, False), (180.0, False)])
+def test_jump_of_more_than_45_degrees_in_50_ms_is_rejected(jump_deg: float, believed: bool) -> None:
+    rover = started()
+    rover.tick(heading_deg=jump_deg, dt_s=0.05)
+    assert (rover.heading_deg == jump_deg) is believed
+
+
+def test_heading_may_go_further_after_a_gap() -> None:
+    rover = started()
+    rover.tick(compass=False)
+    rover.tick(compass=False)
+    assert rover.tick(heading_deg=65.0) == ALL_WELL
+    assert rover.heading_deg == 65.0
+
+
+def test_compass_that_jumps_to_and_fro_stops_the_rover_within_half_a_second_and_for_as_long_as_it_does() -> None:
+    rover = started()
+    found = rover.headings(*[180.0, 0.0] * 20, dt_s=0.05)
+    assert found.index((Condition.COMPASS_IMPLAUSIBLE,)) < 10
+    assert set(found[10:]) == {(Condition.COMPASS_IMPLAUSIBLE,)}
+    assert rover.heading_deg == 0.0
+    assert rover.headings(0.0, 0.0, 0.0, dt_s=0.05)[-1] == ()
+
+
+def test_four_of_ten_rejected_readings_are_not_enough() -> None:
+    rover = started()
+    assert set(rover.headings(*[180.0, 0.0, 180.0, 0.0, 0.0] * 10)) == {()}
+
+
+HEADINGS = st.lists(st.floats(0.0, 359.9) | st.sampled_from([0.0, 44.0, 46.0, 180.0, nan, inf, -1.0]), max_size=60)
+
+
+@given(headings_deg=HEADINGS)
+def test_no_jump_is_believed_without_a_stop_and_no_compass_that_is_half_wrong_drives(headings_deg: list[float]) -> None:
+    rover, rejected = started(), [False] * 10
+    for heading_deg in headings_deg:
+        before_deg = rover.heading_deg
+        conditions = rover.tick(heading_deg=heading_deg, dt_s=0.05).conditions
+        jumped = not abs(wrap180(heading_deg - before_deg)) <= 45.0  # NaN jumps
+        stopped = Condition.COMPASS_IMPLAUSIBLE in conditions
+        rejected.append(jumped or not 0.0 <= heading_deg < 360.0)
+        assert 0.0 <= rover.heading_deg < 360.0
+        assert rover.heading_deg in (before_deg, heading_deg)
+        if rejected[-1]:
+            assert stopped or rover.heading_deg == before_deg
+        else:
+            assert rover.heading_deg == heading_deg
+        if sum(rejected[-10:]) >= 5:
+            assert stopped
+
+
+@pytest.mark.parametrize("jump_deg", [100.0, 180.0])
+def test_shipped_thresholds_do_not_believe_a_jump_without_a_stop(jump_deg: float) -> None:
+    """A compass that lies beside iron and stays there must hold the wheels before its heading is used."""
+    rover = started(DetectorSettings())
+    stopped = [
+        Condition.COMPASS_IMPLAUSIBLE in rover.tick(heading_deg=jump_deg).conditions or rover.heading_deg
+        for _ in range(40)
+    ]
+    assert stopped.index(True) > 0
+    assert set(stopped[: stopped.index(True)]) == {0.0}, "not believed before"
+    assert rover.heading_deg == jump_deg
+
+
+@pytest.mark.parametrize(
+    "angles_deg", [(nan, 0.0, 0.0), (0.0, nan, 0.0), (0.0, 0.0, inf), (360.0, 0.0, 0.0), (0.0, -1e9, 0.0)]
+)
+def test_reading_that_no_compass_can_give_is_never_believed(angles_deg: tuple[float, float, float]) -> None:
+    detector = Detector(SETTINGS, VEHICLE, watches_motion=False)
+    for tick in range(100):
+        reading = CompassReading(tick * TICK_S, *angles_deg, None)
+        detection = detector.update(Snapshot(tick * TICK_S, reading, None, None), STOP)
+        assert detector.compass is None
+    assert detection.conditions == (Condition.COMPASS_IMPLAUSIBLE, Condition.COMPASS_LOST)
+
+
+# -- frozen ------------------------------------------------------------------------------------------------------
+
+SLOW_TURN = WheelCommand(0.05, -0.05)  # 11 degrees a second
+
+
+def test_heading_that_stays_to_the_last_digit_through_a_second_of_commanded_turn_is_frozen() -> None:
+    rover = started()
+    found = [rover.tick(PIVOT, heading_deg=7.7).conditions for _ in range(20)]
+    assert found[:16] == [()] * 16, "0.94 s: the first of these readings was a new one"
+    assert set(found[16:]) == {(Condition.COMPASS_FROZEN,)}
+
+
+def test_frozen_compass_stays_suspect_while_the_wheels_are_held_and_clears_when_its_value_moves() -> None:
+    rover = started()
+    for _ in range(20):
+        rover.tick(PIVOT)
+    assert set(rover.headings(*[0.0] * 200)) == {(Condition.COMPASS_FROZEN,)}
+    assert rover.headings(0.1, 0.1) == [(), ()]
+    assert {rover.tick(PIVOT, heading_deg=0.1) for _ in range(10)} == {ALL_WELL}, "it must freeze anew"
+
+
+def test_commanded_turns_add_up_until_a_compass_is_frozen() -> None:
+    rover = started()
+    found = []
+    for _ in range(6):
+        found += [rover.tick(PIVOT).conditions for _ in range(4)]
+        found += [rover.tick(WheelCommand(0.5, 0.5), 0.03).conditions for _ in range(10)]
+    assert found[0] == ()
+    assert found[-1] == (Condition.COMPASS_FROZEN,)
+
+
+@pytest.mark.parametrize(
+    "wheels", [STOP, SLOW_TURN, WheelCommand(0.5, 0.5)], ids=["stands", "hardly_turns", "straight"]
+)
+def test_heading_that_need_not_change_is_not_frozen(wheels: WheelCommand) -> None:
+    rover = started()
+    assert {rover.tick(wheels, wheels.left * TICK_S).conditions for _ in range(100)} == {()}
+
+
+def test_blocked_rover_of_which_the_compass_jitters_by_its_last_digit_is_not_suspect() -> None:
+    rover = started()
+    assert {rover.tick(PIVOT, heading_deg=7.7 + n % 2 / 10).conditions for n in range(100)} == {()}
+
+
+# -- calibration -------------------------------------------------------------------------------------------------
+
+
+def test_calibration_that_drops_below_what_arming_demanded_is_told_after_a_second() -> None:
+    rover = started(calibration_min=2)
+    found = rover.headings(*[0.0] * 24, calibration=1)
+    assert found[:16] == [()] * 16
+    assert set(found[16:]) == {(Condition.COMPASS_UNCALIBRATED,)}
+    assert rover.headings(0.0, calibration=2) == [()]
+
+
+@pytest.mark.parametrize("calibration", [2, 3, None])
+def test_calibration_that_is_good_enough_or_not_told_is_no_condition(calibration: int | None) -> None:
+    assert set(started(calibration_min=2).headings(*[0.0] * 40, calibration=calibration)) == {()}
+
+
+def test_calibration_must_be_low_without_a_gap() -> None:
+    rover = started(calibration_min=2)
+    assert {rover.tick(calibration=3 if n % 10 == 0 else 0).conditions for n in range(100)} == {()}
+
+
+def test_jump_of_a_compass_that_lost_its_calibration_stops_the_rover_for_a_second() -> None:
+    rover = started(calibration_min=2)
+    rover.headings(*[0.0] * 20, calibration=0)
+    both = (Condition.COMPASS_IMPLAUSIBLE, Condition.COMPASS_UNCALIBRATED)
+    assert rover.headings(120.0, calibration=0) == [both]
+    found = rover.headings(*[0.0] * 20, calibration=0)
+    assert set(found[:15]) == {both}
+    assert set(found[15:]) == {(Condition.COMPASS_UNCALIBRATED,)}

@@ -1,0 +1,177 @@
+"""Wheels that do not turn the rover as they are told to: a dead, weak or reversed side, and what only looks like it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import degrees, exp
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.detector.rover import BACK, FULL, PIVOT, SETTINGS, VEHICLE, Rover, started
+from wayfarer.angles import wrap360
+from wayfarer.conditions import Condition
+from wayfarer.escape.api import Anomaly
+from wayfarer.hal import STOP, WheelCommand
+
+PERIOD_S = 0.05
+DEG_S = degrees(VEHICLE.max_speed_m_s / VEHICLE.track_m)  # of one side at full duty
+HEALTHY, DEAD_LEFT, DEAD_RIGHT, REVERSED_LEFT, MIXED_UP = (1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (-1.0, 1.0), (-1.0, -1.0)
+CURVE = WheelCommand(1.0, 0.6)
+
+
+class Chassis:
+    """A rover whose sides turn ``gains`` times as fast as they are told to; its heading follows, ``lag_s`` late."""
+
+    def __init__(self, gains: tuple[float, float], lag_s: float = 0.1, noise_deg: float = 0.0, seed: int = 0) -> None:
+        self.rover = started()
+        self.gains = gains
+        self._keeps = exp(-PERIOD_S / lag_s)
+        self._noise_deg, self._chance = noise_deg, Random(seed)
+        self._left = self._right = self.heading_deg = 0.0
+
+    def tick(self, wheels: WheelCommand, *, blocked: bool = False) -> tuple[Condition, ...]:
+        """Drive for a period and return the conditions; a blocked rover moves nowhere."""
+        self._left = wheels.left * self.gains[0] + (self._left - wheels.left * self.gains[0]) * self._keeps
+        self._right = wheels.right * self.gains[1] + (self._right - wheels.right * self.gains[1]) * self._keeps
+        moved_m = 0.0
+        if not blocked:
+            self.heading_deg += (self._left - self._right) * DEG_S * PERIOD_S
+            moved_m = (wheels.left + wheels.right) / 2 * PERIOD_S
+        read_deg = wrap360(self.heading_deg + self._chance.gauss(0.0, self._noise_deg))
+        return self.rover.tick(wheels, moved_m, dt_s=PERIOD_S, heading_deg=read_deg).conditions
+
+    def drive(self, for_s: float, wheels: WheelCommand, *, blocked: bool = False) -> list[Condition | None]:
+        """Return for each tick what is said of the drive."""
+        return [drive_of(self.tick(wheels, blocked=blocked)) for _ in range(round(for_s / PERIOD_S))]
+
+
+def drive_of(conditions: Iterable[Condition]) -> Condition | None:
+    """What is said of the drive, if anything."""
+    told = [each for each in conditions if each in (Condition.DRIVE_ASYMMETRY, Condition.DRIVE_FAILED)]
+    assert len(told) <= 1
+    return told[0] if told else None
+
+
+def first_s(found: list[Condition | None], condition: Condition) -> float:
+    """When a condition first came, in seconds."""
+    return (found.index(condition) + 1) * PERIOD_S
+
+
+@pytest.mark.parametrize("gains", [DEAD_LEFT, DEAD_RIGHT, REVERSED_LEFT])
+@pytest.mark.parametrize("wheels", [FULL, BACK, CURVE])
+def test_side_that_does_not_turn_is_noticed_within_two_seconds_of_driving(
+    gains: tuple[float, float], wheels: WheelCommand
+) -> None:
+    chassis = Chassis(HEALTHY)
+    assert set(chassis.drive(3.0, wheels)) == {None}
+    chassis.gains = gains
+    assert first_s(chassis.drive(3.0, wheels), Condition.DRIVE_ASYMMETRY) <= 2.0
+
+
+def test_asymmetry_is_told_for_about_a_second() -> None:
+    chassis = Chassis(DEAD_LEFT)
+    chassis.drive(0.5, FULL)
+    found = chassis.drive(3.0, STOP)
+    assert set(found[:10]) == {Condition.DRIVE_ASYMMETRY}
+    assert set(found[25:]) == {None}
+
+
+def jolt(chassis: Chassis, gains: tuple[float, float], wheels: WheelCommand = FULL) -> list[Condition | None]:
+    """Drive for a moment with those sides, then stand."""
+    chassis.gains = gains
+    found = chassis.drive(0.4, wheels)
+    return found + chassis.drive(1.5, STOP)
+
+
+@pytest.mark.parametrize("wheels", [(FULL, FULL, FULL), (BACK, BACK, BACK), (FULL, BACK, FULL)])
+def test_third_window_to_the_same_side_is_a_fault_whichever_way_the_rover_drives(
+    wheels: tuple[WheelCommand, ...],
+) -> None:
+    chassis = Chassis(DEAD_LEFT)
+    found = [set(jolt(chassis, DEAD_LEFT, each)) - {None} for each in wheels]
+    assert found == [{Condition.DRIVE_ASYMMETRY}, {Condition.DRIVE_ASYMMETRY}, {Condition.DRIVE_FAILED}]
+    assert set(jolt(chassis, DEAD_LEFT)) == {Condition.DRIVE_ASYMMETRY, None}, "it is counted anew"
+
+
+def test_windows_to_both_sides_are_chance() -> None:
+    chassis = Chassis(HEALTHY)
+    for gains in (DEAD_LEFT, DEAD_RIGHT, DEAD_LEFT, DEAD_RIGHT):
+        assert Condition.DRIVE_FAILED not in jolt(chassis, gains)
+
+
+def test_windows_that_lie_further_apart_than_memory_are_no_fault() -> None:
+    chassis = Chassis(HEALTHY)
+    for _ in range(5):
+        assert set(jolt(chassis, DEAD_LEFT)) == {Condition.DRIVE_ASYMMETRY, None}
+        chassis.drive(SETTINGS.drive_memory_s / 2, STOP)
+
+
+@pytest.mark.parametrize("gains", [MIXED_UP, REVERSED_LEFT, (1.0, -1.0)])
+def test_second_drive_with_wheels_that_go_the_wrong_way_is_a_fault(gains: tuple[float, float]) -> None:
+    wheels = PIVOT if gains == MIXED_UP else FULL
+    chassis = Chassis(gains)
+    assert set(jolt(chassis, gains, wheels)) == {Condition.DRIVE_ASYMMETRY, None}
+    assert Condition.DRIVE_FAILED in jolt(chassis, gains, wheels)
+
+
+@pytest.mark.parametrize("wheels", [PIVOT, WheelCommand(-1.0, 1.0), FULL, CURVE])
+def test_turn_that_is_blocked_is_the_forest_and_no_fault(wheels: WheelCommand) -> None:
+    chassis = Chassis(HEALTHY)
+    assert set(chassis.drive(5.0, wheels, blocked=True)) == {None}
+
+
+def test_window_in_which_the_rover_met_something_is_dropped() -> None:
+    """A trunk turns a rover that pushes on; the tilt says that there is one."""
+    rover = started()
+    for tick in range(100):
+        detection = rover.tick(FULL, 0.05, dt_s=0.05, heading_deg=tick * 5.0 % 360.0, pitch_deg=25.0)
+        if tick > 5:
+            assert detection.anomalies == (Anomaly.NOSE_UP,)
+            assert drive_of(detection.conditions) is None
+
+
+def test_heading_that_was_rejected_and_then_believed_accuses_nobody() -> None:
+    rover = started()
+    found = [drive_of(rover.tick(FULL, 0.05, dt_s=0.05, heading_deg=120.0).conditions) for _ in range(60)]
+    assert rover.heading_deg == 120.0
+    assert set(found) == {None}
+
+
+def test_rover_that_is_turned_by_hand_while_it_stands_is_well() -> None:
+    rover = started()
+    assert {drive_of(rover.tick(heading_deg=tick * 5.0 % 360.0).conditions) for tick in range(200)} == {None}
+
+
+WHEELS = st.builds(WheelCommand, st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+
+
+@given(
+    legs=st.lists(st.tuples(WHEELS, st.integers(1, 30), st.booleans()), max_size=12),
+    lag_s=st.floats(0.02, 0.2),
+    gains=st.tuples(st.floats(0.95, 1.05), st.floats(0.95, 1.05)),
+    seed=st.integers(0, 1000),
+)
+def test_healthy_rover_is_never_accused(
+    legs: list[tuple[WheelCommand, int, bool]], lag_s: float, gains: tuple[float, float], seed: int
+) -> None:
+    """Whatever it is told, with any likely lag of its motors, unequal sides, a noisy compass, and things in its way."""
+    chassis = Chassis(gains, lag_s, noise_deg=1.0, seed=seed)
+    for wheels, ticks, blocked in legs:
+        for _ in range(ticks):
+            assert drive_of(chassis.tick(wheels, blocked=blocked)) is None
+
+
+def test_rover_of_which_one_side_has_half_its_strength_is_accused() -> None:
+    """The test above can fail."""
+    assert Condition.DRIVE_ASYMMETRY in Chassis((0.5, 1.0), noise_deg=1.0).drive(3.0, FULL)
+
+
+def test_rover_with_other_dimensions_is_judged_by_them() -> None:
+    """A wide rover turns half as fast, and that is all that its wheels were told."""
+    chassis = Chassis(HEALTHY)
+    chassis.rover = Rover(SETTINGS, VEHICLE.__class__(0.4, 0.4, VEHICLE.track_m / 4, VEHICLE.max_speed_m_s))
+    assert Condition.DRIVE_ASYMMETRY not in chassis.drive(2.0, CURVE)
+    assert set(chassis.drive(2.0, FULL)) == {None}

@@ -1,0 +1,68 @@
+"""The motion sensor: silent, blind, gone, impossible."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.detector.rover import FULL, SETTINGS, TICK_S, VEHICLE, started
+from wayfarer.conditions import Condition
+from wayfarer.detector import ALL_WELL, Detector
+from wayfarer.hal import STOP, CompassReading, MotionReading
+from wayfarer.latest import Snapshot
+
+
+def test_silent_motion_sensor_is_stale_and_no_stall_is_claimed() -> None:
+    rover = started()
+    assert rover.drive(8)[-1]
+    found = [rover.tick(FULL, moved_m=None) for _ in range(12)]
+    assert [detection.conditions for detection in found[:8]] == [()] * 8
+    assert {detection.conditions for detection in found[8:]} == {(Condition.MOTION_STALE,)}
+    assert found[-1].anomalies == ()
+    assert rover.tick().conditions == ()
+
+
+def test_poor_motion_is_unknown_and_then_lost() -> None:
+    rover = started()
+    found = [rover.tick(quality=0.0).conditions for _ in range(170)]
+    assert found[:16] == [()] * 16
+    assert set(found[16:160]) == {(Condition.MOTION_UNKNOWN,)}
+    assert set(found[160:]) == {(Condition.MOTION_LOST,)}
+    assert rover.tick() == ALL_WELL
+
+
+def test_rover_without_motion_sensor_does_not_miss_it() -> None:
+    rover = started(watches_motion=False)
+    assert {rover.tick(FULL, moved_m=None) for _ in range(100)} == {ALL_WELL}
+
+
+@pytest.mark.parametrize(("speed_m_s", "implausible"), [(4.9, False), (5.1, True), (-5.1, True)])
+def test_impossible_speed_is_implausible(speed_m_s: float, implausible: bool) -> None:
+    conditions = started().tick(moved_m=speed_m_s * TICK_S).conditions
+    assert (Condition.MOTION_IMPLAUSIBLE in conditions) is implausible
+
+
+def test_impossible_speed_is_no_evidence_of_motion() -> None:
+    rover = started()
+    rover.drive(3)
+    rover.tick(FULL, moved_m=9.0)
+    assert rover.drive(4) == [False, False, False, True]
+
+
+def test_first_reading_of_a_run_is_not_called_implausible() -> None:
+    """It comes at the very time at which the run begins, with a count of noise."""
+    detector = Detector(SETTINGS, VEHICLE)
+    compass = CompassReading(0.0, 0.0, 0.0, 0.0, None)
+    detector.update(Snapshot(0.0, None, None, None), STOP)
+    detection = detector.update(Snapshot(TICK_S, compass, MotionReading(0.0, 0.0004, 0.0002, 0.8), None), STOP)
+    assert Condition.MOTION_IMPLAUSIBLE not in detection.conditions
+
+
+def test_motion_sensor_that_stays_silent_is_gone_and_one_that_sees_nothing_is_only_lost() -> None:
+    silent, blind = started(), started()
+    found = [silent.tick(moved_m=None).conditions for _ in range(170)]
+    assert set(found[8:160]) == {(Condition.MOTION_STALE,)}
+    assert set(found[160:]) == {(Condition.MOTION_GONE,)}
+    for _ in range(170):
+        last = blind.tick(quality=0.0)
+    assert last.conditions == (Condition.MOTION_LOST,)
+    assert silent.tick() == ALL_WELL

@@ -1,0 +1,104 @@
+"""Ground that moves although the wheels were told to stand, and what only looks like it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.detector.rover import BACK, FULL, MAX_SPEED_M_S, SETTINGS, TICK_S, Rover, started
+from wayfarer.conditions import Condition
+from wayfarer.hal import STOP, WheelCommand
+
+G_M_S2 = 9.81
+PERIOD_S = 0.05
+
+
+def stopped(wheels: WheelCommand = FULL) -> Rover:
+    """A rover that drove and was told to stop just now."""
+    rover = started()
+    for _ in range(20):
+        rover.tick(wheels, wheels.left * MAX_SPEED_M_S * TICK_S)
+    return rover
+
+
+def runs_away(rover: Rover, speed_m_s: float, **fields: Any) -> list[bool]:
+    """Stand for a second, while the ground goes by at that speed."""
+    return [
+        Condition.RUNAWAY in rover.tick(STOP, speed_m_s * PERIOD_S, dt_s=PERIOD_S, **fields).conditions
+        for _ in range(20)
+    ]
+
+
+@pytest.mark.parametrize("speed_m_s", [0.12, 1.0, -0.12, -1.0])
+@pytest.mark.parametrize("wheels", [FULL, BACK])
+def test_rover_that_goes_on_is_running_away_within_half_a_second_of_the_stop(
+    speed_m_s: float, wheels: WheelCommand
+) -> None:
+    found = runs_away(stopped(wheels), speed_m_s)
+    assert (found.index(True) + 1) * PERIOD_S <= 0.5 + 1e-9
+    assert found[found.index(True) :] == [True] * (20 - found.index(True)), "for as long as it goes on"
+
+
+def test_runaway_ends_with_the_motion() -> None:
+    rover = stopped()
+    assert runs_away(rover, 0.5)[-1]
+    assert not any(runs_away(rover, 0.0))
+
+
+@pytest.mark.parametrize("speed_m_s", [0.0, 0.08, -0.08])
+def test_rover_that_stands_or_hardly_creeps_is_not_running_away(speed_m_s: float) -> None:
+    assert not any(runs_away(stopped(), speed_m_s))
+
+
+def test_rover_that_is_told_to_go_is_not_running_away() -> None:
+    rover = stopped()
+    for _ in range(40):
+        assert rover.tick(FULL, TICK_S).conditions == ()
+
+
+def test_poor_sight_of_the_ground_is_no_runaway() -> None:
+    assert not any(runs_away(stopped(), 1.0, quality=0.1))
+
+
+def test_ground_that_goes_to_and_fro_is_no_runaway() -> None:
+    """Random counts, or a rover that rocks."""
+    rover = stopped()
+    for tick in range(100):
+        assert rover.tick(STOP, 0.02 * (-1) ** tick).conditions == ()
+
+
+def test_sense_without_a_direction_sees_a_runaway_too() -> None:
+    assert runs_away(stopped(BACK), 0.5, signed=False)[-1]
+
+
+@given(
+    speed_m_s=st.floats(0.05, 1.4),
+    friction=st.floats(0.3, 0.8),
+    offset_s=st.floats(0.0, PERIOD_S),
+    way=st.sampled_from([1, -1]),
+)
+def test_rover_that_slides_to_a_stop_on_leaves_is_not_running_away(
+    speed_m_s: float, friction: float, offset_s: float, way: int
+) -> None:
+    """The friction of field.md, section 4, from the highest speed of a shipped rover, at any phase of the readings."""
+    rover = started()
+    rover.tick(WheelCommand(float(way), float(way)), 0.0, dt_s=PERIOD_S)
+    stops_s = speed_m_s / (friction * G_M_S2)
+
+    def slid_m(t_s: float) -> float:
+        t_s = min(max(t_s, 0.0), stops_s)
+        return speed_m_s * t_s - friction * G_M_S2 * t_s**2 / 2
+
+    for tick in range(20):
+        since_s = tick * PERIOD_S + offset_s
+        moved_m = way * (slid_m(since_s) - slid_m(since_s - PERIOD_S))
+        assert Condition.RUNAWAY not in rover.tick(STOP, moved_m, dt_s=PERIOD_S).conditions
+
+
+def test_short_window_of_sliding_would_be_a_runaway() -> None:
+    """The test above can fail: on ice the rover is still sliding when the time for coasting is over."""
+    assert runs_away(stopped(), MAX_SPEED_M_S)[9]
+    assert SETTINGS.runaway_after_s + SETTINGS.runaway_for_s == pytest.approx(0.5)

@@ -1,0 +1,127 @@
+"""Commanded driving that moves nothing, and what only looks like it."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+from tests.detector.rover import BACK, FULL, PIVOT, STEP_M, Rover, started
+from wayfarer.config import load_rover
+from wayfarer.detector import ALL_WELL
+from wayfarer.escape.api import Anomaly
+from wayfarer.hal import STOP, WheelCommand
+
+
+@pytest.mark.parametrize("wheels", [FULL, BACK])
+def test_stall_is_found_after_the_window_and_not_a_tick_earlier(wheels: WheelCommand) -> None:
+    assert started().drive(6, wheels) == [False, False, False, True, True, True]
+
+
+@pytest.mark.parametrize(("wheels", "way"), [(FULL, 1.0), (BACK, -1.0)])
+def test_moving_rover_is_not_stalled(wheels: WheelCommand, way: float) -> None:
+    assert not any(started().drive(40, wheels, moved_m=way * STEP_M))
+
+
+@pytest.mark.parametrize(("share", "stalled"), [(0.28, True), (0.32, False)])
+def test_stall_means_less_than_a_share_of_what_was_commanded(share: float, stalled: bool) -> None:
+    assert started().drive(10, moved_m=share * STEP_M)[-1] is stalled
+
+
+@pytest.mark.parametrize(("wheels", "way"), [(FULL, -1.0), (BACK, 1.0)])
+def test_rolling_the_other_way_is_a_stall(wheels: WheelCommand, way: float) -> None:
+    assert started().drive(6, wheels, moved_m=way * STEP_M)[-1]
+
+
+def test_noise_that_sums_to_zero_does_not_hide_a_stall() -> None:
+    rover = started()
+    noise = [rover.tick(FULL, moved_m=STEP_M * sign).anomalies for sign in [1, -1, 1, -1, 1, -1]]
+    assert noise[-1] == (Anomaly.IMMOBILISED,)
+
+
+def test_one_zero_sample_does_not_fake_a_stall() -> None:
+    rover = started()
+    found = [rover.tick(FULL, 0.0 if n % 4 == 3 else STEP_M).anomalies for n in range(40)]
+    assert found == [()] * 40
+
+
+def test_stall_ends_when_the_rover_moves() -> None:
+    rover = started()
+    assert rover.drive(8)[-1]
+    assert not rover.drive(4, moved_m=STEP_M)[-1]
+
+
+@pytest.mark.parametrize("wheels", [STOP, PIVOT, WheelCommand(0.05, 0.05)], ids=["stopped", "pivoting", "creeping"])
+def test_nothing_is_claimed_while_little_motion_is_commanded(wheels: WheelCommand) -> None:
+    assert not any(started().drive(20, wheels))
+
+
+def test_pivot_forgets_what_was_before() -> None:
+    rover = started()
+    assert rover.drive(3) == [False] * 3
+    assert rover.drive(1, PIVOT) == [False]
+    assert rover.drive(4) == [False, False, False, True]
+
+
+def test_change_of_direction_needs_a_whole_new_window() -> None:
+    rover = started()
+    assert rover.drive(8)[-1]
+    assert rover.drive(4, BACK) == [False, False, False, True]
+
+
+@pytest.mark.parametrize(("quality", "claims"), [(0.0, False), (0.19, False), (0.2, True), (1.0, True)])
+def test_low_quality_means_unknown_never_still(quality: float, claims: bool) -> None:
+    rover = started()
+    found = {Anomaly.IMMOBILISED in rover.tick(FULL, 0.0, quality=quality).anomalies for _ in range(12)}
+    assert (True in found) is claims
+
+
+def test_one_doubtful_sample_forgets_the_window() -> None:
+    rover = started()
+    rover.drive(3)
+    rover.tick(FULL, quality=0.1)
+    assert rover.drive(4) == [False, False, False, True]
+
+
+def test_slow_motion_sensor_loses_no_commanded_distance() -> None:
+    """The sensor speaks each third tick: what was commanded in between counts."""
+    rover = started()
+    found = [rover.tick(FULL, 3 * STEP_M if n % 3 == 2 else None).anomalies for n in range(30)]
+    assert found == [()] * 30
+    stalled = [rover.tick(FULL, 0.0 if n % 3 == 2 else None).anomalies for n in range(12)]
+    assert stalled[-1] == (Anomaly.IMMOBILISED,)
+
+
+@pytest.mark.parametrize("wheels", [FULL, BACK])
+def test_sense_without_a_direction_tells_a_moving_rover_from_a_stuck_one_both_ways(wheels: WheelCommand) -> None:
+    """A forward-looking camera sees that it moves, not which way: its metres are magnitudes."""
+    moving, stuck = started(), started()
+    for _ in range(20):
+        assert moving.tick(wheels, STEP_M, signed=False) == ALL_WELL
+        found = stuck.tick(wheels, 0.0, signed=False)
+    assert found.anomalies == (Anomaly.IMMOBILISED,)
+
+
+@pytest.mark.parametrize("name", ["sim", "forestrover"])
+@pytest.mark.parametrize("seed", range(20))
+def test_stall_is_found_within_two_seconds_under_random_counts(name: str, seed: int) -> None:
+    """Field catalogue, fault 16: flow that jitters by up to 100 counts of 0.2 mm a reading, at 20 Hz."""
+    config, chance = load_rover(name), Random(seed)
+    rover = Rover(config.detector, config.vehicle)
+    wheels = config.vehicle.mix(config.escape.cruise_m_s, 0.0)
+    found = [
+        Anomaly.IMMOBILISED
+        in rover.tick(wheels, chance.randint(-100, 100) * 0.0002, dt_s=0.05, heading_deg=n % 2).anomalies
+        for n in range(40)
+    ]
+    assert any(found)
+
+
+def test_flow_that_saturates_is_not_motion_that_is_absent() -> None:
+    """Field catalogue, fault 17: 7.4 rad/s at 0.1 m above ground are 0.74 m/s, the rover goes at 1.4."""
+    config = load_rover("forestrover")
+    rover = Rover(config.detector, config.vehicle)
+    chance = Random(1)
+    for _ in range(200):
+        moved_m = 0.74 * 0.05 * chance.gauss(1.0, 0.03)
+        assert rover.tick(FULL, moved_m, dt_s=0.05, heading_deg=chance.choice([0.0, 0.1])) == ALL_WELL

@@ -1,0 +1,205 @@
+"""Logs of runs, and everything that is made of them."""
+
+from __future__ import annotations
+
+import io
+import json
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import orjson
+from hypothesis import strategies as st
+
+from tests.fuzz.damage import as_json, bytes_of, json_of
+from tests.fuzz.on_files import MEMORY, check_finite
+from tests.fuzz.target import Case, Target, Try, reading
+from tests.logbook.records import SAMPLE_LOGS, event, numbered, record
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.logbook.account import summarise
+from wayfarer.logbook.export import export, write_table
+from wayfarer.logbook.listing import lines, rows
+from wayfarer.logbook.story import Story
+from wayfarer.logbook.summary_text import summary_text
+from wayfarer.logbook.tail import RunTail
+from wayfarer.logbook.verdict import judge
+from wayfarer.replay import replay
+from wayfarer.report.run import write_run_report
+from wayfarer.report.run_reading import read_run
+
+RUN = "00017-20261121T061405Z"
+(SAMPLE,) = SAMPLE_LOGS.glob("00001-*")
+WHOLE = [orjson.loads(line) for line in (SAMPLE / "run.jsonl").read_bytes().splitlines()]
+DRIVEN = next(count for count, each in enumerate(WHOLE) if each.get("phase") == "back_off")
+BEGAN_S = WHOLE[0]["t_s"] - 100.0  # where tests.logbook.records begin
+TOLD = [
+    {**each, "t_s": each["t_s"] + BEGAN_S}
+    for each in (
+        record("position", 0.5, latitude_deg=51.5, longitude_deg=-0.1, error_m=3.0),
+        record("board", 0.5, battery_v=11.0, faults=["motor A: too hot"]),
+        record("computer", 0.5, cpu_c=80.0, throttled="0x50005", load_1min=1.0, disk_free_mb=100.0, log_dropped=3),
+        event("disarmed", 0.5, reason="asked"),
+        event("sensor_failed", 0.5, sensor="motion", error="no answer"),
+        event("log_gap", 0.5, dropped=3, error="no room"),
+        event("clock_step", 0.5, by_s=3600.0),
+        event("hold", 0.5),
+        event("resume", 0.5),
+        event("goal", 0.5, goal_heading_deg=90.0),
+        event("mark", 0.5, text="hit log"),
+        event("arming", 0.5, goal_heading_deg=10.0),
+        event("board_silent", 0.5, error="no answer"),
+        event("motors_failed", 0.5, error="no answer"),
+    )
+]
+# As replaying needs it, whole up to somewhere; and some of each kind, for everything else.
+DRIVING = [each for each in WHOLE[:24] if each["record"] != "truth"]
+BEGINNING = [
+    WHOLE[:DRIVEN],
+    numbered([WHOLE[0], *TOLD[1:], *DRIVING[4:8]]),
+]
+KINDS = [[WHOLE[0], *WHOLE[1:12], *TOLD, *WHOLE[DRIVEN - 2 : DRIVEN + 6], WHOLE[-1]], [WHOLE[0], *WHOLE[-8:]]]
+
+
+def _as_lines(log: Any) -> bytes:
+    return b"".join(as_json(each) + b"\n" for each in log) if isinstance(log, list) else as_json(log)
+
+
+def _shuffled(log: list[Any], picks: Sequence[int]) -> list[Any]:
+    """Return a log in which some records stand a second time, elsewhere."""
+    log = list(log)
+    for pick in picks:
+        log.insert(pick % 97 % len(log), log[pick % len(log)])
+    return log
+
+
+def logs_of(whole: Sequence[list[Any]], kept: Sequence[Case], most: int = 6) -> st.SearchStrategy[Case]:
+    """Make logs as bytes: damaged ones, ones of which values were changed, and ones in another order."""
+    contents = [_as_lines(log) for log in whole]
+    changed = json_of(whole, most).map(_as_lines)
+    shuffled = st.builds(_shuffled, st.sampled_from(whole), st.lists(st.integers(0, 9_999), max_size=4)).map(_as_lines)
+    return bytes_of([*contents, *kept]) | changed | changed | shuffled
+
+
+@contextmanager
+def _runs(use: Callable[[Path], str]) -> Iterator[Try]:
+    """Make each case the log of a run, in a folder of its own name."""
+    with tempfile.TemporaryDirectory(prefix="wf-", dir=MEMORY) as folder:
+        run = Path(folder) / RUN
+        run.mkdir()
+
+        def attempt(content: bytes) -> str:
+            (run / "run.jsonl").write_bytes(content)
+            return reading(lambda: use(run))
+
+        yield attempt
+
+
+# -- what is told in words -------------------------------------------------------------------------------------------
+
+
+def _tell(run: Path) -> str:
+    """See that what is told of a log is fit for a terminal, and that it is told to the end."""
+    for story in (Story(), Story(ticks=True)):
+        for each in RunReader(run):
+            assert all(str(line).isprintable() for line in story.take(each)), each
+    reader = RunReader(run)
+    found = summarise(reader)
+    assert all(line.isprintable() for line in summary_text("17", found, reader.damage).splitlines())
+    json.dumps(asdict(found), allow_nan=False)
+    assert all(line.isprintable() for line in lines(rows(run.parent, 0.0), 80))
+    verdict = judge(run)
+    assert str(verdict).isprintable()
+    assert sum(1 for _ in _followed(run)) <= len(run.joinpath("run.jsonl").read_bytes().split(b"\n"))
+    return f"{verdict.worth.name}, {found.reason is None} {bool(reader.damage.lines)} {found.where is None}"
+
+
+def _followed(run: Path) -> Iterator[Any]:
+    tail = RunTail(run)
+    try:
+        yield from tail.take()
+    finally:
+        tail.close()
+
+
+STORY = Target(
+    "log",
+    ["wayfarer.fieldlog.reader", "wayfarer.logbook.account", "wayfarer.logbook.fields", "wayfarer.logbook.listing",
+     "wayfarer.logbook.story", "wayfarer.logbook.summary_text", "wayfarer.logbook.verdict", "wayfarer.logbook.wording",
+     "wayfarer.logbook.whereabouts", "wayfarer.fieldlog.track", "wayfarer.logbook.tail:RunTail"],
+    lambda kept: logs_of(KINDS, kept),
+    lambda: _runs(_tell),
+)  # fmt: skip
+
+
+# -- what is written -------------------------------------------------------------------------------------------------
+
+
+def _export(run: Path) -> str:
+    out = run.parent / "out.mcap"
+    for form in ("csv", "tsv"):
+        write_table(run, form, io.StringIO())
+    export(run, "mcap", out, overwrite=True)
+    return f"mcap, {len(str(out.stat().st_size))} digits of bytes"
+
+
+EXPORT = Target(
+    "export",
+    ["wayfarer.logbook.tables", "wayfarer.logbook.export:write_table", "wayfarer.foxglove.mcap_file",
+     "wayfarer.foxglove.channels",     "wayfarer.foxglove.notes", "wayfarer.foxglove.places",
+     "wayfarer.foxglove.plots", "wayfarer.foxglove.scene",
+     "wayfarer.foxglove.path"],
+    lambda kept: logs_of(KINDS, kept),
+    lambda: _runs(_export),
+)  # fmt: skip
+
+
+def _replay(run: Path) -> str:
+    result = replay(run)
+    if result.difference is not None:
+        return f"{result.difference.key} differs"
+    return f"{'cut' if result.cut_t_s is not None else 'whole'}, {'some' if result.ticks else 'no'} decisions"
+
+
+def _told_while_driving(told: Any) -> bytes:
+    """Return the log of a rover that drives, up to a few ticks after something was told."""
+    return b"".join(map(_as_lines, ([WHOLE[0]], numbered([*DRIVING[1:-4]]), [told], numbered(DRIVING[-4:]))))
+
+
+REPLAY = Target(
+    "replay",
+    ["wayfarer.replay"],
+    lambda kept: logs_of(BEGINNING, kept, most=2) | json_of([*TOLD, DRIVING[-5]], 2).map(_told_while_driving),
+    lambda: _runs(_replay),
+)
+
+
+def _read_run(run: Path) -> str:
+    data = read_run(run)
+    check_finite(data.batteries)
+    return f"{data.has_way} {len(data.episodes)} {bool(data.fixes)} {len(data.sensors)}"
+
+
+RUN_READING = Target(
+    "run-reading",
+    ["wayfarer.report.run_reading"],
+    lambda kept: logs_of([*KINDS, WHOLE[:DRIVEN]], kept),
+    lambda: _runs(_read_run),
+)
+
+
+def _report(run: Path) -> str:
+    write_run_report(run, run.parent / "report.html")
+    return "a page"
+
+
+REPORT = Target(
+    "report",
+    [f"wayfarer.report.run{part}" for part in ("", "_map", "_marks", "_panels", "_tables", "_timeline", "_track",
+     "_words", "_labels", "_series", "_position")],
+    lambda kept: logs_of(KINDS, kept),
+    lambda: _runs(_report),
+    quick=2,
+)  # fmt: skip

@@ -1,0 +1,54 @@
+"""What is fuzzed: a reader, its cases, and what is tried with each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from typing import Any, NamedTuple
+
+from hypothesis.strategies import SearchStrategy
+
+from wayfarer.errors import WayfarerError
+
+Case = Any  # literals only, so that its repr can be pasted
+Try = Callable[[Case], str]
+
+
+class Target(NamedTuple):
+    """One reader.
+
+    name: for the command line.
+    covers: the modules whose lines count, or a function or class of one as ``module:name``.
+    cases: makes cases, given those that reached something new.
+    opened: sets up what the tries need, and yields what is done with a case: it returns the outcome in a few words, or
+        raises because of a bug.
+    quick: how many cases a test tries.
+    """
+
+    name: str
+    covers: Sequence[str]
+    cases: Callable[[Sequence[Case]], SearchStrategy[Case]]
+    opened: Callable[[], AbstractContextManager[Try]]
+    quick: int = 100
+
+
+def refused(error: WayfarerError) -> str:
+    """Return the outcome of a case that was refused, once it is seen to have a text."""
+    text = str(error)
+    assert text.strip(), f"{type(error).__name__} without a text"
+    return f"{type(error).__name__}: {shape(text)}"
+
+
+def shape(text: str) -> str:
+    """Return a text without what differs from case to case, so that outcomes can be counted."""
+    without_quoted = re.sub(r"'[^']*'|\"[^\"]*\"", "'", text)
+    return re.sub(r"[^ ]*[\d/\\][^ ]*", "#", without_quoted)[:80]
+
+
+def reading(read: Callable[[], str]) -> str:
+    """Return what reading says of its outcome, or how it refused."""
+    try:
+        return read()
+    except WayfarerError as error:
+        return refused(error)

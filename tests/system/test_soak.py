@@ -1,0 +1,91 @@
+"""Twenty simulated minutes of random faults leave nothing behind; and what does grow is found.
+
+A simulated day is ``python -m benchmarks soak``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks.soak import LOG, MAY_GROW, Beside, Sample, growth, soak
+from wayfarer.simhal.stage import Stage
+
+MINUTES_S = 20 * 60.0
+SHORT_S = 5 * 60.0
+
+
+@pytest.mark.slow
+def test_twenty_minutes_of_faults_leave_nothing_behind() -> None:
+    samples, broken = soak(MINUTES_S)
+    assert growth(samples) == []
+    assert broken == ()
+    assert samples[-1].faults > 30
+    assert samples[-1].missions > 10
+    assert samples[-1].ticks == pytest.approx(MINUTES_S * 20.0, rel=0.1)
+
+
+def each_second(leak: Callable[[int], Any]) -> Beside:
+    """Something that goes wrong in the daemon, a little each second."""
+
+    async def leaks(_: Stage) -> None:
+        second = 0
+        while True:
+            await asyncio.sleep(1.0)
+            leak(second)
+            second += 1
+
+    return leaks
+
+
+async def waits_for_ever() -> None:
+    await asyncio.sleep(1e9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", ["blocks", "tasks", "handles"])
+def test_leak_that_was_planted_is_found(what: str) -> None:
+    kept: list[Any] = []
+    leaks: dict[str, Callable[[int], Any]] = {
+        "blocks": lambda second: kept.extend(bytes(second % 64 + 1) for _ in range(200)),
+        "tasks": lambda second: kept.append(asyncio.ensure_future(waits_for_ever())),
+        "handles": lambda second: kept.append(Path("/dev/null").open()),  # noqa: SIM115 - that is the leak
+    }
+    try:
+        samples, _ = soak(SHORT_S, each_second(leaks[what]))
+    finally:
+        if what == "handles":
+            for file in kept:
+                file.close()
+    assert [text.split()[0] for text in growth(samples) if not text.startswith("rss")] == [what]
+
+
+QUIET = Sample(0.0, 60.0, 100_000, 8, 10, 1.0, 0, 0, 0)
+
+
+def over_a_day(**of_the_last: float) -> list[Sample]:
+    """Samples of a day in which nothing changes but the last."""
+    samples = [QUIET._replace(t_s=float(hour)) for hour in range(1, 25)]
+    return [*samples[:-1], samples[-1]._replace(**of_the_last)]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", MAY_GROW)
+def test_growth_beyond_what_is_allowed_is_told_and_less_is_not(name: str) -> None:
+    before = getattr(QUIET, name)
+    assert growth(over_a_day(**{name: before + MAY_GROW[name]})) == []
+    (told,) = growth(over_a_day(**{name: before + MAY_GROW[name] + 1}))
+    assert told.startswith(f"{name} grew from {before:g} to ")
+
+
+def test_growth_while_it_warms_up_is_none() -> None:
+    samples = over_a_day()
+    samples[:4] = [sample._replace(rss_mb=20.0, blocks=1000) for sample in samples[:4]]
+    assert growth(samples) == []
+
+
+def test_log_beyond_its_cap_is_told() -> None:
+    assert growth(over_a_day(log_mb=LOG.run_mb + 1.0)) == ["the log took 21.0 MB of 20"]

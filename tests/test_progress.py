@@ -1,0 +1,128 @@
+"""Giving up where nothing helps, and never where a rover still works its way out (field catalogue, fault 57)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.test_helm import Bench
+from wayfarer.conditions import Condition, Level
+from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
+from wayfarer.helm import Mode
+from wayfarer.progress import Progress, ProgressSettings
+
+TICK_S = 0.05
+SETTINGS = ProgressSettings()
+AHEAD = WheelCommand(0.7, 0.7)
+TURN = WheelCommand(0.5, -0.5)
+BACK = WheelCommand(-0.4, -0.4)
+SPEEDS_M_S = {AHEAD: 1.0, TURN: 0.0, BACK: -0.6, STOP: 0.0}
+
+
+class Drive:
+    """A rover that drives; ``grip`` is the share of what is commanded that the ground moves, None without a sensor."""
+
+    def __init__(self, grip: float | None = 1.0, quality: float = 0.8) -> None:
+        self.progress = Progress(SETTINGS, quality_min=0.2)
+        self.grip, self.quality = grip, quality
+        self.t_s = 0.0
+
+    def tick(self, wheels: WheelCommand, *, anomalous: bool = False) -> bool:
+        self.t_s += TICK_S
+        forward_m = SPEEDS_M_S[wheels] * TICK_S
+        motion = None if self.grip is None else MotionReading(self.t_s, forward_m * self.grip, 0.0, self.quality)
+        return self.progress.ends(TICK_S, wheels, forward_m, anomalous, motion)
+
+    def go(self, wheels: WheelCommand, for_s: float, *, anomalous: bool = False) -> bool:
+        """Drive so until it is over, or for so long; return whether the rover gave up."""
+        return any(self.tick(wheels, anomalous=anomalous) for _ in range(round(for_s / TICK_S)))
+
+    def caught(self, rounds: int) -> bool:
+        """Push for 0.4 s into what holds, back off, turn, again and again; return whether the rover gave up."""
+        return any(
+            self.go(AHEAD, 0.4) or self.tick(AHEAD, anomalous=True) or self.go(BACK, 0.3) or self.go(TURN, 1.0)
+            for _ in range(rounds)
+        )
+
+
+@pytest.mark.parametrize("every", [1, 2, 3])
+def test_storm_of_anomalies_ends_at_the_rate_limit(every: int) -> None:
+    drive = Drive()
+    gave_up = [drive.tick(AHEAD, anomalous=tick % every == 0) for tick in range(1200)]
+    bound_s = SETTINGS.anomalies_max * (SETTINGS.anomaly_every_s + every * TICK_S)
+    assert gave_up.index(True) * TICK_S <= bound_s < SETTINGS.give_up_s
+
+
+@pytest.mark.parametrize("grip", [1.0, 0.0, None])
+def test_anomaly_that_never_clears_ends_within_the_bound(grip: float | None) -> None:
+    drive = Drive(grip)
+    assert drive.go(AHEAD, SETTINGS.anomalies_max * SETTINGS.anomaly_every_s + TICK_S, anomalous=True)
+
+
+def test_body_that_never_moves_is_given_up_though_its_anomaly_clears_each_time() -> None:
+    drive = Drive(grip=0.0)
+    assert drive.caught(100)
+    assert drive.t_s <= SETTINGS.give_up_s + 2.0
+
+
+@pytest.mark.parametrize("grip", [0.1, 1.0, None])
+def test_pocket_with_some_room_is_never_given_up(grip: float | None) -> None:
+    assert not Drive(grip).caught(1000)
+
+
+@pytest.mark.parametrize("quality", [0.0, float("nan")])
+def test_ground_that_cannot_be_seen_is_unknown_and_not_still(quality: float) -> None:
+    assert not Drive(grip=0.0, quality=quality).caught(1000)
+
+
+def test_turning_for_ever_is_given_up_and_standing_for_ever_is_not() -> None:
+    assert not Drive().go(STOP, 10 * SETTINGS.give_up_s, anomalous=True), "what stands does not grind"
+    drive = Drive()
+    assert drive.go(TURN, 10 * SETTINGS.give_up_s)
+    assert drive.t_s == pytest.approx(SETTINGS.give_up_s, abs=2 * TICK_S)
+
+
+def test_free_run_forgets_the_place() -> None:
+    drive = Drive()
+    for _ in range(5):
+        assert not drive.go(AHEAD, (SETTINGS.anomalies_max - 1) * SETTINGS.anomaly_every_s - TICK_S, anomalous=True)
+        assert not drive.go(AHEAD, 0.5)
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from([AHEAD, TURN, BACK, STOP]), st.booleans(), st.floats(-1e3, 1e3)), max_size=300)
+)
+def test_it_never_gives_up_before_enough_was_tried(ticks: list[tuple[WheelCommand, bool, float]]) -> None:
+    progress = Progress(replace(SETTINGS, anomalies_max=4, give_up_s=5.0), quality_min=0.2)
+    tried_s = 0.0
+    for wheels, anomalous, seen_m in ticks:
+        tried_s += TICK_S * (wheels != STOP)
+        motion = MotionReading(0.0, seen_m, 0.0, 0.8)
+        if progress.ends(TICK_S, wheels, SPEEDS_M_S[wheels] * TICK_S, anomalous, motion):
+            assert tried_s >= 3 * SETTINGS.anomaly_every_s - 1e-6
+
+
+async def nose_up_until_it_gives_up() -> Bench:
+    bench = await Bench().armed()
+    for _ in range(round(SETTINGS.give_up_s / TICK_S)):
+        bench.t_s += TICK_S
+        bench.cells.compass.write(CompassReading(bench.t_s, 0.0, 30.0, 0.0, None))
+        await bench.helm.tick(bench.t_s)
+    return bench
+
+
+async def test_helm_of_an_entrapped_rover_latches_a_fault_and_says_so() -> None:
+    bench = await nose_up_until_it_gives_up()
+    assert (bench.helm.mode, bench.wheels) == (Mode.DISARMED, STOP)
+    assert bench.health == (Level.FAULT, Condition.ENTRAPPED)
+    assert bench.log.named("disarmed") == [{"reason": "fault: entrapped"}]
+
+
+async def test_arming_anew_forgets_the_place() -> None:
+    bench = await nose_up_until_it_gives_up()
+    bench.helm.arm(bench.t_s, 0.0)
+    await bench.tick(100)
+    assert bench.helm.mode is Mode.ARMED

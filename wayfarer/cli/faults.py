@@ -1,0 +1,115 @@
+"""``wayfarer faults``: everything that goes wrong in a wood, made to happen in simulated time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wayfarer.cli.extras import require
+from wayfarer.cli.sim import Depth
+from wayfarer.errors import BadInput
+
+EXAMPLES = """Examples:
+
+wayfarer faults
+
+wayfarer faults --only 37
+
+wayfarer faults --only compass-nack,board-fault --out results
+
+wayfarer faults --scenario my-fault.toml
+
+wayfarer faults --trials 1000 --rover forestrover
+"""
+BY_CHANCE = "Faults by chance"
+
+
+def faults(
+    *,
+    only: Annotated[
+        str | None, typer.Option(metavar="NAME[,NAME...]|ROW", help="Run these scenarios, or rows of the catalogue.")
+    ] = None,
+    rover: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="Run them on this rover, as far as it has the parts for them."),
+    ] = None,
+    scenario: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Run the scenarios of this TOML file instead of the catalogue.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="New or empty folder for results.csv, results.json and each run's field log."),
+    ] = None,
+    show: Annotated[bool, typer.Option("--list", help="Show what there is to run, and run nothing.")] = False,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Processes; without it one for each core.")
+    ] = None,
+    trials: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=1_000_000,
+            metavar="N",
+            help="Run this many trials with faults and commands by chance, and look for a broken safety rule.",
+            rich_help_panel=BY_CHANCE,
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            min=0, metavar="N", help="Of the first trial; each further one has the next.", rich_help_panel=BY_CHANCE
+        ),
+    ] = None,
+    depth: Annotated[
+        Depth | None,
+        typer.Option(help="Simulated parts, or the real drivers over simulated chips.", rich_help_panel=BY_CHANCE),
+    ] = None,
+) -> None:
+    """Make each fault of the field catalogue happen to a simulated rover, and show what it does within which bound."""
+    _refuse_odd_pairs(by_chance=trials is not None, only=only, scenario=scenario, show=show, seed=seed, depth=depth)
+    require("simulating")
+    if trials is not None:
+        from wayfarer.simhal.rig import Depth as RigDepth
+        from wayfarer.simhal.scenarios.random_trials import run_random
+
+        how_deep = None if depth is None else RigDepth(depth.value)
+        raise typer.Exit(run_random(trials, rover, how_deep, seed or 0, jobs, out))
+    raise typer.Exit(_run(only, rover, scenario, out, jobs, show=show))
+
+
+def _run(
+    only: str | None, rover: str | None, scenario: Path | None, out: Path | None, jobs: int | None, *, show: bool
+) -> int:
+    """Run what was asked for and return the exit code."""
+    from rich.console import Console
+
+    from wayfarer.simhal.scenarios.catalogue import ROWS, catalogue
+    from wayfarer.simhal.scenarios.command import run_rows
+    from wayfarer.simhal.scenarios.scenario_file import read_scenarios
+    from wayfarer.simhal.scenarios.selection import LeftOut, chosen, on_another_rover
+    from wayfarer.simhal.scenarios.table import print_list
+
+    rows = list(read_scenarios(scenario) if scenario else catalogue())
+    untried = [] if scenario or only else sorted({*range(1, ROWS + 1)} - {row.row for row in rows})
+    rows = chosen(rows, only) if only is not None else rows
+    left_out: list[LeftOut] = []
+    if rover is not None:
+        rows, left_out = on_another_rover(rows, rover)
+    if show:
+        print_list(Console(), rows)
+        return 0
+    return run_rows(rows, jobs=jobs, out=out, left_out=left_out, untried=untried)
+
+
+def _refuse_odd_pairs(*, by_chance: bool, **given: object) -> None:
+    """Refuse options that mean nothing beside each other."""
+    of_chance = {"seed", "depth"}
+    for name, value in given.items():
+        option = "--list" if name == "show" else f"--{name}"
+        if value in (None, False) or by_chance is (name in of_chance):
+            continue
+        if by_chance:
+            raise BadInput(f"--trials draws its own faults; leave out {option}")
+        raise BadInput(f"{option} is for faults by chance; say how many with --trials N")

@@ -1,0 +1,117 @@
+"""Whether the compass can be believed."""
+
+from __future__ import annotations
+
+from math import inf
+
+from wayfarer.conditions import Condition
+from wayfarer.detector.persistent import Persistent
+from wayfarer.detector.settings import DetectorSettings
+from wayfarer.hal import CompassReading
+
+
+class CompassWatch:
+    """Takes each reading once and keeps what can be true.
+
+    ``reading`` is the newest that can be true, None before the first; no other reaches a decision. ``gained_deg`` is
+    the heading gained since then, through any number of turns, clockwise positive.
+    """
+
+    def __init__(self, settings: DetectorSettings, calibration_min: int) -> None:
+        self._settings = settings
+        self._stale_s = settings.compass_stale_s
+        self._jump_deg = settings.heading_jump_deg
+        self._calibration_min = calibration_min
+        self.reading: CompassReading | None = None
+        self.gained_deg = 0.0
+        self._seen: CompassReading | None = None
+        self._read_t_s = -inf
+        self._believed_t_s = 0.0
+        self._heading_deg = -1.0  # as it was read, believed or not
+        self._equal_s = 0.0
+        self._frozen = False
+        self._low_since_s: float | None = None
+        self._rejections = 0  # a bit for each of the last readings, the newest lowest: 1 was rejected
+        self._of_readings = (1 << settings.implausible_of) - 1
+        self._insists = Persistent(settings.implausible_s)
+        self._insisted = False
+        self._doubted_until_s = -inf
+
+    def start(self, t_s: float) -> None:
+        """Begin the age now: what has not spoken yet is as old as the run."""
+        self._believed_t_s = t_s
+
+    def update(self, t_s: float, turning_s: float, reading: CompassReading | None) -> list[Condition]:
+        """Take in a tick, in which the wheels were told to turn the rover for ``turning_s``."""
+        self._equal_s += turning_s
+        if reading is not self._seen and reading is not None:
+            self._take(t_s, reading)
+        stale = t_s - self._believed_t_s > self._stale_s or self.reading is None
+        if stale or self._rejections or self._frozen or self._low_since_s is not None:
+            return self._judge(t_s, stale=stale)
+        return []
+
+    def _take(self, t_s: float, reading: CompassReading) -> None:
+        self._seen = reading
+        read_t_s, heading_deg, pitch_deg, roll_deg, calibration = reading
+        if not (  # written so that NaN fails it
+            self._read_t_s <= read_t_s <= t_s
+            and 0.0 <= heading_deg < 360.0
+            and abs(pitch_deg) <= 180.0 >= abs(roll_deg)
+            and (calibration is None or 0 <= calibration <= 3)
+        ):
+            self._reject(t_s)  # it cannot be, however often it is repeated; soon there is no fresh heading
+            return
+        since_s, self._read_t_s = read_t_s - self._read_t_s, read_t_s
+        if heading_deg != self._heading_deg:
+            self._heading_deg, self._equal_s, self._frozen = heading_deg, 0.0, False
+        elif self._equal_s >= self._settings.frozen_s:
+            self._frozen = True
+        if calibration is None or calibration >= self._calibration_min:
+            self._low_since_s = None
+        elif self._low_since_s is None:
+            self._low_since_s = read_t_s
+        self._weigh(t_s, since_s, reading)
+
+    def _weigh(self, t_s: float, since_s: float, reading: CompassReading) -> None:
+        """Believe a reading, unless the rover cannot have turned that far since the previous one, believed or not."""
+        believed = self.reading
+        if believed is not None:
+            turned_deg = (reading.heading_deg - believed.heading_deg + 180.0) % 360.0 - 180.0
+            if abs(turned_deg) > self._jump_deg and abs(turned_deg) > self._settings.heading_rate_max_deg_s * since_s:
+                self._reject(t_s)
+                # One that insists may be true: somebody has turned the rover. Believe it again, but not without a stop.
+                self._insisted = self._insists.update(reading.t_s, True)
+                if not self._insisted:
+                    return
+            elif self._rejections:
+                self._rejections = self._rejections << 1 & self._of_readings
+            self.gained_deg += turned_deg
+        if self._rejections:
+            self._insists.update(reading.t_s, False)
+        self.reading = reading
+        self._believed_t_s = reading.t_s
+
+    def _reject(self, t_s: float) -> None:
+        self._rejections = (self._rejections << 1 | 1) & self._of_readings
+        if self._uncalibrated(t_s):
+            self._doubted_until_s = t_s + self._settings.uncalibrated_s
+
+    def _uncalibrated(self, t_s: float) -> bool:
+        return self._low_since_s is not None and t_s - self._low_since_s >= self._settings.uncalibrated_s
+
+    def _judge(self, t_s: float, *, stale: bool) -> list[Condition]:
+        settings = self._settings
+        conditions: list[Condition] = []
+        many = self._rejections.bit_count() >= settings.implausible_rejected
+        if self._insisted or many or t_s < self._doubted_until_s:
+            conditions.append(Condition.COMPASS_IMPLAUSIBLE)
+            self._insisted = False
+        if self._frozen:
+            conditions.append(Condition.COMPASS_FROZEN)
+        if self._uncalibrated(t_s):
+            conditions.append(Condition.COMPASS_UNCALIBRATED)
+        if stale:
+            lost = t_s - self._believed_t_s > settings.compass_lost_s
+            conditions.append(Condition.COMPASS_LOST if lost else Condition.COMPASS_STALE)
+        return conditions

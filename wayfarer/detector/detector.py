@@ -1,0 +1,98 @@
+"""The detector itself: one tick's snapshot and command in, anomalies and conditions out."""
+
+from __future__ import annotations
+
+from math import radians
+from typing import NamedTuple
+
+from wayfarer.conditions import Condition
+from wayfarer.detector.compass import CompassWatch
+from wayfarer.detector.contact import ContactWatch
+from wayfarer.detector.drive import DriveWatch
+from wayfarer.detector.motion import MotionWatch
+from wayfarer.detector.settings import DetectorSettings
+from wayfarer.detector.tilt import TiltWatch
+from wayfarer.escape.api import Anomaly, Vehicle
+from wayfarer.hal import CompassReading, ContactReading, WheelCommand
+from wayfarer.latest import Snapshot
+
+
+class Detection(NamedTuple):
+    """What one update found."""
+
+    anomalies: tuple[Anomaly, ...]
+    conditions: tuple[Condition, ...]
+
+
+ALL_WELL = Detection((), ())
+
+
+class Detector:
+    """Turns snapshots and applied commands into anomalies and conditions, one control tick at a time.
+
+    ``vehicle`` tells the ground speed at full duty and the turn that it makes, ``calibration_min`` (0 to 3) how well
+    the compass was calibrated when the rover was armed. ``watches_motion`` and ``needs_contact`` say whether silence of
+    that sensor is a condition, ``watches_contact`` whether a touch is an anomaly as well.
+    """
+
+    def __init__(
+        self,
+        settings: DetectorSettings,
+        vehicle: Vehicle,
+        *,
+        calibration_min: int = 0,
+        watches_motion: bool = True,
+        watches_contact: bool = False,
+        needs_contact: bool = False,
+    ) -> None:
+        self._half_speed_m_s = vehicle.max_speed_m_s / 2
+        self._turning_duty = radians(settings.frozen_turn_deg_s) * vehicle.track_m / vehicle.max_speed_m_s
+        self._compass = CompassWatch(settings, calibration_min)
+        self._motion = MotionWatch(settings, watched=watches_motion)
+        self._needs_contact = needs_contact or watches_contact
+        self._contact = ContactWatch(settings, touch_counts=watches_contact, needed=self._needs_contact)
+        self._tilt = TiltWatch(settings)
+        self._drive = DriveWatch(settings, vehicle)
+        self._last_t_s: float | None = None
+
+    @property
+    def compass(self) -> CompassReading | None:
+        """The newest compass reading that can be true, None before the first: no other reaches a decision."""
+        return self._compass.reading
+
+    @property
+    def contact(self) -> ContactReading | None:
+        """The newest contact reading that can be true, None before the first: no other reaches a decision."""
+        return self._contact.reading
+
+    def update(self, snapshot: Snapshot, applied: WheelCommand) -> Detection:
+        """Take in one tick: what the sensors say now and what the wheels were told since the previous tick."""
+        t_s, compass, motion, contact = snapshot
+        last_t_s, self._last_t_s = self._last_t_s, t_s
+        if last_t_s is None:
+            last_t_s = self._start(t_s)
+        dt_s = t_s - last_t_s
+        left, right = applied
+        turning_s = dt_s if abs(left - right) >= self._turning_duty else 0.0
+        conditions = self._compass.update(t_s, turning_s, compass)
+        doubtful = bool(conditions)
+        commanded_m = (left + right) * self._half_speed_m_s * dt_s
+        self._motion.update(t_s, commanded_m, left == 0.0 == right, motion, conditions)
+        anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found else []
+        believed = self._compass.reading
+        if believed is not None:
+            self._tilt.update(t_s, believed, anomalies, conditions)
+        if contact is not None or self._needs_contact:
+            self._contact.update(t_s, contact, anomalies, conditions)
+        trusted = not (anomalies or doubtful)
+        self._drive.update(t_s, dt_s, applied, self._compass.gained_deg, trusted=trusted)
+        if t_s < self._drive.until_t_s:
+            conditions.append(self._drive.condition)
+        return Detection(tuple(anomalies), tuple(conditions)) if anomalies or conditions else ALL_WELL
+
+    def _start(self, t_s: float) -> float:
+        """Begin all ages now: what has not spoken yet is as old as the run."""
+        self._compass.start(t_s)
+        self._motion.start(t_s)
+        self._contact.start(t_s)
+        return t_s

@@ -1,0 +1,85 @@
+"""What the motion sensor says of the ground, against what the wheels were told."""
+
+from __future__ import annotations
+
+from wayfarer.conditions import Condition
+from wayfarer.detector.runaway import Runaway
+from wayfarer.detector.settings import DetectorSettings
+from wayfarer.detector.stall import Stall
+from wayfarer.hal import MotionReading
+
+
+class MotionWatch:
+    """Feeds ``stall`` and ``runaway`` with what can be true, and knows how long nothing was.
+
+    ``watched`` says whether silence is a condition.
+    """
+
+    def __init__(self, settings: DetectorSettings, *, watched: bool) -> None:
+        self._settings = settings
+        self._watched = watched
+        self._stale_s = settings.motion_stale_s
+        self._quality_min = settings.quality_min
+        self._speed_max_m_s = settings.motion_speed_max_m_s
+        self.stall = Stall(settings)
+        self.runaway = Runaway(settings)
+        self._commanded_m = 0.0
+        self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
+
+    def start(self, t_s: float) -> None:
+        """Begin all ages now."""
+        self._driven_t_s = self._spoke_t_s = self._moved_t_s = t_s
+
+    def update(
+        self, t_s: float, commanded_m: float, standing: bool, reading: MotionReading | None, conditions: list[Condition]
+    ) -> None:
+        """Take in a tick, in which the wheels were told to go ``commanded_m``, or to stand."""
+        self._commanded_m += commanded_m
+        if not standing:
+            self._driven_t_s = t_s
+        if reading is not None:
+            self._take(t_s, reading, conditions)
+        if t_s - self._moved_t_s > self._stale_s:
+            self._check_ages(t_s, conditions)
+        if self.runaway.found:
+            conditions.append(Condition.RUNAWAY)
+
+    def _take(self, t_s: float, reading: MotionReading, conditions: list[Condition]) -> None:
+        read_t_s, forward_m, right_m, quality, signed = reading
+        if not self._spoke_t_s < read_t_s <= t_s:
+            return  # no such time; or the first one, which says how far since nobody knows when
+        dt_s, self._spoke_t_s = read_t_s - self._spoke_t_s, read_t_s
+        commanded_m, self._commanded_m = self._commanded_m, 0.0
+        if not signed and commanded_m < 0.0:
+            forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
+        limit_m = self._speed_max_m_s * dt_s
+        if not (abs(forward_m) <= limit_m >= abs(right_m) and 0.0 <= quality <= 1.0):
+            conditions.append(Condition.MOTION_IMPLAUSIBLE)
+        elif quality >= self._quality_min:
+            self._moved_t_s = read_t_s
+            self.stall.add(dt_s, commanded_m, forward_m)
+            stood_s = read_t_s - self._driven_t_s
+            if stood_s > 0.0 or self.runaway.found:
+                self.runaway.add(dt_s, stood_s, forward_m)
+            return
+        self._forget()
+
+    def _check_ages(self, t_s: float, conditions: list[Condition]) -> None:
+        settings = self._settings
+        silent_s, unknown_s = t_s - self._spoke_t_s, t_s - self._moved_t_s
+        if silent_s > settings.motion_stale_s:
+            self._forget()
+            gone = silent_s > settings.motion_lost_s
+            found = Condition.MOTION_GONE if gone else Condition.MOTION_STALE
+        elif unknown_s > settings.motion_lost_s:
+            found = Condition.MOTION_LOST
+        elif unknown_s > settings.motion_unknown_s:
+            found = Condition.MOTION_UNKNOWN
+        else:
+            return
+        if self._watched:
+            conditions.append(found)
+
+    def _forget(self) -> None:
+        self.stall.clear()
+        self.runaway.clear()

@@ -1,0 +1,92 @@
+"""The detector's thresholds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Interval
+
+from wayfarer.bounds import Count, Degrees, DegreesPerSecond, Fraction, MetresPerSecond, Seconds, SecondsOrNone
+
+
+@dataclass(frozen=True, slots=True)
+class DetectorSettings:
+    """Thresholds, each with its own unit; "fault" is a row of the field catalogue.
+
+    ``stale`` ages: PX4 gives a compass 0.3 s, ArduPilot gives flow 0.5 s and a failed link 1.5 s. A motion sensor that
+    speaks and sees nothing is unknown and then lost; one that is silent for ``motion_lost_s`` is gone (faults 15, 22).
+    Tilt persists 0.2 s as PX4's attitude trigger persists 0.3 s; the released field code stops beyond 15 degrees of
+    pitch, here on both axes and both signs with margin for rough ground. ``overturned_deg`` acts at once.
+
+    A heading that is more than ``heading_jump_deg`` from the last one, and further than ``heading_rate_max_deg_s``
+    (twice the fastest commanded turn) goes in the time between, is rejected; where ``implausible_rejected`` of the last
+    ``implausible_of`` readings were, and before one that insists for ``implausible_s`` is believed, the rover stops
+    (fault 5: 45 degrees in 50 ms, 5 of 10). One that is the same to the last digit through ``frozen_s`` of commanded
+    turns, faster than ``frozen_turn_deg_s``, is frozen (fault 4): a part with steps of 1 degree passes twenty of them.
+    A compass below the calibration that arming demands is doubted after ``uncalibrated_s``, and for as long after each
+    reading that it has rejected then (fault 10).
+
+    The rover runs away when, from ``runaway_after_s`` after the last command to move on, the ground goes by at
+    ``runaway_from_m_s`` or more for ``runaway_for_s``: together the 0.5 s of fault 30. Until then it may coast: sliding
+    on leaves (a friction of 0.3) stops a rover from 1.4 m/s in 0.48 s, so that no whole 0.2 s of it are left to see.
+
+    Drives are watched over ``drive_window_s`` at most. The heading is to follow the commanded turn, which lags by
+    ``drive_lag_s`` (as ``simhal.Physics``), but for ``drive_margin_deg`` and ``drive_margin_share`` of that turn: a
+    dead side of the slowest shipped rover turns it by 51 degrees in that second, noise and unequal sides by 6 (one
+    standard deviation). ``drive_uneven_windows`` to one side in ``drive_memory_s`` are a fault (fault 27). A side that
+    is reversed turns it twice as far as a dead one, so more than ``reversed_share`` and ``reversed_margin_deg``; where
+    both are, or left and right are mixed up, a turn on the spot of ``reversed_turn_deg`` goes ``reversed_back_deg`` the
+    other way. Either of them ``reversed_turns`` times is a fault (fault 28).
+    """
+
+    immobilised_s: Seconds = 0.3
+    immobilised_below: Fraction = 0.3
+    immobilised_from_m_s: MetresPerSecond = 0.1
+    tilt_deg: Degrees = 20.0
+    tilt_s: SecondsOrNone = 0.2
+    overturned_deg: Degrees = 60.0
+    touch_s: SecondsOrNone = 0.0
+    quality_min: Fraction = 0.2
+    compass_stale_s: Seconds = 0.3
+    compass_lost_s: Seconds = 5.0
+    motion_stale_s: Seconds = 0.5
+    contact_stale_s: Seconds = 0.5
+    motion_unknown_s: Seconds = 1.0
+    motion_lost_s: Seconds = 10.0
+    heading_rate_max_deg_s: DegreesPerSecond = 360.0
+    heading_jump_deg: Degrees = 45.0
+    implausible_s: Seconds = 0.5
+    implausible_rejected: Count = 5
+    implausible_of: Count = 10
+    frozen_s: Seconds = 1.0
+    frozen_turn_deg_s: DegreesPerSecond = 20.0
+    uncalibrated_s: Seconds = 1.0
+    motion_speed_max_m_s: MetresPerSecond = 5.0
+    runaway_after_s: Seconds = 0.3
+    runaway_for_s: Seconds = 0.2
+    runaway_from_m_s: MetresPerSecond = 0.1
+    drive_window_s: Seconds = 1.0
+    drive_from_m_s: MetresPerSecond = 0.1
+    drive_lag_s: Seconds = 0.1
+    drive_margin_deg: Degrees = 30.0
+    drive_margin_share: Fraction = 0.5
+    drive_memory_s: Seconds = 30.0
+    drive_uneven_windows: Count = 3
+    reversed_turn_deg: Degrees = 25.0
+    reversed_back_deg: Degrees = 20.0
+    reversed_share: Annotated[float, Interval(ge=1, le=2)] = 1.5
+    reversed_margin_deg: Degrees = 5.0
+    reversed_turns: Count = 2
+
+    def __post_init__(self) -> None:
+        """Refuse counts that can never be reached.
+
+        Raises:
+            ValueError: more readings must be rejected than are looked at.
+        """
+        if self.implausible_rejected > self.implausible_of:
+            raise ValueError(
+                f"implausible_rejected = {self.implausible_rejected} must not exceed"
+                f" implausible_of = {self.implausible_of}"
+            )

@@ -1,0 +1,70 @@
+"""What is said of the rover's electrics between two ticks: by the motor board, and by the computer of its supply. Pure.
+
+It counts, and is logged, from the beginning of the next tick, so that a replay finds it where it counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from wayfarer.board import BoardSettings, BoardWatch
+from wayfarer.conditions import Condition
+from wayfarer.hal import STOP, MotorHealth, WheelCommand
+from wayfarer.power import PowerWatch, meaning
+from wayfarer.records import RunLog
+
+
+class Electrics:
+    """Takes reports as they come, and judges them when ``hear`` is called, at the beginning of each tick."""
+
+    def __init__(self, settings: BoardSettings, log: RunLog) -> None:
+        self.board = BoardWatch(settings)
+        self._power = PowerWatch()
+        self._log = log
+        self._news: list[Callable[[], None]] = []
+        self._applied = (STOP, STOP, STOP)  # at the ticks of late: the board may have been asked amid any of them
+
+    # -- reports -------------------------------------------------------------------------------------------------
+
+    def board_said(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
+        """Take what the motor board answered at ``t_s``; see ``BoardWatch.update``."""
+        self._news.append(partial(self._hear_board, t_s, health, duties))
+
+    def board_silent(self, t_s: float, error: str) -> None:
+        """Take note that the motor board did not answer."""
+        self._news.append(partial(self._miss_board, t_s, error))
+
+    def power(self, t_s: float, flags: int | None) -> None:
+        """Take the power flags of the computer's firmware, None where there are none; see ``PowerWatch``."""
+        self._news.append(partial(self._hear_power, t_s, flags))
+
+    # -- at each tick --------------------------------------------------------------------------------------------
+
+    def hear(self, applied: WheelCommand) -> bool:
+        """Judge what was said since the last tick, at which ``applied`` was; return whether ``conditions`` may be."""
+        self._applied = (applied, *self._applied[:2])
+        if self._news:
+            news, self._news = self._news, []
+            for judge in news:
+                judge()
+        return bool(self.board.conditions) or self._power.noticed
+
+    def conditions(self, t_s: float) -> tuple[Condition, ...]:
+        """Return what is wrong at ``t_s``."""
+        return self.board.conditions + self._power.conditions(t_s)
+
+    def _hear_board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
+        self.board.update(t_s, health, duties, self._applied)
+        self._log.board(t_s, health, duties)
+
+    def _miss_board(self, t_s: float, error: str) -> None:
+        if Condition.BOARD_SILENT not in self.board.conditions:
+            self._log.event("board_silent", t_s, error=error)
+        self.board.silent()
+
+    def _hear_power(self, t_s: float, flags: int | None) -> None:
+        before, now = self._power.flags or 0, flags or 0
+        self._power.update(t_s, flags)
+        if now != before:
+            self._log.event("power", t_s, flags=f"{now:#x}", text=meaning(now))

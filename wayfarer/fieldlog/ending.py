@@ -1,0 +1,80 @@
+"""The end of a log, read without what comes before it: an hour of log is 50 MB, and nobody waits for that."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.folders import run_folders
+from wayfarer.fieldlog.reader import Record, log_parts, parse
+
+TAIL_BYTES = 65_536  # about a hundred ticks: the last one, the outcome and what stood between them
+MODES = ("arming", "armed", "disarmed")  # each begins with the event of its name
+
+
+class Unfinished(NamedTuple):
+    """A run without an outcome: the process was killed, the power went, or another daemon still writes it.
+
+    ``last_t_s`` and ``last_t_wall`` are the times of its last record. ``mode`` is what it was in then, as far as the
+    end of its log tells; ``error`` is why it cannot be read. What is not known is None.
+    """
+
+    run: str
+    last_t_s: float | None = None
+    last_t_wall: float | None = None
+    mode: str | None = None
+    error: str | None = None
+
+
+def unfinished_run(logs: Path) -> Unfinished | None:
+    """Return the newest run in a folder of logs if it has no outcome, or cannot be read; never raises."""
+    try:
+        runs = run_folders(logs)
+    except BadInput:  # whoever makes the next run there is told
+        return None
+    if not runs:
+        return None
+    try:
+        tail = end_of_log(log_parts(runs[-1]))
+    except (BadInput, OSError) as error:
+        return Unfinished(runs[-1].name, error=str(error))
+    if not tail:
+        return Unfinished(runs[-1].name, error="nothing at the end of its log can be read")
+    if any(record["record"] == "outcome" for record in tail):
+        return None
+    t_s, t_wall = tail[-1]["t_s"], tail[-1].get("t_wall")
+    return Unfinished(runs[-1].name, t_s, t_wall if isinstance(t_wall, int | float) else None, _mode(tail))
+
+
+def end_of_log(parts: Sequence[Path]) -> list[Record]:
+    """Return the last records of a log, in their order; those of the part before as well where one has just begun.
+
+    Raises:
+        OSError: a part cannot be read.
+    """
+    tail: list[Record] = []
+    for part in reversed(parts[-2:]):
+        tail = _tail(part) + tail
+        if any(record["record"] == "tick" for record in tail):
+            break
+    return tail
+
+
+def _tail(part: Path) -> list[Record]:
+    with part.open("rb") as file:
+        size_b = file.seek(0, 2)
+        file.seek(max(0, size_b - TAIL_BYTES))
+        tail = file.read(TAIL_BYTES)
+    return [record for line in tail.splitlines(keepends=True) if isinstance(record := parse(line), dict)]
+
+
+def _mode(tail: Sequence[Record]) -> str | None:
+    """Return what the run was in at last: what the last event says, or a tick that decided anything."""
+    for record in reversed(tail):
+        if record["record"] == "event" and record.get("name") in MODES:
+            return str(record["name"])
+        if record["record"] == "tick" and record.get("phase") not in (None, "halt"):
+            return "armed"
+    return None

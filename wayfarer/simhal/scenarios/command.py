@@ -1,0 +1,148 @@
+"""What ``wayfarer faults`` does: runs scenarios, keeps what came of them, prints the table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import track
+
+from wayfarer.errors import WayfarerError
+from wayfarer.simhal.campaign import stop_on_signals
+from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
+from wayfarer.simhal.progress import LINES, say
+from wayfarer.simhal.scenarios.result import Procedure, Result, Tried
+from wayfarer.simhal.scenarios.runner import play, play_well
+from wayfarer.simhal.scenarios.scenario import Reached, Scenario
+from wayfarer.simhal.scenarios.selection import LeftOut, Row
+from wayfarer.simhal.scenarios.table import print_results
+from wayfarer.simhal.scenarios.verdict import judge
+from wayfarer.simhal.workers import Stopped, stream
+from wayfarer.whole_file import whole_file
+
+CSV_FILE, JSON_FILE = "results.csv", "results.json"
+COLUMNS = (*Result._fields, "passed")
+
+
+class ScenarioRunner:
+    """Runs scenarios in virtual time; what it needs can be sent to another process. ``logs`` takes a folder of each."""
+
+    def __init__(self, logs: Path | None = None) -> None:
+        self._logs = logs
+
+    def run_chunk(self, scenarios: Sequence[Scenario]) -> list[Result]:
+        """Run several."""
+        return [self.run(scenario) for scenario in scenarios]
+
+    def run(self, scenario: Scenario) -> Result:
+        """Run one and judge it; whatever it raises is its own problem and goes no further."""
+        try:
+            played = play(scenario, self._logs / scenario.name if self._logs else None)
+            return judge(scenario, played, play_well(scenario))
+        except Exception as error:
+            return _not_run(scenario, error)
+
+
+def run_rows(
+    rows: Sequence[Row],
+    *,
+    jobs: int | None = None,
+    out: Path | None = None,
+    left_out: Sequence[LeftOut] = (),
+    untried: Sequence[int] = (),
+) -> int:
+    """Run scenarios and procedures, print what came of them, and return the exit code: 1 if one is not as expected.
+
+    With ``out`` results and each scenario's field log are kept there.
+
+    Raises:
+        BadInput: ``out`` is not new or empty.
+        WayfarerError: a worker died.
+    """
+    if out is not None:
+        make_empty_folder(out, "what comes of the scenarios")
+    try:
+        results = _results(rows, jobs or cores(), out)
+    except Stopped:
+        say(Console(stderr=True), "interrupted: no results")
+        return INTERRUPTED
+    print_results(Console(), results, left_out, untried)
+    if out is not None:
+        _keep(out, results)
+        say(Console(stderr=True), f"the results are in {out}")
+    return 0 if all(each.passed for each in results) else 1
+
+
+def _results(rows: Sequence[Row], jobs: int, out: Path | None) -> list[Result]:
+    """Return what came of each row, in their order.
+
+    Raises:
+        Stopped: a signal asked for it.
+        WayfarerError: a worker died.
+    """
+    found: dict[str, Result] = {}
+    try:
+        for result in _shown(_running(rows, jobs, out), len(rows)):
+            found[result.name] = result
+    except BrokenExecutor as error:
+        text = f"a worker process died after {len(found)} scenarios, most likely for want of memory: try fewer --jobs"
+        raise WayfarerError(text) from error
+    return [found[row.name] for row in rows]
+
+
+def _running(rows: Sequence[Row], jobs: int, out: Path | None) -> Iterator[Result]:
+    """Give results as they come: in virtual time on all cores, then what has real daemons, one after another."""
+    scenarios = [row for row in rows if isinstance(row, Scenario)]
+    with stop_on_signals() as stop:
+        jobs = max(1, min(jobs, len(scenarios)))
+        with closing(stream(ScenarioRunner(out), scenarios, jobs, stop)) as done:
+            yield from done
+        for row in rows:
+            if isinstance(row, Procedure):
+                yield row.run()
+            if stop.is_set():
+                raise Stopped
+
+
+def _shown(results: Iterator[Result], total: int) -> Iterator[Result]:
+    """Give results beside a bar on a terminal, or with a line for each tenth elsewhere."""
+    aside = Console(stderr=True)
+    if aside.is_terminal:
+        yield from track(results, "scenarios", total, console=aside, transient=True)
+        return
+    for number, result in enumerate(results, 1):
+        yield result
+        if total >= LINES and number * LINES // total > (number - 1) * LINES // total:
+            say(aside, f"{number} of {total} scenarios")
+
+
+def _not_run(scenario: Scenario, error: Exception) -> Result:
+    said = str(error) if isinstance(error, WayfarerError) else f"an error inside wayfarer: {error!r}"
+    expect = scenario.expect
+    return Result(
+        scenario.name, scenario.row, scenario.about, Tried.SIMULATED, scenario.asked, expect.level, Reached.NONE,
+        expect.within_s, "nothing", None, None, "", (" ".join(said.split()),),
+    )  # fmt: skip
+
+
+def _keep(out: Path, results: Sequence[Result]) -> None:
+    rows = [_as_row(result) for result in results]
+    table = io.StringIO()
+    writer = csv.writer(table, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows(["; ".join(cell) if isinstance(cell, tuple) else cell for cell in row.values()] for row in rows)
+    for name, text in ((CSV_FILE, table.getvalue()), (JSON_FILE, json.dumps(rows, indent=1) + "\n")):
+        with whole_file(out / name) as draft:
+            draft.write_text(text, encoding="utf-8")
+
+
+def _as_row(result: Result) -> dict[str, Any]:
+    said = {name: round(value, 4) if isinstance(value, float) else value for name, value in result._asdict().items()}
+    return {**said, "passed": result.passed}

@@ -1,0 +1,218 @@
+"""The safety rules of every run, whatever goes wrong: watched from outside the field code, at each tick and world step.
+
+1. Nothing commands motion while the rover is not armed, and nothing arms it but a person.
+2. From the tick on at which a hold or a fault is concluded, or somebody disarms, nothing commands motion, and the
+   wheels stand still within the bound.
+3. A fault stays until the rover is armed anew.
+4. No decision sees a value that cannot be, or one that no valid reading of late gave.
+5. Every stop that the algorithm did not ask for has a reason in the log.
+
+The bound is one control period where commands reach the motor board. Where a fault is on their way it is the board's
+own deadman and two control periods: what a stop takes that no wire carries.
+
+One thing is excused, because nothing on board can help it: the way to the board is broken, and its deadman is off (it
+lost its power in the same moment) or is fed by the pieces of commands that still get through. Both are asked of the
+simulated chip itself at that moment (``stops_by_s``), and ``excused`` counts them. Only wheels that turn on are excused
+by this, never a command to move.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import inf, isfinite
+from typing import Any
+
+from wayfarer.conditions import LEVELS, Level
+from wayfarer.escape.api import Anomaly, Observation, Phase
+from wayfarer.hal import STOP, CompassReading, Side
+from wayfarer.helm import Mode
+from wayfarer.records import PartialLog, TickRecord
+from wayfarer.simhal.faults import KINDS, Fault, Layer
+
+PERIODS = 2
+KEPT = 20  # broken rules of one run; one is enough to know
+ROUNDING_S = 1e-6
+
+
+class Invariants(PartialLog):
+    """Watches one run: ``broken`` says which rules it broke, when and how, ``excused`` how often none could be kept."""
+
+    def __init__(self) -> None:
+        self.excused = 0
+        self._broken: list[str] = []
+        self._stage: Any = None
+        self._board: Any = None
+        self._period_s = self._deadman_s = self._stale_s = 0.0
+        self._on_the_way: set[Fault] = set()
+        self._way_free_since_s = -inf
+        self._must_stand_since_s: float | None = 0.0
+        self._not_armed_since_s: float | None = 0.0
+        self._asked_to_arm = self._fault = self._moved = False
+        self._why_stopped: str | None = None
+        self._stopped_by: str | None = None
+        self._told_cause: str | None = None
+        self._readings: deque[CompassReading] = deque()
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """What was broken."""
+        return tuple(self._broken)
+
+    @property
+    def bound_s(self) -> float:
+        """How long the wheels may turn after a stop that nothing carries to them."""
+        return self._deadman_s + PERIODS * self._period_s
+
+    def follow(self, stage: Any) -> None:
+        """Watch a stage's world and its helm."""
+        self._stage = stage
+        self._board = None if stage.injector is None else stage.injector.board
+        self._period_s = 1.0 / stage.config.control_hz
+        self._deadman_s = stage.rover.motors.deadman_s or 0.0
+        self._stale_s = stage.config.detector.compass_stale_s
+        watch, world = stage.world.after_step, stage.world
+
+        def look(moved: Any) -> None:
+            self._check_wheels(world.t_s, world.commanded)
+            watch(moved)
+
+        world.after_step = look
+
+    def note(self, t_s: float, fault: Fault, *, begins: bool) -> None:
+        """Take the beginning of a fault, or its end: what is on the way to the motor board."""
+        if fault.target != "motors" and KINDS[fault.kind].layer is not Layer.BUS:
+            return
+        if begins:
+            self._on_the_way.add(fault)
+        else:
+            self._on_the_way.discard(fault)
+            self._way_free_since_s = t_s
+
+    def event(self, name: str, t_s: float, **details: object) -> None:
+        """Take an event: what arms and disarms, and what gives a stop its reason."""
+        match name:
+            case "arming":
+                self._asked_to_arm = True
+            case "armed":
+                if not self._asked_to_arm:
+                    self._break(t_s, "rule 1: the rover armed itself")
+                self._asked_to_arm = self._fault = False
+                self._not_armed_since_s = None
+            case "disarmed" | "wheels_stopped":
+                self._asked_to_arm = False
+                self._not_armed_since_s = t_s
+                self._stand_from(t_s)
+                self._why_stopped = str(details["reason"]) or None
+            case "hold":
+                self._stand_from(t_s)
+            case "health":
+                self._told_cause = None if details["cause"] is None else str(details["cause"])
+            case "motors_failed":
+                self._why_stopped = str(details["error"]) or None
+
+    def tick(self, record: TickRecord) -> None:
+        """Check a control tick."""
+        helm, t_s, moves = self._stage.supervisor.helm, record.t_s, record.applied != STOP
+        self._check_told(t_s)
+        worst = max((LEVELS[condition] for condition in helm.conditions), default=Level.WELL)
+        level = max(worst, record.level)
+        not_armed_s = self._not_armed_since_s
+        was_armed = not_armed_s is None or not_armed_s > t_s  # the board took its time, and somebody disarmed meanwhile
+        if moves and not (was_armed and (not_armed_s is not None or helm.mode is Mode.ARMED)):
+            self._break(t_s, f"rule 1: motion commanded while {helm.mode.value}")
+        if moves and level >= Level.HOLD:
+            self._break(t_s, f"rule 2: motion commanded at level {level.name.lower()}")
+        self._check_fault(record, helm.mode)
+        self._check_seen(record)
+        self._check_reason(record, moves=moves)
+        if was_armed and level < Level.HOLD:
+            self._must_stand_since_s = None if not_armed_s is None else self._must_stand_since_s
+        else:
+            self._stand_from(t_s)
+
+    def close(self, reason: str, text: str) -> None:
+        """Check the end of a run."""
+        if not (reason and text):
+            self._break(self._stage.world.t_s, f"rule 5: the run ended without a reason: {reason!r}, {text!r}")
+
+    def _stand_from(self, t_s: float) -> None:
+        if self._must_stand_since_s is None:
+            self._must_stand_since_s = t_s
+
+    def _check_wheels(self, t_s: float, commanded: tuple[float, float]) -> None:
+        since_s = self._must_stand_since_s
+        if since_s is None or commanded == (0.0, 0.0) or t_s <= since_s + self._allowed_s(since_s) + ROUNDING_S:
+            return
+        if self._way_is_broken(since_s) and self._board is not None and self._board.stops_by_s > t_s:
+            self.excused += 1
+        else:
+            self._break(t_s, f"rule 2: wheels are told {commanded[0]:.2f}, {commanded[1]:.2f} since {since_s:.2f} s")
+
+    def _allowed_s(self, since_s: float) -> float:
+        return self.bound_s if self._way_is_broken(since_s) else self._period_s
+
+    def _way_is_broken(self, since_s: float) -> bool:
+        """Return whether a fault was on the way to the motor board at any time since."""
+        return bool(self._on_the_way) or self._way_free_since_s >= since_s - self._period_s
+
+    def _check_fault(self, record: TickRecord, mode: Mode) -> None:
+        if self._fault and record.level is not Level.FAULT:
+            self._break(record.t_s, "rule 3: a fault cleared by itself")
+        if self._fault and mode is Mode.ARMED:  # the helm disarms once the tick of a fault is written
+            self._break(record.t_s, "rule 3: a fault left the rover armed")
+        self._fault |= record.level is Level.FAULT
+
+    def _check_seen(self, record: TickRecord) -> None:
+        readings, reading, seen, t_s = self._readings, record.snapshot.compass, record.observation, record.t_s
+        if reading is not None and (not readings or reading is not readings[-1]):
+            readings.append(reading)
+        while readings and readings[0].t_s < t_s - self._stale_s - PERIODS * self._period_s:
+            readings.popleft()
+        if seen is None:
+            return
+        if not _is_possible(seen):
+            self._break(t_s, f"rule 4: a decision saw {seen}")
+        attitude = (seen.heading_deg, seen.pitch_deg, seen.roll_deg)
+        if record.decision.wheels != STOP and attitude not in {each[1:4] for each in readings}:
+            self._break(t_s, f"rule 4: a decision saw {attitude}, which no compass said of late")
+        if not all(isfinite(duty) and abs(duty) <= 1.0 for duty in record.applied):
+            self._break(t_s, f"rule 4: duties of {record.applied} were applied")
+
+    def _check_reason(self, record: TickRecord, *, moves: bool) -> None:
+        """Note what stops moving wheels; what the gate stopped must be told by the next tick (``_check_told``)."""
+        if moves:
+            self._why_stopped = None
+        elif self._moved:
+            asked_for = record.decision.phase is not Phase.HALT and record.decision.wheels == STOP
+            gate = record.cause.value if record.cause is not None and record.level >= Level.HOLD else None
+            if not (asked_for or gate or self._why_stopped):
+                self._break(record.t_s, "rule 5: the wheels were stopped and the log does not say why")
+            self._stopped_by = gate
+        self._moved = moves
+
+    def _check_told(self, t_s: float) -> None:
+        """Check that what the gate stopped the wheels for at the tick before was written as an event."""
+        stopped_by, self._stopped_by = self._stopped_by, None
+        if stopped_by is not None and stopped_by != self._told_cause:
+            self._break(t_s, f"rule 5: the wheels were stopped for {stopped_by}, and no event said so")
+
+    def _break(self, t_s: float, what: str) -> None:
+        if len(self._broken) < KEPT:
+            self._broken.append(f"{t_s:.2f} s: {what}")
+
+
+def _is_possible(seen: Observation) -> bool:
+    """Return whether everything that a decision saw can be."""
+    contact = seen.contact
+    bearing_deg = None if contact is None else contact.obstacle_bearing_deg
+    return (
+        0.0 <= seen.heading_deg < 360.0
+        and abs(seen.pitch_deg) <= 180.0
+        and abs(seen.roll_deg) <= 180.0
+        and 0.0 <= seen.goal_heading_deg < 360.0
+        and isfinite(seen.t_s)
+        and 0.0 <= seen.travelled_m < inf
+        and all(isinstance(anomaly, Anomaly) for anomaly in seen.anomalies)
+        and (contact is None or all(isinstance(side, Side) for side in contact.sides))
+        and (bearing_deg is None or 0.0 <= bearing_deg < 180.0)
+    )

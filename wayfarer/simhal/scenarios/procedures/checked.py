@@ -1,0 +1,106 @@
+"""What is wrong with a rover before it drives: a check, a calibration or an arming must say so."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Any
+
+from wayfarer.calibrate import calibrate
+from wayfarer.checks import Finding, Verdict
+from wayfarer.config import RoverConfig, load_rover
+from wayfarer.control.protocol import Refused
+from wayfarer.simhal.faults import Drive, Fault, MotorField
+from wayfarer.simhal.scenarios.procedures.site import site
+from wayfarer.simhal.scenarios.procedures.trying import Found, procedure
+from wayfarer.simhal.scenarios.procedures.wheels import told_to_turn
+from wayfarer.simhal.scenarios.procedures.workbench import ROVER, Workbench, at_workbench
+from wayfarer.simhal.scenarios.result import Tried
+from wayfarer.simhal.scenarios.scenario import Reached
+
+BIAS_DEG = 15.0
+PERSON = "a person answers who sees the simulated wheels, not the fault; a real rover needs a real one"
+
+
+@procedure(
+    "motor-field", 12, f"the motors' current turns the heading by {BIAS_DEG:g} degrees at full duty",
+    asked="pre-arm test refuses > 10 deg; at check", expected=Reached.FAULT, tried=Tried.COMMAND,
+    remark="wayfarer calibrate motors measures it, and the check before each arming refuses",
+)  # fmt: skip
+def motor_field(found: Found) -> None:
+    """Calibrate a rover whose motors bend the field, and check it afterwards."""
+
+    async def calibrated(bench: Workbench) -> Finding:
+        await calibrate(bench.config, bench.rover, bench.place, bench.person, ("motors",))
+        return (await bench.check())["calibrated motors"]
+
+    bent = Fault(0.0, inf, "world", "motor_field", MotorField(BIAS_DEG))
+    _compare(found, at_workbench(calibrated), at_workbench(calibrated, [bent]), "the motors turn the heading by")
+
+
+@procedure(
+    "flow-swapped", 19, "the flow sensor is mounted a quarter turn round, or the wrong way",
+    asked="`check` push test fails; at check", expected=Reached.FAULT, tried=Tried.COMMAND, remark=PERSON,
+)  # fmt: skip
+def flow_swapped(found: Found) -> None:
+    """Push a rover whose sensor is not mounted as its file says."""
+    well = at_workbench(_finds("push"))
+    turned = at_workbench(_finds("push"), mounted=_mounted(forward="+x", right="+y"))
+    _compare(found, well, turned, "forward and right under [parts.motion]")
+    back = at_workbench(_finds("push"), mounted=_mounted(forward="+y", right="-x"))
+    _compare(found, well, back, "the sign of forward under [parts.motion]")
+
+
+@procedure(
+    "failsafe-off", 24, "the ThunderBorg does not acknowledge its failsafe when the rover is armed",
+    asked="refuse to arm; at arm", expected=Reached.FAULT,
+)  # fmt: skip
+def failsafe_off(found: Found) -> None:
+    """Have the board say that its failsafe is off, and ask to arm."""
+    with site("minirover") as where:
+        where.daemon()
+        begins_s = where.bench("inject", target="motors", kind="failsafe_off")["t_s"]
+        try:
+            where.ask("arm", heading_deg=0.0)
+            found.problems.append("it was armed")
+        except Refused as refused:
+            found.changed, found.cause, found.reached = "what the board answers", str(refused), Reached.FAULT
+            found.demand("failsafe" in found.cause, "the refusal does not name the failsafe")
+        found.demand(where.status()["mode"] == "disarmed", "it is not disarmed")
+        found.demand(not told_to_turn(where.commands(begins_s)), "wheels turned")
+
+
+@procedure(
+    "side-reversed", 28, "the left motors are wired the other way round",
+    asked="`check` wiggle fails; run-time: turn sign wrong 2x => S3", expected=Reached.FAULT, tried=Tried.COMMAND,
+    remark=PERSON,
+)  # fmt: skip
+def side_reversed(found: Found) -> None:
+    """Check a rover one of whose sides turns back when told to go ahead."""
+    reversed_ = Fault(0.0, inf, "world", "drive", Drive(left_gain=-1.0))
+    well, wrong = at_workbench(_finds("left wheels")), at_workbench(_finds("left wheels"), [reversed_])
+    _compare(found, well, wrong, "reverse_left under [parts.motors]")
+    right = at_workbench(_finds("right wheels"), [reversed_])
+    found.demand(right.verdict is Verdict.OK, f"the right wheels, which are well: {right.found}")
+
+
+def _finds(name: str) -> Any:
+    async def look(bench: Workbench) -> Finding:
+        return (await bench.check())[name]
+
+    return look
+
+
+def _mounted(**axes: str) -> RoverConfig:
+    """Return the rover with its flow sensor mounted another way."""
+    config = load_rover(ROVER)
+    return config.model_copy(update={"parts": {**config.parts, "motion": {**config.parts["motion"], **axes}}})
+
+
+def _compare(found: Found, well: Finding, wrong: Finding, wanted: str) -> None:
+    """See that a rover that is well passes, and the other fails with this in what it is told."""
+    told = f"{wrong.found} ({wrong.remedy})"
+    found.demand(well.verdict is Verdict.OK, f"{well.name} of a rover that is well: {well.found}")
+    found.demand(wrong.verdict is Verdict.FAIL, f"{wrong.name}: {wrong.verdict}: {told}")
+    found.demand(wanted in told, f"the finding says: {told}")
+    if wrong.verdict is Verdict.FAIL:
+        found.changed, found.cause, found.reached = f"{well.found}, but {wrong.found}", wrong.name, Reached.FAULT

@@ -1,0 +1,88 @@
+"""A scenario as data: which rover, what goes wrong when, what people ask for meanwhile, and what is expected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Annotated, Any, Literal
+
+from annotated_types import Interval
+
+from wayfarer.simhal.faults import Fault
+from wayfarer.simhal.rig import Depth
+
+LONGEST_S = 3600.0  # of a scenario
+
+Moment = Annotated[float, Interval(ge=0, le=LONGEST_S)]
+
+
+class Reached(StrEnum):
+    """How severely the rover answered; the levels of the field catalogue."""
+
+    NONE = "-"
+    NOTE = "S0"
+    DEGRADE = "S1"
+    HOLD = "S2"
+    FAULT = "S3"
+    DEADMAN = "S4"
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What a person asks for at ``at_s``: ``arm``, ``disarm``, ``hold``, ``resume`` or ``stop``.
+
+    ``heading_deg`` is where an armed rover is to go, None its own heading.
+    """
+
+    at_s: Moment
+    do: Literal["arm", "disarm", "hold", "resume", "stop"]
+    heading_deg: Annotated[float, Interval(ge=0, lt=360)] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """What must come of the faults.
+
+    ``level`` is the severest level that is reached, ``causes`` the conditions or events of which one must tell it
+    (none: any). It must be there ``within_s`` after the first fault begins, and at S2 and above the wheels must have
+    been told to stand still by then. ``event`` must be in the log. The run must end by one of the reasons in ``ends``.
+    ``answer`` names events of the escape logic (``follow.anomaly``) of which one must come ``within_s``, ``never`` what
+    must not come: events, conditions, answers. No two ticks may be further apart than ``ticks_within_s``. Where the
+    motor board stops the wheels sooner than the rover notices anything, ``stands_within_s`` is the bound for that.
+    """
+
+    level: Reached
+    within_s: Moment
+    causes: tuple[str, ...] = ()
+    event: str | None = None
+    ends: tuple[str, ...] = ()
+    answer: tuple[str, ...] = ()
+    never: tuple[str, ...] = ()
+    ticks_within_s: Moment | None = None
+    stands_within_s: Moment | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """One scenario.
+
+    ``row`` is its number in the field catalogue, None for a user's own; ``asked`` the level that the catalogue asks
+    for, and ``because`` why another one is expected here. ``settings`` are laid over the rover file.
+    """
+
+    name: str
+    about: str
+    expect: Expectation
+    faults: tuple[Fault, ...]
+    row: int | None = None
+    asked: str = ""
+    because: str = ""
+    rover: str = "forestrover"
+    depth: Depth = Depth.BUS
+    algorithm: str = "forest-pledge"
+    for_s: float = 20.0
+    seed: int = 0
+    slip_mean_m: float = 10.0
+    clearing: bool = False
+    commands: tuple[Command, ...] = (Command(0.0, "arm", 0.0),)
+    settings: dict[str, Any] | None = None
