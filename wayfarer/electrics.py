@@ -43,7 +43,7 @@ class Electrics:
 
     def hear(self, applied: WheelCommand) -> bool:
         """Judge what was said since the last tick, at which ``applied`` was; return whether ``conditions`` may be."""
-        self._applied = (applied, *self._applied[:2])
+        self._applied = (applied, self._applied[0], self._applied[1])
         if self._news:
             news, self._news = self._news, []
             for judge in news:

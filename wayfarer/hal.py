@@ -236,7 +236,7 @@ class PositionLogger(Driver, Protocol):
 
 
 @runtime_checkable
-class Counting(Protocol):
+class Counting(Driver, Protocol):
     """What a part of any kind may have besides: it counts what went wrong and did no harm, such as a read again."""
 
     @property

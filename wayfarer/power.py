@@ -18,22 +18,22 @@ DIPS, DIPS_S = 3, 60.0  # "repeated 3x/min": field catalogue, fault 32
 
 
 class PowerWatch:
-    """Turns the firmware's flags into conditions; ``flags`` are the latest, None where the computer does not tell."""
+    """Turns the firmware's flags into conditions; ``flags`` are the latest, None where the computer does not tell.
+
+    ``noticed`` says whether there was a dip so far: before the first there is no condition.
+    """
 
     def __init__(self) -> None:
         self.flags: int | None = None
+        self.noticed = False
         self._dips_s = deque([-inf] * DIPS, maxlen=DIPS)
-
-    @property
-    def noticed(self) -> bool:
-        """Whether there was a dip so far: before the first there is no condition."""
-        return self._dips_s[-1] > -inf
 
     def update(self, t_s: float, flags: int | None) -> None:
         """Take the flags as they are at ``t_s``."""
         was_low, self.flags = self._is_low, flags
         if self._is_low and not was_low:
             self._dips_s.append(t_s)
+            self.noticed = True
 
     def conditions(self, t_s: float) -> tuple[Condition, ...]:
         """Return what the supply demands at ``t_s``: less duty while it is low, a hold while it dips too often."""

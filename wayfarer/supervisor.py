@@ -231,7 +231,7 @@ class Supervisor:
     async def _note_troubles(self) -> None:
         """Have the log say what parts have got over by themselves."""
         notes, pace = TroubleNotes(self._parts, self._log), Pace(NOTE_HZ)
-        while True:
+        while notes.counting:
             await pace.wait()
             notes.note(asyncio.get_running_loop().time())
 

@@ -11,17 +11,19 @@ NOTE_HZ = 1.0
 
 
 class TroubleNotes:
-    """Writes an event for each part whose counts have changed since the last ``note``; ``counting`` are those parts."""
+    """Writes an event for each part whose counts have changed since the last ``note``.
+
+    ``counting`` are the parts that count at all, with what was noted of each.
+    """
 
     def __init__(self, parts: Iterable[Driver], log: RunLog) -> None:
-        self.counting = {part.name: part for part in parts if isinstance(part, Counting)}
-        self._counts: dict[str, dict[str, int]] = dict.fromkeys(self.counting, {})
+        self.counting: dict[Counting, dict[str, int]] = {part: {} for part in parts if isinstance(part, Counting)}
         self._log = log
 
     def note(self, t_s: float) -> None:
         """Look at all parts that count."""
-        for name, part in self.counting.items():
+        for part, noted in self.counting.items():
             counts = {what: count for what, count in part.troubles.items() if count}
-            if counts != self._counts[name]:
-                self._counts[name] = counts
-                self._log.event("part_troubles", t_s, part=name, counts=counts)
+            if counts != noted:
+                self.counting[part] = counts
+                self._log.event("part_troubles", t_s, part=part.name, counts=counts)

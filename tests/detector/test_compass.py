@@ -195,8 +195,8 @@ def test_blocked_rover_of_which_the_compass_jitters_by_its_last_digit_is_not_sus
 def test_calibration_that_drops_below_what_arming_demanded_is_told_after_a_second() -> None:
     rover = started(calibration_min=2)
     found = rover.headings(*[0.0] * 24, calibration=1)
-    assert found[:16] == [()] * 16
-    assert set(found[16:]) == {(Condition.COMPASS_UNCALIBRATED,)}
+    assert found[:15] == [()] * 15
+    assert set(found[15:]) == {(Condition.COMPASS_UNCALIBRATED,)}
     assert rover.headings(0.0, calibration=2) == [()]
 
 
@@ -216,5 +216,5 @@ def test_jump_of_a_compass_that_lost_its_calibration_stops_the_rover_for_a_secon
     both = (Condition.COMPASS_IMPLAUSIBLE, Condition.COMPASS_UNCALIBRATED)
     assert rover.headings(120.0, calibration=0) == [both]
     found = rover.headings(*[0.0] * 20, calibration=0)
-    assert set(found[:15]) == {both}
-    assert set(found[15:]) == {(Condition.COMPASS_UNCALIBRATED,)}
+    assert set(found[:14]) == {both}
+    assert set(found[14:]) == {(Condition.COMPASS_UNCALIBRATED,)}

@@ -24,8 +24,8 @@ def test_silent_motion_sensor_is_stale_and_no_stall_is_claimed() -> None:
 def test_poor_motion_is_unknown_and_then_lost() -> None:
     rover = started()
     found = [rover.tick(quality=0.0).conditions for _ in range(170)]
-    assert found[:16] == [()] * 16
-    assert set(found[16:160]) == {(Condition.MOTION_UNKNOWN,)}
+    assert found[:14] == [()] * 14
+    assert set(found[14:160]) == {(Condition.MOTION_UNKNOWN,)}
     assert set(found[160:]) == {(Condition.MOTION_LOST,)}
     assert rover.tick() == ALL_WELL
 

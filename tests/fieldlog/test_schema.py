@@ -23,9 +23,14 @@ from wayfarer.fieldlog.log import SCHEMA, FieldLog
 from wayfarer.fieldlog.reader import KINDS, Record, RunReader
 from wayfarer.hal import PositionFix
 from wayfarer.logbook import account, wording
+from wayfarer.simhal.faults import Fault, Slope
 from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.stage import TrialSpec
+from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.trial import run_trial
+from wayfarer.simhal.witness import Witness
+from wayfarer.simhal.world import World
 
 README = Path(__file__).resolve().parents[2] / "field_logs" / "README.md"
 CODE = Path(wayfarer.__file__).parent
@@ -72,13 +77,17 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Record]]:
     fixes = FieldLog(RunFiles(folder / "receiver"), {})
     fixes.position(PositionFix(1.0, 50.9, -1.4, None))
     fixes.close("requested", "enough")
+    harmed = FieldLog(RunFiles(folder / "harmed"), {})
+    world = World(trial.forest, trial.rover.vehicle, Physics(), Streams(0))
+    Witness(harmed, world).note(1.0, Fault(1.0, 2.0, "world", "slope", Slope(pitch_deg=20.0)), begins=True)
+    harmed.close("requested", "enough")
     files = RunFiles(folder / "full disk")
     files.open(lines.header)
     files.lose(3)
     files.urgent(lines.event(4))
     files.close()
     places = {"daemon": run_folders(folder / "logs")[0]} | {
-        name: folder / name for name in ("trial", "receiver", "full disk")
+        name: folder / name for name in ("trial", "receiver", "harmed", "full disk")
     }
     return {name: list(RunReader(place)) for name, place in places.items()}
 
@@ -112,7 +121,7 @@ def constants(node: ast.AST) -> Iterator[str]:
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "event"])
 def test_keys_that_runs_write_are_those_of_the_table(runs: dict[str, list[Record]], kind: str) -> None:
-    real = [record for name in ("daemon", "trial", "receiver") for record in runs[name] if record["record"] == kind]
+    real = [record for name in ("daemon", "trial", "receiver", "harmed") for record in runs[name] if record["record"] == kind]
     assert {key for record in real for key in record} - documented("Every record") == documented(kind)
 
 

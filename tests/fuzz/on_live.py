@@ -36,7 +36,7 @@ MESSAGES = [
 ]  # fmt: skip
 OPCODES = (1, 1, 1, 1, 1, 0, 2, 8, 9, 10, 3)
 CLOSE = bytes([OPCODES.index(8)])
-LONG_S = 5.0
+LONG_S = 20.0  # this machine may be busy
 QUIET_S = 0.02
 
 

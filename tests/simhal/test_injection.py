@@ -43,6 +43,7 @@ PARAMS: dict[tuple[str, str], Any] = {
     ("dead_band", "world"): faults.DeadBand(duty=0.5),
     ("saturated", "motion"): faults.Saturated(limit=0.01),
     ("lost_bytes", "motors"): faults.LostBytes(chance=0.5),
+    ("late_answer", "motors"): faults.LateAnswer(by_s=0.12),
 }
 OF = {"compass": "heading_deg", "motion": "forward_m", "position": "latitude_deg"}
 PARTS = ("compass", "motion", "motors", "position")  # a bumper in a clearing touches nothing

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable
 from statistics import median
 
 from wayfarer.simhal.scenarios.procedures.killing import Kill, Life, sweep
+from wayfarer.simhal.scenarios.procedures.site import SiteTrouble
 
 COLUMNS = "{:<22}{:>6}{:>9}{:>24}{:>24}{:>20}{:>6}{:>10}"
 LAST = ("torn", "problems")
@@ -26,11 +27,14 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     kills: list[Kill] = []
-    for kill in sweep(options.kills, options.seed):
-        kills.append(kill)
-        print(f"{len(kills)}/{options.kills}", *kill, sep="  ", file=sys.stderr, flush=True)
+    try:
+        for kill in sweep(options.kills, options.seed):
+            kills.append(kill)
+            print(f"{len(kills)}/{options.kills}", *kill, sep="  ", file=sys.stderr, flush=True)
+    except SiteTrouble as trouble:
+        print(f"broken off: {trouble}", file=sys.stderr)
     print(table(kills))
-    return int(any(kill.problems for kill in kills))
+    return int(len(kills) < options.kills or any(kill.problems for kill in kills))
 
 
 def table(kills: list[Kill]) -> str:

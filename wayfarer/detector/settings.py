@@ -14,10 +14,12 @@ from wayfarer.bounds import Count, Degrees, DegreesPerSecond, Fraction, MetresPe
 class DetectorSettings:
     """Thresholds, each with its own unit; "fault" is a row of the field catalogue.
 
-    ``stale`` ages: PX4 gives a compass 0.3 s, ArduPilot gives flow 0.5 s and a failed link 1.5 s. A motion sensor that
-    speaks and sees nothing is unknown and then lost; one that is silent for ``motion_lost_s`` is gone (faults 15, 22).
+    ``stale`` ages: PX4 gives a compass 0.3 s, ArduPilot gives flow 0.5 s and a failed link 1.5 s; these, and the second
+    of a sensor that sees nothing, are less by a reading and a tick, so that the wheels stand in time. A motion sensor
+    that speaks and sees nothing is unknown and then lost; one that is silent for ``motion_lost_s`` is gone (faults 15, 22).
     Tilt persists 0.2 s as PX4's attitude trigger persists 0.3 s; the released field code stops beyond 15 degrees of
-    pitch, here on both axes and both signs with margin for rough ground. ``overturned_deg`` acts at once.
+    pitch, here on both axes and both signs with margin for rough ground. Beyond ``overturned_deg`` for
+    ``overturned_s``, which one reading with a flipped bit is not, it lies on its side.
 
     A heading that is more than ``heading_jump_deg`` from the last one, and further than ``heading_rate_max_deg_s``
     (twice the fastest commanded turn) goes in the time between, is rejected; where ``implausible_rejected`` of the last
@@ -46,13 +48,14 @@ class DetectorSettings:
     tilt_deg: Degrees = 20.0
     tilt_s: SecondsOrNone = 0.2
     overturned_deg: Degrees = 60.0
+    overturned_s: SecondsOrNone = 0.1
     touch_s: SecondsOrNone = 0.0
     quality_min: Fraction = 0.2
-    compass_stale_s: Seconds = 0.3
+    compass_stale_s: Seconds = 0.25
     compass_lost_s: Seconds = 5.0
-    motion_stale_s: Seconds = 0.5
+    motion_stale_s: Seconds = 0.4
     contact_stale_s: Seconds = 0.5
-    motion_unknown_s: Seconds = 1.0
+    motion_unknown_s: Seconds = 0.9
     motion_lost_s: Seconds = 10.0
     heading_rate_max_deg_s: DegreesPerSecond = 360.0
     heading_jump_deg: Degrees = 45.0
@@ -61,7 +64,7 @@ class DetectorSettings:
     implausible_of: Count = 10
     frozen_s: Seconds = 1.0
     frozen_turn_deg_s: DegreesPerSecond = 20.0
-    uncalibrated_s: Seconds = 1.0
+    uncalibrated_s: Seconds = 0.9
     motion_speed_max_m_s: MetresPerSecond = 5.0
     runaway_after_s: Seconds = 0.3
     runaway_for_s: Seconds = 0.2

@@ -18,6 +18,7 @@ class TiltWatch:
         self._limit_deg = settings.tilt_deg
         self._overturned_deg = settings.overturned_deg
         self._tilts = {tilt: Persistent(settings.tilt_s) for tilt in _TILTS}
+        self._overturned = Persistent(settings.overturned_s)
         self._tilted = False
 
     def update(
@@ -34,5 +35,5 @@ class TiltWatch:
             self._tilted |= beyond
             if self._tilts[tilt].update(t_s, beyond):
                 anomalies.append(tilt)
-        if max(abs(pitch_deg), abs(roll_deg)) >= self._overturned_deg:
+        if self._overturned.update(t_s, max(abs(pitch_deg), abs(roll_deg)) >= self._overturned_deg):
             conditions.append(Condition.OVERTURNED)

@@ -303,7 +303,9 @@ def main() -> None:
     print(f"{asked.examples} examples of up to {asked.steps} steps, {len(KINDS)} kinds of fault: no rule broken")
 
 
-def machine_settings(examples: int, steps: int, *, derandomize: bool, phases: Collection[Phase] = Phase) -> settings:
+def machine_settings(
+    examples: int, steps: int, *, derandomize: bool, phases: Collection[Phase] = tuple(Phase)
+) -> settings:
     """How many interleavings, how long each."""
     return settings(
         max_examples=examples, stateful_step_count=steps, derandomize=derandomize, deadline=None, phases=phases,

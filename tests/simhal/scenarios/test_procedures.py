@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -41,7 +42,7 @@ def test_fault_that_a_check_must_find_is_found(row: Procedure) -> None:
 # -- a procedure's own judgement -------------------------------------------------------------------------------------
 
 
-def judged(expected: Reached = Reached.HOLD, within_s: float | None = 0.5, **seen: object) -> Result:
+def judged(expected: Reached = Reached.HOLD, within_s: float | None = 0.5, **seen: Any) -> Result:
     @procedure("it", 1, "about", asked="S2", expected=expected, within_s=within_s, remark="always")
     def it(found: Found) -> None:
         for name, value in {"changed": "something", "reached": Reached.HOLD, **seen}.items():
@@ -66,7 +67,7 @@ def test_what_is_as_expected_has_no_problem() -> None:
         ({"stopped_s": 0.51}, "the wheels stood after 0.510 s, 0.5 s are allowed"),
     ],
 )
-def test_what_is_not_as_expected_is_a_problem(seen: dict[str, object], said: str) -> None:
+def test_what_is_not_as_expected_is_a_problem(seen: dict[str, Any], said: str) -> None:
     assert judged(**seen).problems == (said,)
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from wayfarer.drivers.buses import Camera, Frame
 from wayfarer.drivers.linux import FRAME_DEADLINE_S
 from wayfarer.errors import NotResponding
-from wayfarer.simhal.fakebus import FakeBuses, FakeI2C, FakeSerial, FakeSPI
+from wayfarer.simhal.fakebus import ChipMisuse, FakeBuses, FakeI2C, FakeSerial, FakeSPI
 from wayfarer.simhal.injection.hang import Hang
 
 # What a chip answers, and what it was asked with: what the driver gets instead.
@@ -82,10 +83,15 @@ class TamperedChip:
         return self._wire.said(data, answer)
 
     def receive(self, data: bytes) -> None:
-        """Take bytes on a serial line."""
+        """Take bytes on a serial line; noise that comes out as a command that the chip does not know is passed over."""
         self._wire.check()
-        if heard := self._wire.heard(data):
-            self._chip.receive(heard)
+        heard = self._wire.heard(data)
+        if heard == data:
+            self._chip.receive(data)
+            return
+        for byte in heard or b"":
+            with suppress(ChipMisuse):
+                self._chip.receive(bytes((byte,)))
 
 
 class TamperedI2C(FakeI2C):

@@ -74,7 +74,7 @@ async def _run(spec: TrialSpec) -> Scores:
     return truth.scores()
 
 
-def _unnoted(_t_s: float, _fault: Fault, *, begins: bool) -> None:
+def _unnoted(t_s: float, fault: Fault, *, begins: bool) -> None:
     """Let a fault pass: the truth is in the world."""
 
 

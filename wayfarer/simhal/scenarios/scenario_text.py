@@ -18,6 +18,8 @@ _SAME_NAME = ("name", "about", "rover", "depth", "algorithm", "for_s", "seed", "
 def as_toml(scenario: Scenario) -> str:
     """Return the text of a file with this scenario; of what it expects, only level and bound."""
     whole = {name: getattr(scenario, name) for name in _SAME_NAME} | {"rover": _rover(scenario.rover)}
+    if not scenario.commands:
+        whole["command"] = []  # where nothing is said, the rover is armed
     expect = {"level": scenario.expect.level, "within_s": scenario.expect.within_s}
     lines = [*_table("[[scenario]]", whole), *_table("[scenario.expect]", expect)]
     lines += _tables("scenario.settings", scenario.settings or {})

@@ -17,7 +17,7 @@ from wayfarer.simhal.scenarios.selection import LeftOut, Row
 
 LEGEND = (
     "S0 note, S1 degrade, S2 hold, S3 fault until armed anew, S4 the board's deadman",
-    "seen: the rover said so; stood: the wheels were told to; in seconds since the fault began",
+    "seen: the rover said so; stood: the wheels were told to; seconds since the fault",
 )
 _HOW = {
     Tried.SIMULATED: "in virtual time",

@@ -139,11 +139,9 @@ def _stood_s(monitor: Monitor, begun_s: float, from_s: float) -> float | None:
 
 def _tripped_s(monitor: Monitor, begun_s: float) -> float | None:
     """Return when the wheels stood although no stop could get through to them: then it was the board's own deadman."""
-    stood_s = next((t_s for t_s, still in monitor.stood_still_s if still and t_s >= begun_s), None)
-    cut_off = stood_s is not None and any(
-        begun_s <= stood_s <= begun_s + _cuts_for_s(fault) for begun_s, fault, begins in monitor.faults if begins
-    )
-    return stood_s if cut_off else None
+    cuts = [(from_s, from_s + _cuts_for_s(fault)) for from_s, fault, begins in monitor.faults if begins]
+    stood_s = (t_s for t_s, still in monitor.stood_still_s if still and t_s >= begun_s)
+    return next((t_s for t_s in stood_s if any(from_s < t_s <= to_s for from_s, to_s in cuts)), None)
 
 
 def _cuts_for_s(fault: Fault) -> float:

@@ -34,7 +34,7 @@ def loop_blocked(found: Found) -> None:
     """Block the loop, and see who stops the wheels, and what is said about the place."""
     with site() as where:
         where.armed("--algorithm", f"{MISBEHAVING}:BLOCKS")
-        stalled = where.event("loop_stalled")
+        stalled = where.told("loop_stalled")
         blocked_s = max(t_s for t_s in where.ticks_beyond(0.0) if t_s < stalled["t_s"] - GUARD_S)
         turned_s, stop_s = first_stop(where.commands(), blocked_s)
         found.stopped_s = stop_s - blocked_s

@@ -40,7 +40,7 @@ def disk_full(found: Found) -> None:
         found.changed = "writes to the log are refused"
         _drives_on_without_a_log(where, found)
         free()
-        where.event("log_gap")
+        where.told("log_gap")
         wait_for("it can be armed again", lambda: _is_armed(where))
 
 

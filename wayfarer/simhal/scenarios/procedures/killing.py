@@ -83,6 +83,7 @@ class Killer:
         Raises:
             SiteTrouble: it does not get there.
         """
+        self._problems = []
         while (daemon := self._lead(life)).poll() is not None:  # a stop was faster than the kill
             self._forgive(daemon)
         daemon.kill()
@@ -103,7 +104,7 @@ class Killer:
 
     def _lead(self, life: Life) -> subprocess.Popen[bytes]:
         """Return a daemon in this part of its life."""
-        self._problems, self._folders = [], set(all_folders(self._site.logs))
+        self._folders = set(all_folders(self._site.logs))
         if life is Life.STARTING:
             daemon = self._site.launch()
             time.sleep(self._rng.uniform(0.0, STARTING_S))

@@ -34,7 +34,7 @@ def brown_out(found: Found) -> None:
         found.demand(where.bench("look")["deadman_armed"] == [False], "the board kept its deadman over the loss")
         cut_off = max(where.logs.iterdir()).name
         where.daemon()
-        event = where.event("unclean_shutdown")
+        event = where.told("unclean_shutdown")
         found.changed, found.cause, found.reached = f"run {event['run']} has no outcome", event["name"], Reached.DEADMAN
         found.demand(event["run"] == cut_off and event["last_t_s"] is not None, f"{cut_off} was cut off: {event}")
         found.demand(where.status()["mode"] == "disarmed", "it came up armed")

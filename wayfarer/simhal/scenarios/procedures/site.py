@@ -236,7 +236,7 @@ class Site:
 
         return wait_for("a tick in the log", known)
 
-    def event(self, name: str) -> Record:
+    def told(self, name: str) -> Record:
         """Return the newest run's first event of this name, as soon as it is there.
 
         Raises:

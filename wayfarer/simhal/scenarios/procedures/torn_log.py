@@ -36,5 +36,5 @@ def torn_log(found: Found) -> None:
         found.demand(checked.returncode == DAMAGED, f"logs check ends with {checked.returncode}")
         found.changed, found.cause, found.reached = f"{len(TAIL)} bytes", checked.stdout.strip(), Reached.NOTE
         where.daemon()
-        event = where.event("unclean_shutdown")
+        event = where.told("unclean_shutdown")
         found.demand(event["run"] == run.name and event["last_t_s"] == whole[-1]["t_s"], f"the next run says {event}")

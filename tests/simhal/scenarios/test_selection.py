@@ -1,0 +1,74 @@
+"""Which scenarios are run: by name, by row, and on another rover."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wayfarer.errors import BadInput, UnknownName
+from wayfarer.simhal.faults import Fault
+from wayfarer.simhal.scenarios.catalogue import ROWS, catalogue
+from wayfarer.simhal.scenarios.result import Procedure, Result
+from wayfarer.simhal.scenarios.scenario import Expectation, Reached, Scenario
+from wayfarer.simhal.scenarios.selection import LeftOut, chosen, on_another_rover
+
+
+def scenario(name: str, row: int, fault: Fault) -> Scenario:
+    return Scenario(name, "", Expectation(Reached.HOLD, 1.0), (fault,), row=row)
+
+
+def never() -> Result:
+    raise AssertionError("it was run")
+
+
+LOOSE = scenario("loose", 2, Fault(1.0, 1.0, "compass", "nack"))
+DARK = scenario("dark", 15, Fault(1.0, 1.0, "motion", "dark"))
+BUMPED = scenario("bumped", 15, Fault(1.0, 1.0, "contact", "silent"))
+KILLED = Procedure("killed", 35, "", never)
+ALL = [LOOSE, DARK, BUMPED, KILLED]
+
+
+@pytest.mark.parametrize(
+    ("asked", "names"),
+    [
+        ("loose", ["loose"]),
+        ("15", ["dark", "bumped"]),
+        ("35, loose", ["loose", "killed"]),
+        ("dark,15,dark", ["dark", "bumped"]),
+    ],
+)
+def test_names_and_rows_are_chosen_once_in_the_order_of_the_catalogue(asked: str, names: list[str]) -> None:
+    assert [row.name for row in chosen(ALL, asked)] == names
+
+
+def test_what_is_not_there_is_told_with_what_is() -> None:
+    with pytest.raises(UnknownName, match="did you mean loose"):
+        chosen(ALL, "lose")
+    with pytest.raises(BadInput, match="nothing tries row 7"):
+        chosen(ALL, "7")
+    with pytest.raises(BadInput, match="--only is empty"):
+        chosen(ALL, " ,")
+
+
+def test_another_rover_leaves_out_what_it_cannot_have() -> None:
+    rows, left_out = on_another_rover(ALL, "minirover")
+    assert [(row.name, getattr(row, "rover", None)) for row in rows] == [("loose", "minirover"), ("dark", "minirover")]
+    assert left_out == [
+        LeftOut("bumped", "rover 'minirover' has no [parts.contact]"),
+        LeftOut("killed", "it has rovers of its own"),
+    ]
+
+
+def test_rover_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UnknownName):
+        on_another_rover(ALL, "maxirover")
+    with pytest.raises(BadInput):
+        on_another_rover(ALL, f"{tmp_path}/no.toml")
+
+
+def test_catalogue_tries_every_row_and_names_each_scenario_once() -> None:
+    rows = catalogue()
+    assert {row.row for row in rows} == set(range(1, ROWS + 1))
+    assert sorted({row.name for row in rows}) == sorted(row.name for row in rows)
+    assert [row.row for row in rows] == sorted(row.row or 0 for row in rows)

@@ -1,0 +1,76 @@
+"""The table of results, at every width of a terminal."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+
+from wayfarer.simhal.scenarios.result import Result, Tried
+from wayfarer.simhal.scenarios.scenario import Reached
+from wayfarer.simhal.scenarios.selection import LeftOut
+from wayfarer.simhal.scenarios.table import print_results, summed_up
+
+MET = Result(
+    "compass-answers-45-ms-late", 9, "answers come late", Tried.SIMULATED, "reject", Reached.NONE, Reached.NONE, None,
+    "compass: an older reading at +0.02 s", None, None, "", (), "the readings are used as late as they are",
+)  # fmt: skip
+MISSED = Result(
+    "undervoltage-thrice", 32, "the supply sags three times in a minute", Tried.DAEMON, "S1 + duty cap; S2",
+    Reached.HOLD, Reached.FAULT, 21.0, "event power at +0.80 s", 120.82, 0.0, "power_unstable",
+    ("S3 was reached, S2 is expected",),
+)  # fmt: skip
+OWN = MET._replace(row=None, name="[own]")
+
+
+def printed(width: int, *results: Result, left_out: tuple[LeftOut, ...] = (), untried: tuple[int, ...] = ()) -> str:
+    console = Console(file=io.StringIO(), width=width)
+    print_results(console, results, left_out, untried)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+@pytest.mark.parametrize("width", [80, 115, 200])
+def test_every_row_is_there_in_full_and_no_line_is_too_long(width: int) -> None:
+    text = printed(width, MET, MISSED, OWN)
+    assert max(map(len, text.splitlines())) <= width
+    for each in ("compass-answers-45-ms-late", "undervoltage-thrice", "[own]", "120.82", "21.00", "ok", "FAILED"):
+        assert each in text
+
+
+def test_wider_terminals_show_more() -> None:
+    narrow, middle, wide = (printed(width, MISSED) for width in (80, 115, 200))
+    assert "S1 + duty cap" not in narrow
+    assert "S1 + duty cap" in middle
+    assert "power_unstable" not in middle
+    assert "power_unstable" in wide
+    assert "event power at +0.80 s" in wide
+
+
+def test_what_failed_remarks_and_what_was_left_out_stand_below() -> None:
+    text = printed(80, MET, MISSED, left_out=(LeftOut("bumped", "no bumper"),), untried=(3, 4))
+    for title, line in {
+        "Not as expected": "undervoltage-thrice: S3 was reached, S2 is expected",
+        "Remarks": "compass-answers-45-ms-late: the readings are used as late as they are",
+        "Left out": "bumped: no bumper",
+        "Untried": "no scenario for row 3, 4 of the field catalogue",
+    }.items():
+        assert f"{title}\n  {line}" in text
+
+
+def test_a_remark_of_several_is_told_once() -> None:
+    assert "\n  compass-answers-45-ms-late, [own]: the readings are used" in printed(80, MET, OWN)
+
+
+def test_row_is_as_expected_if_all_its_scenarios_are() -> None:
+    lines = list(summed_up([MET, MET._replace(name="b", problems=("no",)), MISSED._replace(problems=())], (3,)))
+    assert lines == [
+        "2 of 3 scenarios as expected: 2 in virtual time, 1 on the real daemon",
+        "1 of 3 rows of the catalogue as expected",
+    ]
+
+
+def test_scenarios_of_ones_own_have_no_rows() -> None:
+    assert list(summed_up([OWN])) == ["1 of 1 scenarios as expected: 1 in virtual time"]
+    assert list(summed_up([])) == ["0 of 0 scenarios as expected: none"]

@@ -1,0 +1,193 @@
+"""``wayfarer faults``: exit codes, what is printed, what is kept, and that its page tells the truth."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.simhal.scenarios import kinds_page
+from wayfarer import cli
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.simhal.faults import Layer
+
+PAGE = (Path(__file__).parents[1] / "docs" / "faults.md").read_text(encoding="utf-8")
+LOOSE = """\
+[[scenario]]
+name = "loose-plug"
+clearing = true
+for_s = 5.0
+fault = [{ at_s = 3.0, for_s = 1.0, target = "compass", kind = "nack" }]
+expect = { level = "S2", within_s = 0.4, causes = ["compass_stale"] }
+[scenario.settings.safety]
+start_delay_s = 0.5
+"""
+
+
+@pytest.fixture
+def loose(tmp_path: Path) -> str:
+    return scenario_file(tmp_path, LOOSE)
+
+
+def scenario_file(folder: Path, text: str) -> str:
+    path = folder / "faults.toml"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def test_scenario_that_is_met_exits_0(loose: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["faults", "--scenario", loose]) == 0
+    out = capsys.readouterr().out
+    assert out.splitlines()[-1] == "1 of 1 scenarios as expected: 1 in virtual time"
+
+
+def test_scenario_with_a_wrong_bound_exits_1_and_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = scenario_file(tmp_path, LOOSE.replace("within_s = 0.4", "within_s = 0.1"))
+    assert cli.run(["faults", "--scenario", path]) == 1
+    out = capsys.readouterr().out
+    assert re.search(r"loose-plug: detected after 0\.\d\d s, 0\.1 s are allowed", out)
+    assert out.splitlines()[-1] == "0 of 1 scenarios as expected: 1 in virtual time"
+
+
+@pytest.mark.slow
+def test_several_processes_give_what_one_gives(tmp_path: Path) -> None:
+    path = scenario_file(tmp_path, LOOSE + LOOSE.replace("loose-plug", "another").replace("compass", "motion", 1))
+    for jobs in ("1", "2"):
+        cli.run(["faults", "--scenario", path, "--jobs", jobs, "--out", str(tmp_path / jobs)])
+    files = [sorted((tmp_path / jobs).rglob("*.*")) for jobs in ("1", "2")]
+    assert len(files[0]) == 4
+    for one, other in zip(*files, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+
+
+def test_results_and_logs_are_kept_and_logs_replay(
+    tmp_path: Path, loose: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert cli.run(["faults", "--scenario", loose, "--out", str(out)]) == 0
+    (row,) = csv.DictReader((out / "results.csv").read_text(encoding="utf-8").splitlines())
+    (same,) = json.loads((out / "results.json").read_text(encoding="utf-8"))
+    assert (row["name"], row["reached"], row["passed"]) == ("loose-plug", "S2", "True")
+    assert (same["name"], same["reached"], same["passed"]) == ("loose-plug", "S2", True)
+    run = out / "loose-plug"
+    faults = [record for record in RunReader(run) if record["record"] == "fault"]
+    assert [(each["t_s"], each["target"], each["kind"], each["begins"]) for each in faults] == [
+        (3.0, "compass", "nack", True),
+        (4.0, "compass", "nack", False),
+    ]
+    capsys.readouterr()
+    assert cli.run(["replay", str(run)]) == 0
+    assert cli.run(["logs", "check", str(run)]) == 0
+    assert cli.run(["logs", "show", str(run)]) == 0
+    said = capsys.readouterr().out
+    assert "a fault begins: compass nack for 1 s" in said
+    assert "a fault ends: compass nack" in said
+
+
+def test_folder_that_is_not_empty_is_refused(tmp_path: Path, loose: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["faults", "--scenario", loose, "--out", str(tmp_path)]) == 2
+    assert "needs a new or empty folder" in capsys.readouterr().err
+
+
+def test_rows_of_the_catalogue_run_by_number(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["faults", "--only", "4"]) == 0
+    assert "1 of 1 rows of the catalogue as expected" in capsys.readouterr().out
+
+
+def test_another_rover_runs_what_it_can_have(loose: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["faults", "--scenario", loose, "--rover", "minirover"]) == 0
+    assert "1 of 1 scenarios" in capsys.readouterr().out
+
+
+def test_list_shows_names_and_runs_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wayfarer.simhal.scenarios.command.play", lambda *_: pytest.fail("a scenario was run"))
+    assert cli.run(["faults", "--list"]) == 0
+    assert "board-fault" in capsys.readouterr().out
+
+
+BAD = {
+    "no such row": (["--only", "99"], "nothing tries row 99"),
+    "no such name": (["--only", "board-falt"], "did you mean board-fault"),
+    "no such file": (["--scenario", "no.toml"], "no.toml: no such file"),
+    "no such rover": (["--rover", "maxi"], "unknown rover 'maxi'"),
+    "chance and choice": (["--trials", "3", "--only", "2"], "--trials draws its own faults; leave out --only"),
+    "chance and file": (["--trials", "3", "--scenario", "a"], "leave out --scenario"),
+    "chance and list": (["--trials", "3", "--list"], "leave out --list"),
+    "seed alone": (["--seed", "3"], "--seed is for faults by chance; say how many with --trials N"),
+    "depth alone": (["--depth", "bus"], "--depth is for faults by chance"),
+    "jobs": (["--jobs", "0"], "--jobs"),
+}
+
+
+@pytest.mark.parametrize(("options", "says"), BAD.values(), ids=BAD)
+def test_bad_input_is_one_line(options: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["faults", *options]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert says in err
+
+
+def test_an_error_inside_one_scenario_does_not_hide_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from wayfarer.simhal.scenarios import command
+
+    play = command.play
+
+    def fails_once(scenario: object, log_dir: Path | None) -> object:
+        if getattr(scenario, "name", "") == "broken":
+            raise ZeroDivisionError("by zero")
+        return play(scenario, log_dir)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(command, "play", fails_once)
+    path = scenario_file(tmp_path, LOOSE.replace("loose-plug", "broken") + LOOSE)
+    assert cli.run(["faults", "--scenario", path, "--jobs", "1"]) == 1
+    out = capsys.readouterr().out
+    assert "broken: an error inside wayfarer: ZeroDivisionError('by zero')" in out
+    assert "1 of 2 scenarios as expected" in out
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_it_with_130(tmp_path: Path) -> None:
+    many = "".join(
+        LOOSE.replace("loose-plug", f"loose-{number}").replace("for_s = 5.0", "for_s = 600.0", 1)
+        for number in range(30)
+    )
+    command = [sys.executable, "-c", "from wayfarer.cli import main; main()", "faults", "--scenario"]
+    with subprocess.Popen(
+        [*command, scenario_file(tmp_path, many)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as running:
+        time.sleep(3.0)  # noqa: TID251 - a real process
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=30.0)
+    assert (running.returncode, out) == (130, "")
+    assert err.splitlines()[-1] == "interrupted: no results"
+
+
+# -- docs/faults.md ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("layer", Layer)
+def test_page_has_every_kind_with_its_parameters(layer: Layer) -> None:
+    section = PAGE.partition(f"### `{layer}`\n")[2].partition("\n#")[0]
+    listed = [line for line in section.splitlines() if line.startswith("| `")]
+    assert listed == kinds_page.rows(layer)
+
+
+@pytest.mark.slow
+def test_pages_scenario_runs_and_prints_what_the_page_shows(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    path = tmp_path / "my-faults.toml"
+    path.write_text(PAGE.partition("```toml\n")[2].partition("```")[0], encoding="utf-8")
+    assert cli.run(["faults", "--scenario", str(path), "--jobs", "1"]) == 0
+    shown = PAGE.partition("$ wayfarer faults --scenario my-faults.toml --out res\n")[2].partition("\n```")[0]
+    assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == shown.splitlines()
