@@ -17,6 +17,8 @@ from tests.simhal.scenarios import kinds_page
 from wayfarer import cli
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.simhal.faults import Layer
+from wayfarer.simhal.scenarios.runner import Played, play
+from wayfarer.simhal.scenarios.scenario import Scenario
 
 PAGE = (Path(__file__).parents[1] / "docs" / "faults.md").read_text(encoding="utf-8")
 LOOSE = """\
@@ -137,16 +139,12 @@ def test_bad_input_is_one_line(options: list[str], says: str, capsys: pytest.Cap
 def test_an_error_inside_one_scenario_does_not_hide_the_others(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from wayfarer.simhal.scenarios import command
-
-    play = command.play
-
-    def fails_once(scenario: object, log_dir: Path | None) -> object:
-        if getattr(scenario, "name", "") == "broken":
+    def fails_once(scenario: Scenario, log_dir: Path | None) -> Played:
+        if scenario.name == "broken":
             raise ZeroDivisionError("by zero")
-        return play(scenario, log_dir)  # type: ignore[arg-type]
+        return play(scenario, log_dir)
 
-    monkeypatch.setattr(command, "play", fails_once)
+    monkeypatch.setattr("wayfarer.simhal.scenarios.command.play", fails_once)
     path = scenario_file(tmp_path, LOOSE.replace("loose-plug", "broken") + LOOSE)
     assert cli.run(["faults", "--scenario", path, "--jobs", "1"]) == 1
     out = capsys.readouterr().out

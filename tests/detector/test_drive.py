@@ -123,6 +123,16 @@ def test_turn_that_is_blocked_is_the_forest_and_no_fault(wheels: WheelCommand) -
     assert set(chassis.drive(5.0, wheels, blocked=True)) == {None}
 
 
+def test_rover_that_slides_along_a_trunk_and_then_turns_away_from_it_is_well() -> None:
+    """Half a second of a turn that the trunk takes away, then one the other way: it turned no more than it was told."""
+    rover = started()
+    found = [rover.tick(WheelCommand(1.0, -0.6), 0.01, dt_s=PERIOD_S).conditions for _ in range(10)]
+    for heading_deg in (356.0, 351.0, 344.0, 336.0):
+        said = rover.tick(WheelCommand(-0.6, 1.0), 0.01, dt_s=PERIOD_S, heading_deg=heading_deg)
+        found.append(said.conditions)
+    assert set(found) == {()}
+
+
 def test_window_in_which_the_rover_met_something_is_dropped() -> None:
     """A trunk turns a rover that pushes on; the tilt says that there is one."""
     rover = started()

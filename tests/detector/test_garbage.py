@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import inf, nan
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -83,6 +84,29 @@ def test_readings_of_which_the_time_goes_back_are_silence() -> None:
         )
         found = rover.detector.update(said, STOP)
     assert {Condition.COMPASS_STALE, Condition.MOTION_STALE, Condition.CONTACT_STALE} <= set(found.conditions)
+
+
+def test_single_reading_that_is_older_than_the_last_is_not_believed() -> None:
+    rover = Rover(watches_contact=True)
+    for tick in (1, 2):
+        compass = CompassReading(tick * TICK_S, float(tick), 0.0, 0.0, 3)
+        touch = ContactReading(tick * TICK_S, (), None)
+        rover.detector.update(Snapshot(tick * TICK_S, compass, None, touch), STOP)
+    late = Snapshot(
+        3 * TICK_S, CompassReading(TICK_S, 9.0, 0.0, 0.0, 3), None, ContactReading(TICK_S, (Side.LEFT,), None)
+    )
+    assert rover.detector.update(late, STOP).anomalies == ()
+    assert rover.heading_deg == 2.0
+    assert rover.detector.contact == touch
+
+
+@pytest.mark.parametrize("quality", [nan, inf, 1.1, -0.1])
+def test_motion_of_which_the_quality_cannot_be_is_no_evidence_of_a_stall(quality: float) -> None:
+    rover = Rover()
+    for _ in range(8):
+        found = rover.tick(FULL, 0.0, quality=quality)
+    assert found.anomalies == ()
+    assert Condition.MOTION_IMPLAUSIBLE in found.conditions
 
 
 @given(rubbish=snapshots(st.just(0.0)), ticks=st.integers(1, 3))

@@ -97,11 +97,18 @@ async def test_socket_that_is_asked_for_as_a_page_is_refused_in_words() -> None:
         assert "open /" in await response.text()
 
 
-async def test_socket_that_is_asked_for_in_bytes_that_are_no_text_is_refused_in_words() -> None:
+@pytest.mark.parametrize(
+    "header",
+    [
+        b"Upgrade: \x80",
+        b"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: \x80",
+    ],
+)
+async def test_socket_that_is_asked_for_in_bytes_that_are_no_text_is_refused_in_words(header: bytes) -> None:
     async with serving() as site:
         reader, writer = await asyncio.open_connection("127.0.0.1", site.port)
         host = site.origin.removeprefix("http://").encode()
-        asked = b"GET /ws HTTP/1.1\r\nHost: %s\r\nOrigin: http://%s\r\nUpgrade: \x80\r\n\r\n" % (host, host)
+        asked = b"GET /ws HTTP/1.1\r\nHost: %s\r\nOrigin: http://%s\r\n%s\r\n\r\n" % (host, host, header)
         writer.write(asked)
         async with asyncio.timeout(5.0):
             assert b" 400 " in await reader.readline()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from math import pi
+from math import cos, pi, radians
 from statistics import fmean, pstdev
 
 import pytest
@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from wayfarer.config import RoverConfig
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, Compass, ContactSensor, DriveMotors, MotionSensor, Rover, Side, WheelCommand
-from wayfarer.simhal.devices import SimBumper, SimCompass, SimFlow, SimMotors
+from wayfarer.mission import METRES_PER_DEG
+from wayfarer.simhal.devices import FIX_ERROR_M, ORIGIN_DEG, SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics
@@ -208,5 +209,21 @@ def test_parts_close_twice_and_after_no_opening() -> None:
             await part.open()
             await part.close()
             await part.close()
+
+    run(main)
+
+
+def test_receiver_tells_where_the_rover_is_as_well_as_receivers_do() -> None:
+    world = world_in(CLEARING)
+
+    async def main() -> None:
+        receiver = SimReceiver(world, Streams(0))
+        await receiver.open()
+        fixes = [await receiver.read() for _ in range(400)]
+        north_m = [(fix.latitude_deg - ORIGIN_DEG[0]) * METRES_PER_DEG for fix in fixes]
+        east_m = [(fix.longitude_deg - ORIGIN_DEG[1]) * METRES_PER_DEG * cos(radians(ORIGIN_DEG[0])) for fix in fixes]
+        assert fmean(north_m) == pytest.approx(world.y_m, abs=4 * FIX_ERROR_M / 20)
+        assert fmean(east_m) == pytest.approx(world.x_m, abs=4 * FIX_ERROR_M / 20)
+        assert pstdev(north_m) == pytest.approx(FIX_ERROR_M, rel=0.2)
 
     run(main)

@@ -129,6 +129,7 @@ class PMW3901:
         self._settings = settings
         self._bus = buses.spi(settings.bus, mode=settings.spi_mode, speed_hz=settings.speed_hz)
         self._read_t_s = 0.0
+        self._is_first = True
         self.troubles: Counter[str] = Counter()
 
     async def open(self) -> None:
@@ -145,19 +146,20 @@ class PMW3901:
         await self._configure()
         await self._observe()
         self._read_t_s = asyncio.get_running_loop().time()
+        self._is_first = True
 
     async def close(self) -> None:
         """Nothing to release: the bus is not this driver's."""
 
     async def read(self) -> MotionReading:
-        """Return the displacement since the previous read.
+        """Return the displacement since the previous read; the first one after ``open`` says nothing: quality 0.
 
         Raises:
             NotResponding: silence, or the chip has lost its settings; ``open`` gives them anew.
             BadReading: a displacement that cannot be, as garbage on the bus makes it.
         """
-        settings, burst = self._settings, await self._burst()
-        scale, good = settings.m_per_count, quality(burst, settings.squal_full)
+        is_first, settings, burst = self._is_first, self._settings, await self._burst()
+        scale, good = settings.m_per_count, quality(burst, settings.squal_full) * (not is_first)
         forward, right = _along(settings.forward, burst), _along(settings.right, burst)
         return MotionReading(self._read_t_s, forward * scale, right * scale, good)
 
@@ -180,6 +182,9 @@ class PMW3901:
                 f"{self.name}: has stopped (observation 0x{burst.observation:02X}, not 0x{RUNNING:02X}); "
                 "likely its supply dipped and it lost its settings, check the 3.3 V wire"
             )
+        is_first, self._is_first = self._is_first, False
+        if is_first:  # counts since nobody knows when: what moved while it started is among them
+            return burst
         if what := contradiction(burst, since_s):
             self.troubles["garbage rejected"] += 1
             raise BadReading(f"{self.name}: ({burst.dx}, {burst.dy}): {what}; noise on the SPI wires, keep them short")

@@ -155,7 +155,7 @@ class LivePage:
             return await self._routes[request.path](request)
         except Refused as refusal:
             return _plain(403, str(refusal))
-        except (web.HTTPBadRequest, UnicodeError):  # aiohttp quotes headers in its refusals, also what is no text
+        except web.HTTPBadRequest:
             return _plain(400, "this is where the page itself connects, with a WebSocket: open / instead")
         except OSError:
             raise  # the client has gone
@@ -185,7 +185,7 @@ class LivePage:
             socket, viewer, self._commands, self._turn, self.watched, limits, speed
         )
         try:
-            await socket.prepare(request)
+            await _shake_hands(socket, request)
             self._audience.viewers.add(viewer)
             await talk.run()
         finally:
@@ -205,6 +205,18 @@ class _TurnedAway(asyncio.Protocol):
 def _abort(connection: web.RequestHandler) -> None:
     if connection.transport is not None:
         connection.transport.abort()
+
+
+async def _shake_hands(socket: web.WebSocketResponse, request: web.BaseRequest) -> None:
+    """Begin a WebSocket.
+
+    Raises:
+        web.HTTPBadRequest: it is not asked for as it must be; aiohttp does not expect headers that are no text.
+    """
+    try:
+        await socket.prepare(request)
+    except ValueError as error:
+        raise web.HTTPBadRequest from error
 
 
 def _plain(status: int, text: str) -> web.Response:

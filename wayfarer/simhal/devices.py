@@ -79,13 +79,15 @@ class SimFlow(SimPart):
     async def open(self) -> None:
         """Take the clock, and the time that starting up takes."""
         await super().open()
+        self._quality = 0.0  # of the first reading: a displacement since nobody knows when
         await sleep(self._opens_s)
 
     async def read(self) -> MotionReading:
         """Return the displacement since the previous read."""
         t_s = self._time()
         forward, right = self._sample(t_s)
-        return MotionReading(t_s, forward * self._m_per_count, right * self._m_per_count, FLOW_QUALITY)
+        quality, self._quality = self._quality, FLOW_QUALITY
+        return MotionReading(t_s, forward * self._m_per_count, right * self._m_per_count, quality)
 
 
 class SimBumper(SimPart):
@@ -96,6 +98,7 @@ class SimBumper(SimPart):
     async def read(self) -> ContactReading:
         """Return what touches the body now."""
         t_s = self._time()
+        self._world.chips_act()  # a deadman may have tripped since
         self._world.advance_to(t_s)
         touch = self._world.touch
         if touch is None:
@@ -115,6 +118,7 @@ class SimReceiver(SimPart):
     async def read(self) -> PositionFix:
         """Return a fix."""
         t_s, world = self._time(), self._world
+        world.chips_act()
         world.advance_to(t_s)
         latitude_deg, longitude_deg = ORIGIN_DEG
         north_m, east_m = world.y_m + self._error_m(), world.x_m + self._error_m()

@@ -36,6 +36,7 @@ class GroundCamera:
 
     def render(self, t_s: float, width: int, height: int) -> Frame:
         """Return what the camera sees at a time: luma of shape (height, width)."""
+        self._world.chips_act()  # a deadman may have tripped since
         self._world.advance_to(t_s)
         grey = self._look(width, height) + NOISE_SD * self._noise.standard_normal((height, width), dtype=np.float32)
         return Frame(t_s, np.clip(np.rint(grey), 0, 255).astype(np.uint8))

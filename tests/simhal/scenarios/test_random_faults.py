@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 from dataclasses import fields, replace
 from io import StringIO
 from math import inf
@@ -175,7 +177,7 @@ def test_unknown_rover_and_a_folder_that_cannot_be_are_refused_before_the_first_
     with pytest.raises(UnknownName):
         run(1, rover="no-such-rover")
     (tmp_path / "file").touch()
-    with pytest.raises(BadInput, match="cannot be made"):
+    with pytest.raises(BadInput, match="cannot be used for what comes of the trials"):
         run(1, out=tmp_path / "file" / "folder")
 
 
@@ -218,3 +220,27 @@ def test_noise_that_comes_out_as_a_strange_command_is_passed_over() -> None:
     wire.writes.clear()
     with pytest.raises(ChipMisuse):
         TamperedChip(Picky(), wire).receive(b"\x21")
+
+
+def test_rover_without_parts_is_tried_at_device_depth_only(tmp_path: Path) -> None:
+    file = tmp_path / "bare.toml"
+    file.write_text('name = "bare"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.0\n')
+    assert {draw_scenario(seed, str(file)).depth for seed in range(20)} == {Depth.DEVICE}
+    assert play(draw_scenario(0, str(file))).broken == ()
+    with pytest.raises(BadInput, match="has not the parts that bus depth needs; use --depth device"):
+        draw_scenario(0, str(file), Depth.BUS)
+
+
+def test_signal_ends_the_trials_and_what_was_done_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    honest = RandomRunner.run
+
+    def interrupted(self: RandomRunner, seed: int) -> Any:
+        if seed == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+        return honest(self, seed)
+
+    monkeypatch.setattr(RandomRunner, "run", interrupted)
+    code, printed = run(50)
+    assert code == 130
+    assert "broken rules: in 0 trials" in printed
+    assert "50 trials, " not in printed

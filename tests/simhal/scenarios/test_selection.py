@@ -11,7 +11,7 @@ from wayfarer.simhal.faults import Fault
 from wayfarer.simhal.scenarios.catalogue import ROWS, catalogue
 from wayfarer.simhal.scenarios.result import Procedure, Result
 from wayfarer.simhal.scenarios.scenario import Expectation, Reached, Scenario
-from wayfarer.simhal.scenarios.selection import LeftOut, chosen, on_another_rover
+from wayfarer.simhal.scenarios.selection import LeftOut, Row, chosen, on_another_rover
 
 
 def scenario(name: str, row: int, fault: Fault) -> Scenario:
@@ -26,7 +26,7 @@ LOOSE = scenario("loose", 2, Fault(1.0, 1.0, "compass", "nack"))
 DARK = scenario("dark", 15, Fault(1.0, 1.0, "motion", "dark"))
 BUMPED = scenario("bumped", 15, Fault(1.0, 1.0, "contact", "silent"))
 KILLED = Procedure("killed", 35, "", never)
-ALL = [LOOSE, DARK, BUMPED, KILLED]
+ALL: list[Row] = [LOOSE, DARK, BUMPED, KILLED]
 
 
 @pytest.mark.parametrize(

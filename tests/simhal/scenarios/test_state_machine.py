@@ -12,7 +12,7 @@ from wayfarer.hal import WheelCommand
 from wayfarer.safety import Gate
 from wayfarer.simhal.rig import Depth
 
-EXAMPLES, STEPS = 60, 30
+EXAMPLES, STEPS = 40, 30
 
 
 def find() -> None:

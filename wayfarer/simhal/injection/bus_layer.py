@@ -102,7 +102,7 @@ def _nack(place: Place, params: Any, chance: Random) -> AbstractContextManager[N
 
     def is_lost() -> bool:
         nonlocal left
-        lost = left > 0 and chance.random() < params.chance
+        lost: bool = left > 0 and chance.random() < params.chance
         left -= lost
         return lost
 

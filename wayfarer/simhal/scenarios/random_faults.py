@@ -16,6 +16,7 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hint
 from annotated_types import Interval
 
 from wayfarer.config import RoverConfig, load_rover
+from wayfarer.errors import BadInput
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.simhal.faults import KINDS, Fault, Layer
 from wayfarer.simhal.injection.bus_layer import misplaced
@@ -118,20 +119,24 @@ def draw_scenario(seed: int, rover: str | None = None, depth: Depth | None = Non
     """Return the scenario of a seed; rover and depth are drawn as well where they are not given.
 
     Raises:
-        BadConfig, UnknownName: there is no such rover, or its file is not right.
+        BadInput: there is no such rover, its file is not right, or it has not the parts for that depth.
     """
     chance = Streams(seed).random("random faults")
     # Both are drawn even where they are given, so that naming those of a trial gives that trial again.
-    drawn_rover, drawn_depth = chance.choice(ROVERS), chance.choice(list(Depth))
-    name, depth = rover or drawn_rover, depth or drawn_depth
-    config = _rover(name)
+    drawn = chance.choice(ROVERS)
+    config = _rover(rover or drawn)
+    depths = [each for each in Depth if possible_faults(config, each)]
+    drawn_depth = chance.choice(depths)
+    depth = depth or drawn_depth
+    if depth not in depths:
+        raise BadInput(f"rover '{config.name}' has not the parts that {depth} depth needs; use --depth {depths[0]}")
     for_s = round(chance.uniform(*LASTS_S))
     return Scenario(
         f"random-{seed}",
         "faults by chance",
         Expectation(Reached.NONE, inf),
         tuple(_draw_faults(possible_faults(config, depth), for_s, chance)),
-        rover=name,
+        rover=rover or drawn,
         depth=depth,
         algorithm=chance.choice(_algorithms(config)),
         for_s=for_s,

@@ -7,11 +7,10 @@ run again alone. Its row is the same on any number of workers.
 from __future__ import annotations
 
 import json
-import os
-import threading
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing
+from collections.abc import Iterable, Iterator, Sequence, Sized
+from concurrent.futures import BrokenExecutor
+from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -20,7 +19,9 @@ from rich.console import Console
 from rich.progress import track
 
 from wayfarer.conditions import Level
-from wayfarer.errors import BadInput
+from wayfarer.errors import WayfarerError
+from wayfarer.simhal.campaign import stop_on_signals
+from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
 from wayfarer.simhal.progress import LINES, say
 from wayfarer.simhal.rig import Depth
 from wayfarer.simhal.scenarios.random_faults import draw_scenario
@@ -28,7 +29,7 @@ from wayfarer.simhal.scenarios.runner import Played, play
 from wayfarer.simhal.scenarios.scenario import Expectation, Reached, Scenario
 from wayfarer.simhal.scenarios.scenario_text import as_toml
 from wayfarer.simhal.scenarios.smallest import smallest
-from wayfarer.simhal.workers import stream
+from wayfarer.simhal.workers import Stopped, stream
 from wayfarer.whole_file import whole_file
 
 ROWS_FILE = "trials.jsonl"
@@ -89,20 +90,25 @@ def run_random(
 ) -> int:  # fmt: skip
     """Run ``trials`` scenarios and say what came of them; with ``out`` keep rows, and the smallest that broke a rule.
 
-    Returns 0, or 1 where a rule was broken.
+    Returns 0, 1 where a rule was broken, or 130 where a signal asked to stop.
 
     Raises:
-        BadInput: the folder cannot be made, or there is no such rover.
+        BadInput: ``out`` is not new or empty, or there is no such rover.
+        WayfarerError: a worker died.
     """
     console, runner = console or Console(), RandomRunner(rover, depth)
     runner.scenario(seed)  # what is wrong with the rover is told before the first trial
     if out is not None:
-        _make(out)
-    jobs = min(jobs or os.cpu_count() or 1, trials)
+        make_empty_folder(out, "what comes of the trials")
     rows: list[Trial] = []
-    with closing(stream(runner, range(seed, seed + trials), jobs, threading.Event())) as running:
-        for trial in _shown(running, trials, console):
-            rows.append(trial)
+    jobs, seeds = min(jobs or cores(), trials), range(seed, seed + trials)
+    with (
+        stop_on_signals() as stop,
+        suppress(Stopped),
+        _worker_death_explained(rows),
+        closing(stream(runner, seeds, jobs, stop)) as running,
+    ):
+        rows.extend(_shown(running, trials, console))
     rows.sort()
     broken = [trial for trial in rows if trial.broken]
     for line in _summary(rows, broken):
@@ -112,7 +118,16 @@ def run_random(
             say(console, line)
     if out is not None:
         _write(out / ROWS_FILE, "".join(json.dumps(trial._asdict()) + "\n" for trial in rows))
-    return 1 if broken else 0
+    return 1 if broken else 0 if len(rows) == trials else INTERRUPTED
+
+
+@contextmanager
+def _worker_death_explained(rows: Sized) -> Iterator[None]:
+    try:
+        yield
+    except BrokenExecutor as error:
+        text = f"a worker process died after {len(rows)} trials, most likely for want of memory: try fewer --jobs"
+        raise WayfarerError(text) from error
 
 
 def broken_rules(played: Played) -> tuple[str, ...]:
@@ -189,10 +204,3 @@ def _breaks(scenario: Scenario) -> bool:
 def _write(path: Path, text: str) -> None:
     with whole_file(path) as draft:
         draft.write_text(text, encoding="utf-8")
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"{folder}: cannot be made: {error.strerror}") from None
