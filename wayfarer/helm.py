@@ -150,11 +150,13 @@ class Helm:
             self._last_t_s = t_s
         dt_s, self._last_t_s = t_s - self._last_t_s, t_s
         applied, gate, mission = self._applied, self._gate, self.mission
-        forward_m = (applied.left + applied.right) * self._half_speed_m_s * dt_s
+        # After a tick that came late the board's deadman has had the wheels for the rest of the time.
+        driven_s = dt_s if dt_s < self._late_s else self._late_s
+        forward_m = (applied.left + applied.right) * self._half_speed_m_s * driven_s
         self._travelled_m += abs(forward_m)
         snapshot = self._cells.snapshot(t_s)
         anomalies, conditions = self._detector.update(snapshot, applied)
-        if self.mode is _ARMED and self._progress.ends(dt_s, applied, forward_m, bool(anomalies), snapshot.motion):
+        if self.mode is _ARMED and self._progress.ends(driven_s, applied, forward_m, bool(anomalies), snapshot.motion):
             conditions += (Condition.ENTRAPPED,)
         if conditions and self.mode is not _ARMED and gate.cause is not _RUNAWAY:
             # A person may push a rover that is not armed; one that ran away goes on being stopped.

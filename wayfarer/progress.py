@@ -52,19 +52,19 @@ class Progress:
         self._begin_place()
 
     def ends(
-        self, dt_s: float, applied: WheelCommand, forward_m: float, anomalous: bool, motion: MotionReading | None
+        self, driven_s: float, applied: WheelCommand, forward_m: float, anomalous: bool, motion: MotionReading | None
     ) -> bool:
         """Take one tick and return whether the rover is entrapped: it has got nowhere for too long.
 
         Args:
-            dt_s: time since the last tick, in seconds.
+            driven_s: for how long the wheels did as they were told since the last tick, in seconds.
             applied: duties of the wheels in that time.
             forward_m: how far they were told to go, in metres, negative in reverse.
             anomalous: whether an anomaly is there now.
             motion: what the motion sensor saw since the last tick, None where it has not spoken.
         """
         if applied != STOP:
-            self._tried_s += dt_s
+            self._tried_s += driven_s
         self._unseen_m = self._unseen_m + forward_m if forward_m > 0.0 else 0.0
         if motion is not None:
             self._take_ground(motion)

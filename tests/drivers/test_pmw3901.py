@@ -281,12 +281,27 @@ def test_chip_that_answers_and_does_not_run_is_refused() -> None:
     run(main)
 
 
+def test_counts_from_before_and_during_an_opening_are_no_motion() -> None:
+    """More than a spike, and nearly nothing, are both no displacement since the reading before: there was none."""
+
+    async def main() -> None:
+        for counts in (3000, 1):
+            flow = flow_over(PMW3901Chip(Driven((counts, 0), (8, 0)), time))
+            await flow.open()
+            assert (await flow.read()).quality == 0.0
+            await asyncio.sleep(0.05)
+            assert (await flow.read()).quality == 0.8
+
+    run(main)
+
+
 def test_opening_works_after_one_that_broke_off() -> None:
     async def main() -> None:
         chip = PMW3901Chip(Driven(), time)
         chip.exchange(b"\xff\x0e")  # it broke off in this bank
         flow = flow_over(chip)
         await flow.open()
+        assert (await flow.read()).quality == 0.0, "counts since nobody knows when"
         assert (await flow.read()).quality == 0.8
 
     run(main)
@@ -300,11 +315,12 @@ def test_reading_is_one_burst_that_does_not_wait_for_motion() -> None:
         chip = Canned(STANDING)
         flow = flow_over(chip)
         await flow.open()
+        await flow.read()
         await asyncio.sleep(0.05)
         asked_s = time()
         assert await flow.read() == (asked_s, 0.0, 0.0, 0.8, True)
         assert time() == asked_s
-        assert chip.bursts == 1
+        assert chip.bursts == 2
 
     run(main)
 
@@ -377,8 +393,9 @@ def test_calibration_gets_the_counts_of_the_chip_itself() -> None:
 
 def test_spike_is_dropped_and_the_next_reading_is_good() -> None:
     async def main() -> None:
-        flow = flow_over(PMW3901Chip(Driven((1201, 0), (8, 0)), time))
+        flow = flow_over(PMW3901Chip(Driven((0, 0), (1201, 0), (8, 0)), time))
         await flow.open()
+        await flow.read()
         await asyncio.sleep(0.05)
         with pytest.raises(BadReading, match="more than 1200 counts in 0"):
             await flow.read()
@@ -397,8 +414,9 @@ def test_readings_at_the_speed_that_the_chip_can_follow_and_garbage_are_counted(
     """7.4 rad/s are 0.74 m/s at 0.1 m, and 173 counts in 0.05 s."""
 
     async def main() -> None:
-        flow = flow_over(PMW3901Chip(Driven(counts, (1201, 0)), time))
+        flow = flow_over(PMW3901Chip(Driven((0, 0), counts, (1201, 0)), time))
         await flow.open()
+        await flow.read()
         await asyncio.sleep(0.05)
         await flow.read()
         assert flow.troubles == ({"readings at the speed limit": 1} if is_limit else {})

@@ -121,7 +121,8 @@ def constants(node: ast.AST) -> Iterator[str]:
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "event"])
 def test_keys_that_runs_write_are_those_of_the_table(runs: dict[str, list[Record]], kind: str) -> None:
-    real = [record for name in ("daemon", "trial", "receiver", "harmed") for record in runs[name] if record["record"] == kind]
+    names = ("daemon", "trial", "receiver", "harmed")
+    real = [record for name in names for record in runs[name] if record["record"] == kind]
     assert {key for record in real for key in record} - documented("Every record") == documented(kind)
 
 

@@ -99,6 +99,7 @@ def test_displacements_are_whole_counts_that_add_up_to_the_odometer() -> None:
         flow, motors = SimFlow(world, Streams(0)), SimMotors(world)
         for part in (flow, motors):
             await part.open()
+        assert (await flow.read()).quality == 0.0, "since nobody knows when"
         read_m = 0.0
         for duty, seconds_s in ((1.0, 0.1), (0.3, 0.25), (-0.5, 0.1), (0.0, 0.05)) * 50:
             await drive(motors, duty, duty, seconds_s)

@@ -16,7 +16,8 @@ class DetectorSettings:
 
     ``stale`` ages: PX4 gives a compass 0.3 s, ArduPilot gives flow 0.5 s and a failed link 1.5 s; these, and the second
     of a sensor that sees nothing, are less by a reading and a tick, so that the wheels stand in time. A motion sensor
-    that speaks and sees nothing is unknown and then lost; one that is silent for ``motion_lost_s`` is gone (faults 15, 22).
+    that speaks and sees nothing is unknown and then lost; one that is silent for ``motion_lost_s`` is gone (faults 15
+    and 22).
     Tilt persists 0.2 s as PX4's attitude trigger persists 0.3 s; the released field code stops beyond 15 degrees of
     pitch, here on both axes and both signs with margin for rough ground. Beyond ``overturned_deg`` for
     ``overturned_s``, which one reading with a flipped bit is not, it lies on its side.
