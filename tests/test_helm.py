@@ -534,6 +534,17 @@ async def test_late_tick_holds_the_wheels_for_one_tick() -> None:
     assert (bench.wheels, bench.health) == (AHEAD, (Level.WELL, None))
 
 
+async def test_time_in_which_no_tick_came_is_neither_driven_nor_tried() -> None:
+    """A computer that was suspended for a minute was not stuck for a minute, and went no sixty metres."""
+    bench = await Bench(tick_late_s=0.2).armed()
+    await bench.tick()
+    travelled_m = bench.handler.seen[-1].travelled_m
+    await bench.tick(dt_s=60.0)
+    await bench.tick()
+    assert bench.helm.mode is Mode.ARMED
+    assert bench.handler.seen[-1].travelled_m - travelled_m == pytest.approx(0.5 * 1.0 * 0.2)
+
+
 async def test_tick_just_within_the_limit_does_not_hold() -> None:
     bench = await Bench(tick_late_s=0.2).armed()
     await bench.tick(dt_s=0.19)
