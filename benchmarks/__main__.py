@@ -1,7 +1,8 @@
 """All figures beside their limits, as a Markdown table.
 
 With ``daemon`` only those of ``wayfarer run --sim``, with ``log`` only those of the field log; with ``profile``, where
-the time of a control tick goes; with ``soak``, whether anything grows in a simulated day full of faults.
+the time of a control tick goes; with ``soak``, whether anything grows in a simulated day full of faults; with
+``campaign``, the memory of a small and of a large campaign.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import os
 import platform
 import sys
 
-from benchmarks import command, daemon, disk, rover, stack
+from benchmarks import command, daemon, disk, memory, rover, stack
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
 from benchmarks.soak import print_soak
@@ -21,9 +22,11 @@ from wayfarer import __version__
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("what", nargs="?", choices=("figures", "profile", "daemon", "log", "soak"), default="figures")
+    kinds = ("figures", "profile", "daemon", "log", "soak", "campaign")
+    parser.add_argument("what", nargs="?", choices=kinds, default="figures")
     parser.add_argument("--quick", action="store_true", help="fewer trials and runs: half a minute")
     parser.add_argument("--hours", type=float, default=24.0, help="of the soak, simulated")
+    parser.add_argument("--trials", type=int, default=20_000, help="of the large campaign")
     asked = parser.parse_args()
     cores = len(os.sched_getaffinity(0))
     print(f"wayfarer {__version__}, Python {platform.python_version()}, {cores} cores, {platform.machine()}\n")
@@ -33,6 +36,8 @@ def main() -> None:
         print_breakdown(trials=20 if asked.quick else 200)
     elif asked.what == "daemon":
         print_table(HEADER, [figure.row() for figure in daemon.figures(for_s=10 if asked.quick else 60)])
+    elif asked.what == "campaign":
+        print_table(memory.HEADER, memory.rows(asked.trials))
     elif asked.what == "log":
         print_table(HEADER, [figure.row() for figure in _log(asked.quick)])
     else:

@@ -12,7 +12,7 @@ import pytest
 from tests import fake_plugins
 from wayfarer import registry
 from wayfarer.errors import BadInput, UnknownName
-from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.escape.catalogue import BUILT_IN, CATALOGUE
 from wayfarer.registry import algorithm_names, driver_names, find_algorithm, find_driver
 
 
@@ -34,9 +34,9 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "entry_points", entry_points)
 
 
-@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("name", BUILT_IN)
 def test_built_in_algorithm(name: str) -> None:
-    assert find_algorithm(name) is CATALOGUE[name]
+    assert find_algorithm(name) is BUILT_IN[name]
 
 
 def test_names_begin_with_the_paper_s_ten_in_their_order() -> None:
@@ -45,7 +45,7 @@ def test_names_begin_with_the_paper_s_ten_in_their_order() -> None:
 
 @pytest.mark.usefixtures("installed")
 def test_installed_names_are_listed_once() -> None:
-    assert algorithm_names() == [*CATALOGUE, "gone", "odd", "spiral"]
+    assert algorithm_names() == [*BUILT_IN, "gone", "odd", "spiral"]
     assert "reader" in driver_names()
 
 

@@ -28,6 +28,7 @@ from pydantic import (
 
 from wayfarer.board import BoardSettings
 from wayfarer.bounds import Hertz
+from wayfarer.chassis import Chassis
 from wayfarer.config_errors import at_line, explain, line_of, most_telling, one_line
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName
@@ -68,6 +69,7 @@ class RoverConfig(BaseModel):
     control_hz: Hertz = 20.0
     anomaly_source: Literal["motion", "contact"] = "motion"
     vehicle: Vehicle
+    chassis: Chassis = Chassis()
     rates: Rates = Rates()
     escape: EscapeSettings = EscapeSettings()
     detector: DetectorSettings = DetectorSettings()

@@ -13,7 +13,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from wayfarer.errors import BadInput, UnknownName
-from wayfarer.escape.catalogue import CATALOGUE, Algorithm
+from wayfarer.escape.catalogue import BUILT_IN, Algorithm
 
 ALGORITHM_GROUP = "wayfarer.algorithms"
 DRIVER_GROUP = "wayfarer.drivers"
@@ -35,8 +35,8 @@ BUILT_IN_BUSES: Mapping[str, str] = {"linux": "wayfarer.drivers.linux:LinuxBuses
 
 
 def algorithm_names() -> list[str]:
-    """Return the names of all algorithms: the paper's ten in the catalogue's order, then installed ones by name."""
-    return [*CATALOGUE, *sorted(set(_installed(ALGORITHM_GROUP)) - set(CATALOGUE))]
+    """Return the names of all algorithms: built-in ones in the catalogue's order, then installed ones by name."""
+    return [*BUILT_IN, *sorted(set(_installed(ALGORITHM_GROUP)) - set(BUILT_IN))]
 
 
 def find_algorithm(name: str) -> Algorithm:
@@ -46,8 +46,8 @@ def find_algorithm(name: str) -> Algorithm:
         UnknownName: nothing of that name; the text offers the nearest ones.
         BadInput: the module cannot be imported, or what it gives is no ``Algorithm``.
     """
-    if name in CATALOGUE:
-        return CATALOGUE[name]
+    if name in BUILT_IN:
+        return BUILT_IN[name]
     found, origin = _find("algorithm", name, _installed(ALGORITHM_GROUP), algorithm_names())
     if not isinstance(found, Algorithm):
         raise BadInput(f"algorithm '{name}': {origin} is not a wayfarer.escape.catalogue.Algorithm")

@@ -10,7 +10,7 @@ from wayfarer.angles import wrap360
 from wayfarer.config import load_rover
 from wayfarer.detector import Stall
 from wayfarer.escape.api import Anomaly, Decision, Phase
-from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.escape.catalogue import BUILT_IN
 from wayfarer.hal import STOP
 
 TICKS_MAX = 1000
@@ -25,7 +25,7 @@ class Body:
     def __init__(self, rover: str, algorithm: str, *, heading_deg: float = 0.0, dead_band: float = 0.0) -> None:
         config = load_rover(rover)
         self.tick_s = 1.0 / config.control_hz
-        self.handler = CATALOGUE[algorithm].make(config.escape, config.vehicle, Random(1))
+        self.handler = BUILT_IN[algorithm].make(config.escape, config.vehicle, Random(1))
         self.turns = self.moves = True
         self.decision = Decision(STOP, Phase.HALT, "halt")
         self._vehicle = config.vehicle

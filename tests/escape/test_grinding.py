@@ -17,7 +17,7 @@ from tests.escape.walk import SETTINGS, TICK_S, VEHICLE, observation
 from wayfarer.angles import wrap180
 from wayfarer.config import rover_names
 from wayfarer.escape.api import Anomaly, Decision, Phase
-from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.escape.catalogue import BUILT_IN, CATALOGUE
 from wayfarer.escape.manoeuvres import SLACK, SLACK_S
 from wayfarer.hal import ContactReading, Side
 
@@ -32,7 +32,7 @@ def stays_s(body: Body, decisions: list[Decision]) -> list[tuple[Phase, float]]:
 
 
 @pytest.mark.parametrize("rover", ROVERS)
-@pytest.mark.parametrize("algorithm", CATALOGUE)
+@pytest.mark.parametrize("algorithm", BUILT_IN)
 def test_snagged_body_changes_its_manoeuvre_every_three_seconds(rover: str, algorithm: str) -> None:
     body = Body(rover, algorithm, heading_deg=120.0)
     body.turns = body.moves = False
@@ -106,10 +106,10 @@ seen = st.tuples(
 )
 
 
-@given(st.sampled_from(sorted(CATALOGUE)), st.lists(seen, max_size=150))
+@given(st.sampled_from(sorted(BUILT_IN)), st.lists(seen, max_size=150))
 def test_whatever_is_seen_no_manoeuvre_but_following_outlasts_its_bound(name: str, ticks: list[Any]) -> None:
     """A stay counts from tick to tick: a manoeuvre may end in the tick that finds it out of time, and not before."""
-    handler = CATALOGUE[name].make(SETTINGS, VEHICLE, Random(1))
+    handler = BUILT_IN[name].make(SETTINGS, VEHICLE, Random(1))
     at, counter_deg, began_t_s = handler.decide(observation()).phase, 0.0, 0.0
     now = observation()
     for dt_s, heading_deg, anomalies, sides, travelled_m in ticks:

@@ -9,7 +9,7 @@ from typing import Any
 
 from wayfarer.angles import wrap360
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, EscapeSettings, Observation, Phase, Vehicle
-from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.escape.catalogue import BUILT_IN
 from wayfarer.hal import STOP, ContactReading, Side
 
 SETTINGS = EscapeSettings()
@@ -39,7 +39,7 @@ def touch(*sides: Side, bearing_deg: float | None = None) -> ContactReading:
 
 
 def make(name: str, seed: int = 1) -> EscapeHandler:
-    return CATALOGUE[name].make(SETTINGS, VEHICLE, Random(seed))
+    return BUILT_IN[name].make(SETTINGS, VEHICLE, Random(seed))
 
 
 class Walk:

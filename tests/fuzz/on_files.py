@@ -211,7 +211,7 @@ CAMPAIGN: dict[str, Any] = {
     "rover": load_rover("sim").model_dump(mode="json"),
 }  # fmt: skip
 ROWS = [
-    Row(trial, algorithm, trial, 0, 7, "escaped", 80.125, 1.5, 90.0, 3, 2, 40.0, 0.5, 900)
+    Row(trial, algorithm, trial, 0, 7, "escaped", 80.125, 1.5, 90.0, 3, 2, 40.0, 0.5, ticks=900)
     for algorithm in CAMPAIGN["algorithms"]
     for trial in range(2)
 ]

@@ -1,6 +1,7 @@
 """Trials that need no simulator; at module level, so that spawned workers can import them.
 
-Run as a module it is a campaign of slow trials, for tests that send real signals: ``FOLDER JOBS``.
+Run as a module it is a campaign of slow trials, for tests with real processes and signals: ``FOLDER JOBS``, or
+``FOLDER ADDRESS`` for a cluster; what ``wayfarer sim`` would say and return, it says and returns.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from threading import Event
 from typing import cast
 
 from wayfarer.config import load_rover
+from wayfarer.errors import WayfarerError
 from wayfarer.simhal import command
 from wayfarer.simhal.plan import Campaign
 from wayfarer.simhal.referee import Outcome
@@ -70,5 +72,15 @@ def third_kills_its_worker(spec: TrialSpec, log_dir: Path | None = None, /) -> T
     return quick(spec)
 
 
+def main(out: str, jobs: str) -> int:
+    count, address = (int(jobs), None) if jobs.isdigit() else (None, jobs)
+    resume = Path(out).exists()
+    try:
+        return command.run_all(campaign_of(MANY), Path(out), resume=resume, jobs=count, cluster=address, run_trial=slow)
+    except WayfarerError as error:
+        print(f"wayfarer: {error}", file=sys.stderr)
+        return error.exit_code
+
+
 if __name__ == "__main__":
-    sys.exit(command.run_all(campaign_of(MANY), Path(sys.argv[1]), jobs=int(sys.argv[2]), run_trial=slow))
+    sys.exit(main(*sys.argv[1:]))

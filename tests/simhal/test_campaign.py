@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from threading import Event
 
@@ -24,7 +25,7 @@ from wayfarer.simhal.plan import Campaign, ForestFile, Task
 from wayfarer.simhal.progress import Progress
 from wayfarer.simhal.results import PARTIAL, SUMMARY, TRIALS, ResultsFolder
 from wayfarer.simhal.rows import Row
-from wayfarer.simhal.workers import Done, RunTrial, TrialRunner
+from wayfarer.simhal.workers import Done, RunTrial, TrialRunner, field_trial
 
 START_UP_S = 30.0  # a generous deadline; nothing waits for it unless something is broken
 
@@ -119,10 +120,12 @@ def test_one_forest_serves_all_algorithms() -> None:
 # --- running
 
 
-def test_rows_come_by_algorithm_as_asked_then_by_trial() -> None:
+def test_rows_come_by_algorithm_as_asked_then_by_trial(tmp_path: Path) -> None:
     plan = campaign_of(3, "pledge", "levy-walk")
-    finished = campaign.run(plan, run_trial=fake_trials.quick)
-    assert [row.key for row in finished.rows] == [Task(name, n) for name in ("pledge", "levy-walk") for n in range(3)]
+    with ResultsFolder(tmp_path, plan.settings()) as folder:
+        finished = campaign.run(plan, folder, run_trial=fake_trials.quick)
+        keys = [row.key for row in folder.kept]
+    assert keys == [Task(name, n) for name in ("pledge", "levy-walk") for n in range(3)]
     assert not finished.interrupted
     assert finished.effort.ticks == 600
 
@@ -132,11 +135,21 @@ def test_results_do_not_depend_on_workers_or_order_of_completion(tmp_path: Path)
     alone = run_into(tmp_path / "1", plan)
     assert run_into(tmp_path / "2", plan, fake_trials.early_ones_last, jobs=2) == alone
     seen = Recorded()
-    with ThreadPoolExecutor(4) as executor, ResultsFolder(tmp_path / "4", plan.settings()) as folder:
-        slowly = fake_trials.early_ones_last
-        campaign.run(plan, folder, jobs=4, executor=executor, progress=seen, run_trial=slowly)
+    with ResultsFolder(tmp_path / "4", plan.settings()) as folder:
+        slowly, threads = fake_trials.early_ones_last, partial(ThreadPoolExecutor, 4)
+        campaign.run(plan, folder, jobs=4, executor=threads, progress=seen, run_trial=slowly)
     assert (tmp_path / "4" / TRIALS).read_bytes() == alone
     assert [done.row.key for done in seen.done] != list(plan.tasks_by_forest())
+
+
+def test_real_trials_do_not_mind_each_other_in_threads(tmp_path: Path) -> None:
+    """A Dask worker may have several."""
+    plan = replace(campaign_of(4, "pledge", "levy-walk"), budget_m=10.0)
+    alone = run_into(tmp_path / "1", plan, field_trial)
+    with ResultsFolder(tmp_path / "3", plan.settings()) as folder:
+        campaign.run(plan, folder, jobs=3, executor=partial(ThreadPoolExecutor, 3))
+    assert (tmp_path / "3" / TRIALS).read_bytes() == alone
+    assert b"fault" not in alone
 
 
 def test_resuming_runs_only_what_is_missing_and_ends_in_the_same_bytes(tmp_path: Path) -> None:
@@ -170,9 +183,11 @@ def test_summary_says_all_that_was_asked_and_never_nan(tmp_path: Path) -> None:
 def test_trial_that_raises_becomes_a_fault_and_the_others_go_on(tmp_path: Path, jobs: int) -> None:
     plan = campaign_of(8)
     seen = Recorded()
-    finished = campaign.run(plan, jobs=jobs, progress=seen, run_trial=fake_trials.third_fails)
-    assert len(finished.rows) == 8
-    assert finished.rows[3] == Row(3, "forest-pledge", 1, 1, plan.trial_seed(3), "fault")
+    with ResultsFolder(tmp_path, plan.settings()) as folder:
+        finished = campaign.run(plan, folder, jobs=jobs, progress=seen, run_trial=fake_trials.third_fails)
+        rows = list(folder.kept)
+    assert finished.trials == len(rows) == 8
+    assert rows[3] == Row(3, "forest-pledge", 1, 1, plan.trial_seed(3), "fault")
     (fault,) = [done.fault for done in seen.done if done.fault]
     assert re.fullmatch(r"KeyError: 'no such\\nphase' \(fake_trials\.py:\d+\)", fault.text)
     assert "Traceback" in fault.traceback

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from math import cos, pi, radians
 from statistics import fmean, pstdev
 
@@ -20,7 +21,7 @@ from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.rig import device_depth
-from wayfarer.simhal.senses import COMPASS_NOISE_DEG, FLOW_M_PER_COUNT
+from wayfarer.simhal.senses import FLOW_M_PER_COUNT, HeadingSense
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
 
@@ -72,9 +73,17 @@ def test_bearing_is_quantised_and_never_360(heading_deg: float) -> None:
             assert 0.0 <= reading.heading_deg < 360.0
             assert all(value == round(value, 1) for value in (reading.heading_deg, reading.pitch_deg, reading.roll_deg))
             error_deg = (reading.heading_deg - heading_deg + 180.0) % 360.0 - 180.0
-            assert abs(error_deg) < 6 * COMPASS_NOISE_DEG
+            assert abs(error_deg) < 6 * STEADY.compass_noise_deg
 
     run(main)
+
+
+@pytest.mark.parametrize("bias_deg", [-40.0, 12.5])
+def test_biased_compass_reads_that_much_more_each_time(bias_deg: float) -> None:
+    biased = World(CLEARING, ROVER, replace(STEADY, compass_bias_deg=bias_deg), Streams(0))
+    tenths = [HeadingSense(world, Streams(0)).sample(0.0) for world in (world_in(CLEARING), biased)]
+    assert (tenths[1][0] - tenths[0][0]) % 3600 == pytest.approx(bias_deg * 10 % 3600, abs=1)
+    assert tenths[1][1:] == tenths[0][1:]
 
 
 def test_compass_noise_is_that_of_the_reference() -> None:
@@ -86,7 +95,7 @@ def test_compass_noise_is_that_of_the_reference() -> None:
         readings = [await compass.read() for _ in range(2000)]
         headings_deg = [reading.heading_deg for reading in readings]
         assert fmean(headings_deg) == pytest.approx(180.0, abs=0.1)
-        assert pstdev(headings_deg) == pytest.approx(COMPASS_NOISE_DEG, rel=0.05)
+        assert pstdev(headings_deg) == pytest.approx(1.0, rel=0.05)
         assert fmean(reading.pitch_deg for reading in readings) == pytest.approx(20.0, abs=0.1)
         assert fmean(reading.roll_deg for reading in readings) == pytest.approx(0.0, abs=0.1)
 

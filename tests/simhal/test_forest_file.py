@@ -98,6 +98,7 @@ def test_missing_key_is_named(path: Path, key: str) -> None:
         (line_with(forest=True), "forest: is True, expected a whole number"),
         (line_with(forest=-1), "forest: is -1, expected a whole number from 0 up"),
         (line_with(noise=1.5), "noise: is 1.5, expected a whole number"),
+        (line_with(noise=2**31), "noise: is 2147483648, expected a whole number below 2^31"),
         (line_with(heading_deg=None), "heading_deg: is None, expected a finite number"),
         (line_with(heading_deg=float("nan")), "heading_deg: is nan, expected a finite number"),
         (line_with(goal_y_m=float("inf")), "goal_y_m: is inf, expected a finite number"),
@@ -237,8 +238,8 @@ def trunks(draw: st.DrawFn, heading_deg: float) -> Trunk:
 def forests(draw: st.DrawFn) -> Forest:
     heading_deg = draw(st.floats(0.0, 89.0) | st.floats(271.0, 359.99))
     return Forest(
-        forest=draw(st.integers(0)),
-        noise=draw(st.integers(0)),
+        forest=draw(st.integers(0, 2**31 - 1)),
+        noise=draw(st.integers(0, 2**31 - 1)),
         start_m=(draw(coordinates_m), draw(st.floats(0.0, 12.5))),
         heading_deg=heading_deg,
         goal_y_m=draw(north_of_start_m),

@@ -2,6 +2,9 @@ from __future__ import annotations
 
 import json
 import os
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.simhal.results import PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder
+from wayfarer.simhal.results import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder
 from wayfarer.simhal.rows import COLUMNS, OUTCOMES, Row, csv_line, parse_row, row_of
 from wayfarer.simhal.trial import TrialResult
 
 SETTINGS_HERE: dict[str, Any] = {
     "version": "1",
+    "algorithms": ["pledge"],
     "trials": 3,
     "rover": {"name": "sim", "rates": {"compass_hz": 20.0}},
 }
@@ -44,16 +48,22 @@ def test_row_holds_what_its_line_holds(result: TrialResult) -> None:
 
 def test_row_reads_as_the_issue_asks() -> None:
     assert csv_line(COLUMNS) == (
-        "trial,algorithm,forest,noise,seed,outcome,path_m,reverse_m,time_s,anomalies,episodes,shortest_path_m,spl\n"
+        "trial,algorithm,forest,noise,seed,outcome,path_m,reverse_m,time_s,anomalies,episodes,shortest_path_m,spl,"
+        "interventions\n"
     )
     result = TrialResult(7, "pledge", 3, 1, 99, "escaped", 81.3, 4.25, 95.05, 12, 5, 39.9, 0.49077, 1900)
-    assert csv_line(row_of(result)[:-1]) == "7,pledge,3,1,99,escaped,81.300,4.250,95.050,12,5,39.900,0.4908\n"
-    assert csv_line(Row(7, "pledge", 3, 1, 99, "fault")[:-1]) == "7,pledge,3,1,99,fault,,,,,,,\n"
+    assert csv_line(row_of(result)[:-1]) == "7,pledge,3,1,99,escaped,81.300,4.250,95.050,12,5,39.900,0.4908,\n"
+    assert csv_line(Row(7, "pledge", 3, 1, 99, "fault")[:-1]) == "7,pledge,3,1,99,fault,,,,,,,,\n"
 
 
 def test_row_never_holds_nan_or_a_negative_zero() -> None:
     result = TrialResult(0, "pledge", 0, 0, 1, "tipped", float("nan"), -0.0, -1e-9, 0, 0, float("inf"), None, 0)
-    assert csv_line(row_of(result)[:-1]) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,\n"
+    assert csv_line(row_of(result)[:-1]) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,,\n"
+
+
+def finish(folder: ResultsFolder, summary: dict[str, Any]) -> None:
+    list(folder.into_tables(folder.kept))
+    folder.finish(summary)
 
 
 WHOLE = csv_line(ROWS[0])
@@ -80,9 +90,9 @@ def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
     with ResultsFolder(tmp_path / "new" / "run", SETTINGS_HERE) as folder:
         for row in ROWS:
             folder.append(row)
-        folder.finish(ROWS, {"ticks": 27})
+        finish(folder, {"ticks": 27})
         assert folder.complete
-    assert {path.name for path in folder.path.iterdir()} == {SETTINGS, TRIALS, SUMMARY}
+    assert {path.name for path in folder.path.iterdir()} == {SETTINGS, TRIALS, PARQUET, SUMMARY}
     assert (folder.path / TRIALS).read_text() == csv_line(COLUMNS) + "".join(csv_line(row[:-1]) for row in ROWS)
     assert json.loads((folder.path / SUMMARY).read_text()) == {"ticks": 27}
 
@@ -101,7 +111,7 @@ def test_resuming_after_a_cut_anywhere_keeps_exactly_the_whole_lines(tmp_path: P
     for length in range(len(whole) + 1):
         (tmp_path / PARTIAL).write_bytes(whole[:length])
         with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
-            assert folder.kept == ROWS[: max(0, whole[:length].count(b"\n") - 1)]
+            assert list(folder.kept) == ROWS[: max(0, whole[:length].count(b"\n") - 1)]
             for row in ROWS[len(folder.kept) : 2]:
                 folder.append(row)
         assert (tmp_path / PARTIAL).read_bytes() == whole
@@ -109,11 +119,12 @@ def test_resuming_after_a_cut_anywhere_keeps_exactly_the_whole_lines(tmp_path: P
 
 def test_complete_folder_resumes_to_what_it_holds(tmp_path: Path) -> None:
     with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
-        folder.append(ROWS[0])
-        folder.finish(ROWS, {})
+        for row in ROWS:
+            folder.append(row)
+        finish(folder, {})
     with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
         assert folder.complete
-        assert folder.kept == [row._replace(ticks=None) for row in ROWS]
+        assert list(folder.kept) == [row._replace(ticks=None) for row in ROWS]
 
 
 def test_damaged_row_in_the_middle_is_named(tmp_path: Path) -> None:
@@ -139,7 +150,7 @@ def test_rows_that_are_no_text_are_refused_with_the_file(tmp_path: Path, damage:
 def test_table_without_its_columns_is_refused(tmp_path: Path, content: bytes) -> None:
     with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
         folder.append(ROWS[0])
-        folder.finish(ROWS, {})
+        finish(folder, {})
     (tmp_path / TRIALS).write_bytes(content)
     with pytest.raises(BadInput, match=r"trials\.csv is damaged: its first line does not name its columns"):
         ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
@@ -187,9 +198,18 @@ def test_folder_without_write_permission_is_refused(tmp_path: Path) -> None:
         ResultsFolder(tmp_path, SETTINGS_HERE)
 
 
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """A process that may write no file any further is as badly off."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
 def test_full_disk_ends_in_one_line_that_says_what_to_do(tmp_path: Path) -> None:
-    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
-        (tmp_path / PARTIAL).unlink()
-        (tmp_path / PARTIAL).symlink_to("/dev/full")
-        with pytest.raises(WayfarerError, match=r"cannot be written any more: No space left.*--resume"):
-            folder.append(ROWS[0])
+    said = r"cannot be written any more: File too large.*--resume"
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder, full_disk(), pytest.raises(WayfarerError, match=said):
+        folder.append(ROWS[0])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from wayfarer.simhal.rows import Row
-from wayfarer.simhal.statistics import mean_spl, spread_of, summarise, wilson_interval
+from wayfarer.simhal.statistics import spread_of, summarise, wilson_interval
 
 counts = st.integers(1, 5000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
 
@@ -51,8 +51,8 @@ def test_spl_counts_failures_as_zero_and_leaves_out_what_has_no_shortest_path() 
         row("fault", None, 40),
         row("escaped", 9),
     ]
-    assert mean_spl(rows) == pytest.approx(0.5 / 3)
-    assert mean_spl([row("escaped", 9)]) is None
+    assert summarise("pledge", rows).spl == pytest.approx(0.5 / 3)
+    assert summarise("pledge", [row("escaped", 9)]).spl is None
 
 
 def test_summary_takes_paths_from_successes_alone() -> None:

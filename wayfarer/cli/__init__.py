@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer import __version__
-from wayfarer.cli import care, control, demo, faults, logs, replay, report, rover, sim
+from wayfarer.cli import care, compare, control, demo, faults, logs, replay, report, rover, sim, sweep
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.lines import clean
 
@@ -41,6 +41,7 @@ wayfarer sim --help
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
 app.command(epilog=demo.EXAMPLES)(demo.demo)
 app.command(epilog=sim.EXAMPLES)(sim.sim)
+app.command(epilog=sweep.EXAMPLES)(sweep.sweep)
 app.command(epilog=faults.EXAMPLES)(faults.faults)
 app.command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
 for verb in control.COMMANDS:
@@ -52,6 +53,7 @@ app.add_typer(
     logs.app, name="logs", rich_help_panel=AFTERWARDS, help="What a run did, or does now: list, follow, show, summary."
 )
 app.command(rich_help_panel=AFTERWARDS, epilog=report.EXAMPLES)(report.report)
+app.command(rich_help_panel=AFTERWARDS, epilog=compare.EXAMPLES)(compare.compare)
 app.command(rich_help_panel=AFTERWARDS, epilog=replay.EXAMPLES)(replay.replay)
 app.command("install-service", rich_help_panel=ROVER)(care.install_service)
 

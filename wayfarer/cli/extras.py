@@ -17,6 +17,9 @@ class Need(NamedTuple):
 
 NEEDS = {
     "simulating": Need("sim", {"numpy": "numpy", "skfmm": "scikit-fmm"}),
+    "keeping results": Need("sim", {"pyarrow": "pyarrow"}),
+    "a cluster": Need("cluster", {"distributed": "distributed"}),
+    "sweeping": Need("sim", {"numpy": "numpy", "skfmm": "scikit-fmm", "pyarrow": "pyarrow"}),
     "a report": Need("sim", {"matplotlib": "matplotlib", "numpy": "numpy"}),
     "the live page": Need("live", {"aiohttp": "aiohttp"}),
     "Foxglove": Need("foxglove", {"foxglove": "foxglove-sdk"}),

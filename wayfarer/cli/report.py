@@ -28,7 +28,7 @@ wayfarer report results --gallery 30 --jobs 2
 def report(
     what: Annotated[
         str,
-        typer.Argument(metavar="[RUN|DIR]", help="A run, or what `wayfarer sim --out DIR` has filled."),
+        typer.Argument(metavar="[RUN|DIR]", help="A run, or what `wayfarer sim` or `wayfarer sweep` has filled."),
     ] = "last",
     *,
     gallery: Annotated[
@@ -45,19 +45,28 @@ def report(
     ] = None,
     logs: Logs = None,
 ) -> None:
-    """Make report.html of a campaign, or of a run (default: the newest one); the figures as files too."""
+    """Make report.html of a campaign, of a sweep, or of a run (default: the newest one); the figures as files too."""
     require("a report")
     run = _run(what, log_folder(logs))
     if run is None:
-        from wayfarer.report.campaign import write_report
-        from wayfarer.simhal.command import cores
-
-        page = write_report(Path(what), out, gallery=gallery, jobs=jobs or cores())
+        page = _of_trials(Path(what), out, gallery, jobs)
     else:
         from wayfarer.report.run import write_run_report
 
         page = write_run_report(run, out)
     print(f"the report is {page}")
+
+
+def _of_trials(folder: Path, out: Path | None, gallery: int, jobs: int | None) -> Path:
+    """Write the report of a sweep or a campaign, and return the page's path."""
+    from wayfarer.report.campaign import write_report
+    from wayfarer.report.sweep import write_sweep_report
+    from wayfarer.report.sweep_reading import is_sweep
+    from wayfarer.simhal.command import cores
+
+    if is_sweep(folder):
+        return write_sweep_report(folder, out)
+    return write_report(folder, out, gallery=gallery, jobs=jobs or cores())
 
 
 def _run(what: str, logs: Path) -> Path | None:

@@ -27,9 +27,21 @@ wayfarer sim --trial 17 --log logs/17
 wayfarer sim --trials 50 --log logs
 
 wayfarer sim --trials 100 --rover minirover --depth bus
+
+wayfarer sim --scenario extended-maze --rover forestrover --algorithm forest-pledge,levy-walk --trials 200
+
+wayfarer sim --trials 1000000 --out results --cluster tcp://10.0.0.7:8786
 """
 RUNNING = "Running"
 ONE_TRIAL = "One trial again"
+
+
+class Scenario(StrEnum):
+    """The paper's field trials."""
+
+    extended_maze = "extended-maze"
+    dense_obstruction = "dense-obstruction"
+    forest_escape = "forest-escape"
 
 
 class AnomalySource(StrEnum):
@@ -66,11 +78,23 @@ def sim(
         Path | None,
         typer.Option(metavar="FILE", help="Forests to use, in file order; without it two noises on generated layouts."),
     ] = None,
+    scenario: Annotated[
+        Scenario | None,
+        typer.Option(help="A site of the paper's field trials in place of forests: one layout a trial."),
+    ] = None,
     rover: Annotated[str, typer.Option(metavar="NAME|FILE", help="A shipped rover or a TOML file.")] = "sim",
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Another seed is another campaign.")] = 0,
     jobs: Annotated[
         int | None,
         typer.Option(min=1, metavar="N", help="Processes; without it one for each core.", rich_help_panel=RUNNING),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Run on the workers of this Dask scheduler in place of processes here.",
+            rich_help_panel=RUNNING,
+        ),
     ] = None,
     slip_mean_m: Annotated[
         float, typer.Option(callback=_positive, metavar="M", help="Mean distance between slip events.")
@@ -112,7 +136,14 @@ def sim(
 ) -> None:
     """Run the rover's own code in simulated forests, and count how often it gets out and how far it goes."""
     _refuse_odd_pairs(out, resume, trial, log)
+    if scenario and forests:
+        raise BadInput("--scenario draws its own layouts; leave out --forests, or --scenario")
     require("simulating")
+    if out:
+        require("keeping results")
+    if cluster is not None:
+        _refuse_beside_cluster(jobs, trial, log)
+        require("a cluster")
     from wayfarer.config import load_rover
     from wayfarer.simhal import command
     from wayfarer.simhal.plan import Campaign, read_forest_file
@@ -129,9 +160,13 @@ def sim(
         depth=depth.value,
         forests=read_forest_file(forests) if forests else None,
     )
+    if scenario:
+        campaign = command.at_site(campaign, scenario.value)
     command.check_rover(campaign)
     if trial is None:
-        raise typer.Exit(command.run_all(campaign, out, resume=resume, jobs=jobs, forests=forests, log=log))
+        raise typer.Exit(
+            command.run_all(campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log)
+        )
     raise typer.Exit(command.run_alone(campaign, trial, log))
 
 
@@ -142,3 +177,12 @@ def _refuse_odd_pairs(out: Path | None, resume: bool, trial: int | None, log: Pa
         raise BadInput("--log needs every trial to run anew; leave out --resume, or --log")
     if out and trial is not None:
         raise BadInput("--trial runs one trial and prints its row; it keeps no --out, leave it out")
+
+
+def _refuse_beside_cluster(jobs: int | None, trial: int | None, log: Path | None) -> None:
+    if jobs is not None:
+        raise BadInput("--jobs are processes here and --cluster has workers of its own; leave one of them out")
+    if trial is not None:
+        raise BadInput("--trial runs one trial here; leave out --cluster")
+    if log is not None:
+        raise BadInput("--log would be written on the machines of the cluster; leave out --log, or --cluster")

@@ -1,19 +1,32 @@
-"""The ten algorithms of the paper, as rows.
+"""The algorithms, as rows: the ten of the paper, and those that go beyond it with the same sensors.
 
-They differ in four choices and in nothing else: the side of the turn, its angle, what follows the turn, and whether a
-heading back at the goal ends the episode.
+The paper's differ in four choices and in nothing else: the side of the turn, its angle, what follows the turn, and
+whether a heading back at the goal ends the episode. The others are Forest-Pledge with tactics that remember
+(``tactics``); ``docs/better-escape.md`` has their evidence.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from random import Random
 
 from wayfarer.escape import policies
 from wayfarer.escape.api import EscapeHandler, EscapeSettings, Vehicle
+from wayfarer.escape.guards import LoopGuard, SideSwitch
 from wayfarer.escape.handler import PhasedHandler, Recipe
 from wayfarer.escape.phases import PLEDGE, STRIDES
+from wayfarer.escape.tactics import (
+    ArcSchedule,
+    ConfirmWall,
+    Measures,
+    RetryAhead,
+    ShortBackOff,
+    Tactic,
+    nose_level,
+    on_the_way,
+)
 
 NOTHING: frozenset[str] = frozenset()
 CONTACT = frozenset({"contact"})
@@ -55,6 +68,13 @@ def _pledge(
 ) -> Algorithm:
     recipe = Recipe(PLEDGE, side, angle, resets=resets, keeps_side=True)
     return _row(name, "pledge", summary, recipe, requires)
+
+
+def _forest_pledge_with(name: str, summary: str, *tactics: Callable[[], Tactic]) -> Algorithm:
+    recipe = Recipe(
+        PLEDGE, policies.clockwise, policies.fixed_angle, resets=True, keeps_side=True, tactics=(*tactics, LoopGuard)
+    )
+    return _row(name, "pledge", summary, recipe)
 
 
 _ROWS = (
@@ -103,4 +123,47 @@ _ROWS = (
     ),
 )
 
+# Shares of the rover file's measures. With those of the paper's simulator: 0.3 m straight and an arc of 0.7 m; or turns
+# of 40 degrees, 0.3 m straight, an arc of 1.35 m, and a back-off of 0.1 m.
+_TIGHT = partial(Measures, straight=0.5, radius=0.61)
+_BRISK = partial(Measures, turn=1.33, straight=0.5, radius=1.17)
+_SHORT = partial(ShortBackOff, first=0.67, again=1.0, free_run_m=0.9)
+_CONFIRM = partial(ConfirmWall, small_turn_deg=15.0, confirms_within_m=1.3)
+
+_ROWS_BEYOND = (
+    _forest_pledge_with("guarded-pledge", "Forest-Pledge in tight arcs, strict for a while where it circles", _TIGHT),
+    _forest_pledge_with(
+        "confirmed-pledge", "Guarded Pledge that takes only a second anomaly nearby for a wall", _TIGHT, _CONFIRM
+    ),
+    _forest_pledge_with(
+        "switching-pledge",
+        "Confirmed Pledge that tries the other end of a long barrier",
+        _TIGHT,
+        _CONFIRM,
+        partial(SideSwitch, first_m=20.0, gain_m=0.4),
+    ),
+    _forest_pledge_with(
+        "scheduled-pledge",
+        "Guarded Pledge whose arcs widen where nothing is free",
+        partial(ArcSchedule, radii=(0.43, 0.61, 1.04), anomalies=4, free_run_m=2.0),
+    ),
+    _forest_pledge_with(
+        "retrying-pledge",
+        "Guarded Pledge, wide and brisk, that first tries straight ahead once more",
+        _BRISK,
+        _SHORT,
+        partial(RetryAhead, free_run_m=0.9, worth=on_the_way),
+    ),
+    _forest_pledge_with(
+        "nose-pledge",
+        "Retrying Pledge that tries only where the nose did not rise, but there always",
+        _BRISK,
+        _SHORT,
+        partial(RetryAhead, free_run_m=0.9, worth=nose_level),
+    ),
+)
+
 CATALOGUE: Mapping[str, Algorithm] = {row.name: row for row in _ROWS}
+"""The ten of the paper."""
+BEYOND_THE_PAPER: Mapping[str, Algorithm] = {row.name: row for row in _ROWS_BEYOND}
+BUILT_IN: Mapping[str, Algorithm] = {**CATALOGUE, **BEYOND_THE_PAPER}

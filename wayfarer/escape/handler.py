@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from random import Random
 
+from wayfarer.angles import wrap180
 from wayfarer.escape import policies
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
+from wayfarer.escape.level import Level
 from wayfarer.escape.manoeuvres import MANOEUVRES, Course
 from wayfarer.escape.phases import WHY, Event, Transitions
+from wayfarer.escape.reckoning import Reckoning
+from wayfarer.escape.tactics import Met, Tactic
 
 # After this many blocked turns in a row they alternate between the sides, beginning with the other one: a body that is
 # wedged can still turn back the way it came, and repeating what does not work is how mowers dig themselves in.
@@ -28,6 +32,7 @@ class Recipe:
     """What makes one algorithm out of the common handler.
 
     ``keeps_side`` holds the turn direction for a whole episode, as Pledge must; otherwise each anomaly chooses anew.
+    ``tactics`` make what may then change the plan for an anomaly, in this order.
     """
 
     transitions: Transitions
@@ -36,6 +41,7 @@ class Recipe:
     stride: policies.StrideLength = policies.short_stride
     resets: bool = False
     keeps_side: bool = False
+    tactics: tuple[Callable[[], Tactic], ...] = ()
 
 
 class PhasedHandler:
@@ -47,6 +53,9 @@ class PhasedHandler:
         self._rng = rng
         self._course = Course(resets=recipe.resets)
         self._manoeuvres = {kind.phase: kind(settings, vehicle, self._course) for kind in MANOEUVRES}
+        self._tactics = tuple(make() for make in recipe.tactics)
+        self._reckoning = Reckoning(settings.cruise_m_s)
+        self._level = Level()
         self.reset()
 
     def reset(self) -> None:
@@ -59,11 +68,18 @@ class PhasedHandler:
         self._followed_from_m = 0.0
         self._episodes = 0
         self._blocked_turns = 0
+        self._reckoning.reset()
+        self._level.reset()
+        for tactic in self._tactics:
+            tactic.reset()
 
     def decide(self, observation: Observation) -> Decision:
         """Return the decision for this tick; see ``EscapeHandler``."""
         self._count_turn(observation)
         manoeuvre = self._manoeuvre
+        if self._tactics:
+            self._reckoning.follow(observation, manoeuvre.phase)
+            self._level.follow(observation)
         event = Event.OVERWOUND if abs(self._course.counter_deg) > COUNTER_MAX_DEG else manoeuvre.event(observation)
         if event is None:
             return Decision(manoeuvre.wheels(observation), manoeuvre.phase, self._phase_name)
@@ -102,6 +118,8 @@ class PhasedHandler:
         if phase is Phase.FOLLOW:
             self._followed_from_m = observation.travelled_m
         elif phase is Phase.BACK_OFF:
+            if self._tactics and left is not Phase.TURN_AWAY:
+                self._reckoning.take_back_stall(observation)
             self._plan(observation, new_episode=left is Phase.FOLLOW)
         self._manoeuvre = self._manoeuvres[phase]
         self._phase_name = phase.value
@@ -117,9 +135,30 @@ class PhasedHandler:
                 self._blocked_turns = 0
         if new_episode or not recipe.keeps_side:
             self._side = recipe.side(observation, self._settings, self._rng)
+        settings = self._settings
+        course.back_off_m = settings.back_off_m * BACK_OFF_SHARES[self._blocked_turns % len(BACK_OFF_SHARES)]
+        course.turn_deg = recipe.angle(observation, settings, self._rng)
+        course.stride_m = recipe.stride(settings, self._rng)
+        course.straight_m, course.radius_m = settings.probe_straight_m, settings.probe_radius_m
+        course.side, course.resets = self._side, recipe.resets
+        if self._tactics:
+            self._ask_tactics(observation, new_episode=new_episode)
         too_often = self._blocked_turns - BLOCKED_TURNS_BEFORE_ALTERNATING
-        flip = too_often >= 0 and too_often % 2 == 0
-        course.side = -self._side if flip else self._side
-        course.back_off_m = self._settings.back_off_m * BACK_OFF_SHARES[self._blocked_turns % len(BACK_OFF_SHARES)]
-        course.turn_deg = recipe.angle(observation, self._settings, self._rng)
-        course.stride_m = recipe.stride(self._settings, self._rng)
+        if too_often >= 0 and too_often % 2 == 0:
+            course.side = -self._side
+
+    def _ask_tactics(self, observation: Observation, *, new_episode: bool) -> None:
+        """Let the tactics change the plan in the course; the side that they choose is the episode's."""
+        reckoning = self._reckoning
+        met = Met(
+            new_episode,
+            self._level.risen_deg,
+            wrap180(observation.heading_deg - observation.goal_heading_deg),
+            reckoning.ahead_m,
+            reckoning.right_m,
+            observation.travelled_m,
+            self._blocked_turns,
+        )
+        for tactic in self._tactics:
+            tactic.plan(met, self._course)
+        self._side = self._course.side

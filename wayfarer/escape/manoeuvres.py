@@ -27,13 +27,16 @@ class Course:
     """What an episode carries from one manoeuvre to the next.
 
     ``counter_deg`` is the paper's C: the heading gained since the episode began, clockwise positive, any number of
-    turns. ``side`` is the turn direction tau (+1 clockwise), ``turn_deg`` the turn angle theta.
+    turns. ``side`` is the turn direction tau (+1 clockwise), ``turn_deg`` the turn angle theta; ``straight_m`` and
+    ``radius_m`` are the two parts of the probe. ``resets`` says whether a heading back at the goal ends the episode.
     """
 
     side: int = 1
     turn_deg: float = 0.0
     back_off_m: float = 0.0
     stride_m: float = 0.0
+    straight_m: float = 0.0
+    radius_m: float = 1.0
     counter_deg: float = 0.0
     resets: bool = False
 
@@ -214,16 +217,15 @@ class Probe(Manoeuvre):
 
     def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
         super().__init__(settings, vehicle, course)
-        cruise_m_s, radius_m = settings.cruise_m_s, settings.probe_radius_m
-        self._ahead = vehicle.mix(cruise_m_s, 0.0)
-        self._curve = {side: vehicle.mix(cruise_m_s, -side * cruise_m_s / radius_m) for side in (1, -1)}
+        self._cruise_m_s = settings.cruise_m_s
+        self._ahead = vehicle.mix(self._cruise_m_s, 0.0)
 
     def begin(self, observation: Observation) -> None:
-        settings = self._settings
-        arc_m = radians(abs(self._course.counter_deg)) * settings.probe_radius_m
-        distance_m = settings.probe_straight_m + arc_m
-        self._curve_from_m = observation.travelled_m + settings.probe_straight_m
-        self._bound(observation, distance_m / settings.cruise_m_s, distance_m)
+        course, cruise_m_s = self._course, self._cruise_m_s
+        distance_m = course.straight_m + radians(abs(course.counter_deg)) * course.radius_m
+        self._curve = self._vehicle.mix(cruise_m_s, -course.side * cruise_m_s / course.radius_m)
+        self._curve_from_m = observation.travelled_m + course.straight_m
+        self._bound(observation, distance_m / cruise_m_s, distance_m)
 
     def event(self, observation: Observation) -> Event | None:
         if observation.anomalies and _ahead(observation):
@@ -238,7 +240,7 @@ class Probe(Manoeuvre):
     def wheels(self, observation: Observation) -> WheelCommand:
         if observation.travelled_m < self._curve_from_m:
             return self._ahead
-        return self._curve[self._course.side]
+        return self._curve
 
     def _realigned(self, observation: Observation) -> bool:
         error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)

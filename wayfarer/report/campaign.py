@@ -46,7 +46,7 @@ def _overview(results: Results, figures: Path) -> Iterator[str]:
     rows = results.by_algorithm
     paths = paths_figure(rows, results.summaries, results.shortest_paths_m)
     escape = escape_figure(rows)
-    yield page.facts(words.facts(results))
+    yield page.facts(words.facts(results.settings))
     yield page.section(
         "Path length and failures",
         page.figure(save(paths, figures, "paths", words.paths_alt(results)), words.paths_caption(results)),

@@ -75,8 +75,8 @@ def legend_figure() -> Figure:
 def draw_forest(axes: Axes, forest: Forest, points_per_m: float) -> None:
     """Draw trunks and trees to scale, the goal line and the edge of the map."""
     lines = [((trunk.x0_m, trunk.y0_m), (trunk.x1_m, trunk.y1_m)) for trunk in forest.trunks]
-    thick = forest.trunk_diameter_m * points_per_m
-    axes.add_collection(LineCollection(lines, colors=TRUNK, linewidths=max(1.0, thick), capstyle="round", zorder=1.5))
+    thick = [max(1.0, diameter_m * points_per_m) for _, diameter_m in forest.thick_trunks]
+    axes.add_collection(LineCollection(lines, colors=TRUNK, linewidths=thick, capstyle="round", zorder=1.5))
     trees = [Circle(tree_m, forest.tree_radius_m) for tree_m in forest.trees_m]
     axes.add_collection(PatchCollection(trees, facecolor=TREE, edgecolor=GOAL, linewidth=0.7, zorder=1.4))
     axes.plot([0.0, WORLD_SIZE_M], [forest.goal_y_m] * 2, zorder=1.3, label="goal line", **GOAL_LINE)

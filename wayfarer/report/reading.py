@@ -39,6 +39,7 @@ class Settings(BaseModel):
     budget_m: float
     spl: bool
     depth: Literal["device", "bus"] = "device"
+    scenario: str | None = None
     forests: ForestsSettings | None
     rover: dict[str, Any]
 
@@ -85,6 +86,7 @@ class Results:
             budget_m=settings.budget_m,
             spl=settings.spl,
             depth=settings.depth,
+            scenario=settings.scenario,
             forests=self._forests(settings.forests) if settings.forests else None,
         )
 

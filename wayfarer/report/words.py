@@ -9,7 +9,7 @@ from wayfarer import __version__
 from wayfarer.errors import BadInput
 from wayfarer.report.gallery import ending
 from wayfarer.report.ratio_figure import quantile, ratios
-from wayfarer.report.reading import Results
+from wayfarer.report.reading import Results, Settings
 from wayfarer.simhal.rows import SUCCESSES, Row
 
 LEGEND = (
@@ -48,9 +48,8 @@ def title(results: Results) -> str:
     return f"{what} in {trials} simulated forest trial{'' if trials == 1 else 's'}{each}"
 
 
-def facts(results: Results) -> Iterator[tuple[str, str]]:
+def facts(settings: Settings) -> Iterator[tuple[str, str]]:
     """Yield what ran: everything that decides the results, and no date."""
-    settings = results.settings
     rover, forests = settings.rover, settings.forests
     yield "software", f"wayfarer {settings.version}"
     yield "trials of each algorithm", str(settings.trials)

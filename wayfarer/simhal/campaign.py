@@ -9,63 +9,82 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Iterator, Sized
-from concurrent.futures import BrokenExecutor, Executor
+from collections.abc import Iterable, Iterator, Sequence, Sized
+from concurrent.futures import BrokenExecutor
 from contextlib import closing, contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from itertools import groupby
+from tempfile import TemporaryFile
 from typing import Any, NamedTuple
 
 from wayfarer.errors import WayfarerError
+from wayfarer.simhal.kept import Kept
 from wayfarer.simhal.plan import Campaign
 from wayfarer.simhal.progress import Progress
 from wayfarer.simhal.results import ResultsFolder
 from wayfarer.simhal.rows import Row
 from wayfarer.simhal.statistics import Summary, summarise
-from wayfarer.simhal.workers import RunTrial, Stopped, TrialRunner, field_trial, stream
+from wayfarer.simhal.workers import MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
 
 SAME_SIGNAL_S = 0.5  # a signal to the whole process group may reach the workers first
 
 
 class Effort(NamedTuple):
-    """What a run took: seconds on the clock, CPU seconds of this process and its workers, control ticks."""
+    """What a run took: seconds on the clock, CPU seconds of this process and its workers, control ticks.
+
+    The CPU of other machines is not known: None.
+    """
 
     wall_s: float
-    cpu_s: float
+    cpu_s: float | None
     ticks: int
 
     @property
     def cpu_us_per_tick(self) -> float | None:
         """CPU per control tick in microseconds, set-up and overhead included; None where nothing was run."""
-        return 1e6 * self.cpu_s / self.ticks if self.ticks else None
+        return 1e6 * self.cpu_s / self.ticks if self.cpu_s is not None and self.ticks else None
+
+
+@dataclass
+class Totals:
+    """Sums over rows: simulated seconds and control ticks."""
+
+    simulated_s: float = 0.0
+    ticks: int = 0
+
+    def over(self, rows: Iterable[Row]) -> Iterator[Row]:
+        """Pass rows on and add them up."""
+        for row in rows:
+            self.simulated_s += row.time_s or 0.0
+            self.ticks += row.ticks or 0
+            yield row
 
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """How a run ended: the rows there are, in the order of ``trials.csv``, and what this run took."""
+    """How a run ended: how many trials there are, what this run took, and what all of them say once none is missing.
+
+    ``summaries`` has one line an algorithm.
+    """
 
     campaign: Campaign
-    rows: list[Row]
+    trials: int
     effort: Effort
+    totals: Totals
+    summaries: Sequence[Summary] = ()
 
     @property
     def interrupted(self) -> bool:
         """Tell whether trials are missing."""
-        return len(self.rows) < len(self.campaign.algorithms) * self.campaign.trials
-
-    def summaries(self) -> list[Summary]:
-        """Return the table: one line an algorithm, as far as it has trials."""
-        by_algorithm: dict[str, list[Row]] = {}
-        for row in self.rows:
-            by_algorithm.setdefault(row.algorithm, []).append(row)
-        return [summarise(algorithm, rows) for algorithm, rows in by_algorithm.items()]
+        return self.trials < len(self.campaign.tasks_by_forest())
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``summary.json`` holds; ``last_run`` is this run, without what was kept before."""
         return {
             **self.campaign.settings(),
-            "table": [_rounded(asdict(summary)) for summary in self.summaries()],
-            "simulated_s": round(sum(row.time_s or 0.0 for row in self.rows), 3),
-            "ticks": sum(row.ticks or 0 for row in self.rows),
+            "table": [_rounded(asdict(summary)) for summary in self.summaries],
+            "simulated_s": round(self.totals.simulated_s, 3),
+            "ticks": self.totals.ticks,
             "last_run": _rounded({**self.effort._asdict(), "cpu_us_per_tick": self.effort.cpu_us_per_tick}),
         }
 
@@ -76,48 +95,68 @@ def run(
     *,
     jobs: int = 1,
     progress: Progress | None = None,
-    executor: Executor | None = None,
+    executor: MakeExecutor | None = None,
     run_trial: RunTrial = field_trial,
 ) -> Finished:
     """Run the trials that ``folder`` does not hold yet, and write the final files when none is missing.
 
-    Results depend neither on ``jobs``, the number of processes, nor on an ``executor`` in their place.
+    Results depend neither on ``jobs``, the number of processes, nor on an ``executor`` in their place. Without a
+    folder finished trials are in a file that nobody sees, not in memory.
 
     Raises:
         WayfarerError: a worker died, or the folder cannot be written any more; finished trials are kept.
     """
-    rows = {row.key: row for row in folder.kept} if folder else {}
-    todo = [task for task in campaign.tasks_by_forest() if task not in rows]
-    jobs = max(1, min(jobs, len(todo)))
     progress = progress or Progress()
     began, ticks = os.times(), 0
-    with stop_on_signals() as stop:
+    with _kept(campaign, folder) as kept, stop_on_signals() as stop:
+        todo = kept.missing()
+        jobs = max(1, min(jobs, len(todo)))
+        keep = folder.append if folder else kept.append
         with (
             suppress(Stopped),
-            _worker_death_explained(rows, stop),
+            _worker_death_explained(kept, stop),
             closing(stream(TrialRunner(campaign, run_trial), todo, jobs, stop, executor)) as finished,
         ):
             for done in finished:
-                rows[done.row.key] = done.row
+                keep(done.row)
                 ticks += done.row.ticks or 0
-                if folder:
-                    folder.append(done.row)
                 progress.advance(done)
-        ordered = [rows[task] for task in campaign.tasks() if task in rows]
-        result = Finished(campaign, ordered, _effort(began, ticks))
-        if folder and not result.interrupted and not folder.complete:
-            folder.finish(result.rows, result.as_json())
-    return result
+        effort = _effort(began, ticks, elsewhere=executor is not None)
+        return _summed_up(campaign, kept, folder, effort)
+
+
+@contextmanager
+def _kept(campaign: Campaign, folder: ResultsFolder | None) -> Iterator[Kept]:
+    if folder:
+        yield folder.kept
+        return
+    with TemporaryFile() as file:
+        yield Kept.begun(file, campaign.tasks_by_forest())
+
+
+def _summed_up(campaign: Campaign, kept: Kept, folder: ResultsFolder | None, effort: Effort) -> Finished:
+    """Go once through all trials, if none is missing: for the summaries, and the tables of a folder without them."""
+    totals = Totals()
+    finished = Finished(campaign, len(kept), effort, totals)
+    if finished.interrupted:
+        return finished
+    to_finish = folder if folder and not folder.complete else None
+    rows = totals.over(to_finish.into_tables(kept) if to_finish else kept)
+    summaries = [summarise(name, its_rows) for name, its_rows in groupby(rows, lambda row: row.algorithm)]
+    finished = replace(finished, summaries=summaries)
+    if to_finish:
+        to_finish.finish(finished.as_json())
+    return finished
 
 
 def _rounded(values: dict[str, Any]) -> dict[str, Any]:
     return {name: round(value, 4) if isinstance(value, float) else value for name, value in values.items()}
 
 
-def _effort(began: os.times_result, ticks: int) -> Effort:
-    """Measure since ``began``; the CPU of workers counts once they have ended."""
+def _effort(began: os.times_result, ticks: int, *, elsewhere: bool) -> Effort:
+    """Measure since ``began``; the CPU of workers counts once they have ended, and not where they are elsewhere."""
     now = os.times()
-    return Effort(now.elapsed - began.elapsed, sum(now[:4]) - sum(began[:4]), ticks)
+    return Effort(now.elapsed - began.elapsed, None if elsewhere else sum(now[:4]) - sum(began[:4]), ticks)
 
 
 @contextmanager

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -16,15 +18,21 @@ from wayfarer.simhal import campaign as campaigns
 from wayfarer.simhal.campaign import Finished
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.progress import fault_line, say, shown_progress
-from wayfarer.simhal.report_table import print_table
+from wayfarer.simhal.report_table import FORESTS, Layout, print_table
 from wayfarer.simhal.results import ResultsFolder
 from wayfarer.simhal.rows import COLUMNS, csv_line
 from wayfarer.simhal.workers import RunTrial, TrialRunner, field_trial, logged_trial
+
+if TYPE_CHECKING:
+    from wayfarer.simhal.cluster import Cluster
 
 PAPER = "paper"  # stands for the ten of the paper, which are the catalogue
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
 FAULT_FILE = "fault.txt"
 LEGEND = "success: escaped or left bounds; path: of the successes; time, anomalies: mean a trial"
+SITE_LEGEND = (
+    "time: from arming to the destination line, of the successes; interventions: overturned, or off its wheels"
+)
 
 
 def algorithms(names: str) -> tuple[str, ...]:
@@ -68,12 +76,28 @@ def check_rover(campaign: Campaign) -> None:
         raise BadConfig(f"rover '{name}': {error}; correct its parts") from None
 
 
+def at_site(campaign: Campaign, scenario: str) -> Campaign:
+    """Return a campaign whose trials take place at the site of a scenario, with a receiver where it logs positions.
+
+    Raises:
+        BadConfig: the rover's file does not say how it meets a branch.
+    """
+    if missing := campaign.rover.chassis.missing:
+        raise BadConfig(
+            f"rover '{campaign.rover.name}' gives no chassis.{missing[0]}, and --scenario asks how it meets a branch;"
+            " take --rover forestrover or minirover, or add [chassis] to its file as theirs have it"
+        )
+    here = replace(campaign, scenario=scenario)
+    return replace(here, rover=here.site.equip(campaign.rover)) if here.site else here
+
+
 def run_all(
     campaign: Campaign,
     out: Path | None,
     *,
     resume: bool = False,
     jobs: int | None = None,
+    cluster: str | None = None,
     forests: Path | None = None,
     log: Path | None = None,
     run_trial: RunTrial = field_trial,
@@ -81,31 +105,44 @@ def run_all(
     """Run a campaign, show it, print its table, and return the exit code.
 
     ``forests`` is the file that the campaign's forests were read from; ``out`` keeps a copy of it. With ``log`` each
-    trial's full field log goes into a folder of its own there.
+    trial's full field log goes into a folder of its own there. With ``cluster``, the address of a Dask scheduler, the
+    trials run on its workers, else in ``jobs`` processes.
 
     Raises:
-        BadInput: ``out`` cannot be used; nothing is left behind then. ``log`` is not new or empty.
-        WayfarerError: a worker died, or ``out`` cannot be written any more; finished trials are kept.
+        BadInput: ``out`` cannot be used, or there is no such cluster; nothing is left behind then. ``log`` is not new
+            or empty.
+        WayfarerError: a worker died, the cluster was lost, or ``out`` cannot be written any more; finished trials are
+            kept.
     """
     aside = Console(stderr=True)
     total = len(campaign.algorithms) * campaign.trials
     if log:
         make_empty_folder(log, "the log")
         run_trial = partial(logged_trial, log)
-    with ResultsFolder(out, campaign.settings(), resume=resume) if out else nullcontext() as folder:
+    with (
+        _connected(cluster) as workers,
+        ResultsFolder(out, campaign.settings(), resume=resume) if out else nullcontext() as folder,
+    ):
         if folder and forests:
             folder.keep_forests(forests)
         kept = len(folder.kept) if folder else 0
         if kept:
             say(aside, f"{kept} of {total} trials are in {out} already")
         with shown_progress(aside, kept, total) as progress:
-            finished = campaigns.run(campaign, folder, jobs=jobs or cores(), progress=progress, run_trial=run_trial)
+            finished = campaigns.run(
+                campaign,
+                folder,
+                jobs=workers.jobs if workers else jobs or cores(),
+                progress=progress,
+                executor=workers.executor if workers else None,
+                run_trial=run_trial,
+            )
     if finished.interrupted:
         say(aside, _interruption(finished, total, out))
         return INTERRUPTED
     console = Console()
-    print_table(console, finished.summaries())
-    say(console, LEGEND)
+    print_table(console, finished.summaries, _layout(campaign))
+    say(console, SITE_LEGEND if campaign.scenario else LEGEND)
     say(console, _effort(finished))
     if out:
         say(aside, f"the results are in {out}")
@@ -141,14 +178,30 @@ def cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
+def _connected(cluster: str | None) -> AbstractContextManager[Cluster | None]:
+    if cluster is None:
+        return nullcontext()
+    from wayfarer.simhal.cluster import connected
+
+    return connected(cluster)
+
+
+def _layout(campaign: Campaign) -> Layout:
+    if campaign.scenario is None:
+        return FORESTS
+    from wayfarer.simhal.sites.table import layout_of
+
+    return layout_of(campaign.scenario, campaign.rover.name)
+
+
 def _interruption(finished: Finished, total: int, out: Path | None) -> str:
-    count = f"interrupted: {len(finished.rows)} of {total} trials are"
+    count = f"interrupted: {finished.trials} of {total} trials are"
     return f"{count} kept in {out}; add --resume to go on" if out else f"{count} done; with --out DIR they are kept"
 
 
 def _effort(finished: Finished) -> str:
     effort = finished.effort
-    simulated_h = sum(row.time_s or 0.0 for row in finished.rows) / 3600
+    simulated_h = finished.totals.simulated_s / 3600
     per_tick = f", {effort.cpu_us_per_tick:.1f} us of CPU a control tick" if effort.cpu_us_per_tick else ""
     return f"{simulated_h:.1f} h simulated; this run took {effort.wall_s:.1f} s{per_tick}"
 

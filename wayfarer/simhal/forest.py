@@ -14,6 +14,7 @@ from wayfarer.angles import axis_offset_deg
 from wayfarer.errors import BadForest
 
 WORLD_SIZE_M = 50.0  # paper, section IV-A: 50 x 50 m
+TREES_PER_HA = 80.0  # paper, section IV-A
 SHORTEST_TRUNK_M = 0.0005  # half of the millimetre that files are rounded to
 ROVER_WIDTH_M = 0.4  # paper, section IV-A: the footprint is a square of 0.4 m
 ROVER_REACH_M = hypot(ROVER_WIDTH_M, ROVER_WIDTH_M) / 2.0  # 0.283 m, centre to corner: room to turn on the spot
@@ -58,7 +59,8 @@ class Forest:
 
     ``forest`` numbers the layout of fallen trunks, ``noise`` the draw of standing trees (and of all noise) in
     it. A trunk reaches half of ``trunk_diameter_m`` from its centre line, around its ends too.
-    ``shortest_path_m`` is the geodesic for a rover 0.4 m wide, None where it was not computed.
+    ``shortest_path_m`` is the geodesic for a rover 0.4 m wide, None where it was not computed. ``diameters_m`` has a
+    thickness for each trunk where they differ, and nothing where all have ``trunk_diameter_m``.
     """
 
     forest: int
@@ -71,6 +73,12 @@ class Forest:
     trunks: tuple[Trunk, ...]
     trees_m: tuple[tuple[float, float], ...]
     shortest_path_m: float | None = None
+    diameters_m: tuple[float, ...] = ()
+
+    @property
+    def thick_trunks(self) -> list[tuple[Trunk, float]]:
+        """Each trunk with its diameter, metres."""
+        return list(zip(self.trunks, self.diameters_m or (self.trunk_diameter_m,) * len(self.trunks), strict=True))
 
 
 def check_forest(forest: Forest) -> None:
@@ -94,6 +102,8 @@ def _check_sizes(forest: Forest) -> None:
         size_m = getattr(forest, key)
         if size_m is not None and size_m <= 0.0:
             raise BadForest(f"{key}: is {size_m:g}, expected more than 0 m")
+    if forest.diameters_m and (len(forest.diameters_m) != len(forest.trunks) or min(forest.diameters_m) <= 0.0):
+        raise BadForest(f"diameters_m: expected one for each of the {len(forest.trunks)} trunks, more than 0 m")
     for key in ("forest", "noise"):
         if getattr(forest, key) < 0:
             raise BadForest(f"{key}: is {getattr(forest, key)}, expected a whole number from 0 up")
@@ -170,7 +180,7 @@ def _check_start_is_free(forest: Forest) -> None:
 def _gaps_at_start_m(forest: Forest) -> Iterator[tuple[str, float]]:
     """Yield each obstacle's name and the distance from the start point to its surface, negative inside it."""
     x_m, y_m = forest.start_m
-    for index, trunk in enumerate(forest.trunks):
-        yield f"trunks_m[{index}]", trunk.distance_m(x_m, y_m) - forest.trunk_diameter_m / 2.0
+    for index, (trunk, diameter_m) in enumerate(forest.thick_trunks):
+        yield f"trunks_m[{index}]", trunk.distance_m(x_m, y_m) - diameter_m / 2.0
     for index, (tree_x_m, tree_y_m) in enumerate(forest.trees_m):
         yield f"trees_m[{index}]", hypot(x_m - tree_x_m, y_m - tree_y_m) - forest.tree_radius_m

@@ -2,7 +2,8 @@
 
 Keys: ``forest``, ``noise`` (whole numbers, a pair occurs once), ``start_m`` [x, y], ``heading_deg``,
 ``goal_y_m``, ``trunk_diameter_m``, ``tree_radius_m``, ``trunks_m`` [[x0, y0, x1, y1, lean], ...], ``trees_m``
-[[x, y], ...], and ``shortest_path_m`` where it is known. Blank lines do not count.
+[[x, y], ...], ``shortest_path_m`` where it is known, and ``diameters_m`` [d, ...], one a trunk, where they differ.
+Blank lines do not count.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ REQUIRED_KEYS = (
     "trunks_m",
     "trees_m",
 )
-OPTIONAL_KEY = "shortest_path_m"
+OPTIONAL_KEYS = ("shortest_path_m", "diameters_m")
+TOO_LARGE = 2**31  # a million passes through the file later it still fits a table of results
 
 _brief = Repr()
 _brief.maxstring = _brief.maxother = _brief.maxlong = 40
@@ -110,8 +112,9 @@ def from_row(row: Mapping[str, object]) -> Forest:
         if key not in row:
             raise BadForest(f"{key}: missing, expected each of {', '.join(REQUIRED_KEYS)}")
     for key in row:
-        if key not in REQUIRED_KEYS and key != OPTIONAL_KEY:
-            raise BadForest(f"{_brief.repr(key)}: unknown key, expected {', '.join(REQUIRED_KEYS)} or {OPTIONAL_KEY}")
+        if key not in REQUIRED_KEYS and key not in OPTIONAL_KEYS:
+            expected = f"{', '.join(REQUIRED_KEYS)} or {' or '.join(OPTIONAL_KEYS)}"
+            raise BadForest(f"{_brief.repr(key)}: unknown key, expected {expected}")
     forest = Forest(
         forest=_whole("forest", row["forest"]),
         noise=_whole("noise", row["noise"]),
@@ -122,7 +125,8 @@ def from_row(row: Mapping[str, object]) -> Forest:
         tree_radius_m=_number("tree_radius_m", row["tree_radius_m"]),
         trunks=_each("trunks_m", row["trunks_m"], _trunk),
         trees_m=_each("trees_m", row["trees_m"], _point),
-        shortest_path_m=_number(OPTIONAL_KEY, row[OPTIONAL_KEY]) if OPTIONAL_KEY in row else None,
+        shortest_path_m=_number("shortest_path_m", row["shortest_path_m"]) if "shortest_path_m" in row else None,
+        diameters_m=_each("diameters_m", row.get("diameters_m", []), _number),
     )
     check_forest(forest)
     return forest
@@ -158,9 +162,11 @@ def _refuse(key: str, value: object, expected: str) -> NoReturn:
 
 
 def _whole(key: str, value: object) -> int:
-    """Return a whole number; ``true`` is none."""
+    """Return a whole number that a table of results can hold; ``true`` is none."""
     if not isinstance(value, int) or isinstance(value, bool):
         _refuse(key, value, "a whole number")
+    if abs(value) >= TOO_LARGE:
+        _refuse(key, value, "a whole number below 2^31")
     return value
 
 
@@ -204,8 +210,9 @@ def as_row(forest: Forest) -> dict[str, object]:
     """Return a forest as the JSON object that stands for it in a file, and in the log of a simulated run."""
     row = asdict(forest)
     row["trunks_m"] = [list(trunk) for trunk in row.pop("trunks")]
-    if forest.shortest_path_m is None:
-        del row[OPTIONAL_KEY]
+    for key in OPTIONAL_KEYS:
+        if not row[key]:
+            del row[key]
     return row
 
 

@@ -21,12 +21,12 @@ from typing import NamedTuple
 
 from numpy.random import PCG64, Generator, SeedSequence
 
-from wayfarer.simhal.forest import WORLD_SIZE_M, Forest, Trunk
+from wayfarer.simhal.forest import TREES_PER_HA, WORLD_SIZE_M, Forest, Trunk
 
 START_M = (25.0, 12.5)
 TRUNK_DIAMETER_M = 0.3
 TREE_RADIUS_M = 0.25
-TREES = 20  # 80 a hectare
+WORLD_HA = WORLD_SIZE_M**2 / 10_000.0
 TREELESS_START_M = 1.5  # half the side of the square around the start that trees keep out of
 
 MIN_SIDE_M = 9.625  # 25 units: a region is cut while both of its sides have at least this
@@ -56,15 +56,16 @@ DIVIDED = Box(6.375, 5.5, 44.875, 44.0)  # 38.5 m square
 CLEARING = Box(20.733, 11.773, 30.517, 13.857)  # free of centre lines, so that the start is free of trunks
 
 
-def generate_forest(layout: int, noise: int, seed: int) -> Forest:
+def generate_forest(layout: int, noise: int, seed: int, trees_per_ha: float = TREES_PER_HA) -> Forest:
     """Return the forest of these numbers: the same for ever, whatever else is drawn.
 
-    Fallen trunks depend on ``layout`` and ``seed``, standing trees on all three.
+    Fallen trunks depend on ``layout`` and ``seed``, standing trees on ``noise`` too; a denser forest has the trees of a
+    sparser one, and more. There is room for 1,000 trees a hectare.
 
     Raises:
         ValueError: a negative number.
     """
-    trunks = tuple(_fallen_trunks(_draw_from(seed, TRUNK_STREAM, layout)))
+    trunks = tuple(_fallen_trunks(draw_from(seed, TRUNK_STREAM, layout)))
     return Forest(
         forest=layout,
         noise=noise,
@@ -74,11 +75,11 @@ def generate_forest(layout: int, noise: int, seed: int) -> Forest:
         trunk_diameter_m=TRUNK_DIAMETER_M,
         tree_radius_m=TREE_RADIUS_M,
         trunks=trunks,
-        trees_m=_standing_trees(trunks, _draw_from(seed, TREE_STREAM, layout, noise)),
+        trees_m=_standing_trees(round(trees_per_ha * WORLD_HA), trunks, draw_from(seed, TREE_STREAM, layout, noise)),
     )
 
 
-def _draw_from(seed: int, *key: int) -> Draw:
+def draw_from(seed: int, *key: int) -> Draw:
     """Return the uniform numbers of one random stream."""
     random = Generator(PCG64(SeedSequence(seed, spawn_key=key))).random
     return lambda low, high: low + (high - low) * random()
@@ -163,10 +164,10 @@ def _piece(branch: Trunk, span: Span) -> Trunk:
     )
 
 
-def _standing_trees(trunks: tuple[Trunk, ...], draw: Draw) -> tuple[tuple[float, float], ...]:
+def _standing_trees(count: int, trunks: tuple[Trunk, ...], draw: Draw) -> tuple[tuple[float, float], ...]:
     """Return trees that stand wholly in the world and touch neither a trunk nor another tree."""
     trees_m: list[tuple[float, float]] = []
-    while len(trees_m) < TREES:
+    while len(trees_m) < count:
         x_m = round(draw(TREE_RADIUS_M, WORLD_SIZE_M - TREE_RADIUS_M), 3)
         y_m = round(draw(TREE_RADIUS_M, WORLD_SIZE_M - TREE_RADIUS_M), 3)
         if _has_room(x_m, y_m, trunks, trees_m):

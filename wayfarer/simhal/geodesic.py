@@ -62,10 +62,9 @@ def _march_m(from_start_m: Lengths, closed: Mask, goal_y_m: float) -> float:
 def _blocked(forest: Forest, half_width_m: float) -> Mask:
     """Return the cells that the centre of a rover of that half width cannot be in."""
     blocked = np.zeros((len(CENTRES_M), len(CENTRES_M)), dtype=bool)
-    trunk_reach_m = forest.trunk_diameter_m / 2.0 + half_width_m
     tree_reach_m = forest.tree_radius_m + half_width_m
-    for x0_m, y0_m, x1_m, y1_m, _ in forest.trunks:
-        _block(blocked, (x0_m, y0_m), (x1_m, y1_m), trunk_reach_m)
+    for (x0_m, y0_m, x1_m, y1_m, _), diameter_m in forest.thick_trunks:
+        _block(blocked, (x0_m, y0_m), (x1_m, y1_m), diameter_m / 2.0 + half_width_m)
     for tree_m in forest.trees_m:
         _block(blocked, tree_m, tree_m, tree_reach_m)
     return blocked

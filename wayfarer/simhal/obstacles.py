@@ -8,11 +8,9 @@ from __future__ import annotations
 from math import atan2, ceil, degrees, hypot
 from typing import NamedTuple
 
-from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.forest import Forest, Trunk
 
 CELL_M = 2.0
-# Spacing of the points along a trunk from which its cells are found.
-_SPACING_M = 2.0
 
 
 class Obstacle(NamedTuple):
@@ -36,14 +34,19 @@ class Obstacle(NamedTuple):
         return self.x0_m + share * along_x, self.y0_m + share * along_y
 
 
-def obstacles_of(forest: Forest) -> list[Obstacle]:
-    """Return every trunk and tree of a forest."""
-    radius_m = forest.trunk_diameter_m / 2
-    trunks = [
-        Obstacle(t.x0_m, t.y0_m, t.x1_m, t.y1_m, radius_m, _axis_deg(t.x1_m - t.x0_m, t.y1_m - t.y0_m))
-        for t in forest.trunks
-    ]
+def obstacles_of(forest: Forest, clearance_m: float = 0.0) -> list[Obstacle]:
+    """Return every tree of a forest, and every trunk that does not pass under a belly of that clearance."""
+    trunks = [_lying(trunk, diameter_m) for trunk, diameter_m in forest.thick_trunks if diameter_m > clearance_m]
     return trunks + [Obstacle(x_m, y_m, x_m, y_m, forest.tree_radius_m, None) for x_m, y_m in forest.trees_m]
+
+
+def low_trunks_of(forest: Forest, clearance_m: float) -> list[Obstacle]:
+    """Return every trunk that passes under a belly of that clearance."""
+    return [_lying(trunk, diameter_m) for trunk, diameter_m in forest.thick_trunks if diameter_m <= clearance_m]
+
+
+def _lying(t: Trunk, diameter_m: float) -> Obstacle:
+    return Obstacle(t.x0_m, t.y0_m, t.x1_m, t.y1_m, diameter_m / 2, _axis_deg(t.x1_m - t.x0_m, t.y1_m - t.y0_m))
 
 
 def _axis_deg(east_m: float, north_m: float) -> float:
@@ -120,31 +123,36 @@ class Body:
 
 
 class Map:
-    """Which obstacles are near a place: those whose surface is within ``near_m`` of it, and a few more."""
+    """Which obstacles are near a place: those whose surface is within ``near_m`` of it, and a few more.
 
-    def __init__(self, obstacles: list[Obstacle], near_m: float) -> None:
+    The smaller the cells of ``cell_m``, the fewer those are; that pays where obstacles are close to each other.
+    """
+
+    def __init__(self, obstacles: list[Obstacle], near_m: float, cell_m: float = CELL_M) -> None:
         self._near_m = near_m
+        self._cell_m = cell_m
         self._cells: dict[tuple[int, int], list[Obstacle]] = {}
         for obstacle in obstacles:
             self._enter(obstacle)
 
     def _enter(self, obstacle: Obstacle) -> None:
-        """List the obstacle in every cell that it may be near to."""
+        """List the obstacle in every cell that it may be near to: those near to points a cell apart along it."""
         x0, y0, x1, y1, radius_m, _ = obstacle
-        count = max(ceil(hypot(x1 - x0, y1 - y0) / _SPACING_M), 1)
-        reach_m = radius_m + self._near_m + _SPACING_M / 2
+        cell_m = self._cell_m
+        count = max(ceil(hypot(x1 - x0, y1 - y0) / cell_m), 1)
+        reach_m = radius_m + self._near_m + cell_m / 2
         cells: set[tuple[int, int]] = set()
         for point in range(count + 1):
             x, y = x0 + (x1 - x0) * point / count, y0 + (y1 - y0) * point / count
-            rows = range(int((y - reach_m) // CELL_M), int((y + reach_m) // CELL_M) + 1)
-            for column in range(int((x - reach_m) // CELL_M), int((x + reach_m) // CELL_M) + 1):
+            rows = range(int((y - reach_m) // cell_m), int((y + reach_m) // cell_m) + 1)
+            for column in range(int((x - reach_m) // cell_m), int((x + reach_m) // cell_m) + 1):
                 cells.update((column, row) for row in rows)
         for cell in cells:
             self._cells.setdefault(cell, []).append(obstacle)
 
     def near(self, x_m: float, y_m: float) -> list[Obstacle]:
         """Return the obstacles near a point."""
-        return self._cells.get((int(x_m // CELL_M), int(y_m // CELL_M)), _NOTHING)
+        return self._cells.get((int(x_m // self._cell_m), int(y_m // self._cell_m)), _NOTHING)
 
 
 _NOTHING: list[Obstacle] = []

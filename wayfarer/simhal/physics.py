@@ -3,6 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Interval
+
+from wayfarer.bounds import (
+    BearingError,
+    Degrees,
+    DegreesOrNone,
+    DegreesPerSecond,
+    Fraction,
+    Gain,
+    Metres,
+    MetresOrNone,
+    Seconds,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -12,22 +27,32 @@ class Physics:
     From the paper and its released simulator (section IV-A; units as measured from the released code): the rover goes
     off its heading by ``steer_noise_rad`` in each step (0.05 m at cruise), its heading wanders by
     ``heading_noise_deg`` in each 0.05 m, and it slips 0.5 m plus an exponentially distributed distance
-    (``slip_mean_m``) after the last slip.
+    (``slip_mean_m``) after the last slip. ``compass_noise_deg`` is the same noise on each reading.
 
     From no source, chosen to be plain: first-order motor lag; gain of each side and effective track off by a few per
     cent from one rover to the next; a rover that pushes onto a trunk rears up at ``climb_deg_s`` for full duty, falls
-    back with ``settle_s``, and tips over beyond ``tip_deg``.
+    back with ``settle_s``, and tips over beyond ``tip_deg``. Tilt reads off by ``tilt_noise_deg``, as on rough ground;
+    flow by a few counts and a share of the distance. ``compass_bias_deg``, clockwise, is how far the compass reads off
+    through a whole trial.
     """
 
-    step_s: float = 0.05
-    motor_lag_s: float = 0.1
-    side_gain_sd: float = 0.02
-    track_sd: float = 0.05
-    steer_noise_rad: float = 0.2
-    heading_noise_deg: float = 1.0
-    noise_per_m: float = 0.05
-    slip_free_m: float = 0.5
-    slip_mean_m: float = 10.0
-    climb_deg_s: float = 40.0
-    settle_s: float = 0.2
-    tip_deg: float = 60.0
+    step_s: Annotated[float, Interval(gt=0, le=0.1)] = 0.05
+    motor_lag_s: Seconds = 0.1
+    side_gain_sd: Fraction = 0.02
+    track_sd: Fraction = 0.05
+    steer_noise_rad: Fraction = 0.2
+    heading_noise_deg: DegreesOrNone = 1.0
+    noise_per_m: Metres = 0.05
+    slip_free_m: MetresOrNone = 0.5
+    slip_mean_m: Metres = 10.0
+    climb_deg_s: DegreesPerSecond = 40.0
+    settle_s: Seconds = 0.2
+    tip_deg: Degrees = 60.0
+    compass_noise_deg: DegreesOrNone = 1.0
+    compass_bias_deg: BearingError = 0.0
+    tilt_noise_deg: DegreesOrNone = 1.0
+    flow_noise_counts: Gain = 2.0
+    flow_noise_share: Fraction = 0.03
+
+
+PHYSICS = Physics()

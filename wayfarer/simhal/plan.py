@@ -6,17 +6,19 @@ and every algorithm meets the same forests with the same noise: comparisons are 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 from wayfarer import __version__
-from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.forest import TREES_PER_HA, Forest
+from wayfarer.simhal.physics import PHYSICS, Physics
 
 if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
     from wayfarer.config import RoverConfig
+    from wayfarer.simhal.sites.site import Site
     from wayfarer.simhal.stage import TrialSpec
 
 NOISES_PER_LAYOUT = 2  # the paper's 1,000 trials are 500 layouts x 2 noise seeds
@@ -27,6 +29,37 @@ class Task(NamedTuple):
 
     algorithm: str
     trial: int
+
+
+class Tasks(Sequence[Task]):
+    """Trials in the order of running: a forest serves all algorithms, then comes the next.
+
+    Each is made when it is asked for, so that a million take no more memory than a thousand. ``numbers`` are the places
+    of these trials in that order; without them they are all that the campaign has.
+    """
+
+    def __init__(self, algorithms: Sequence[str], trials: int, numbers: Sequence[int] | None = None) -> None:
+        self.algorithms = algorithms
+        self.trials = trials
+        self._numbers = range(len(algorithms) * trials) if numbers is None else numbers
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    @overload
+    def __getitem__(self, at: int) -> Task: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> list[Task]: ...
+
+    def __getitem__(self, at: int | slice) -> Task | list[Task]:
+        if isinstance(at, slice):
+            return [self._task(number) for number in self._numbers[at]]
+        return self._task(self._numbers[at])
+
+    def _task(self, number: int) -> Task:
+        trial, algorithm = divmod(number, len(self.algorithms))
+        return Task(self.algorithms[algorithm], trial)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +83,11 @@ class Campaign:
 
     ``slip_mean_m`` is the mean distance between slip events and ``budget_m`` the path after which a rover
     counts as entrapped. Without ``forests`` the layouts are generated; with ``spl`` missing shortest paths
-    are computed. ``depth`` is how far down the simulation goes: ``device`` or ``bus`` (``simhal.rig``).
+    are computed. ``depth`` is how far down the simulation goes: ``device`` or ``bus`` (``simhal.rig``). ``physics``,
+    but for its ``slip_mean_m``, and the ``trees_per_ha`` of generated layouts are what a sweep may change beside the
+    rover.
+    ``scenario`` names the site (``simhal.sites``) that layouts are drawn of in place of the abstract forests, one a
+    trial.
     """
 
     algorithms: tuple[str, ...]
@@ -62,17 +99,27 @@ class Campaign:
     spl: bool = False
     depth: str = "device"
     forests: ForestFile | None = None
+    physics: Physics = PHYSICS
+    trees_per_ha: float = TREES_PER_HA
+    scenario: str | None = None
 
-    def tasks(self) -> list[Task]:
-        """Return every trial in the order of ``trials.csv``."""
-        return [Task(algorithm, trial) for algorithm in self.algorithms for trial in range(self.trials)]
+    @property
+    def site(self) -> Site | None:
+        """The site of the scenario."""
+        if self.scenario is None:
+            return None
+        from wayfarer.simhal.sites import SITES
 
-    def tasks_by_forest(self) -> Iterator[Task]:
-        """Yield every trial in the order of running: a forest serves all algorithms, then comes the next."""
-        return (Task(algorithm, trial) for trial in range(self.trials) for algorithm in self.algorithms)
+        return SITES[self.scenario]
+
+    def tasks_by_forest(self) -> Tasks:
+        """Return every trial in the order of running."""
+        return Tasks(self.algorithms, self.trials)
 
     def forest_and_noise(self, trial: int) -> tuple[int, int]:
         """Return the numbers of a trial's layout and noise."""
+        if self.scenario is not None:
+            return trial, 0
         if self.forests is None:
             return divmod(trial, NOISES_PER_LAYOUT)
         passes, index = divmod(trial, len(self.forests.forests))
@@ -87,10 +134,12 @@ class Campaign:
     def make_forest(self, trial: int) -> Forest:
         """Return a trial's forest: generated, or from the file with this pass's noise number."""
         number, noise = self.forest_and_noise(trial)
-        if self.forests is None:
+        if site := self.site:
+            forest = site.layout(number, self.seed, self.rover.vehicle)
+        elif self.forests is None:
             from wayfarer.simhal.generate import generate_forest
 
-            forest = generate_forest(number, noise, self.seed)
+            forest = generate_forest(number, noise, self.seed, self.trees_per_ha)
         else:
             forest = replace(self.forests.forests[trial % len(self.forests.forests)], noise=noise)
         return self._with_shortest_path(forest) if self.spl and forest.shortest_path_m is None else forest
@@ -101,7 +150,10 @@ class Campaign:
         from wayfarer.simhal.stage import TrialSpec
 
         seed, depth = self.trial_seed(task.trial), Depth(self.depth)
-        return TrialSpec(task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m, depth)
+        return TrialSpec(
+            task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m, depth,
+            physics=self.physics, site=self.site,
+        )  # fmt: skip
 
     def settings(self) -> dict[str, Any]:
         """Return the settings as JSON can hold them: what makes two campaigns the same one."""
@@ -114,6 +166,7 @@ class Campaign:
             "budget_m": self.budget_m,
             "spl": self.spl,
             "depth": self.depth,
+            "scenario": self.scenario,
             "forests": self.forests and {"file": self.forests.name, "blake2b": self.forests.blake2b},
             "rover": self.rover.model_dump(mode="json"),
         }

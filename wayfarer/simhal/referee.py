@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 from typing import Literal
 
 from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
@@ -16,12 +17,22 @@ TIME_PER_BUDGET_S_PER_M = 4.0
 
 
 class Referee:
-    """Watches a world; ``call_off`` is called once, when the outcome is known."""
+    """Watches a world; ``call_off`` is called once, when the outcome is known.
 
-    def __init__(self, forest: Forest, budget_m: float, tip_deg: float, call_off: Callable[[str, str], None]) -> None:
+    A rover that is not out after ``limit_s``, or whose path has used up ``budget_m``, is entrapped.
+    """
+
+    def __init__(
+        self,
+        forest: Forest,
+        budget_m: float,
+        tip_deg: float,
+        call_off: Callable[[str, str], None],
+        limit_s: float = inf,
+    ) -> None:
         self._goal_y_m = forest.goal_y_m
         self._budget_m = budget_m
-        self._budget_s = budget_m * TIME_PER_BUDGET_S_PER_M
+        self._budget_s = min(budget_m * TIME_PER_BUDGET_S_PER_M, limit_s)
         self._tip_deg = tip_deg
         self._call_off = call_off
         self.outcome: Outcome | None = None

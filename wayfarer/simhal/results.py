@@ -2,9 +2,9 @@
 
 ``campaign.json`` is written first and says whose folder this is; ``forests.jsonl`` beside it is a copy of the
 campaign's forest file, if it has one, so that its trials can be run again. While the campaign runs, each finished trial
-is appended to ``trials.partial.csv`` in the order of completion. At the end ``summary.json`` and
-``trials.csv`` appear whole, and the partial file goes. A line that a crash cut short has no newline; resuming
-drops it and runs that trial again.
+is appended to ``trials.partial.csv`` in the order of completion. At the end ``trials.csv``, the same as
+``trials.parquet``, and ``summary.json`` appear whole, and the partial file goes. A line that a crash cut short has no
+newline; resuming drops it and runs that trial again.
 """
 
 from __future__ import annotations
@@ -12,26 +12,29 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Self
 
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.simhal.rows import COLUMNS, Row, csv_line, parse_row
+from wayfarer.simhal.kept import Kept, rows_in
+from wayfarer.simhal.plan import Tasks
+from wayfarer.simhal.rows import COLUMNS, Row, csv_line
 from wayfarer.whole_file import whole_file
 
 SETTINGS = "campaign.json"
 FORESTS = "forests.jsonl"
 PARTIAL = "trials.partial.csv"
 TRIALS = "trials.csv"
+PARQUET = "trials.parquet"
 SUMMARY = "summary.json"
 
 
 class ResultsFolder:
-    """A campaign's folder, locked while it is open.
+    """The folder of a campaign with these ``settings`` (``Campaign.settings``), locked while it is open.
 
-    ``kept`` holds the trials of an earlier run; ``complete`` says that they are all there are.
+    ``kept`` are its finished trials; ``complete`` says that they are all there are.
 
     Raises:
         BadInput: the folder is not empty and not to be resumed, belongs to another campaign, is in use or
@@ -42,12 +45,11 @@ class ResultsFolder:
         self.path = path
         with _one_line_errors(path), _removed_on_failure(path):
             path.mkdir(parents=True, exist_ok=True)
-            self._lock = _locked(path)
-            try:
+            self._open = ExitStack()
+            with self._open:
+                self._open.callback(os.close, _locked(path))
                 self.kept = self._claim(settings, resume)
-            except BaseException:
-                self.close()
-                raise
+                self._open = self._open.pop_all()
 
     def __enter__(self) -> Self:
         return self
@@ -57,7 +59,7 @@ class ResultsFolder:
 
     def close(self) -> None:
         """Let others use the folder."""
-        os.close(self._lock)
+        self._open.close()
 
     @property
     def complete(self) -> bool:
@@ -79,22 +81,41 @@ class ResultsFolder:
         Raises:
             WayfarerError: the folder cannot be written any more.
         """
-        with self._writing(), (self.path / PARTIAL).open("a", encoding="utf-8") as partial:
-            partial.write(csv_line(row))
+        with self._writing():
+            self.kept.append(row)
 
-    def finish(self, rows: Sequence[Row], summary: Mapping[str, Any]) -> None:
-        """Write the final files; ``rows`` are in their final order.
+    def into_tables(self, rows: Iterable[Row]) -> Iterator[Row]:
+        """Pass on ``rows``, in their final order, and write them: the tables are there when the last has passed.
+
+        Raises:
+            WayfarerError: the folder cannot be written any more.
+        """
+        from wayfarer.simhal.parquet import ParquetRows, columns_of
+
+        with (
+            self._writing(),
+            whole_file(self.path / TRIALS) as text_draft,
+            whole_file(self.path / PARQUET) as parquet_draft,
+            text_draft.open("w", encoding="utf-8") as text,
+            ParquetRows(parquet_draft, columns_of(Row, COLUMNS)) as parquet,
+        ):
+            text.write(csv_line(COLUMNS))
+            for row in rows:
+                text.write(csv_line(row[:-1]))
+                parquet.append(row[:-1])
+                yield row
+
+    def finish(self, summary: Mapping[str, Any]) -> None:
+        """Write the summary; with it the campaign is complete.
 
         Raises:
             WayfarerError: the folder cannot be written any more.
         """
         with self._writing():
             write_whole(self.path / SUMMARY, _json(summary))
-            table = csv_line(COLUMNS) + "".join(csv_line(row[:-1]) for row in rows)
-            write_whole(self.path / TRIALS, table.encode())
             (self.path / PARTIAL).unlink()
 
-    def _claim(self, settings: Mapping[str, Any], resume: bool) -> list[Row]:
+    def _claim(self, settings: Mapping[str, Any], resume: bool) -> Kept:
         """Make the folder this campaign's and return the trials that it holds."""
         if not any(self.path.iterdir()):
             write_whole(self.path / SETTINGS, _json(settings))
@@ -102,10 +123,13 @@ class ResultsFolder:
             raise BadInput(f"{self.path} is not empty; give a new folder, or add --resume to go on with what is in it")
         else:
             _refuse_another_campaign(self.path, settings)
+        tasks = Tasks(settings["algorithms"], settings["trials"])
         if self.complete:
-            return read_rows(self.path / TRIALS, COLUMNS)
-        _drop_torn_line(self.path / PARTIAL)
-        return read_rows(self.path / PARTIAL, Row._fields)
+            path = self.path / TRIALS
+            return Kept(self._open.enter_context(path.open("rb")), tasks, str(path), COLUMNS)
+        path = self.path / PARTIAL
+        _drop_torn_line(path)
+        return Kept(self._open.enter_context(path.open("r+b")), tasks, str(path), Row._fields)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -113,7 +137,7 @@ class ResultsFolder:
             yield
         except OSError as error:
             raise WayfarerError(
-                f"{self.path} cannot be written any more: {error.strerror}; mend that, then --resume goes on"
+                f"{self.path} cannot be written any more: {error.strerror or error}; mend that, then --resume goes on"
             ) from error
 
 
@@ -172,12 +196,12 @@ def _flat(value: Any, name: str = "") -> dict[str, Any]:
 
 def _drop_torn_line(path: Path) -> None:
     """Leave whole lines only, under a header."""
-    text = path.read_bytes() if path.exists() else b""
-    whole = text[: text.rfind(b"\n") + 1]
-    if not whole:
-        path.write_text(csv_line(Row._fields), encoding="utf-8")
-    elif whole != text:
-        os.truncate(path, len(whole))
+    with path.open("a+b") as file:
+        file.seek(0)
+        whole = sum(len(line) for line in file if line.endswith(b"\n"))
+        file.truncate(whole)
+        if not whole:
+            file.write(csv_line(Row._fields).encode())
 
 
 def read_rows(path: Path, fields: tuple[str, ...]) -> list[Row]:
@@ -186,13 +210,8 @@ def read_rows(path: Path, fields: tuple[str, ...]) -> list[Row]:
     Raises:
         BadInput: the file is no text or has other columns, or a line is no row; the text names it.
     """
-    try:
-        columns, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
-    except UnicodeDecodeError as error:
-        raise BadInput(f"{path} is damaged: byte {error.start} is no text; run the campaign again") from None
-    if f"{columns}\n" != csv_line(fields):
-        raise BadInput(f"{path} is damaged: its first line does not name its columns; run the campaign again")
-    return [parse_row(line, fields, f"{path}, line {number}") for number, line in enumerate(lines, start=2)]
+    with path.open("rb") as file:
+        return [row for _, row in rows_in(file, str(path), fields)]
 
 
 def _json(value: Mapping[str, Any]) -> bytes:

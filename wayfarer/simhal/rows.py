@@ -25,7 +25,7 @@ DECIMALS: Mapping[str, int] = {"path_m": 3, "reverse_m": 3, "time_s": 3, "shorte
 class Row(NamedTuple):
     """What is kept of one trial; None where a value is not known, as in a trial that ended in a fault.
 
-    ``ticks``, the control ticks, has no column in ``trials.csv``.
+    ``interventions`` are counted in scenarios only. ``ticks``, the control ticks, has no column in ``trials.csv``.
     """
 
     trial: int
@@ -41,6 +41,7 @@ class Row(NamedTuple):
     episodes: int | None = None
     shortest_path_m: float | None = None
     spl: float | None = None
+    interventions: int | None = None
     ticks: int | None = None
 
     @property

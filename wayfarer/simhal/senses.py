@@ -10,12 +10,8 @@ from math import degrees
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
 
-COMPASS_NOISE_DEG = 1.0  # the released simulator's compass noise (reference/README.md)
-TILT_NOISE_DEG = 1.0  # rough ground and accelerometer; not given by the paper
-# PMW3901 at 0.1 m above ground: 0.213 mm a count (hardware.md 8.2). Noise: a few counts, and 3 % of the distance.
+# PMW3901 at 0.1 m above ground: 0.213 mm a count (hardware.md 8.2).
 FLOW_M_PER_COUNT = 0.00213195 * 0.1
-FLOW_NOISE_COUNTS = 2.0
-FLOW_NOISE_SHARE = 0.03
 TENTHS_PER_RAD = degrees(10.0)
 
 
@@ -24,16 +20,18 @@ class HeadingSense:
 
     def __init__(self, world: World, streams: Streams) -> None:
         self._world = world
-        self._noise_tenths = streams.normal("compass.heading", COMPASS_NOISE_DEG * 10.0)
-        self._tilt_noise_tenths = streams.normal("compass.tilt", TILT_NOISE_DEG * 10.0)
+        self._bias_deg = world.physics.compass_bias_deg
+        self._noise_tenths = streams.normal("compass.heading", world.physics.compass_noise_deg * 10.0)
+        self._tilt_noise_tenths = streams.normal("compass.tilt", world.physics.tilt_noise_deg * 10.0)
 
     def sample(self, t_s: float) -> tuple[int, int, int]:
         """Return heading in 0..3599, pitch (nose up) and roll (right side down), all in tenths of a degree."""
         world, tilt_noise_tenths = self._world, self._tilt_noise_tenths
         world.advance_to(t_s)
+        off_deg = world.field_deg + self._bias_deg
         return (
-            round(world.heading_rad * TENTHS_PER_RAD + world.field_deg * 10.0 + self._noise_tenths()) % 3600,
-            round((world.pitch_deg + world.ground_pitch_deg) * 10.0 + tilt_noise_tenths()),
+            round(world.heading_rad * TENTHS_PER_RAD + off_deg * 10.0 + self._noise_tenths()) % 3600,
+            round((world.pitch_deg + world.ground_pitch_deg + world.bump_deg) * 10.0 + tilt_noise_tenths()),
             (round((world.roll_deg + world.ground_roll_deg) * 10.0 + tilt_noise_tenths()) + 1800) % 3600 - 1800,
         )
 
@@ -44,6 +42,8 @@ class FlowSense:
     def __init__(self, world: World, streams: Streams, m_per_count: float = FLOW_M_PER_COUNT) -> None:
         self._world = world
         self._m_per_count = m_per_count
+        self._noise_counts = world.physics.flow_noise_counts
+        self._noise_share = world.physics.flow_noise_share
         self._noise = streams.normal("flow", 1.0)
         self._last_m = 0.0
 
@@ -53,5 +53,5 @@ class FlowSense:
         world.advance_to(t_s)
         signed_m = world.forward_m - world.reverse_m
         counts, self._last_m = (signed_m - self._last_m) / self._m_per_count, signed_m
-        forward = round(counts + (FLOW_NOISE_COUNTS + FLOW_NOISE_SHARE * abs(counts)) * noise())
-        return forward, round(FLOW_NOISE_COUNTS * noise())
+        forward = round(counts + (self._noise_counts + self._noise_share * abs(counts)) * noise())
+        return forward, round(self._noise_counts * noise())

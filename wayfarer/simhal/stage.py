@@ -5,19 +5,25 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import inf
+from typing import TYPE_CHECKING
 
 from wayfarer.config import RoverConfig
 from wayfarer.hal import Rover
 from wayfarer.records import RunLog
 from wayfarer.registry import find_algorithm
+from wayfarer.simhal.attendant import Attendant
 from wayfarer.simhal.faults import Fault
 from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.physics import PHYSICS, Physics
 from wayfarer.simhal.referee import Referee
 from wayfarer.simhal.rig import Depth, build
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
 from wayfarer.supervisor import Supervisor
+
+if TYPE_CHECKING:
+    from wayfarer.simhal.sites.site import Site
 
 MakeLog = Callable[[World, Rover], RunLog]
 
@@ -26,7 +32,8 @@ MakeLog = Callable[[World, Rover], RunLog]
 class TrialSpec:
     """Everything that decides a trial: the same spec gives the same result, on any worker.
 
-    ``sense_noise`` multiplies the noise of compass, tilt and flow.
+    ``sense_noise`` multiplies the noise of compass, tilt and flow; ``slip_mean_m`` counts, not that of ``physics``. At
+    a ``site`` somebody walks beside the rover, and its time is limited.
     """
 
     trial: int
@@ -39,6 +46,8 @@ class TrialSpec:
     depth: Depth = Depth.DEVICE
     faults: Sequence[Fault] = ()
     sense_noise: float = 1.0
+    physics: Physics = PHYSICS
+    site: Site | None = None
 
 
 class Stage:
@@ -54,8 +63,9 @@ class Stage:
         loop, streams = asyncio.get_running_loop(), Streams(spec.seed, spec.sense_noise)
         algorithm = find_algorithm(spec.algorithm)
         handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
-        physics = replace(Physics(), slip_mean_m=spec.slip_mean_m)
-        self.world = World(spec.forest, spec.rover.vehicle, physics, streams)
+        physics = replace(spec.physics, slip_mean_m=spec.slip_mean_m)
+        chassis = spec.rover.chassis if spec.site else None
+        self.world = World(spec.forest, spec.rover.vehicle, physics, streams, chassis=chassis)
         if spec.faults:
             from wayfarer.simhal.injection import Injector  # a trial without faults need not know them
 
@@ -66,5 +76,7 @@ class Stage:
             self.injector = None
             self.rover = build(spec.depth, self.world, streams, spec.rover, loop.time)
         self.supervisor = Supervisor(self.rover, spec.rover, algorithm, handler, make_log(self.world, self.rover))
-        self.referee = Referee(spec.forest, spec.budget_m, physics.tip_deg, self.supervisor.finish)
-        self.world.after_step = self.referee.watch
+        limit_s = spec.site.time_limit_s if spec.site else inf
+        self.referee = Referee(spec.forest, spec.budget_m, physics.tip_deg, self.supervisor.finish, limit_s)
+        self.attendant = Attendant(physics.tip_deg, self.referee.watch) if spec.site else None
+        self.world.after_step = self.attendant.watch if self.attendant else self.referee.watch

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import statistics
+from array import array
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -27,7 +29,8 @@ class Summary:
 
     Path lengths are in metres, over the successes (escaped or left bounds), as in the paper. ``spl`` is the
     mean over all trials whose shortest path is known, where a failure counts 0. Time (simulated, in seconds)
-    and anomalies are means a trial, faults left out.
+    and anomalies are means a trial, faults left out; ``escape_..._s`` is the time of the successes. Interventions are
+    the mean a trial, where they are counted.
     """
 
     algorithm: str
@@ -46,6 +49,10 @@ class Summary:
     spl: float | None
     time_mean_s: float | None
     anomalies_mean: float | None
+    escape_mean_s: float | None
+    escape_sd_s: float | None
+    escape_median_s: float | None
+    interventions_mean: float | None
 
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
@@ -67,36 +74,81 @@ def spread_of(values: Sequence[float]) -> Spread:
     return Spread(
         statistics.fmean(values) if values else None,
         statistics.stdev(values) if len(values) > 1 else None,
-        statistics.median(values) if values else None,
+        _median(values),
     )
 
 
-def mean_spl(rows: Iterable[Row]) -> float | None:
-    """Return success weighted by path length, 0..1 (Anderson et al., arXiv:1807.06757); None if unknown."""
-    return spread_of([row.spl or 0.0 for row in rows if row.shortest_path_m is not None]).mean
+def _median(values: Sequence[float]) -> float | None:
+    """Return the exact median; numpy sorts numbers, where ``statistics`` sorts an object for each of them."""
+    import numpy as np
+
+    return float(np.median(np.asarray(values))) if values else None
 
 
-def summarise(algorithm: str, rows: Sequence[Row]) -> Summary:
-    """Return what ``rows``, all of one algorithm and at least one, say of it."""
-    outcomes = [row.outcome for row in rows]
-    successes = sum(outcome in SUCCESSES for outcome in outcomes)
-    low, high = wilson_interval(successes, len(rows))
-    path_m = spread_of([row.path_m for row in rows if row.outcome in SUCCESSES and row.path_m is not None])
+class Mean:
+    """A mean over the known ones of what is added."""
+
+    def __init__(self) -> None:
+        self._sum = 0.0
+        self._count = 0
+
+    def add(self, value: float | None) -> None:
+        """Take a value; None does not count."""
+        if value is not None:
+            self._sum += value
+            self._count += 1
+
+    @property
+    def value(self) -> float | None:
+        """The mean; None where nothing was added."""
+        return self._sum / self._count if self._count else None
+
+
+def _append(values: array[float], value: float | None) -> None:
+    if value is not None:
+        values.append(value)
+
+
+def summarise(algorithm: str, rows: Iterable[Row]) -> Summary:
+    """Return what ``rows``, all of one algorithm and at least one, say of it.
+
+    No row is kept. SPL is success weighted by path length, 0..1 (Anderson et al., arXiv:1807.06757).
+    """
+    outcomes: Counter[str] = Counter()
+    paths_m, escapes_s = array("d"), array("d")  # a median needs all of them, 8 bytes each
+    spl, time_s, anomalies, interventions = Mean(), Mean(), Mean(), Mean()
+    for row in rows:
+        outcomes[row.outcome] += 1
+        if row.outcome in SUCCESSES:
+            _append(paths_m, row.path_m)
+            _append(escapes_s, row.time_s)
+        spl.add(None if row.shortest_path_m is None else row.spl or 0.0)
+        time_s.add(row.time_s)
+        anomalies.add(row.anomalies)
+        interventions.add(row.interventions)
+    trials = outcomes.total()
+    successes = sum(outcomes[outcome] for outcome in SUCCESSES)
+    low, high = wilson_interval(successes, trials)
+    path_m, escape_s = spread_of(paths_m), spread_of(escapes_s)
     return Summary(
         algorithm,
-        len(rows),
-        escaped=outcomes.count("escaped"),
-        left_bounds=outcomes.count("left_bounds"),
-        entrapped=outcomes.count("entrapped"),
-        tipped=outcomes.count("tipped"),
-        fault=outcomes.count("fault"),
-        success_percent=100 * successes / len(rows),
+        trials,
+        escaped=outcomes["escaped"],
+        left_bounds=outcomes["left_bounds"],
+        entrapped=outcomes["entrapped"],
+        tipped=outcomes["tipped"],
+        fault=outcomes["fault"],
+        success_percent=100 * successes / trials,
         success_low_percent=100 * low,
         success_high_percent=100 * high,
         path_mean_m=path_m.mean,
         path_sd_m=path_m.sd,
         path_median_m=path_m.median,
-        spl=mean_spl(rows),
-        time_mean_s=spread_of([row.time_s for row in rows if row.time_s is not None]).mean,
-        anomalies_mean=spread_of([row.anomalies for row in rows if row.anomalies is not None]).mean,
+        spl=spl.value,
+        time_mean_s=time_s.value,
+        anomalies_mean=anomalies.value,
+        escape_mean_s=escape_s.mean,
+        escape_sd_s=escape_s.sd,
+        escape_median_s=escape_s.median,
+        interventions_mean=interventions.value,
     )

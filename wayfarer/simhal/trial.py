@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class TrialResult(NamedTuple):
-    """What the referee says of one trial."""
+    """What the referee says of one trial; ``interventions`` where an attendant walked beside the rover."""
 
     trial: int
     algorithm: str
@@ -39,6 +39,7 @@ class TrialResult(NamedTuple):
     shortest_path_m: float | None
     spl: float | None
     ticks: int
+    interventions: int | None = None
 
 
 GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the helm's reason of disarming
@@ -100,7 +101,8 @@ async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
     stage = Stage(spec, lambda *seen: tally if make_log is None else Tee(tally, make_log(*seen)))
     await stage.supervisor.arm(spec.forest.heading_deg)
     end = await stage.supervisor.run()
-    return _result(spec, _outcome(stage.referee, tally, end), stage.referee, stage.world, tally)
+    result = _result(spec, _outcome(stage.referee, tally, end), stage.referee, stage.world, tally)
+    return result._replace(interventions=stage.attendant.interventions) if stage.attendant else result
 
 
 def _outcome(referee: Referee, tally: Tally, end: RunEnd) -> Outcome:

@@ -1,8 +1,8 @@
 """Who runs the trials: this process, a pool of processes, or any executor.
 
-A pool's workers are spawned, so that they inherit neither threads nor locks, and each receives the campaign
-once. They are born with SIGINT blocked: Ctrl-C reaches the whole process group, and only the parent is to
-answer it.
+Each worker receives the campaign once, as executors of the standard library do it: by an initializer. The workers of
+a pool are spawned, so that they inherit neither threads nor locks. They are born with SIGINT blocked: Ctrl-C reaches
+the whole process group, and only the parent is to answer it.
 """
 
 from __future__ import annotations
@@ -15,8 +15,11 @@ import traceback
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeVar
+from uuid import uuid4
 
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.rows import Row, row_of
@@ -104,17 +107,31 @@ class TrialRunner:
 
     def _forest(self, trial: int) -> Forest:
         """Make a trial's forest, once for all the algorithms that follow each other in it."""
-        if self._latest is None or self._latest[0] != trial:
-            self._latest = trial, self._campaign.make_forest(trial)
-        return self._latest[1]
+        latest = self._latest  # another thread of this worker may set it meanwhile
+        if latest is None or latest[0] != trial:
+            latest = self._latest = trial, self._campaign.make_forest(trial)
+        return latest[1]
 
     def _fault_row(self, task: Task) -> Row:
         forest, noise = self._campaign.forest_and_noise(task.trial)
         return Row(task.trial, task.algorithm, forest, noise, self._campaign.trial_seed(task.trial), "fault")
 
 
+class MakeExecutor(Protocol):
+    """Makes an executor whose workers call ``initializer(*initargs)`` before they run anything.
+
+    ``functools.partial(ThreadPoolExecutor, 4)`` is one.
+    """
+
+    def __call__(self, *, initializer: Callable[..., object], initargs: tuple[Any, ...]) -> Executor:
+        """Return the executor; leaving it as a context ends it."""
+
+
 class InProcess(Executor):
     """Runs what is submitted at once, in this process."""
+
+    def __init__(self, *, initializer: Callable[..., object], initargs: tuple[Any, ...]) -> None:
+        initializer(*initargs)
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Return a future that is done."""
@@ -123,27 +140,51 @@ class InProcess(Executor):
         return future
 
 
+class SpawnedProcesses(ProcessPoolExecutor):
+    """A pool of that many processes; an error or a stop terminates them, whatever they run."""
+
+    def __init__(self, jobs: int, *, initializer: Callable[..., object], initargs: tuple[Any, ...]) -> None:
+        self._others = set(multiprocessing.active_children())
+        spawn = multiprocessing.get_context("spawn")
+        super().__init__(jobs, mp_context=spawn, initializer=_begin_worker, initargs=(initializer, *initargs))
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Submit; a pool starts its workers when work comes."""
+        with _sigint_blocked():
+            return super().submit(fn, *args, **kwargs)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool | None:
+        if error is not None:
+            for worker in set(multiprocessing.active_children()) - self._others:
+                worker.terminate()
+        return super().__exit__(kind, error, trace)
+
+
 def stream(
     runner: Runner[TaskT, DoneT],
     tasks: Sequence[TaskT],
     jobs: int,
     stop: threading.Event,
-    executor: Executor | None = None,
+    executor: MakeExecutor | None = None,
 ) -> Generator[DoneT]:
     """Run ``tasks`` and yield what is done, in the order of completion.
 
-    Without an ``executor``, one job runs in this process and more of them in a pool of that many processes.
+    Without an ``executor``, one job runs in this process and more of them in a pool of that many processes; with one,
+    ``jobs`` is how many it runs at a time.
 
     Raises:
         Stopped: ``stop`` was set; what runs on a pool at that moment is given up.
         BrokenExecutor: a worker died.
     """
-    if executor is None and jobs > 1:
-        with _process_pool(runner, jobs) as submit:
-            yield from _drive(submit, tasks, jobs, stop)
-    else:
-        here = executor or InProcess()
-        yield from _drive(lambda chunk: here.submit(runner.run_chunk, chunk), tasks, jobs, stop)
+    make = executor or (partial(SpawnedProcesses, jobs) if jobs > 1 else InProcess)
+    key = uuid4().hex
+    try:
+        with make(initializer=_install, initargs=(key, runner)) as pool:
+            yield from _drive(lambda chunk: pool.submit(_run_installed, key, chunk), tasks, jobs, stop)
+    finally:
+        forget(key)
 
 
 Submit = Callable[[Sequence[TaskT]], "Future[Sequence[DoneT]]"]
@@ -176,26 +217,6 @@ def _chunks(tasks: Sequence[TaskT], jobs: int) -> Iterator[Sequence[TaskT]]:
 
 
 @contextmanager
-def _process_pool(runner: Runner[TaskT, DoneT], jobs: int) -> Iterator[Submit[TaskT, DoneT]]:
-    others = set(multiprocessing.active_children())
-    spawn = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_install, initargs=(runner,))
-
-    def submit(chunk: Sequence[TaskT]) -> Future[Sequence[DoneT]]:
-        with _sigint_blocked():  # a pool starts its workers when work is submitted
-            return pool.submit(_run_installed, chunk)
-
-    try:
-        yield submit
-    except BaseException:
-        for worker in set(multiprocessing.active_children()) - others:
-            worker.terminate()
-        raise
-    finally:
-        pool.shutdown()
-
-
-@contextmanager
 def _sigint_blocked() -> Iterator[None]:
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -204,16 +225,25 @@ def _sigint_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-_installed: list[Runner[Any, Any]] = []  # in a worker: its runner
+_installed: dict[str, Runner[Any, Any]] = {}  # in a worker: what runs its chunks, by the key of the stream
 
 
-def _install(runner: Runner[Any, Any]) -> None:
-    _installed.append(runner)
+def _install(key: str, runner: Runner[Any, Any]) -> None:
+    _installed[key] = runner
+
+
+def _run_installed(key: str, tasks: Sequence[Any]) -> Sequence[Any]:
+    return _installed[key].run_chunk(tasks)
+
+
+def forget(key: str) -> None:
+    """Let go, in a worker that goes on living, of what a stream installed there."""
+    _installed.pop(key, None)
+
+
+def _begin_worker(initializer: Callable[..., object], *initargs: Any) -> None:
     threading.Thread(target=_end_with_parent, name="end-with-parent", daemon=True).start()
-
-
-def _run_installed(tasks: Sequence[Any]) -> Sequence[Any]:
-    return _installed[0].run_chunk(tasks)
+    initializer(*initargs)
 
 
 def _end_with_parent() -> None:

@@ -11,13 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import atan2, ceil, cos, degrees, exp, hypot, inf, radians, sin, sqrt
+from math import atan2, ceil, copysign, cos, degrees, exp, hypot, inf, radians, sin, sqrt
 from typing import NamedTuple
 
+from wayfarer.chassis import Chassis
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import Side
+from wayfarer.simhal.climbing import Climbing, Underfoot
 from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.obstacles import Body, Map, Obstacle, obstacles_of
+from wayfarer.simhal.obstacles import CELL_M, Body, Map, Obstacle, obstacles_of
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.streams import Streams
 
@@ -27,6 +29,8 @@ PIECE_RAD = 0.4
 # How far beyond the body's own reach obstacles are looked for: clearance up to there is known, and used up before it is
 # measured again.
 SEEN_BEYOND_BODY_M = 1.2
+# The same where branches lie close to each other, and the cells of their map: changes the speed only.
+CLUTTER_BEYOND_BODY_M, CLUTTER_CELL_M = 0.3, 0.5
 # A blocked move is halved this often to find where it touches: 2 mm of 0.1 m.
 HALVINGS = 5
 # A task that wakes on the grid of steps may read a clock that is a rounding error short of it.
@@ -80,6 +84,8 @@ class World:
         physics: how it moves.
         streams: where its chance comes from.
         starts_s: the time on the clock of its parts at which the world begins.
+        chassis: with it the body drives over low branches and may climb onto others; without it all are trunks, and
+            every rover rears up alike.
 
     ``deadman_at_s`` is when the wheels stop by themselves, for parts at device depth; chips have deadmen of their own,
     and ``chips_act`` lets them act. ``after_step`` is called with the world after each step; the referee sits there.
@@ -94,7 +100,9 @@ class World:
         physics: Physics,
         streams: Streams,
         starts_s: float = 0.0,
+        chassis: Chassis | None = None,
     ) -> None:
+        self.physics = physics
         self.x_m, self.y_m = forest.start_m
         self.heading_rad = radians(forest.heading_deg)
         self.pitch_deg = 0.0
@@ -103,6 +111,7 @@ class World:
         self.reverse_m = 0.0
         self.touch: Touch | None = None
         self.slipping = False
+        self.hangs = False
         self.field_deg = 0.0
         self.ground_pitch_deg = self.ground_roll_deg = 0.0
         self.battery_v = FULL_BATTERY_V
@@ -114,11 +123,14 @@ class World:
         self._step_s = physics.step_s
         self._half_step_s = physics.step_s / 2
         self._next_step_s = starts_s + physics.step_s - ROUNDING_S
-        self._physics = physics
         self.after_step: Callable[[World], None] = _nobody_watches
         self._body = Body(vehicle.length_m, vehicle.width_m)
-        self._seen_m = self._body.reach_m + SEEN_BEYOND_BODY_M
-        self._map = Map(obstacles_of(forest), self._seen_m)
+        beyond_m, cell_m = (CLUTTER_BEYOND_BODY_M, CLUTTER_CELL_M) if chassis else (SEEN_BEYOND_BODY_M, CELL_M)
+        self._seen_m = self._body.reach_m + beyond_m
+        self._climbing = Climbing(vehicle, chassis, physics, streams) if chassis else None
+        clearance_m = self._climbing.clearance_m if self._climbing else 0.0
+        self._map = Map(obstacles_of(forest, clearance_m), self._seen_m, cell_m)
+        self._underfoot = Underfoot(forest, clearance_m, self._body) if clearance_m else None
         self._free_m = 0.0
         self._lag = 1.0 - exp(-physics.step_s / physics.motor_lag_s)
         self._settling = exp(-physics.step_s / physics.settle_s)
@@ -135,14 +147,14 @@ class World:
         """Make this trial's rover a little different from what the field code believes of it."""
         build = streams.generator("world.rover")
         self._full_left_m_s, self._full_right_m_s = (
-            vehicle.max_speed_m_s * build.normal(1.0, self._physics.side_gain_sd, 2)
+            vehicle.max_speed_m_s * build.normal(1.0, self.physics.side_gain_sd, 2)
         ).tolist()
-        track_m = vehicle.track_m * exp(build.normal(0.0, self._physics.track_sd))
+        track_m = vehicle.track_m * exp(build.normal(0.0, self.physics.track_sd))
         self._turn_per_m_s = self._step_s / track_m
 
     def _next_slip_m(self) -> float:
         """Return the forward distance at which the ground gives way next."""
-        return self.forward_m + self._physics.slip_free_m + float(self._slip_after(self._physics.slip_mean_m))
+        return self.forward_m + self.physics.slip_free_m + float(self._slip_after(self.physics.slip_mean_m))
 
     @property
     def path_m(self) -> float:
@@ -163,6 +175,21 @@ class World:
         self.x_m, self.y_m, self.heading_rad = x_m, y_m, radians(heading_deg)
         self.touch, self._free_m = None, 0.0
         self.pitch_deg = self.roll_deg = 0.0
+        self.hangs = False
+
+    def pull_back(self, distance_m: float) -> None:
+        """Put the body level on the ground, as far behind where it is as is free up to that distance."""
+        dx, dy = -distance_m * sin(self.heading_rad), -distance_m * cos(self.heading_rad)
+        near = self._measure(distance_m + self._body.reach_m)
+        share = 1.0 if self._hit(near, dx, dy, 0.0) is None else self._free_share(near, dx, dy, 0.0)
+        self.carry_to(self.x_m + dx * share, self.y_m + dy * share, degrees(self.heading_rad))
+
+    @property
+    def bump_deg(self) -> float:
+        """Pitch from the low branches that the body is on, degrees, nose up."""
+        if self._underfoot is None:
+            return 0.0
+        return self._underfoot.pitch_deg(self.x_m, self.y_m, sin(self.heading_rad), cos(self.heading_rad))
 
     def harm(self, **mishaps: float | bool) -> None:
         """Change what is wrong with the body, from the next step on."""
@@ -252,7 +279,7 @@ class World:
         hit = self._hit(within_reach, dx, dy, turn_rad) if within_reach else None
         if hit is None:
             return 1.0
-        self._press(hit)
+        self._press(hit, anew=touched is None)
         return 0.0 if touched is not None else self._free_share(within_reach, dx, dy, turn_rad)
 
     def _measure(self, reach_m: float) -> list[Obstacle]:
@@ -289,13 +316,23 @@ class World:
                 share -= 0.5**halving
         return free
 
-    def _press(self, hit: Obstacle) -> None:
+    def _press(self, hit: Obstacle, *, anew: bool) -> None:
         """Stall at an obstacle; the body rears up on a trunk while its wheels push."""
         self.touch = Touch(hit, self._sides(hit))
         if hit.axis_deg is not None:
             duty = (self._left_target_m_s + self._right_target_m_s) / (2.0 * self._full_left_m_s)
-            self.pitch_deg = self.pitch_deg / self._settling + duty * self._physics.climb_deg_s * self._step_s
+            pitch_deg = self.pitch_deg / self._settling
+            if self._climbing is None:
+                self.pitch_deg = pitch_deg + duty * self.physics.climb_deg_s * self._step_s
+            else:
+                self.pitch_deg = pitch_deg + self._climb(self._climbing, duty, anew=anew)
+                self.hangs = self._climbing.is_on(hit, self.pitch_deg)
         self._left_m_s = self._right_m_s = 0.0
+
+    def _climb(self, climbing: Climbing, duty: float, *, anew: bool) -> float:
+        """Return by how many degrees a step of pushing lifts the nose, or from behind the tail."""
+        at_once_deg = copysign(climbing.meet((self._left_m_s + self._right_m_s) / 2.0), duty) if anew else 0.0
+        return at_once_deg + climbing.rate_deg_s(duty) * self._step_s
 
     def _sides(self, hit: Obstacle) -> tuple[Side, ...]:
         """Return the side of the body at which an obstacle lies, by the bearing of its nearest point."""

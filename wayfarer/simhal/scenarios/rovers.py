@@ -31,8 +31,8 @@ def rover_of(scenario: Scenario) -> RoverConfig:
     return laid_over(config, scenario.settings) if scenario.settings else config
 
 
-def laid_over(config: RoverConfig, settings: Mapping[str, Any]) -> RoverConfig:
-    """Return a rover with some settings changed, as validated as a rover file.
+def laid_over(config: RoverConfig, settings: Mapping[str, Any], prefix: str = f"{OVERLAY}.") -> RoverConfig:
+    """Return a rover with some settings changed, as validated as a rover file; an error puts ``prefix`` before a key.
 
     Raises:
         BadConfig: the text names the key and what is allowed.
@@ -41,7 +41,7 @@ def laid_over(config: RoverConfig, settings: Mapping[str, Any]) -> RoverConfig:
     try:
         return RoverConfig.model_validate_json(json.dumps(table, default=str), strict=True)
     except ValidationError as error:
-        raise BadConfig(explain(most_telling(error), RoverConfig, f"{OVERLAY}.")) from None
+        raise BadConfig(explain(most_telling(error), RoverConfig, prefix)) from None
 
 
 def misfit(config: RoverConfig, depth: Depth, fault: Fault) -> str | None:

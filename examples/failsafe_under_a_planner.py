@@ -1,0 +1,142 @@
+"""The escape handler as the fail-safe under another stack's planner, on a rover that has nothing else of wayfarer.
+
+Their planner steers for the goal; stuck, it backs up and tries again; where the camera is dark it waits. Their rover
+has a compass and says itself when it is stuck. What wayfarer adds is in ``drive``: ask the fail-safe once a tick, and
+obey it where it answers. Rover and forest are wayfarer's simulated ones, in the place of theirs.
+
+Run it: python examples/failsafe_under_a_planner.py [FOREST]
+"""
+
+import sys
+from collections import deque
+from collections.abc import Callable
+from math import radians
+from random import Random
+from typing import NamedTuple
+
+from wayfarer.config import load_rover
+from wayfarer.escape.api import EscapeSettings
+from wayfarer.escape.failsafe import FailSafe
+from wayfarer.hal import STOP, WheelCommand
+from wayfarer.registry import find_algorithm
+from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.senses import FLOW_M_PER_COUNT, FlowSense, HeadingSense
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.world import World
+
+PERIOD_S = 0.05
+TIME_S = 600.0
+GOAL_HEADING_DEG = 0.0
+VEHICLE = load_rover("sim").vehicle
+
+
+class Sensed(NamedTuple):
+    """What their rover says of itself in one tick."""
+
+    heading_deg: float
+    stuck: bool
+    blind: bool
+
+
+class TheirRover:
+    """Wheels, a compass, odometry that does not come from the wheels, and a camera that is dark under dense crowns."""
+
+    def __init__(self, forest: int) -> None:
+        streams = Streams(forest)
+        self.world = World(generate_forest(forest, noise=0, seed=0), VEHICLE, Physics(), streams)
+        self._compass, self._odometry = HeadingSense(self.world, streams), FlowSense(self.world, streams)
+        self._wheels = STOP
+        self._drives: deque[tuple[float, float]] = deque(maxlen=8)  # 0.4 s of commanded and moved metres
+
+    def sense(self, t_s: float) -> Sensed:
+        """Look around, the wheels turning as they were told since the last time."""
+        heading_deg = self._compass.sample(t_s)[0] / 10.0
+        moved_m = self._odometry.sample(t_s)[0] * FLOW_M_PER_COUNT
+        return Sensed(heading_deg, self._is_stuck(moved_m), blind=t_s % 30.0 > 25.0)
+
+    def drive(self, wheels: WheelCommand) -> None:
+        """Turn the wheels."""
+        self.world.command(*wheels)
+        self._wheels = wheels
+
+    def _is_stuck(self, moved_m: float) -> bool:
+        """Whether the ground did less than a third of what the wheels were told, for all of the last 0.4 s."""
+        commanded_m = sum(self._wheels) / 2 * VEHICLE.max_speed_m_s * PERIOD_S
+        if abs(commanded_m) < 0.005 or (self._drives and commanded_m * self._drives[-1][0] < 0.0):
+            self._drives.clear()  # turning on the spot, or the other way now: this says nothing
+        else:
+            self._drives.append((commanded_m, moved_m))
+        told_m, did_m = (sum(column) for column in zip(*self._drives, strict=True)) if self._drives else (0.0, 0.0)
+        return len(self._drives) == self._drives.maxlen and did_m / told_m < 1 / 3
+
+
+class TheirPlanner:
+    """Steers for the goal; stuck, it backs up for a second and tries again."""
+
+    def __init__(self) -> None:
+        self._back_until_s = 0.0
+
+    def plan(self, t_s: float, sensed: Sensed) -> WheelCommand:
+        """Return the wheels for this tick."""
+        if sensed.blind:
+            return STOP
+        if sensed.stuck and t_s >= self._back_until_s:
+            self._back_until_s = t_s + 1.0
+        if t_s < self._back_until_s:
+            return VEHICLE.mix(-0.6, 0.0)
+        error_deg = (GOAL_HEADING_DEG - sensed.heading_deg + 180.0) % 360.0 - 180.0
+        return VEHICLE.mix(1.0 if abs(error_deg) < 60.0 else 0.0, 3.0 * radians(error_deg))
+
+
+class Trip(NamedTuple):
+    """What became of one rover."""
+
+    out: bool
+    north_m: float
+    time_s: float
+    takeovers: int
+
+
+def drive(forest: int, failsafe: FailSafe | None, say: Callable[[str], None] = lambda _: None) -> Trip:
+    """Drive until out of the wood, or out of time."""
+    rover, planner, t_s, takeovers = TheirRover(forest), TheirPlanner(), 0.0, 0
+    while t_s < TIME_S and not is_out(rover.world):
+        sensed = rover.sense(t_s)
+        wheels = planner.plan(t_s, sensed)
+        if failsafe is not None:
+            drove = failsafe.drives
+            heading_deg, stuck, blind = sensed
+            decision = failsafe.update(t_s, heading_deg, GOAL_HEADING_DEG, stuck=stuck, blind=blind)
+            if decision is not None:
+                wheels = decision.wheels
+            if failsafe.drives and not drove:
+                takeovers += 1
+                say(f"{t_s:6.2f} s  {'stuck' if stuck else 'blind'}: the handler drives")
+            elif drove and not failsafe.drives:
+                say(f"{t_s:6.2f} s  free: the planner drives")
+        rover.drive(wheels)
+        t_s += PERIOD_S
+    return Trip(is_out(rover.world), rover.world.y_m, t_s, takeovers)
+
+
+def is_out(world: World) -> bool:
+    """Whether a rover has left the wood of 50 x 50 m."""
+    return not (0.0 <= world.x_m <= 50.0 and 0.0 <= world.y_m <= 50.0)
+
+
+def make_failsafe(forest: int) -> FailSafe:
+    """Return the fail-safe of one trip."""
+    return FailSafe(find_algorithm("forest-pledge").make(EscapeSettings(), VEHICLE, Random(forest)), VEHICLE)
+
+
+def tell(who: str, trip: Trip) -> None:
+    """Say what became of a rover."""
+    fate = "out of the wood" if trip.out else f"still {50.0 - trip.north_m:.1f} m short of the edge"
+    print(f"{who}: {fate} after {trip.time_s:.0f} s, {trip.takeovers} takeovers")
+
+
+if __name__ == "__main__":
+    number = int(sys.argv[1]) if len(sys.argv) > 1 else 0
+    tell("the planner alone", drive(number, None))
+    tell("with the fail-safe", drive(number, make_failsafe(number), print))

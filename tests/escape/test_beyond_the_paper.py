@@ -1,0 +1,95 @@
+"""The rows beyond the paper at work: what they promise, and how they differ from Forest-Pledge."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+from tests.escape.walk import SETTINGS, VEHICLE, Walk
+from wayfarer.angles import wrap180
+from wayfarer.escape.api import Anomaly, Phase
+from wayfarer.escape.catalogue import BEYOND_THE_PAPER, BUILT_IN, CATALOGUE
+from wayfarer.testing import check_algorithm
+
+RETRYING = ("retrying-pledge", "nose-pledge")
+
+
+@pytest.mark.parametrize("name", BEYOND_THE_PAPER)
+def test_row_keeps_the_promises_of_an_algorithm(name: str) -> None:
+    check_algorithm(BEYOND_THE_PAPER[name])
+
+
+def test_rows_beyond_the_paper_need_no_contact_and_no_name_of_the_paper_s() -> None:
+    assert not any(row.requires for row in BEYOND_THE_PAPER.values())
+    assert len(BUILT_IN) == len(CATALOGUE) + len(BEYOND_THE_PAPER)
+    assert all(row.summary and row.family == "pledge" for row in BEYOND_THE_PAPER.values())
+
+
+@pytest.mark.parametrize("name", BEYOND_THE_PAPER)
+def test_row_draws_no_chance(name: str) -> None:
+    chance = Random(1)
+    before = chance.getstate()
+    handler = BEYOND_THE_PAPER[name].make(SETTINGS, VEHICLE, chance)
+    walk = Walk(name)
+    walk.handler = handler
+    for _ in range(3):
+        walk.to(Phase.BACK_OFF)
+        walk.to(Phase.FOLLOW)
+    assert chance.getstate() == before
+
+
+def widest_turn_deg(name: str, *anomalies: Anomaly) -> float:
+    """How far from the goal the rover heads between an anomaly, after 5 m of free driving, and following it again."""
+    walk = Walk(name)
+    while walk.seen.travelled_m < 5.0:
+        walk.tick()
+    walk.tick(*anomalies)
+    widest = 0.0
+    while walk.decision.phase is not Phase.FOLLOW:
+        walk.tick()
+        widest = max(widest, abs(wrap180(walk.seen.heading_deg)))
+    return widest
+
+
+def test_slip_is_answered_straight_ahead_by_those_that_retry() -> None:
+    for name in RETRYING:
+        assert widest_turn_deg(name, Anomaly.IMMOBILISED) < 5.0
+    assert widest_turn_deg("forest-pledge", Anomaly.IMMOBILISED) > 25.0
+
+
+def test_slip_is_answered_small_by_the_one_that_wants_it_confirmed() -> None:
+    assert 10.0 < widest_turn_deg("confirmed-pledge", Anomaly.IMMOBILISED) < 20.0
+
+
+@pytest.mark.parametrize("name", RETRYING)
+def test_wall_is_answered_at_its_second_contact(name: str) -> None:
+    walk = Walk(name)
+    walk.to(Phase.BACK_OFF)
+    walk.to(Phase.FOLLOW)
+    walk.tick(Anomaly.IMMOBILISED)
+    walk.to(Phase.PROBE)
+    assert wrap180(walk.seen.heading_deg) > 25.0
+
+
+def test_nose_that_rose_is_a_wall_at_its_first_contact() -> None:
+    walk = Walk("nose-pledge")
+    while walk.seen.travelled_m < 5.0:
+        walk.tick()
+    for pitch_deg in (2.0, 4.0, 6.0, 8.0):
+        walk.seen = walk.seen._replace(pitch_deg=pitch_deg)
+        walk.tick()
+    walk.tick(Anomaly.IMMOBILISED)
+    walk.to(Phase.PROBE)
+    assert wrap180(walk.seen.heading_deg) > 25.0
+
+
+@pytest.mark.parametrize("name", BEYOND_THE_PAPER)
+def test_reversing_that_is_blocked_does_not_hold_any_row_up(name: str) -> None:
+    walk = Walk(name)
+    walk.travels = False
+    walk.tick(Anomaly.IMMOBILISED)
+    for _ in range(200):
+        if walk.tick(Anomaly.IMMOBILISED).phase is not Phase.BACK_OFF:
+            return
+    raise AssertionError("it reverses for ever")

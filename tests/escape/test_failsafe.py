@@ -1,0 +1,190 @@
+"""The escape handler under another stack's planner: who has the wheels, and when."""
+
+from __future__ import annotations
+
+from math import inf, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.escape.walk import TICK_S, VEHICLE, make
+from wayfarer.escape.api import Decision, Phase
+from wayfarer.escape.failsafe import NO_HEADING, FailSafe
+from wayfarer.hal import STOP
+
+
+class Ride:
+    """Asks a fail-safe once a tick; the body turns as the handler tells it, and goes straight on under the planner."""
+
+    def __init__(self, algorithm: str = "forest-pledge") -> None:
+        self.failsafe = FailSafe(make(algorithm), VEHICLE)
+        self.t_s = self.heading_deg = 0.0
+        self.decision: Decision | None = None
+
+    def tick(self, *, stuck: bool = False, blind: bool = False) -> Decision | None:
+        if self.decision is not None:
+            left, right = self.decision.wheels
+            self.heading_deg += (left - right) * VEHICLE.max_speed_m_s / VEHICLE.track_m * TICK_S * 57.29578
+        self.t_s += TICK_S
+        self.decision = self.failsafe.update(self.t_s, self.heading_deg, 0.0, stuck=stuck, blind=blind)
+        return self.decision
+
+    def until_given_back(self) -> list[Decision]:
+        """Go on freely until the planner has the wheels again; return what the handler decided."""
+        decisions: list[Decision] = []
+        for _ in range(2000):
+            decision = self.tick()
+            if decision is None:
+                return decisions
+            decisions.append(decision)
+        raise AssertionError(f"still {self.decision} after 100 s")
+
+    def planner_drives(self, for_s: float) -> None:
+        for _ in range(round(for_s / TICK_S)):
+            assert self.tick() is None
+
+
+def free_run_m(decisions: list[Decision]) -> float:
+    """How far the handler followed the goal in the end."""
+    metres = 0.0
+    for decision in reversed(decisions):
+        if decision.phase is not Phase.FOLLOW:
+            return metres
+        metres += sum(decision.wheels) / 2 * VEHICLE.max_speed_m_s * TICK_S
+    return metres
+
+
+def test_planner_that_gets_on_is_never_disturbed() -> None:
+    ride = Ride()
+    ride.planner_drives(60.0)
+    assert not ride.failsafe.drives
+
+
+@pytest.mark.parametrize("algorithm", ["forest-pledge", "pledge", "levy-walk"])
+def test_stuck_planner_loses_its_wheels_at_once_and_gets_them_back_after_an_episode_and_a_free_run(
+    algorithm: str,
+) -> None:
+    ride = Ride(algorithm)
+    ride.planner_drives(1.0)
+    first = ride.tick(stuck=True)
+    assert first is not None
+    assert first.phase is Phase.BACK_OFF
+    assert sum(first.wheels) < 0.0
+    decisions = ride.until_given_back()
+    assert decisions[-1].phase is Phase.FOLLOW
+    assert free_run_m(decisions) == pytest.approx(1.0, abs=0.15)
+
+
+def test_free_run_begins_anew_with_each_episode() -> None:
+    ride = Ride()
+    ride.tick(stuck=True)
+    while ride.decision is not None and ride.decision.phase is not Phase.FOLLOW:
+        ride.tick()
+    for _ in range(5):
+        ride.tick()
+    again = ride.tick(stuck=True)
+    assert again is not None
+    assert again.phase is Phase.BACK_OFF
+    assert free_run_m(ride.until_given_back()) == pytest.approx(1.0, abs=0.15)
+
+
+def test_blind_planner_is_stood_in_for_until_it_sees() -> None:
+    ride = Ride()
+    for _ in range(100):
+        decision = ride.tick(blind=True)
+        assert decision is not None
+        assert decision.phase is Phase.FOLLOW
+    assert ride.tick() is None
+
+
+def test_planner_that_sees_again_waits_for_the_episode_to_end() -> None:
+    ride = Ride()
+    ride.tick(blind=True)
+    ride.tick(stuck=True, blind=True)
+    assert ride.until_given_back()[-1].phase is Phase.FOLLOW
+
+
+def test_rover_that_is_free_is_kept_while_the_planner_is_blind() -> None:
+    ride = Ride()
+    ride.tick(stuck=True, blind=True)
+    for _ in range(400):
+        assert ride.tick(blind=True) is not None
+    assert ride.tick() is None
+
+
+def test_planner_that_relapses_waits_twice_as_long_each_time_up_to_a_limit() -> None:
+    ride = Ride()
+    runs_m = []
+    for _ in range(7):
+        ride.tick(stuck=True)
+        runs_m.append(free_run_m(ride.until_given_back()))
+        ride.planner_drives(2.0)
+    assert runs_m == pytest.approx([1.0, 2.0, 4.0, 8.0, 16.0, 16.0, 16.0], abs=0.15)
+
+
+def test_planner_that_got_on_for_long_is_trusted_again() -> None:
+    ride = Ride()
+    for _ in range(2):
+        ride.tick(stuck=True)
+        ride.until_given_back()
+    ride.planner_drives(10.0)
+    ride.tick(stuck=True)
+    assert free_run_m(ride.until_given_back()) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("unknown_deg", [nan, inf, -inf])
+def test_wheels_stand_while_the_heading_is_unknown_and_the_manoeuvre_goes_on_afterwards(unknown_deg: float) -> None:
+    rides = Ride(), Ride()
+    for ride in rides:
+        ride.tick(stuck=True)
+    lost = rides[0]
+    for _ in range(100):
+        lost.t_s += TICK_S
+        assert lost.failsafe.update(lost.t_s, unknown_deg, 0.0, stuck=False) is NO_HEADING
+    lost.decision = NO_HEADING
+    after = [[ride.tick() for _ in range(20)] for ride in rides]
+    assert after[0][1:] == after[1][:-1]  # the tick in which the heading was lost moved nothing
+
+
+def test_goal_that_is_not_finite_stands_the_wheels_too() -> None:
+    decision = Ride().failsafe.update(1.0, 0.0, nan, stuck=True)
+    assert decision is not None
+    assert decision.wheels == STOP
+
+
+def test_same_time_gives_the_same_answer() -> None:
+    ride = Ride()
+    first = ride.tick(stuck=True)
+    for t_s in (ride.t_s, ride.t_s - 1.0, nan):
+        assert ride.failsafe.update(t_s, 90.0, 0.0, stuck=False) is first
+
+
+def test_gap_between_two_calls_is_not_counted_as_driven() -> None:
+    """A back-off of 0.15 m at 0.6 m/s takes 0.25 s; the first fifth of a second of a gap counts."""
+    ride = Ride()
+    ride.tick(stuck=True)
+    ride.t_s += 60.0
+    decision = ride.tick()
+    assert decision is not None
+    assert decision.phase is Phase.BACK_OFF
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(0.0, 1.0), st.floats(allow_nan=True, allow_infinity=True), st.booleans(), st.booleans()),
+        max_size=80,
+    )
+)
+def test_whatever_it_is_told_the_planner_has_its_wheels_or_the_handler_gives_duties(
+    ticks: list[tuple[float, float, bool, bool]],
+) -> None:
+    failsafe, t_s = FailSafe(make("forest-pledge"), VEHICLE), 0.0
+    for dt_s, heading_deg, stuck, blind in ticks:
+        t_s += dt_s
+        decision = failsafe.update(t_s, heading_deg, 30.0, stuck=stuck, blind=blind)
+        assert failsafe.drives is (decision is not None)
+        if decision is None:
+            assert dt_s == 0.0 or not (stuck or blind)
+        else:
+            assert all(abs(duty) <= 1.0 for duty in decision.wheels)

@@ -1,0 +1,224 @@
+"""Each tactic by itself: what it makes of a plan, and what it remembers."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wayfarer.escape.guards import LOOP, STRICT, LoopGuard, SideSwitch
+from wayfarer.escape.manoeuvres import Course
+from wayfarer.escape.tactics import (
+    ArcSchedule,
+    ConfirmWall,
+    Measures,
+    Met,
+    RetryAhead,
+    ShortBackOff,
+    Tactic,
+    nose_level,
+    on_the_way,
+)
+
+MET = Met(
+    new_episode=True, nose_up_deg=0.0, bearing_deg=0.0, ahead_m=0.0, right_m=0.0, travelled_m=0.0, blocked_turns=0
+)
+CONFIRM = partial(ConfirmWall, small_turn_deg=15.0, confirms_within_m=1.3)
+SWITCH = partial(SideSwitch, first_m=20.0, gain_m=0.4)
+SCHEDULE = partial(ArcSchedule, radii=(0.5, 1.0, 2.0), anomalies=3, free_run_m=2.0)
+SHORT = partial(ShortBackOff, first=0.4, again=0.8, free_run_m=0.9)
+RETRY = partial(RetryAhead, free_run_m=0.9, worth=on_the_way)
+
+
+def plan(tactic: Tactic, *, side: int = 1, counter_deg: float = 0.0, **met: Any) -> Course:
+    """What is planned for an anomaly; before it, what the settings and the paper's choices say."""
+    course = Course(
+        side=side, turn_deg=30.0, back_off_m=0.15, straight_m=0.6, radius_m=1.15, counter_deg=counter_deg, resets=True
+    )
+    tactic.plan(MET._replace(**met), course)
+    return course
+
+
+def test_measures_are_multiples_of_the_rover_file_s() -> None:
+    course = plan(Measures(turn=2.0, back_off=0.5, straight=0.5, radius=2.0))
+    assert (course.turn_deg, course.back_off_m, course.straight_m, course.radius_m) == (60.0, 0.075, 0.3, 2.3)
+    assert plan(Measures()) == plan(Measures(turn=1.0))
+
+
+def test_back_off_is_short_after_a_free_run_and_longer_where_that_did_not_help() -> None:
+    short = SHORT()
+    back_offs = [plan(short, travelled_m=at).back_off_m for at in (5.0, 5.6, 9.0)]
+    assert back_offs == pytest.approx([0.06, 0.12, 0.06])
+    assert plan(short, travelled_m=20.0, blocked_turns=1).back_off_m == pytest.approx(0.12)
+
+
+# --- the loop guard
+
+
+def lap(guard: LoopGuard, *, drift_m: float = 0.0) -> bool:
+    """Whether episodes may end early after a lap of four walls, 5 m apart."""
+    met = [(0.0, 5.0, 0.0), (5.0, 5.0, 90.0), (5.0, 0.0, 180.0), (0.0, 0.0, -90.0)]
+    return [plan(guard, right_m=x + drift_m, ahead_m=y, bearing_deg=at).resets for x, y, at in met][-1]
+
+
+def test_third_lap_of_a_circle_makes_pledge_strict_for_a_while() -> None:
+    guard = LoopGuard()
+    assert [lap(guard) for _ in range(LOOP)] == [True] * (LOOP - 1) + [False]
+    strict = [plan(guard, ahead_m=100.0 + 2.0 * k).resets for k in range(STRICT)]
+    left = STRICT - 4  # the third lap had the first of them
+    assert strict == [False] * left + [True] * (STRICT - left)
+
+
+def test_way_that_never_comes_back_is_no_circle() -> None:
+    guard = LoopGuard()
+    assert all(plan(guard, ahead_m=1.5 * k).resets for k in range(500))
+
+
+def test_same_place_with_another_heading_is_another_anomaly() -> None:
+    guard = LoopGuard()
+    assert all(plan(guard, bearing_deg=45.0 * k - 180.0).resets for k in range(8) for _ in range(LOOP - 1))
+
+
+def test_bearings_either_side_of_backwards_are_the_same() -> None:
+    guard = LoopGuard()
+    assert [plan(guard, bearing_deg=at).resets for at in (179.0, -179.0, 178.0)] == [True, True, False]
+
+
+def test_circle_that_drifts_by_more_than_a_cell_a_lap_stays_hidden() -> None:
+    """What the guard cannot do: its docstring says so."""
+    guard = LoopGuard()
+    assert all(lap(guard, drift_m=1.5 * k) for k in range(10))
+
+
+# --- confirming a wall
+
+
+def test_anomalies_far_apart_are_answered_small_to_alternating_sides() -> None:
+    confirm = CONFIRM()
+    courses = [plan(confirm, travelled_m=5.0 * k) for k in range(4)]
+    assert [(course.side, course.turn_deg) for course in courses] == [(-1, 15.0), (1, 15.0), (-1, 15.0), (1, 15.0)]
+
+
+@pytest.mark.parametrize("new_episode", [True, False])
+def test_second_anomaly_nearby_is_a_wall_and_gets_the_fixed_hand(new_episode: bool) -> None:
+    confirm = CONFIRM()
+    first = plan(confirm, travelled_m=5.0)
+    second = plan(confirm, side=first.side, travelled_m=6.0, new_episode=new_episode)
+    assert (first.side, second.side, second.turn_deg) == (-1, 1, 30.0)
+
+
+def test_hand_that_was_chosen_stays_for_the_wall() -> None:
+    confirm = CONFIRM()
+    plan(confirm, travelled_m=5.0)
+    plan(confirm, travelled_m=6.0)
+    course = plan(confirm, side=-1, travelled_m=7.0, new_episode=False)
+    assert (course.side, course.turn_deg) == (-1, 30.0), "whoever switched the hand later is not overruled"
+
+
+# --- retrying
+
+
+def test_first_anomaly_of_a_free_run_is_retried_straight_and_the_next_one_answered() -> None:
+    retry = RETRY()
+    turns = [plan(retry, travelled_m=at).turn_deg for at in (5.0, 5.6, 6.2, 9.0)]
+    assert turns == [0.0, 30.0, 30.0, 0.0]
+
+
+def test_contacts_along_a_wall_are_not_retried() -> None:
+    assert plan(RETRY(), new_episode=False, travelled_m=5.0).turn_deg == 30.0
+
+
+def test_body_that_is_wedged_does_not_retry() -> None:
+    assert plan(RETRY(), blocked_turns=1, travelled_m=5.0).turn_deg == 30.0
+
+
+@pytest.mark.parametrize(("nose_up_deg", "turn_deg"), [(0.4, 0.0), (-5.0, 0.0), (8.0, 30.0)])
+@pytest.mark.parametrize("new_episode", [True, False])
+def test_raised_nose_is_an_obstacle_at_once(nose_up_deg: float, turn_deg: float, new_episode: bool) -> None:
+    retry = RetryAhead(free_run_m=0.9, worth=nose_level)
+    assert plan(retry, new_episode=new_episode, nose_up_deg=nose_up_deg, travelled_m=5.0).turn_deg == turn_deg
+
+
+# --- switching sides
+
+
+def test_long_barrier_is_tried_at_its_other_end_twice_as_far_each_time() -> None:
+    switch = SWITCH()
+    plan(switch)
+    along = [(10.0, 1), (21.0, 1), (0.0, -1), (-21.0, -1), (-41.0, -1), (79.0, 1), (81.0, 1)]
+    sides = [plan(switch, new_episode=False, right_m=right_m, side=side).side for right_m, side in along]
+    assert sides == [1, -1, -1, -1, 1, 1, -1]
+
+
+def test_way_that_gains_ground_is_left_alone() -> None:
+    switch = SWITCH()
+    plan(switch)
+    assert plan(switch, new_episode=False, right_m=30.0, ahead_m=0.5).side == 1
+
+
+def test_new_episode_begins_a_new_barrier() -> None:
+    switch = SWITCH()
+    plan(switch)
+    plan(switch, right_m=15.0)
+    assert plan(switch, new_episode=False, right_m=25.0).side == 1
+
+
+@given(st.floats(-180.0, 179.9), st.sampled_from([1, -1]), st.integers(-2, 2))
+def test_turning_round_ends_on_the_other_hand_s_side_of_the_counter(bearing: float, side: int, turns: int) -> None:
+    switch = SWITCH()
+    plan(switch, side=side)
+    course = plan(
+        switch, new_episode=False, right_m=side * 25.0, bearing_deg=bearing, counter_deg=bearing + 360.0 * turns,
+        side=side,
+    )  # fmt: skip
+    after_deg = course.counter_deg + course.side * course.turn_deg
+    assert course.side == -side
+    assert after_deg * course.side >= 0.0, "there is something to unwind, not the other way"
+    assert (after_deg - bearing) % 360.0 == pytest.approx(180.0), "it heads back along the wall"
+
+
+# --- the arc schedule
+
+
+def test_arcs_widen_where_nothing_is_free_and_shrink_after_a_free_run() -> None:
+    schedule = SCHEDULE()
+    radii = [plan(schedule, new_episode=False, travelled_m=0.5 * k).radius_m for k in range(8)]
+    assert radii == pytest.approx([1.15 * share for share in (0.5, 0.5, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0)])
+    after = [plan(schedule, new_episode=False, travelled_m=at).radius_m for at in (6.0, 9.0, 12.0)]
+    assert after == pytest.approx([1.15, 0.575, 0.575])
+
+
+def test_wider_arcs_back_off_further_but_never_beyond_the_steps() -> None:
+    schedule = SCHEDULE()
+    back_offs = [plan(schedule, new_episode=False).back_off_m for _ in range(20)]
+    assert max(back_offs) == pytest.approx(3 * 0.15)
+
+
+def test_gap_of_the_last_episode_is_tried_first() -> None:
+    schedule = SCHEDULE()
+    plan(schedule, travelled_m=0.0)
+    plan(schedule, new_episode=False, travelled_m=1.0, bearing_deg=30.0)
+    plan(schedule, new_episode=False, travelled_m=4.0, bearing_deg=-60.0)
+    course = plan(schedule, travelled_m=20.0, bearing_deg=0.0)
+    assert (course.side, course.turn_deg) == (-1, 60.0)
+
+
+# --- all of them
+
+
+@pytest.mark.parametrize("make", [LoopGuard, CONFIRM, RETRY, SWITCH, SCHEDULE, SHORT])
+@given(st.lists(st.tuples(st.booleans(), st.floats(-180.0, 179.0), st.floats(0.0, 5.0)), max_size=40))
+def test_reset_forgets_everything(make: Any, walk: list[tuple[bool, float, float]]) -> None:
+    def play(tactic: Tactic) -> list[Course]:
+        return [
+            plan(tactic, new_episode=new, bearing_deg=at, right_m=4.0 * far, travelled_m=k * far)
+            for k, (new, at, far) in enumerate(walk)
+        ]
+
+    tactic = make()
+    first = play(tactic)
+    tactic.reset()
+    assert play(tactic) == first

@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.simhal import fake_trials
+from wayfarer import cli
+from wayfarer.simhal.stage import TrialSpec
+from wayfarer.simhal.trial import TrialResult
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+def out_at_once(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+    """A trial that gets out, on a path that is a metre longer for each letter of its algorithm."""
+    path_m = 40.0 + spec.seed % 1000 / 7 + len(spec.algorithm)
+    return fake_trials.quick(spec)._replace(outcome="escaped", path_m=path_m, spl=37.5 / path_m)
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run the command in this process, with trials that end at once."""
+    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", out_at_once)
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        code = cli.run([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run
+
+
+@pytest.fixture
+def results(run: Run, tmp_path: Path) -> Path:
+    folder = tmp_path / "results"
+    asked = ("--algorithm", "pledge,forest-pledge,guarded-pledge", "--trials", 6, "--jobs", 1, "--out", folder)
+    assert run("sim", *asked)[0] == 0
+    return folder
+
+
+def told(out: str) -> list[list[str]]:
+    """The lines of algorithms, by their words."""
+    return [words for line in out.splitlines() if (words := line.split())[:1] and words[0].endswith("pledge")]
+
+
+def test_each_algorithm_has_one_line_and_the_one_compared_with_comes_first(
+    run: Run, results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    code, out, err = run("compare", results)
+    assert (code, err) == (0, "")
+    lines = told(out)
+    assert [line[0] for line in lines] == ["forest-pledge", "pledge", "guarded-pledge"]
+    assert [line[1] for line in lines] == ["6"] * 3
+    assert "bootstrap of 3 layouts" in out, "two noises each"
+
+
+def test_what_is_too_wide_for_the_terminal_is_told_in_two_tables(
+    run: Run, results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    _, out, _ = run("compare", results)
+    assert [line[0] for line in told(out)] == ["forest-pledge", "pledge", "guarded-pledge"] * 2
+    assert "…" not in out
+
+
+def test_a_path_that_is_a_metre_longer_in_every_pair_is_told_as_such(
+    run: Run, results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    _, out, _ = run("compare", results, "--against", "forest-pledge")
+    line = next(line for line in out.splitlines() if "guarded-pledge" in line)
+    assert "+1.0 [+1.0, +1.0]" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["{results}", "--against", "levy-walk"], "no trial of 'levy-walk' to compare with; --against takes one of"),
+        (["{results}/missing"], "no such folder; give one that `wayfarer sim --out` has filled"),
+    ],
+)
+def test_what_cannot_be_compared_is_one_line(run: Run, results: Path, arguments: list[str], said: str) -> None:
+    code, out, err = run("compare", *(argument.format(results=results) for argument in arguments))
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert said in err

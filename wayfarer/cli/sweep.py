@@ -1,0 +1,97 @@
+"""``wayfarer sweep``: how much the results depend on a setting."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wayfarer.cli.extras import require
+from wayfarer.cli.sim import RUNNING, AnomalySource, Depth
+
+EXAMPLES = """Examples:
+
+wayfarer sweep escape.turn_angle_deg=10:180:10 --trials 200 --out angles
+
+wayfarer sweep footprint_m=0.2,0.4,0.6,0.8 slip_mean_m=2,5,10 --spl --out body
+
+wayfarer sweep sim.compass_noise_deg=0:20:2 --algorithm paper --forests forests.jsonl --out noise
+
+wayfarer report angles
+"""
+
+
+def sweep(
+    keys: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="KEY=VALUES...",
+            help="One key or two, each FIRST:LAST:STEP or a list. Any key of a rover file by its dotted name; "
+            "footprint_m, length and width together; slip_mean_m; budget_m; sim.trees_per_ha; "
+            "sim. and any number of the simulated world.",
+        ),
+    ],
+    *,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="New or empty folder for the results.", rich_help_panel=RUNNING)
+    ],
+    trials: Annotated[
+        int, typer.Option(min=1, max=1_000_000, metavar="N", help="Trials of each algorithm at each point.")
+    ] = 200,
+    algorithm: Annotated[
+        str, typer.Option(metavar="NAME[,NAME...]|paper", help="What decides; 'paper' stands for the ten of the paper.")
+    ] = "forest-pledge",
+    forests: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Forests to use, in file order; without it two noises on generated layouts."),
+    ] = None,
+    rover: Annotated[str, typer.Option(metavar="NAME|FILE", help="A shipped rover or a TOML file.")] = "sim",
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Another seed is another campaign.")] = 0,
+    slip_mean_m: Annotated[float, typer.Option(metavar="M", help="Mean distance between slip events.")] = 10.0,
+    budget_m: Annotated[
+        float, typer.Option(metavar="M", help="Path after which a rover counts as entrapped.")
+    ] = 1000.0,
+    anomaly_source: Annotated[
+        AnomalySource | None,
+        typer.Option(help="Notice an obstacle by not moving, or at once by touch. (default: as the rover file says)"),
+    ] = None,
+    depth: Annotated[
+        Depth, typer.Option(help="Simulated parts, or the real drivers over simulated chips; slower.")
+    ] = Depth.device,
+    spl: Annotated[
+        bool, typer.Option("--spl", help="Compute the shortest paths that are not known, for SPL; slower.")
+    ] = False,
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Processes; without it one for each core.", rich_help_panel=RUNNING),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the interrupted sweep in --out.", rich_help_panel=RUNNING)
+    ] = False,
+) -> None:
+    """Run the same trials at each point of a grid of settings, and see what that changes."""
+    require("sweeping")
+    from wayfarer.config import load_rover
+    from wayfarer.simhal.command import algorithms, check_rover, cores
+    from wayfarer.simhal.plan import Campaign, read_forest_file
+    from wayfarer.simhal.sweep.axes import parse_axis
+    from wayfarer.simhal.sweep.command import run_all
+    from wayfarer.simhal.sweep.plan import make_sweep
+
+    config = load_rover(rover)
+    campaign = Campaign(
+        algorithms(algorithm),
+        trials,
+        config.with_anomaly_source(anomaly_source.value) if anomaly_source else config,
+        seed=seed,
+        slip_mean_m=slip_mean_m,
+        budget_m=budget_m,
+        spl=spl,
+        depth=depth.value,
+        forests=read_forest_file(forests) if forests else None,
+    )
+    plan = make_sweep(campaign, [parse_axis(text) for text in keys])
+    for point in plan.points:
+        check_rover(point.campaign)
+    raise typer.Exit(run_all(plan, out, resume=resume, jobs=jobs or cores()))

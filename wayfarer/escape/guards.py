@@ -1,0 +1,77 @@
+"""Tactics for the rare and bad cases: circling, and a barrier without an end."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from wayfarer.escape.manoeuvres import Course
+from wayfarer.escape.tactics import Met
+
+# An anomaly is the same as another one in a cell of 1 m and an octant of heading; three of a kind among the last 80 are
+# a loop, and strict Pledge is to lead out of it for 30 (the field survey's design).
+CELL_M = 1.0
+OCTANT_DEG = 45.0
+REMEMBERED = 80
+LOOP = 3
+STRICT = 30
+
+
+class LoopGuard:
+    """Unwind every turn, as strict Pledge does, for some anomalies after the same one was met again and again.
+
+    A heading back at the goal ends Forest-Pledge's episodes early, which is short on average and circles in a trap
+    shaped like a G. Dead reckoning that drifts by more than a cell a lap can hide a circle.
+    """
+
+    def __init__(self) -> None:
+        self._met: deque[tuple[int, int, int]] = deque(maxlen=REMEMBERED)
+        self._strict = 0
+
+    def reset(self) -> None:
+        """See ``Tactic``."""
+        self._met.clear()
+        self._strict = 0
+
+    def plan(self, met: Met, course: Course) -> None:
+        """See ``Tactic``."""
+        here = round(met.ahead_m / CELL_M), round(met.right_m / CELL_M), round(met.bearing_deg / OCTANT_DEG) % 8
+        self._met.append(here)
+        if self._met.count(here) >= LOOP:
+            self._strict = STRICT
+            self._met.clear()
+        if self._strict:
+            self._strict -= 1
+            course.resets = False
+
+
+class SideSwitch:
+    """Try a barrier's other end when an episode leads far to one side and not ahead, each time twice as far.
+
+    That is the doubling search for the end of a wall on a line: the way is bounded by a multiple of the shortest one.
+    """
+
+    def __init__(self, first_m: float, gain_m: float) -> None:
+        self._first_m, self._gain_m = first_m, gain_m
+        self.reset()
+
+    def reset(self) -> None:
+        """See ``Tactic``."""
+        self._ahead_m = self._right_m = 0.0
+        self._reach_m = self._first_m
+
+    def plan(self, met: Met, course: Course) -> None:
+        """See ``Tactic``."""
+        if met.new_episode:
+            self._ahead_m, self._right_m, self._reach_m = met.ahead_m, met.right_m, self._first_m
+        elif met.ahead_m - self._ahead_m >= self._gain_m:
+            return
+        elif (met.right_m - self._right_m) * course.side >= self._reach_m:
+            self._reach_m *= 2.0
+            turn_round(met, course)
+
+
+def turn_round(met: Met, course: Course) -> None:
+    """Plan to follow the same wall with the other hand: a half turn; whole turns of the counter are forgiven."""
+    course.counter_deg = met.bearing_deg
+    course.side = -course.side
+    course.turn_deg = 180.0

@@ -1,0 +1,195 @@
+"""Better plans for the anomaly just met, made of small tactics with a memory; ``catalogue`` composes them.
+
+The ten algorithms of the paper answer each anomaly from what they see at that moment (``policies``). A tactic
+remembers: it is asked at each anomaly, after those choices, and may change the plan that is in the ``Course``: side,
+turn angle, back-off, length of the straight, radius of the probe's arc, and whether a heading back at the goal ends the
+episode. It sees what any blind rover has: the compass, that something is wrong, and dead reckoning from commands. It
+cannot prolong anything: phases keep their bounds, whatever is planned.
+
+Numbers without another source are from ``docs/better-escape.md``, found on the even layouts of the reference forests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+from typing import NamedTuple, Protocol
+
+from wayfarer.escape.manoeuvres import Course
+from wayfarer.escape.policies import CLOCKWISE
+
+
+class Met(NamedTuple):
+    """An anomaly, as a tactic sees it.
+
+    ``nose_up_deg`` is how far the nose has risen over the slope of the ground. ``bearing_deg`` is the heading relative
+    to the goal, in [-180, 180), clockwise positive; ``ahead_m`` and ``right_m`` are dead reckoning along and across the
+    goal heading since the mission began; ``travelled_m`` is the distance commanded; ``blocked_turns`` counts turns in a
+    row that something stopped.
+    """
+
+    new_episode: bool
+    nose_up_deg: float
+    bearing_deg: float
+    ahead_m: float
+    right_m: float
+    travelled_m: float
+    blocked_turns: int
+
+
+class Tactic(Protocol):
+    """Changes plans; made anew for each handler."""
+
+    def reset(self) -> None:
+        """Forget everything: a new mission begins."""
+
+    def plan(self, met: Met, course: Course) -> None:
+        """Change the plan for this anomaly."""
+
+
+class Measures:
+    """Plan in other measures: each a multiple of what the rover file says, so that it still fits the rover."""
+
+    def __init__(self, *, turn: float = 1.0, back_off: float = 1.0, straight: float = 1.0, radius: float = 1.0) -> None:
+        self._turn, self._back_off, self._straight, self._radius = turn, back_off, straight, radius
+
+    def reset(self) -> None:
+        """See ``Tactic``; there is nothing to forget."""
+
+    def plan(self, _met: Met, course: Course) -> None:
+        """See ``Tactic``."""
+        course.turn_deg *= self._turn
+        course.back_off_m *= self._back_off
+        course.straight_m *= self._straight
+        course.radius_m *= self._radius
+
+
+class ShortBackOff:
+    """Back off by a share of the usual distance after a free run, and by another one where something is met again.
+
+    Every metre backwards is driven twice. A slip is over as soon as the wheels pull back, and a body needs less room
+    than the usual distance to turn on the spot; where it was too little, the next one is longer.
+    """
+
+    def __init__(self, *, first: float, again: float, free_run_m: float) -> None:
+        self._first, self._again, self._free_run_m = first, again, free_run_m
+        self.reset()
+
+    def reset(self) -> None:
+        """See ``Tactic``."""
+        self._last_m = -inf
+
+    def plan(self, met: Met, course: Course) -> None:
+        """See ``Tactic``."""
+        free = met.travelled_m - self._last_m > self._free_run_m
+        self._last_m = met.travelled_m
+        course.back_off_m *= self._first if free and not met.blocked_turns else self._again
+
+
+# A rover that pushes onto a trunk for the 0.3 s of a stall raises its nose by some 8 degrees; a compass's own noise is
+# far below a degree.
+NOSE_UP_DEG = 3.0
+
+
+def on_the_way(met: Met) -> bool:
+    """Tell whether the rover was following its goal: along a wall, contacts are what is to be expected."""
+    return met.new_episode
+
+
+def nose_level(met: Met) -> bool:
+    """Tell whether the nose did not rise: nothing that can be climbed is ahead."""
+    return met.nose_up_deg < NOSE_UP_DEG
+
+
+class RetryAhead:
+    """Back off and go straight on, once after each free run, where it is worth a try: a slip is over then.
+
+    Where something is there after all, it is met again at once, within ``free_run_m`` of commanded distance, and
+    answered. A wall costs a stall and a back-off more; a slip costs neither arc nor drift to one side.
+    """
+
+    def __init__(self, free_run_m: float, worth: Callable[[Met], bool]) -> None:
+        self._free_run_m, self._worth = free_run_m, worth
+        self.reset()
+
+    def reset(self) -> None:
+        """See ``Tactic``."""
+        self._last_m = -inf
+
+    def plan(self, met: Met, course: Course) -> None:
+        """See ``Tactic``."""
+        free = met.travelled_m - self._last_m > self._free_run_m
+        self._last_m = met.travelled_m
+        if free and not met.blocked_turns and self._worth(met):
+            course.turn_deg = 0.0
+
+
+class ConfirmWall:
+    """Answer the first anomaly after a free run with a small turn, to alternating sides; a second one is a wall.
+
+    Slips then lead to neither side on average, and a wall is still followed with one hand.
+    """
+
+    def __init__(self, small_turn_deg: float, confirms_within_m: float) -> None:
+        self._small_turn_deg, self._confirms_within_m = small_turn_deg, confirms_within_m
+        self.reset()
+
+    def reset(self) -> None:
+        """See ``Tactic``."""
+        self._last_m = -inf
+        self._next_side = -CLOCKWISE
+        self._confirmed = True
+
+    def plan(self, met: Met, course: Course) -> None:
+        """See ``Tactic``."""
+        near = met.travelled_m - self._last_m <= self._confirms_within_m
+        self._last_m = met.travelled_m
+        if met.new_episode and not near:
+            self._confirmed = False
+            course.side, self._next_side = self._next_side, -self._next_side
+            course.turn_deg = self._small_turn_deg
+        elif not self._confirmed:
+            self._confirmed = True
+            course.side = CLOCKWISE
+
+
+class ArcSchedule:
+    """Probe in wider arcs, after longer back-offs, the longer nothing is free; test the last free heading first.
+
+    ``radii`` are the arcs' steps, as shares of the rover file's, each after ``anomalies`` without a free run of
+    ``free_run_m``; a free run goes a step back. The first anomaly of an episode is answered with the heading of the
+    longest run of the last one.
+    """
+
+    def __init__(self, radii: tuple[float, ...], anomalies: int, free_run_m: float) -> None:
+        self._radii, self._anomalies, self._free_run_m = radii, anomalies, free_run_m
+        self.reset()
+
+    def reset(self) -> None:
+        """See ``Tactic``."""
+        self._step = self._in_a_row = 0
+        self._last_m = self._longest_m = 0.0
+        self._gap_deg = 0.0
+
+    def plan(self, met: Met, course: Course) -> None:
+        """See ``Tactic``."""
+        run_m, self._last_m = met.travelled_m - self._last_m, met.travelled_m
+        if run_m >= self._free_run_m:
+            self._step, self._in_a_row = max(self._step - 1, 0), 0
+        else:
+            self._in_a_row += 1
+            if self._in_a_row % self._anomalies == 0:
+                self._step = min(self._step + 1, len(self._radii) - 1)
+        course.radius_m *= self._radii[self._step]
+        course.back_off_m *= 1.0 + self._step
+        self._remember_gap(met, course, run_m)
+
+    def _remember_gap(self, met: Met, course: Course, run_m: float) -> None:
+        if met.new_episode:
+            towards_deg = self._gap_deg - met.bearing_deg
+            if abs(self._gap_deg) <= 90.0 and abs(towards_deg) > course.turn_deg:
+                course.side = 1 if towards_deg > 0.0 else -1
+                course.turn_deg = abs(towards_deg)
+            self._longest_m = 0.0
+        elif run_m > self._longest_m:
+            self._longest_m, self._gap_deg = run_m, met.bearing_deg

@@ -1,0 +1,1 @@
+"""Sweeps: the same trials at each point of a grid of settings."""
