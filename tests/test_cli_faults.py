@@ -189,3 +189,26 @@ def test_pages_scenario_runs_and_prints_what_the_page_shows(
     assert cli.run(["faults", "--scenario", str(path), "--jobs", "1"]) == 0
     shown = PAGE.partition("$ wayfarer faults --scenario my-faults.toml --out res\n")[2].partition("\n```")[0]
     assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == shown.splitlines()
+
+
+def test_detector_is_measured_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "detector"
+    assert cli.run(["faults", "--detector", "--trials", "1", "--jobs", "1", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"^immobilised +2 +1x ", said, re.MULTILINE)
+    rows = json.loads((out / "detector.json").read_text(encoding="utf-8"))
+    assert {row["anomaly"] for row in rows} == {
+        "immobilised",
+        "nose_up",
+        "nose_down",
+        "right_down",
+        "left_down",
+        "touched",
+    }
+    assert all(row["found"] <= row["episodes"] and row["right"] <= row["claims"] for row in rows)
+    assert sum(row["found"] for row in rows if row["anomaly"] == "immobilised") > 5
+
+
+def test_detector_beside_what_it_has_no_use_for_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["faults", "--detector", "--only", "37"]) == 2
+    assert "--detector has its own trials; leave out --only" in capsys.readouterr().err

@@ -33,8 +33,9 @@ from wayfarer.hal import (
 )
 from wayfarer.helm import Mode
 from wayfarer.mission import RunEnd
+from wayfarer.sampling import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S
 from wayfarer.status_light import BLUE, GREEN, OFF, RED, YELLOW
-from wayfarer.supervisor import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S, Supervisor
+from wayfarer.supervisor import Supervisor
 
 # -- a run as it should be ---------------------------------------------------------------------------------------
 

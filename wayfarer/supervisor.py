@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
-from typing import Any
 
 from wayfarer.conditions import Condition
 from wayfarer.config import RoverConfig
@@ -19,12 +17,13 @@ from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, MissingPart, NotArmed
 from wayfarer.escape.api import EscapeHandler
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.hal import Driver, MotionReading, Rover, StatusLight
+from wayfarer.hal import Driver, Rover, StatusLight
 from wayfarer.helm import Helm, Mode
 from wayfarer.latest import Cells
 from wayfarer.mission import RunEnd
 from wayfarer.pace import Pace
 from wayfarer.records import RunLog
+from wayfarer.sampling import keep_sampling, sensor_tasks
 from wayfarer.status_light import LIGHT_HZ, colour
 from wayfarer.stop_path import StopPath, unhindered
 from wayfarer.troubles import NOTE_HZ, TroubleNotes
@@ -39,20 +38,7 @@ STALE = frozenset(
         Condition.CONTACT_STALE,
     }
 )
-RETRY_PAUSE_S = 0.05  # a single missed answer is asked again within one control period (field.md, fault 1)
-RETRY_PAUSE_MAX_S = 2.0
 DOUBT_S = 0.1  # two ticks, of which one has judged the answer: so two answers and a stop fit into 0.5 s (fault 30)
-
-
-@dataclass(frozen=True, slots=True)
-class SensorTask:
-    """A row of the task table: read the part at its rate and hand each reading on."""
-
-    name: str
-    part: Driver
-    rate_hz: float
-    read: Callable[[], Awaitable[Any]]
-    write: Callable[[Any], None]
 
 
 class Supervisor:
@@ -74,7 +60,7 @@ class Supervisor:
         self.helm = Helm(rover.motors, self.cells, config, detector, handler, log)
         self._health_hz = config.board.health_hz
         self._disarms = 0
-        self.tasks = self._sensor_tasks(config, needs)
+        self.tasks = sensor_tasks(rover, self.cells, config.rates, needs, self.helm.position)
         lights = () if rover.light is None else (rover.light,)
         self._parts: tuple[Driver, ...] = (rover.motors, *lights, *(row.part for row in self.tasks))
         self._stopping = StopPath(rover.motors, self._parts, log)
@@ -173,7 +159,10 @@ class Supervisor:
 
     async def _run_tasks(self) -> RunEnd:
         async with asyncio.TaskGroup() as group:
-            beside = [group.create_task(self._keep_sampling(row), name=f"sensor:{row.name}") for row in self.tasks]
+            beside = [
+                group.create_task(keep_sampling(row, self.cells, self._log), name=f"sensor:{row.name}")
+                for row in self.tasks
+            ]
             beside.append(group.create_task(self._watch_board(), name="board"))
             beside.append(group.create_task(self._note_troubles(), name="troubles"))
             if self._rover.light is not None:
@@ -195,19 +184,6 @@ class Supervisor:
             if helm.end is None:
                 await pace.wait()
         return helm.end
-
-    def _sensor_tasks(self, config: RoverConfig, needs: frozenset[str]) -> tuple[SensorTask, ...]:
-        rover, cells, rates = self._rover, self.cells, config.rates
-        rows = [SensorTask("compass", rover.compass, rates.compass_hz, rover.compass.read, cells.compass.write)]
-        if rover.motion is not None:
-            rows.append(SensorTask("motion", rover.motion, rates.motion_hz, rover.motion.read, cells.motion.write))
-        if rover.contact is not None and "contact" in needs:
-            rows.append(SensorTask("contact", rover.contact, rates.contact_hz, rover.contact.read, cells.contact.write))
-        if rover.position is not None:
-            rows.append(
-                SensorTask("position", rover.position, rates.position_hz, rover.position.read, self.helm.position)
-            )
-        return tuple(rows)
 
     async def _watch_board(self) -> None:
         """Ask the motor board how it is, and soon again where its answer is doubtful; the helm acts on what it says."""
@@ -246,36 +222,6 @@ class Supervisor:
                 if not failed:
                     self._log.event("light_failed", time(), error=str(error))
                 failed = True
-            await pace.wait()
-
-    async def _keep_sampling(self, row: SensorTask) -> None:
-        """Sample for ever; after an error ask again soon, and reopen the part if that did not help."""
-        failures = 0
-
-        def write(reading: Any) -> None:
-            nonlocal failures
-            failures = 0
-            row.write(reading)
-
-        while True:
-            try:
-                if failures > 1:
-                    await row.part.close()
-                    await row.part.open()
-                await self._sample(row, row.write if failures == 0 else write)
-            except DriverError as error:
-                failures += 1
-                pause_s = min(RETRY_PAUSE_S * 2.0 ** (failures - 1), RETRY_PAUSE_MAX_S)
-                t_s = asyncio.get_running_loop().time()
-                if row.part is self._rover.motion and failures == 1:  # what was missed is unknown, not still
-                    self.cells.motion.write(MotionReading(t_s, 0.0, 0.0, 0.0))
-                self._log.event("sensor_failed", t_s, sensor=row.name, error=str(error), retry_in_s=pause_s)
-                await asyncio.sleep(pause_s)
-
-    async def _sample(self, row: SensorTask, write: Callable[[Any], None]) -> None:
-        read, pace = row.read, Pace(row.rate_hz)
-        while True:
-            write(await read())
             await pace.wait()
 
 

@@ -60,6 +60,14 @@ class TroubledI2C(FakeI2C):
     """A bus on which the next block reads go wrong, each in its own way; the transfers of one byte go well."""
 
     troubles: tuple[Trouble, ...] = ()
+    writes_left: int | None = None  # until one is not acknowledged
+
+    async def write(self, address: int, data: bytes) -> None:
+        if self.writes_left is not None:
+            self.writes_left = self.writes_left - 1 if self.writes_left else None
+            if self.writes_left is None:
+                raise NotResponding("no acknowledgement")
+        await super().write(address, data)
 
     async def write_read(self, address: int, data: bytes, count: int) -> bytes:
         answer = await super().write_read(address, data, count)
@@ -549,6 +557,22 @@ def test_commands_are_spelt_as_in_the_data_sheet(command: Callable[[CMPS14], Awa
         times_s, data = zip(*heard.writes, strict=True)
         assert [byte.hex() for byte in data] == [f"00{byte}" for byte in writes.split()]
         assert [b - a for a, b in pairwise(times_s)] == pytest.approx([0.02] * (len(times_s) - 1))
+
+    run(main)
+
+
+@pytest.mark.parametrize("cut_after", [0, 1, 2, 3])
+def test_configuration_that_was_cut_short_is_not_taken_for_the_argument_of_the_next(cut_after: int) -> None:
+    async def main() -> None:
+        bench = Bench()
+        compass = await bench.opened()
+        bench.bus.writes_left = cut_after
+        with pytest.raises(NotResponding):
+            await compass.configure(0x91)
+        await compass.configure(0x83)
+        assert bench.chip.config == 0x83
+        await compass.configure(0x80)
+        assert (bench.chip.config, bench.chip.ignored) == (0x80, [])
 
     run(main)
 

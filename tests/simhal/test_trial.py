@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from wayfarer import supervisor
+from wayfarer import sampling, supervisor
 from wayfarer.config import load_rover
 from wayfarer.drivers.pmw3901 import OPEN_S
 from wayfarer.escape.catalogue import CATALOGUE
@@ -83,16 +83,16 @@ def test_trial_runs_the_very_supervisor_that_drives_the_rover() -> None:
 
 def run_without(sensor: str, spec: TrialSpec, monkeypatch: pytest.MonkeyPatch) -> TrialResult:
     """Run a trial with one row of the task table taken away."""
-    rows_of: Any = vars(supervisor.Supervisor)["_sensor_tasks"]
+    rows_of: Any = sampling.sensor_tasks
 
-    def fewer(*args: Any) -> tuple[supervisor.SensorTask, ...]:
-        rows: tuple[supervisor.SensorTask, ...] = rows_of(*args)
+    def fewer(*args: Any) -> tuple[sampling.SensorTask, ...]:
+        rows: tuple[sampling.SensorTask, ...] = rows_of(*args)
         left = tuple(row for row in rows if row.name != sensor)
         assert len(left) == len(rows) - 1
         return left
 
     with monkeypatch.context() as patch:
-        patch.setattr(supervisor.Supervisor, "_sensor_tasks", fewer)
+        patch.setattr(supervisor, "sensor_tasks", fewer)
         return run_trial(spec)
 
 

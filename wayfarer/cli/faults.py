@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -22,8 +23,12 @@ wayfarer faults --only compass-nack,board-fault --out results
 wayfarer faults --scenario my-fault.toml
 
 wayfarer faults --trials 1000 --rover forestrover
+
+wayfarer faults --detector --trials 100
 """
 BY_CHANCE = "Faults by chance"
+DETECTOR = "The detector"
+OF_CHANCE = ("seed", "depth")  # options
 
 
 def faults(
@@ -66,10 +71,23 @@ def faults(
         Depth | None,
         typer.Option(help="Simulated parts, or the real drivers over simulated chips.", rich_help_panel=BY_CHANCE),
     ] = None,
+    detector: Annotated[
+        bool,
+        typer.Option(
+            "--detector",
+            help="Measure precision, recall and delay of each anomaly instead; --trials of each case, 50 without it.",
+            rich_help_panel=DETECTOR,
+        ),
+    ] = False,
 ) -> None:
     """Make each fault of the field catalogue happen to a simulated rover, and show what it does within which bound."""
-    _refuse_odd_pairs(by_chance=trials is not None, only=only, scenario=scenario, show=show, seed=seed, depth=depth)
+    given = {"only": only, "scenario": scenario, "show": show, "seed": seed, "depth": depth}
+    _refuse_odd_pairs(given, by_chance=trials is not None, detector=detector)
     require("simulating")
+    if detector:
+        from wayfarer.simhal.scenarios.detector_table import run_detector
+
+        raise typer.Exit(run_detector(rover, trials, jobs, out))
     if trials is not None:
         from wayfarer.simhal.rig import Depth as RigDepth
         from wayfarer.simhal.scenarios.random_trials import run_random
@@ -103,13 +121,16 @@ def _run(
     return run_rows(rows, jobs=jobs, out=out, left_out=left_out, untried=untried)
 
 
-def _refuse_odd_pairs(*, by_chance: bool, **given: object) -> None:
+def _refuse_odd_pairs(given: Mapping[str, object], *, by_chance: bool, detector: bool) -> None:
     """Refuse options that mean nothing beside each other."""
-    of_chance = {"seed", "depth"}
     for name, value in given.items():
         option = "--list" if name == "show" else f"--{name}"
-        if value in (None, False) or by_chance is (name in of_chance):
+        of_chance = name in OF_CHANCE
+        if value is None or value is False:
             continue
-        if by_chance:
+        if detector:
+            raise BadInput(f"--detector has its own trials; leave out {option}")
+        if by_chance and not of_chance:
             raise BadInput(f"--trials draws its own faults; leave out {option}")
-        raise BadInput(f"{option} is for faults by chance; say how many with --trials N")
+        if of_chance and not by_chance:
+            raise BadInput(f"{option} is for faults by chance; say how many with --trials N")

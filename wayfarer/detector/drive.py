@@ -67,18 +67,16 @@ class DriveWatch:
         if way != self._way or not trusted:
             self._way = way
             window.clear()
-        now = (t_s, self._left_deg, self._right_deg, self._either_deg, gained_deg)
-        window.append(now)
+        window.append((t_s, self._left_deg, self._right_deg, self._either_deg, gained_deg))
         while t_s - window[0][0] > self._window_s:
             window.popleft()
-        since = window[0]
-        if -self._least_deg < gained_deg - since[4] < self._least_deg:
+        _, left_then_deg, right_then_deg, either_then_deg, gained_then_deg = window[0]
+        measured_deg = gained_deg - gained_then_deg
+        if -self._least_deg < measured_deg < self._least_deg:
             return  # as nearly always; a rover that is held turns no more than that
-        _, left_deg, right_deg, either_deg, measured_deg = (
-            after - before for after, before in zip(now, since, strict=True)
-        )
+        left_deg, right_deg = self._left_deg - left_then_deg, self._right_deg - right_then_deg
         if way in (AHEAD, BACK):
-            self._compare(t_s, left_deg, right_deg, either_deg, measured_deg)
+            self._compare(t_s, left_deg, right_deg, self._either_deg - either_then_deg, measured_deg)
         else:
             self._check_sense(t_s, left_deg - right_deg, measured_deg)
 

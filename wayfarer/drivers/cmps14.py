@@ -163,6 +163,7 @@ class CMPS14:
         self._bus = buses.i2c(settings.bus)
         self._where = f"at 0x{settings.address:02X} on {settings.bus}"
         self._version = 0
+        self._argument_awaited = False
         self.name = f"CMPS14 {self._where}"
         self.troubles: Counter[str] = Counter()
 
@@ -228,13 +229,19 @@ class CMPS14:
         Bit 7 is always set; bit 0 magnetometer, 1 accelerometer, 2 gyro, 4 periodic saving. 0x80 is nothing, for the
         field; 0x83 is what a heading needs. Whether the part remembers it without power is not documented.
 
+        A command that broke off before its argument still waits for it, and would take the first byte of the next one
+        as that: so the argument goes first then. Out of place it is nothing to the part.
+
         Raises:
             ValueError: bits that the data sheet does not define.
             NotResponding: a byte was not acknowledged; give the whole command again.
         """
         if config & ~_CONFIG_BITS or not config & _CONFIG_FIXED:
             raise ValueError(f"calibration config 0x{config:02X}: bit 7 must be set, bits 3, 5 and 6 have no meaning")
-        await self._command(_CONFIGURE + bytes((config,)))
+        argument = bytes((config,))
+        awaited, self._argument_awaited = argument if self._argument_awaited else b"", True
+        await self._command(awaited + _CONFIGURE + argument)
+        self._argument_awaited = False
 
     async def store_profile(self) -> None:
         """Have the part keep its present calibration without power.

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from wayfarer.config import load_rover
 from wayfarer.escape.api import Anomaly
-from wayfarer.simhal.scenarios.detector_table import Cell, measure
+from wayfarer.simhal.scenarios.detector_trials import Cell, measure
 from wayfarer.simhal.scenarios.ground_truth import NOTHING, Score, Span, Timeline, score
 
 WAITS_S = 0.4

@@ -19,7 +19,7 @@ from wayfarer.helm import Helm, Mode
 from wayfarer.safety import Gate
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.devices import SimMotors
-from wayfarer.simhal.faults import Fault, Lost, NotANumber, Stall
+from wayfarer.simhal.faults import Fault, LateAnswer, Lost, NotANumber, Stall
 from wayfarer.simhal.rig import Depth
 from wayfarer.simhal.scenarios.runner import play
 from wayfarer.simhal.scenarios.scenario import Command, Expectation, Reached, Scenario
@@ -50,6 +50,13 @@ def drives_always(monkeypatch: Patch, when: Callable[[Gate], bool] = lambda _: T
         return AHEAD if when(self) else honest(self, wanted, armed=armed)
 
     monkeypatch.setattr(Gate, "limit", limit)
+
+
+def test_wheels_that_turn_before_a_late_tick_that_holds_are_seen_all_the_same(monkeypatch: Patch) -> None:
+    """A board that answers late hides when the wheels may turn, not that they may not."""
+    drives_always(monkeypatch)
+    late = Fault(2.0, inf, "motors", "late_answer", LateAnswer(by_s=0.1))
+    assert "rule 2: wheels are told 0.30, 0.30" in broken(NO_COMPASS, late)
 
 
 @pytest.mark.parametrize("depth", list(Depth))

@@ -127,13 +127,13 @@ class CMPS14Chip:
             self._sequence = begun
         elif any(byte == sequence[0] for sequence in _SEQUENCES):
             self._sequence = bytes((byte,))
-        elif not any(byte in sequence for sequence in _SEQUENCES):
+        elif not (_is_config(byte) or any(byte in sequence for sequence in _SEQUENCES)):
             raise ChipMisuse(f"CMPS14: {byte:02x} belongs to no command")
 
     def _set(self, sequence: bytes, value: int) -> None:
         """Do a command that has an argument."""
         if sequence == _CONFIGURE:
-            if value & _CONFIG_UNDEFINED or not value & _CONFIG_OFF:
+            if not _is_config(value):
                 raise ChipMisuse(f"CMPS14: calibration config {value:02x} is not defined")
             self.config = value
         else:
@@ -148,6 +148,10 @@ class CMPS14Chip:
         else:
             self.profile = self.calibration = 0
             self._deaf_until_s = now_s + _ERASE_S
+
+
+def _is_config(byte: int) -> bool:
+    return not byte & _CONFIG_UNDEFINED and bool(byte & _CONFIG_OFF)
 
 
 def _field(heading: int) -> tuple[int, int, int]:

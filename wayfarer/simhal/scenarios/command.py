@@ -6,18 +6,17 @@ import csv
 import io
 import json
 from collections.abc import Iterator, Sequence
-from concurrent.futures import BrokenExecutor
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import track
 
 from wayfarer.errors import WayfarerError
 from wayfarer.simhal.campaign import stop_on_signals
 from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
-from wayfarer.simhal.progress import LINES, say
+from wayfarer.simhal.progress import say
+from wayfarer.simhal.scenarios.many import shown, worker_death_explained
 from wayfarer.simhal.scenarios.result import Procedure, Result, Tried
 from wayfarer.simhal.scenarios.runner import play, play_well
 from wayfarer.simhal.scenarios.scenario import Reached, Scenario
@@ -88,12 +87,9 @@ def _results(rows: Sequence[Row], jobs: int, out: Path | None) -> list[Result]:
         WayfarerError: a worker died.
     """
     found: dict[str, Result] = {}
-    try:
-        for result in _shown(_running(rows, jobs, out), len(rows)):
+    with worker_death_explained(found, "scenarios"):
+        for result in shown(_running(rows, jobs, out), len(rows), "scenarios", Console(stderr=True)):
             found[result.name] = result
-    except BrokenExecutor as error:
-        text = f"a worker process died after {len(found)} scenarios, most likely for want of memory: try fewer --jobs"
-        raise WayfarerError(text) from error
     return [found[row.name] for row in rows]
 
 
@@ -109,18 +105,6 @@ def _running(rows: Sequence[Row], jobs: int, out: Path | None) -> Iterator[Resul
                 yield row.run()
             if stop.is_set():
                 raise Stopped
-
-
-def _shown(results: Iterator[Result], total: int) -> Iterator[Result]:
-    """Give results beside a bar on a terminal, or with a line for each tenth elsewhere."""
-    aside = Console(stderr=True)
-    if aside.is_terminal:
-        yield from track(results, "scenarios", total, console=aside, transient=True)
-        return
-    for number, result in enumerate(results, 1):
-        yield result
-        if total >= LINES and number * LINES // total > (number - 1) * LINES // total:
-            say(aside, f"{number} of {total} scenarios")
 
 
 def _not_run(scenario: Scenario, error: Exception) -> Result:

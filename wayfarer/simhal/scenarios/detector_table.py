@@ -1,146 +1,127 @@
-"""The detector measured: precision, recall and delay of every anomaly, at two slip means and two levels of noise.
-
-Trials in forests give what forests give: slips, trunks, trees. Slopes are injected, because the simulated ground is
-level: now and then one of up to 40 degrees to any of the four sides, below and above what counts as tilted.
-"""
+"""``wayfarer faults --detector``: precision, recall and delay of every anomaly, as a table."""
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable, Sequence
-from functools import partial
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from pathlib import Path
 from statistics import median, quantiles
-from typing import NamedTuple
+from typing import Any
 
+from rich.console import Console
 from rich.table import Table
 
-from wayfarer.config import RoverConfig
+from wayfarer.config import RoverConfig, load_rover
 from wayfarer.escape.api import Anomaly
-from wayfarer.simhal.faults import Fault, Slope
-from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.scenarios.ground_truth import NOTHING, Score, Truth
-from wayfarer.simhal.stage import Stage, TrialSpec
+from wayfarer.simhal.campaign import stop_on_signals
+from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
+from wayfarer.simhal.progress import say
+from wayfarer.simhal.scenarios.detector_trials import CELLS, Cell, DetectorRunner, DetectorTask, Scores
+from wayfarer.simhal.scenarios.ground_truth import NOTHING, Score
+from wayfarer.simhal.scenarios.many import shown, worker_death_explained
 from wayfarer.simhal.statistics import wilson_interval
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.workers import Stopped, stream
+from wayfarer.whole_file import whole_file
 
-SLIP_MEANS_M = (2.0, 10.0)
-NOISES = (1.0, 3.0)
-BUDGET_M = 100.0
-SLOPES = 12
-SLOPE_EVERY_S = 10.0
-SLOPE_MAX_DEG = 40.0
-SLOPE_LASTS_S = (0.3, 3.0)
-
-
-class Cell(NamedTuple):
-    """What one part of the table is measured under."""
-
-    source: str
-    slip_mean_m: float
-    noise: float
-
-
-CELLS = tuple(
-    Cell(source, slip_mean_m, noise)
-    for source in ("motion", "contact")
-    for slip_mean_m in SLIP_MEANS_M
-    for noise in NOISES
+TRIALS = 50  # of each cell, where nobody says how many
+JSON_FILE = "detector.json"
+TITLES = (
+    "anomaly", "slip\nm", "\nnoise", "\nepisodes", "\nrecall", "at\nleast", "\nclaims", "preci-\nsion", "at\nleast",
+    "delay\ns", "p95\ns",
+)  # fmt: skip
+LEGEND = (
+    "recall: share of episodes that were noticed; precision: share of claims that were true",
+    "at least: lower end of the 95 % interval; delay: from an episode's beginning to its claim, median",
 )
-Scores = dict[Anomaly, Score]
+
+Measured = Mapping[Cell, Scores]
 
 
-def measure(rover: RoverConfig, cell: Cell, trial: int) -> Scores:
-    """Return the scores of one trial."""
-    config = rover.with_anomaly_source("contact" if cell.source == "contact" else "motion")
-    faults = _slopes(trial)
-    spec = TrialSpec(
-        trial, "forest-pledge", generate_forest(trial, 0, trial), trial, config, cell.slip_mean_m, BUDGET_M,
-        faults=faults, sense_noise=cell.noise,
-    )  # fmt: skip
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(_run(spec))
+def run_detector(rover: str | None, trials: int | None, jobs: int | None, out: Path | None) -> int:
+    """Measure the detector against what the simulated world knows, print the table, and return 0, or 130 if stopped.
+
+    Raises:
+        BadInput: ``out`` is not new or empty, or there is no such rover.
+        WayfarerError: a worker died.
+    """
+    aside = Console(stderr=True)
+    config = load_rover(rover or "sim")
+    if out is not None:
+        make_empty_folder(out, "the detector's table")
+    try:
+        measured = _measured(config, trials or TRIALS, jobs or cores(), aside)
+    except Stopped:
+        say(aside, "interrupted: no table")
+        return INTERRUPTED
+    console = Console()
+    console.print(table(measured))
+    for line in LEGEND:
+        say(console, line)
+    if out is not None:
+        with whole_file(out / JSON_FILE) as draft:
+            draft.write_text(json.dumps(as_json(measured), indent=1) + "\n", encoding="utf-8")
+        say(aside, f"the results are in {out}")
+    return 0
 
 
-async def _run(spec: TrialSpec) -> Scores:
-    truth = Truth(spec.rover)
-    stage = Stage(spec, lambda *_: truth)
-    truth.follow(stage.world)
-    assert stage.injector is not None
-    stage.injector.start(stage.world, stage.supervisor.helm.power, _unnoted)
-    await stage.supervisor.arm(spec.forest.heading_deg)
-    await stage.supervisor.run()
-    stage.injector.end()
-    return truth.scores()
+def _measured(config: RoverConfig, trials: int, jobs: int, aside: Console) -> Measured:
+    tasks = [DetectorTask(cell, trial) for trial in range(trials) for cell in CELLS]
+    done: list[tuple[Cell, Scores]] = []
+    with (
+        stop_on_signals() as stop,
+        worker_death_explained(done, "trials"),
+        closing(stream(DetectorRunner(config), tasks, min(jobs, len(tasks)), stop)) as running,
+    ):
+        done.extend(shown(running, len(tasks), "trials", aside))
+    return {cell: together([scores for of, scores in done if of == cell]) for cell in CELLS}
 
 
-def _unnoted(t_s: float, fault: Fault, *, begins: bool) -> None:
-    """Let a fault pass: the truth is in the world."""
-
-
-def _slopes(trial: int) -> tuple[Fault, ...]:
-    chance = Streams(trial).random("detector.slopes")
-    faults = []
-    for number in range(SLOPES):
-        angle_deg = chance.uniform(-SLOPE_MAX_DEG, SLOPE_MAX_DEG)
-        slope = Slope(pitch_deg=angle_deg) if chance.random() < 0.5 else Slope(roll_deg=angle_deg)
-        at_s = (number + chance.random()) * SLOPE_EVERY_S + 1.0
-        faults.append(Fault(at_s, chance.uniform(*SLOPE_LASTS_S), "world", "slope", slope))
-    return tuple(faults)
-
-
-def measure_all(
-    rover: RoverConfig, trials: int, run: Callable[[Callable[[int], Scores], Sequence[int]], Sequence[Scores]]
-) -> dict[Cell, Scores]:
-    """Return the scores of every cell; ``run`` maps a function over trial numbers, on processes or here."""
-    return {cell: _together(run(partial(measure, rover, cell), range(trials))) for cell in CELLS}
-
-
-def _together(scores: Sequence[Scores]) -> Scores:
+def together(scores: Sequence[Scores]) -> Scores:
+    """Return the scores of several trials as one."""
     return {anomaly: sum((each[anomaly] for each in scores), NOTHING) for anomaly in Anomaly}
 
 
-def rows(measured: dict[Cell, Scores]) -> list[tuple[str, Cell, Score]]:
-    """Return the rows of the table: contact for touches, motion for all else."""
-    return [
-        (anomaly.value, cell, scores[anomaly])
-        for anomaly in Anomaly
-        for cell, scores in measured.items()
-        if (cell.source == "contact") is (anomaly is Anomaly.TOUCHED)
-    ]
+def rows(measured: Measured) -> Iterator[tuple[Anomaly, Cell, Score]]:
+    """Yield the rows of the table: contact for touches, motion for all else."""
+    for anomaly in Anomaly:
+        for cell, scores in measured.items():
+            if (cell.source == "contact") is (anomaly is Anomaly.TOUCHED):
+                yield anomaly, cell, scores[anomaly]
 
 
-def table(measured: dict[Cell, Scores]) -> Table:
+def table(measured: Measured) -> Table:
     """Return the table for a terminal."""
-    made = Table(box=None, pad_edge=False)
-    for title in (
-        "anomaly",
-        "slip m",
-        "noise",
-        "episodes",
-        "recall [95 %]",
-        "claims",
-        "precision [95 %]",
-        "delay s",
-        "p95",
-    ):
-        made.add_column(title, justify="left" if title == "anomaly" else "right")
-    for name, cell, each in rows(measured):
+    made = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    for title in TITLES:
+        made.add_column(title, justify="left" if title == TITLES[0] else "right")
+    for anomaly, cell, each in rows(measured):
+        delay = delay_s(each)
         made.add_row(
-            name, f"{cell.slip_mean_m:g}", f"{cell.noise:g}x", str(each.episodes), _share(each.found, each.episodes),
-            str(each.claims), _share(each.right, each.claims), *_delay(each.delays_s),
+            anomaly.value, f"{cell.slip_mean_m:g}", f"{cell.noise:g}x", str(each.episodes),
+            *_share(each.found, each.episodes), str(each.claims), *_share(each.right, each.claims),
+            *(("-", "-") if delay is None else (f"{seconds:.2f}" for seconds in delay)),
         )  # fmt: skip
     return made
 
 
-def _share(part: int, whole: int) -> str:
+def as_json(measured: Measured) -> list[dict[str, Any]]:
+    """Return the rows with all their numbers; ``delay_s`` is median and 95th percentile."""
+    return [
+        {"anomaly": anomaly.value, **cell._asdict(), **each._asdict(), "delay_s": delay_s(each)}
+        for anomaly, cell, each in rows(measured)
+    ]
+
+
+def delay_s(each: Score) -> tuple[float, float] | None:
+    """Return median and 95th percentile, or None of too few."""
+    if len(each.delays_s) < 2:
+        return None
+    return median(each.delays_s), quantiles(each.delays_s, n=20)[-1]
+
+
+def _share(part: int, whole: int) -> tuple[str, str]:
+    """Return a share and the lower end of its interval."""
     if not whole:
-        return "-"
-    low, high = wilson_interval(part, whole)
-    return f"{part / whole:.3f} [{low:.3f}, {high:.3f}]"
-
-
-def _delay(delays_s: Sequence[float]) -> tuple[str, str]:
-    if len(delays_s) < 2:
         return "-", "-"
-    return f"{median(delays_s):.2f}", f"{quantiles(delays_s, n=20)[-1]:.2f}"
+    return f"{part / whole:.3f}", f"{wilson_interval(part, whole)[0]:.3f}"

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections import deque
 from math import inf, isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 from wayfarer.conditions import LEVELS, Level
 from wayfarer.escape.api import Anomaly, Observation, Phase
@@ -32,6 +32,14 @@ from wayfarer.simhal.faults import KINDS, Fault, Layer
 PERIODS = 2
 KEPT = 20  # broken rules of one run; one is enough to know
 ROUNDING_S = 1e-6
+
+
+class Suspicion(NamedTuple):
+    """Wheels that turned at ``t_s`` although they were to stand since ``since_s``: ``told`` says so."""
+
+    t_s: float
+    since_s: float
+    told: str
 
 
 class Invariants(PartialLog):
@@ -52,10 +60,12 @@ class Invariants(PartialLog):
         self._stopped_by: str | None = None
         self._told_cause: str | None = None
         self._readings: deque[CompassReading] = deque()
+        self._suspected: list[Suspicion] = []
 
     @property
     def broken(self) -> tuple[str, ...]:
         """What was broken."""
+        self._judge_suspected(may_move_from_s=inf)
         return tuple(self._broken)
 
     @property
@@ -129,6 +139,7 @@ class Invariants(PartialLog):
             self._must_stand_since_s = None if not_armed_s is None else self._must_stand_since_s
         else:
             self._stand_from(t_s)
+        self._judge_suspected(may_move_from_s=t_s if self._must_stand_since_s is None else inf)
 
     def close(self, reason: str, text: str) -> None:
         """Check the end of a run."""
@@ -143,10 +154,18 @@ class Invariants(PartialLog):
         since_s = self._must_stand_since_s
         if since_s is None or commanded == (0.0, 0.0) or t_s <= since_s + self._allowed_s(since_s) + ROUNDING_S:
             return
-        if self._way_is_broken(since_s) and self._board is not None and self._board.stops_by_s > t_s:
+        if self._way_is_broken(since_s) and self._board is not None and self._board.stops_by_s >= t_s - ROUNDING_S:
             self.excused += 1
         else:
-            self._break(t_s, f"rule 2: wheels are told {commanded[0]:.2f}, {commanded[1]:.2f} since {since_s:.2f} s")
+            told = f"rule 2: wheels are told {commanded[0]:.2f}, {commanded[1]:.2f} since {since_s:.2f} s"
+            self._suspected.append(Suspicion(t_s, since_s, told))
+
+    def _judge_suspected(self, may_move_from_s: float) -> None:
+        """Break the rule for wheels that turned, except since a tick that was to let them: its record comes last."""
+        for t_s, since_s, told in self._suspected:
+            if not since_s < may_move_from_s <= t_s:
+                self._break(t_s, told)
+        self._suspected.clear()
 
     def _allowed_s(self, since_s: float) -> float:
         return self.bound_s if self._way_is_broken(since_s) else self._period_s

@@ -8,22 +8,20 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence, Sized
-from concurrent.futures import BrokenExecutor
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 from rich.console import Console
-from rich.progress import track
 
 from wayfarer.conditions import Level
-from wayfarer.errors import WayfarerError
 from wayfarer.simhal.campaign import stop_on_signals
 from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
-from wayfarer.simhal.progress import LINES, say
+from wayfarer.simhal.progress import say
 from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.scenarios.many import shown, worker_death_explained
 from wayfarer.simhal.scenarios.random_faults import draw_scenario
 from wayfarer.simhal.scenarios.runner import Played, play
 from wayfarer.simhal.scenarios.scenario import Expectation, Reached, Scenario
@@ -105,10 +103,10 @@ def run_random(
     with (
         stop_on_signals() as stop,
         suppress(Stopped),
-        _worker_death_explained(rows),
+        worker_death_explained(rows, "trials"),
         closing(stream(runner, seeds, jobs, stop)) as running,
     ):
-        rows.extend(_shown(running, trials, console))
+        rows.extend(shown(running, trials, "trials", console))
     rows.sort()
     broken = [trial for trial in rows if trial.broken]
     for line in _summary(rows, broken):
@@ -119,15 +117,6 @@ def run_random(
     if out is not None:
         _write(out / ROWS_FILE, "".join(json.dumps(trial._asdict()) + "\n" for trial in rows))
     return 1 if broken else 0 if len(rows) == trials else INTERRUPTED
-
-
-@contextmanager
-def _worker_death_explained(rows: Sized) -> Iterator[None]:
-    try:
-        yield
-    except BrokenExecutor as error:
-        text = f"a worker process died after {len(rows)} trials, most likely for want of memory: try fewer --jobs"
-        raise WayfarerError(text) from error
 
 
 def broken_rules(played: Played) -> tuple[str, ...]:
@@ -154,17 +143,6 @@ def _row(scenario: Scenario) -> Trial:
     """Return the row of a scenario that has not been run."""
     faults, kinds = tuple(map(str, scenario.faults)), tuple(fault.kind for fault in scenario.faults)
     return Trial(scenario.seed, scenario.rover, scenario.depth.value, scenario.algorithm, scenario.for_s, faults, kinds)
-
-
-def _shown(running: Iterable[Trial], trials: int, console: Console) -> Iterator[Trial]:
-    """Yield trials as they end, beside a bar on a terminal and a line for each tenth elsewhere."""
-    if console.is_terminal:
-        yield from track(running, "trials", trials, console=console, transient=True)
-        return
-    for number, trial in enumerate(running, 1):
-        yield trial
-        if number * LINES // trials > (number - 1) * LINES // trials:
-            say(console, f"{number} of {trials} trials")
 
 
 def _summary(rows: Sequence[Trial], broken: Sequence[Trial]) -> Iterator[str]:

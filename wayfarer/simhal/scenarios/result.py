@@ -15,7 +15,6 @@ class Tried(StrEnum):
     SIMULATED = "virtual time"
     DAEMON = "real daemon"
     COMMAND = "real command"
-    BENCH = "needs hardware"
 
 
 class Result(NamedTuple):

@@ -23,7 +23,6 @@ _HOW = {
     Tried.SIMULATED: "in virtual time",
     Tried.DAEMON: "on the real daemon",
     Tried.COMMAND: "by a real command",
-    Tried.BENCH: "for the bench",
 }
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
+from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.thread import WRITE_S, WRITES_A_SYNC
 from wayfarer.simhal.scenarios.procedures.read_back import ReadBack, all_folders, cut_off, numbered_twice, read_back
 from wayfarer.simhal.scenarios.procedures.site import Site, site, wait_for
@@ -122,11 +123,14 @@ class Killer:
 
     def _up(self) -> subprocess.Popen[bytes]:
         """Return a daemon that is up, and note what is wrong with it."""
-        where, expected = self._site, cut_off(self._site.logs)
+        where, expected, there = self._site, cut_off(self._site.logs), set(all_folders(self._site.logs))
         daemon = where.daemon()
+        runs = sorted(set(all_folders(where.logs)) - there)
+        self._folders |= set(runs[:-1])  # of starts that a busy computer failed: they ended by themselves
         if (mode := where.status()["mode"]) != "disarmed":
             self._problems.append(f"the daemon came up {mode}")
-        told = [record["run"] for record in where.log() if record.get("name") == "unclean_shutdown"]
+        records = (record for run in runs for record in RunReader(run))
+        told = [record["run"] for record in records if record.get("name") == "unclean_shutdown"]
         if told != ([expected] if expected else []):
             self._problems.append(f"the daemon tells of {told} as cut off, but it was {expected}")
         self._note_motion()

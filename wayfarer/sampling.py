@@ -1,0 +1,79 @@
+"""Sampling sensors: each at its own rate, and again and again where it fails.
+
+A sensor that fails is asked again within one control period, then closed and opened again with growing pauses, while
+the others run on; the safety gate sees its age and holds the wheels. Any other error is a bug, and ends the run.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from typing import Any
+
+from wayfarer.config import Rates
+from wayfarer.errors import DriverError
+from wayfarer.hal import Driver, MotionReading, PositionFix, Rover
+from wayfarer.latest import Cells
+from wayfarer.pace import Pace
+from wayfarer.records import RunLog
+
+RETRY_PAUSE_S = 0.05  # a single missed answer is asked again within one control period (field catalogue, fault 1)
+RETRY_PAUSE_MAX_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class SensorTask:
+    """A row of the task table: read the part at its rate and hand each reading on."""
+
+    name: str
+    part: Driver
+    rate_hz: float
+    read: Callable[[], Awaitable[Any]]
+    write: Callable[[Any], None]
+
+
+def sensor_tasks(
+    rover: Rover, cells: Cells, rates: Rates, needs: frozenset[str], position: Callable[[PositionFix | None], None]
+) -> tuple[SensorTask, ...]:
+    """Return a row for each sensor that a run with the optional parts ``needs`` uses; ``position`` takes fixes."""
+    rows = [SensorTask("compass", rover.compass, rates.compass_hz, rover.compass.read, cells.compass.write)]
+    if rover.motion is not None:
+        rows.append(SensorTask("motion", rover.motion, rates.motion_hz, rover.motion.read, cells.motion.write))
+    if rover.contact is not None and "contact" in needs:
+        rows.append(SensorTask("contact", rover.contact, rates.contact_hz, rover.contact.read, cells.contact.write))
+    if rover.position is not None:
+        rows.append(SensorTask("position", rover.position, rates.position_hz, rover.position.read, position))
+    return tuple(rows)
+
+
+async def keep_sampling(row: SensorTask, cells: Cells, log: RunLog) -> None:
+    """Sample for ever; after an error ask again soon, and reopen the part if that did not help."""
+    failures = 0
+
+    def write(reading: Any) -> None:
+        nonlocal failures
+        failures = 0
+        row.write(reading)
+
+    while True:
+        try:
+            if failures > 1:
+                await row.part.close()
+                await row.part.open()
+            await _sample(row, row.write if failures == 0 else write)
+        except DriverError as error:
+            failures += 1
+            pause_s = min(RETRY_PAUSE_S * 2.0 ** (failures - 1), RETRY_PAUSE_MAX_S)
+            t_s = asyncio.get_running_loop().time()
+            if row.name == "motion" and failures == 1:  # what was missed is unknown, not still
+                cells.motion.write(MotionReading(t_s, 0.0, 0.0, 0.0))
+            log.event("sensor_failed", t_s, sensor=row.name, error=str(error), retry_in_s=pause_s)
+            await asyncio.sleep(pause_s)
+
+
+async def _sample(row: SensorTask, write: Callable[[Any], None]) -> None:
+    read, pace = row.read, Pace(row.rate_hz)
+    while True:
+        write(await read())
+        await pace.wait()
