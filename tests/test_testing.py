@@ -126,7 +126,7 @@ SPOILT = {
 }
 
 
-@pytest.mark.parametrize(("text", "spoilt"), SPOILT.items(), ids=str)
+@pytest.mark.parametrize(("text", "spoilt"), SPOILT.items(), ids=SPOILT)
 def test_spoilt_algorithm_is_told_what_is_wrong(text: str, spoilt: Spoilt) -> None:
     with pytest.raises(AssertionError, match=text):
         check_algorithm(algorithm(spoilt))
