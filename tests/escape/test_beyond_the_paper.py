@@ -12,7 +12,7 @@ from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.catalogue import BEYOND_THE_PAPER, BUILT_IN, CATALOGUE
 from wayfarer.testing import check_algorithm
 
-RETRYING = ("retrying-pledge", "nose-pledge")
+RETRYING = ("retrying-pledge", "tight-pledge", "nose-pledge")
 
 
 @pytest.mark.parametrize("name", BEYOND_THE_PAPER)

@@ -155,6 +155,13 @@ _ROWS_BEYOND = (
         partial(RetryAhead, free_run_m=0.9, worth=on_the_way),
     ),
     _forest_pledge_with(
+        "tight-pledge",
+        "Retrying Pledge in tight arcs: for ground that slips often",
+        _TIGHT,
+        _SHORT,
+        partial(RetryAhead, free_run_m=0.9, worth=on_the_way),
+    ),
+    _forest_pledge_with(
         "nose-pledge",
         "Retrying Pledge that tries only where the nose did not rise, but there always",
         _BRISK,

@@ -120,7 +120,7 @@ def test_every_write_is_kept_in_order() -> None:
     chip = PMW3901Chip(Driven(), Clock())
     for pair in ((0x7F, 0x00), (0x55, 0x01), (0x50, 0x07)):
         write(chip, *pair)
-    assert chip.writes == [(0x7F, 0x00), (0x55, 0x01), (0x50, 0x07)]
+    assert list(chip.writes) == [(0x7F, 0x00), (0x55, 0x01), (0x50, 0x07)]
 
 
 def test_nothing_is_felt_until_the_start_up_is_complete() -> None:

@@ -58,7 +58,7 @@ def written_by_the_driver() -> list[tuple[int, int]]:
         chip = PMW3901Chip(Driven(), asyncio.get_running_loop().time)
         buses.spi("/dev/spidev0.1").chip = chip
         await PMW3901(PMW3901Settings(), buses).open()
-        return chip.writes
+        return list(chip.writes)
 
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         return runner.run(main())

@@ -19,6 +19,7 @@ CALIBRATED = 0b11_00_11_11  # system 3, gyro 0 as on real parts, accelerometer 3
 
 _MAP = Struct(">BBHbb3h3h3h2xhhB")  # registers 0x00 to 0x1E
 _COMMAND = 0x00
+_REMEMBERED = 20
 _MEASURED = range(0x01, 0x1E)  # all but the firmware and the calibration
 _PITCH16_SINCE = 5
 
@@ -45,7 +46,7 @@ class CMPS14Chip:
 
     ``calibration`` is register 0x1E and can be set; ``profile`` is the one that is kept without power. ``config`` is
     the byte of the last configuration. ``address`` is where the part answers after its next power-up, for the bench to
-    attach it there. ``ignored`` holds the command bytes that came too early.
+    attach it there. ``ignored`` holds the latest command bytes that came too early.
     """
 
     def __init__(
@@ -118,7 +119,7 @@ class CMPS14Chip:
         begun, self._sequence = self._sequence + bytes((byte,)), b""
         early, self._deaf_until_s = now_s < self._deaf_until_s, max(self._deaf_until_s, now_s + _GAP_S)
         if early:
-            self.ignored.append(byte)
+            self.ignored = [*self.ignored[-_REMEMBERED:], byte]
         elif len(begun) == 4:
             self._set(begun[:3], byte)
         elif begun in (_STORE, _ERASE):

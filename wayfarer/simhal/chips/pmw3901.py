@@ -10,6 +10,7 @@ What the chip does not know fails: frame grab, shutdown, and any register that n
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from struct import pack
 from types import MappingProxyType
@@ -24,6 +25,7 @@ BURST_LENGTH = 13
 WAKE_S = 0.001  # the data sheet's least wait after a reset
 TWO_FRAMES_S = 0.015
 SQUAL_KNEE = 0x19  # below a knee it reports no motion at all (PX4 #28632); where, is not told: the data sheet's "dark"
+_REMEMBERED_WRITES = 200  # an opening writes some 90
 RAW_SUM, RAW_MAX, RAW_MIN = 0x55, 0xA0, 0x1E  # of an ordinary picture
 
 WRITABLE = {
@@ -75,7 +77,7 @@ class PMW3901Chip:
         probes_needed: how many writes of 43=10 it takes until register 47 says 08.
 
     Attributes:
-        writes: every write so far as (register, value), in order.
+        writes: the latest writes as (register, value), in order.
         squal: what the picture is worth. Below 19 hex nothing is seen to move; 76 is an indoor floor.
         shutter: exposure in 0..8191; 1F00 hex and more is the longest, in the dark.
     """
@@ -89,7 +91,7 @@ class PMW3901Chip:
         factory: Mapping[tuple[int, int], int] | None = None,
         probes_needed: int = 1,
     ) -> None:
-        self.writes: list[tuple[int, int]] = []
+        self.writes: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED_WRITES)
         self.squal, self.shutter = 76, 600
         self._sense, self._clock, self._mounting = sense, clock, mounting
         self._factory = {**FACTORY, **(factory or {})}
