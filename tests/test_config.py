@@ -53,7 +53,7 @@ def test_parts_of_shipped_rovers_are_those_that_their_drivers_can_be(name: str) 
     assert rover.buses == "linux"
 
 
-@pytest.mark.parametrize("name", set(rover_names()) - {"sim"})
+@pytest.mark.parametrize("name", sorted(set(rover_names()) - {"sim"}))
 def test_shipped_rovers_for_the_field_leave_time_to_step_away_and_have_limits(name: str) -> None:
     safety = load_rover(name).safety
     assert safety.start_delay_s >= 10.0
