@@ -12,7 +12,7 @@ from wayfarer.calibration import FILE_NAME, Calibration, CompassEntry, save, sta
 from wayfarer.control.protocol import Refused
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.scenarios.procedures.launching import command
-from wayfarer.simhal.scenarios.procedures.site import Site, rover_toml, site
+from wayfarer.simhal.scenarios.procedures.site import Site, rover_toml, site, wait_for
 from wayfarer.simhal.scenarios.procedures.trying import Found, procedure
 from wayfarer.simhal.scenarios.result import Tried
 from wayfarer.simhal.scenarios.scenario import Reached
@@ -68,7 +68,8 @@ def config_changed(found: Found) -> None:
         time.sleep(1.0)
         before = where.log()[0]
         found.demand(before["config"]["escape"]["cruise_m_s"] == 0.42, "the log does not say what is driven with")
-        found.demand(where.drives and where.status()["mode"] == "armed", "it does not drive on")
+        found.demand(where.status()["mode"] == "armed", "it is not armed any more")
+        wait_for("it drives on", lambda: where.drives)  # between two manoeuvres it stands for a moment
         daemon.terminate()
         daemon.wait()
         where.daemon()

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from pathlib import Path
+
 from wayfarer.fieldlog.folders import FILE_NAME, run_folders
-from wayfarer.fieldlog.reader import RunReader
-from wayfarer.simhal.scenarios.procedures.site import site
+from wayfarer.fieldlog.reader import Record, RunReader
+from wayfarer.simhal.scenarios.procedures.site import site, wait_for
 from wayfarer.simhal.scenarios.procedures.trying import Found, procedure
 from wayfarer.simhal.scenarios.scenario import Reached
 
@@ -35,6 +38,13 @@ def torn_log(found: Found) -> None:
         checked = where.run("logs", "check", "--logs", where.logs)
         found.demand(checked.returncode == DAMAGED, f"logs check ends with {checked.returncode}")
         found.changed, found.cause, found.reached = f"{len(TAIL)} bytes", checked.stdout.strip(), Reached.NOTE
+        before = run_folders(where.logs)
         where.daemon()
-        event = where.told("unclean_shutdown")
+        later = run_folders(where.logs)[len(before) :]  # on a busy computer it may take two starts
+        event = wait_for("the event 'unclean_shutdown'", lambda: _first(later, "unclean_shutdown"))
         found.demand(event["run"] == run.name and event["last_t_s"] == whole[-1]["t_s"], f"the next run says {event}")
+
+
+def _first(runs: Iterable[Path], name: str) -> Record | None:
+    """Return the first event of this name in any of these runs."""
+    return next((record for run in runs for record in RunReader(run) if record.get("name") == name), None)
