@@ -18,7 +18,7 @@ pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
 pytestmark = pytest.mark.slow
 
 NARROW = (360, 640)
-STOP_S = 1.0  # 0.04 to 0.13 on an idle computer, as is printed; a test is no benchmark
+STOP_S = 0.2
 BLANK = "\N{EN DASH}"
 ARMED = re.compile("^Armed")  # not disarmed
 

@@ -81,7 +81,7 @@ def test_suspended_daemon_is_noticed_by_the_watchdog_and_comes_back_disarmed(rep
     assert seen["down"]["Result"] == "watchdog"
     assert seen["stops_sent"] == 1, "by ExecStopPost=, before the restart"
     assert (seen["up"]["NRestarts"], seen["mode"]) == ("2", "disarmed")
-    assert seen["took_s"] < 40  # 10 s watchdog, 2 s to abort, 2 s pause, the start, and as much again where all is slow
+    assert seen["took_s"] < 20  # 10 s watchdog, 2 s to abort, 2 s pause, and the start
 
 
 def test_daemon_that_fails_comes_back_disarmed(report: Report) -> None:
@@ -94,7 +94,7 @@ def test_daemon_that_fails_comes_back_disarmed(report: Report) -> None:
 def test_stop_stops_the_wheels_at_once_and_ends_the_log(report: Report) -> None:
     seen = step(report, "stop")
     assert seen["moved"], "the rover was to be driving"
-    assert seen["took_s"] < 10  # ending, process and all; how soon the wheels stand is in test_stop_owners.py
+    assert seen["took_s"] < 2
     assert seen["stops_sent"] == 1, "by ExecStopPost= once more"
     assert (seen["state"]["ActiveState"], seen["state"]["Result"]) == ("inactive", "success")
     assert "wheels_stopped" in [event["name"] for event in seen["events"]]

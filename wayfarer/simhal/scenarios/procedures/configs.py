@@ -69,7 +69,7 @@ def config_changed(found: Found) -> None:
         before = where.log()[0]
         found.demand(before["config"]["escape"]["cruise_m_s"] == 0.42, "the log does not say what is driven with")
         found.demand(where.status()["mode"] == "armed", "it is not armed any more")
-        wait_for("it drives on", lambda: where.drives)  # between two manoeuvres it stands for a moment
+        wait_for("it drives on", lambda: where.drives, patience_s=3.0)  # between two manoeuvres it stands for a moment
         daemon.terminate()
         daemon.wait()
         where.daemon()
