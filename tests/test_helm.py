@@ -22,6 +22,7 @@ from wayfarer.latest import Cells
 from wayfarer.mission import FIX_FRESH_S, FIXES_BEYOND, METRES_PER_DEG
 from wayfarer.records import TickRecord
 from wayfarer.safety import SafetySettings
+from wayfarer.status_light import YELLOW, colour
 
 TICK_S = 0.05
 AHEAD = WheelCommand(0.5, 0.5)
@@ -536,13 +537,28 @@ async def test_late_tick_holds_the_wheels_for_one_tick() -> None:
 
 async def test_time_in_which_no_tick_came_is_neither_driven_nor_tried() -> None:
     """A computer that was suspended for a minute was not stuck for a minute, and went no sixty metres."""
-    bench = await Bench(tick_late_s=0.2).armed()
+    bench = await Bench(tick_late_s=0.2, resume_warning_s=0.0).armed()
     await bench.tick()
     travelled_m = bench.handler.seen[-1].travelled_m
     await bench.tick(dt_s=60.0)
     await bench.tick()
     assert bench.helm.mode is Mode.ARMED
     assert bench.handler.seen[-1].travelled_m - travelled_m == pytest.approx(0.5 * 1.0 * 0.2)
+
+
+@pytest.mark.parametrize("gap_s", [0.3, 1.5, 3.0, 20.0, 60.0])
+async def test_wheels_stand_still_and_the_light_warns_before_they_turn_again_after_a_long_gap(gap_s: float) -> None:
+    bench = await Bench(resume_warning_s=1.0).armed()
+    await bench.tick(dt_s=gap_s)
+    assert (bench.wheels, bench.health) == (STOP, (Level.HOLD, Condition.TICK_LATE))
+    standing = []
+    for _ in range(round(2.0 / TICK_S)):
+        await bench.tick()
+        standing.append(bench.wheels == STOP)
+        warned = (bench.health, colour(bench.helm, 0.0)) == ((Level.HOLD, Condition.RESUME_WARNING), YELLOW)
+        assert warned is standing[-1]
+    assert sum(standing) * TICK_S == pytest.approx(1.0 if gap_s > 1.0 else 0.0, abs=TICK_S)
+    assert (bench.helm.mode, bench.wheels) == (Mode.ARMED, AHEAD)
 
 
 async def test_tick_just_within_the_limit_does_not_hold() -> None:

@@ -22,8 +22,8 @@ MODULES = {
 # Lowest first: a module may import from its own layer and from those before it.
 LAYERS = [
     ["angles", "bounds", "errors", "hal", "drivers.buses", "whole_file"],
-    ["escape", "conditions", "latest", "lines"],
-    ["detector", "safety", "records", "watchdog"],
+    ["escape", "conditions", "interval", "latest", "lines"],
+    ["detector", "resume_warning", "safety", "records", "watchdog"],
     [
         "arming", "board", "power", "electrics", "mission", "progress", "fieldlog.settings", "config", "config_errors",
         "registry", "pace", "calibration", "chassis",
@@ -35,8 +35,8 @@ LAYERS = [
     ["calibrate", "daemon", "replay", "live"],
 ]  # fmt: skip
 PURE = [
-    "angles", "bounds", "conditions", "hal", "escape", "detector", "latest", "safety", "arming", "board", "power",
-    "electrics", "mission", "progress", "status_light",
+    "angles", "bounds", "conditions", "hal", "escape", "detector", "interval", "latest", "safety", "arming", "board",
+    "power", "electrics", "mission", "progress", "resume_warning", "status_light",
 ]  # fmt: skip
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
 BUS_LIBRARIES = {"cv2", "smbus2", "spidev", "serial", "gpiozero", "picamera2"}

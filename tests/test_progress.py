@@ -12,6 +12,7 @@ from tests.test_helm import Bench
 from wayfarer.conditions import Condition, Level
 from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
 from wayfarer.helm import Mode
+from wayfarer.interval import Interval
 from wayfarer.progress import Progress, ProgressSettings
 
 TICK_S = 0.05
@@ -34,7 +35,7 @@ class Drive:
         self.t_s += TICK_S
         forward_m = SPEEDS_M_S[wheels] * TICK_S
         motion = None if self.grip is None else MotionReading(self.t_s, forward_m * self.grip, 0.0, self.quality)
-        return self.progress.ends(TICK_S, wheels, forward_m, anomalous, motion)
+        return self.progress.ends(Interval(self.t_s, TICK_S, TICK_S, wheels, forward_m), anomalous, motion)
 
     def go(self, wheels: WheelCommand, for_s: float, *, anomalous: bool = False) -> bool:
         """Drive so until it is over, or for so long; return whether the rover gave up."""
@@ -101,7 +102,8 @@ def test_it_never_gives_up_before_enough_was_tried(ticks: list[tuple[WheelComman
     for wheels, anomalous, seen_m in ticks:
         tried_s += TICK_S * (wheels != STOP)
         motion = MotionReading(0.0, seen_m, 0.0, 0.8)
-        if progress.ends(TICK_S, wheels, SPEEDS_M_S[wheels] * TICK_S, anomalous, motion):
+        interval = Interval(tried_s, TICK_S, TICK_S, wheels, SPEEDS_M_S[wheels] * TICK_S)
+        if progress.ends(interval, anomalous, motion):
             assert tried_s >= 3 * SETTINGS.anomaly_every_s - 1e-6
 
 

@@ -41,6 +41,7 @@ STATES: list[tuple[str, Any]] = [
     ("arming", helm(Mode.ARMING, Level.WELL, Phase.HALT)),
     ("arming", helm(Mode.ARMING, ticked=False)),
     ("arming", helm(Mode.ARMING, Level.HOLD, Phase.HALT, Condition.COMPASS_STALE)),
+    ("arming", helm(Mode.ARMED, Level.HOLD, Phase.HALT, Condition.RESUME_WARNING)),
     ("driving", helm(Mode.ARMED)),
     ("driving", helm(Mode.ARMED, Level.DEGRADE, Phase.FOLLOW, Condition.MOTION_UNKNOWN)),
     *(("escaping", helm(Mode.ARMED, Level.WELL, phase)) for phase in Phase if phase not in {Phase.FOLLOW, Phase.HALT}),

@@ -48,6 +48,7 @@ class Condition(Enum):
     UNDERVOLTAGE = "undervoltage"
     POWER_UNSTABLE = "power_unstable"
     OPERATOR_HOLD = "operator_hold"
+    RESUME_WARNING = "resume_warning"
     TICK_LATE = "tick_late"
     DECISION_INVALID = "decision_invalid"
 
@@ -78,6 +79,7 @@ LEVELS: Mapping[Condition, Level] = {
     Condition.UNDERVOLTAGE: Level.DEGRADE,
     Condition.POWER_UNSTABLE: Level.HOLD,
     Condition.OPERATOR_HOLD: Level.HOLD,
+    Condition.RESUME_WARNING: Level.HOLD,
     Condition.TICK_LATE: Level.HOLD,
     Condition.DECISION_INVALID: Level.FAULT,
 }

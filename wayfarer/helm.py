@@ -21,10 +21,12 @@ from wayfarer.electrics import Electrics
 from wayfarer.errors import BadReading, DriverError
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
 from wayfarer.hal import STOP, PositionFix, WheelCommand
+from wayfarer.interval import IntervalTimer
 from wayfarer.latest import Cells, Snapshot
 from wayfarer.mission import Mission, RunEnd
 from wayfarer.progress import Progress
 from wayfarer.records import RunLog, TickRecord
+from wayfarer.resume_warning import ResumeWarning
 from wayfarer.safety import Gate
 
 _STAND = Decision(STOP, Phase.HALT, Phase.HALT.value)
@@ -69,11 +71,12 @@ class Helm:
         self._cells = cells
         self._safety = config.safety
         self._late_s = config.safety.tick_late_s
-        self._half_speed_m_s = config.vehicle.max_speed_m_s / 2
+        self._timer = IntervalTimer(config.safety.tick_late_s, config.vehicle.max_speed_m_s)
         self._detector = detector
         self._handler = handler
         self._log = log
         self._gate = Gate(config.safety, config.control_hz)
+        self._resume_warning = ResumeWarning(config.safety.resume_warning_s)
         self._progress = Progress(config.progress, config.detector.quality_min)
         self.electrics = Electrics(config.board, log)
         self.board = self.electrics.board
@@ -90,7 +93,6 @@ class Helm:
         self._held_s = 0.0
         self._applied = STOP
         self._motors_failed = False
-        self._last_t_s: float | None = None
         self._last_cause: Condition | None = None
 
     # -- commands ------------------------------------------------------------------------------------------------
@@ -146,23 +148,21 @@ class Helm:
 
     async def tick(self, t_s: float) -> None:
         """Do one control tick at time ``t_s``."""
-        if self._last_t_s is None:
-            self._last_t_s = t_s
-        dt_s, self._last_t_s = t_s - self._last_t_s, t_s
         applied, gate, mission = self._applied, self._gate, self.mission
-        # After a tick that came late the board's deadman has had the wheels for the rest of the time.
-        driven_s = dt_s if dt_s < self._late_s else self._late_s
-        forward_m = (applied.left + applied.right) * self._half_speed_m_s * driven_s
-        self._travelled_m += abs(forward_m)
+        interval = self._timer.next(t_s, applied)
+        dt_s = interval.dt_s
+        self._travelled_m += abs(interval.forward_m)
         snapshot = self._cells.snapshot(t_s)
-        anomalies, conditions = self._detector.update(snapshot, applied)
-        if self.mode is _ARMED and self._progress.ends(driven_s, applied, forward_m, bool(anomalies), snapshot.motion):
+        anomalies, conditions = self._detector.update(interval, snapshot)
+        if self.mode is _ARMED and self._progress.ends(interval, bool(anomalies), snapshot.motion):
             conditions += (Condition.ENTRAPPED,)
         if conditions and self.mode is not _ARMED and gate.cause is not _RUNAWAY:
             # A person may push a rover that is not armed; one that ran away goes on being stopped.
             conditions = tuple(condition for condition in conditions if condition is not _RUNAWAY)
         if self.electrics.hear(applied) or dt_s > self._late_s or self._motors_failed or self.held:
             conditions = self._own_conditions(conditions, t_s, dt_s)
+        if self.mode is _ARMED and self._resume_warning.update(interval, conditions):
+            conditions += (Condition.RESUME_WARNING,)
         if conditions and not _WHEELS_ASTRAY.isdisjoint(conditions):
             self._motors.halt()  # at each tick: a board that does not do as it is told may take one stop of many
         self.conditions = conditions
@@ -186,7 +186,7 @@ class Helm:
         if gate.cause is not self._last_cause or (armed and gate.level is _FAULT):
             self._note_health(t_s, gate.level, gate.cause)
         if mission is not None and observation is not None:
-            mission.advance(forward_m, observation.heading_deg)
+            mission.advance(interval.forward_m, observation.heading_deg)
             if self.end is None:
                 self.end = mission.end(t_s)
 
@@ -230,6 +230,7 @@ class Helm:
         self._arming = None
         self._gate.clear_fault()
         self._handler.reset()
+        self._resume_warning.reset()
         self.goal_heading_deg = goal_heading_deg
         self.mission = Mission(self._safety, t_s)
         self.mode = Mode.ARMED

@@ -10,7 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from wayfarer.bounds import Count, Metres, Seconds
-from wayfarer.hal import STOP, MotionReading, WheelCommand
+from wayfarer.hal import STOP, MotionReading
+from wayfarer.interval import Interval
 
 # A reading of more than this share of what was commanded ahead is rolling on from before, or not true.
 PLAUSIBLE_SHARE = 3.0
@@ -51,20 +52,17 @@ class Progress:
         self._sees_ground = False
         self._begin_place()
 
-    def ends(
-        self, driven_s: float, applied: WheelCommand, forward_m: float, anomalous: bool, motion: MotionReading | None
-    ) -> bool:
+    def ends(self, interval: Interval, anomalous: bool, motion: MotionReading | None) -> bool:
         """Take one tick and return whether the rover is entrapped: it has got nowhere for too long.
 
         Args:
-            driven_s: for how long the wheels did as they were told since the last tick, in seconds.
-            applied: duties of the wheels in that time.
-            forward_m: how far they were told to go, in metres, negative in reverse.
+            interval: what the wheels were told since the last tick.
             anomalous: whether an anomaly is there now.
             motion: what the motion sensor saw since the last tick, None where it has not spoken.
         """
-        if applied != STOP:
-            self._tried_s += driven_s
+        forward_m = interval.forward_m
+        if interval.applied != STOP:
+            self._tried_s += interval.driven_s
         self._unseen_m = self._unseen_m + forward_m if forward_m > 0.0 else 0.0
         if motion is not None:
             self._take_ground(motion)

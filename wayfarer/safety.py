@@ -27,6 +27,8 @@ class SafetySettings:
     ``slew_per_s`` bounds how fast a duty may grow: a motor start that resets the computer is the commonest trouble of
     such rovers. ``mission_*`` end a run normally. A rover whose compass is calibrated to less than ``calibration_min``
     (0 to 3) is not armed, nor one whose motor board cannot stop the wheels by itself, unless ``allow_no_deadman``.
+    ``resume_warning_s`` is for how long the status light warns before a rover that held its wheels for more than a
+    second by itself lets them turn again; 0 for no warning.
     """
 
     duty_max: Annotated[float, Interval(gt=0, le=1)] = 1.0
@@ -36,6 +38,7 @@ class SafetySettings:
     mission_distance_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 2000.0
     mission_radius_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 300.0
     start_delay_s: Annotated[float, Interval(ge=0, le=600)] = 10.0
+    resume_warning_s: Annotated[float, Interval(ge=0, le=60)] = 1.0
     settle_s: Seconds = 1.0
     settle_spread_deg: Annotated[float, Interval(gt=0, le=180)] = 3.0
     calibration_min: Annotated[int, Interval(ge=0, le=3)] = 2

@@ -4,7 +4,7 @@
 colour     rhythm   meaning
 =========  =======  ========================================
 blue       steady   disarmed
-yellow     fast     arming: step away, it drives off soon
+yellow     fast     arming, or a long hold has ended: step away, it drives off soon
 green      steady   driving
 white      slow     escaping: feeling its way around something
 yellow     steady   held, goes on by itself or by ``wayfarer resume``
@@ -43,7 +43,7 @@ def _signal(helm: Helm) -> tuple[Colour, float]:
     level = Level.WELL if last is None else last.level
     if level is Level.FAULT:
         return RED, FAST_HZ
-    if helm.mode.value == "arming":
+    if helm.mode.value == "arming" or Condition.RESUME_WARNING in helm.conditions:
         return YELLOW, FAST_HZ
     if Condition.BATTERY_LOW in helm.conditions:
         return MAGENTA, SLOW_HZ

@@ -8,7 +8,9 @@ from wayfarer.conditions import Condition
 from wayfarer.detector import ALL_WELL, Detection, Detector, DetectorSettings
 from wayfarer.escape.api import Anomaly, Vehicle
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, WheelCommand
+from wayfarer.interval import IntervalTimer
 from wayfarer.latest import Snapshot
+from wayfarer.safety import SafetySettings
 
 MAX_SPEED_M_S = 1.0
 VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=MAX_SPEED_M_S)
@@ -27,6 +29,7 @@ class Rover:
 
     def __init__(self, settings: DetectorSettings = SETTINGS, vehicle: Vehicle = VEHICLE, **watches: Any) -> None:
         self.detector = Detector(settings, vehicle, **watches)
+        self.timer = IntervalTimer(SafetySettings().tick_late_s, vehicle.max_speed_m_s)
         self.t_s = 0.0
         self.contact: ContactReading | None = None
 
@@ -45,7 +48,11 @@ class Rover:
         self.t_s += dt_s
         reading = CompassReading(self.t_s, 0.0, 0.0, 0.0, None)._replace(**fields) if compass else self.detector.compass
         motion = MotionReading(self.t_s, moved_m, 0.0, quality, signed) if moved_m is not None else None
-        return self.detector.update(Snapshot(self.t_s, reading, motion, self.contact), applied)
+        return self.sees(Snapshot(self.t_s, reading, motion, self.contact), applied)
+
+    def sees(self, snapshot: Snapshot, applied: WheelCommand = STOP) -> Detection:
+        """One tick with any snapshot."""
+        return self.detector.update(self.timer.next(snapshot.t_s, applied), snapshot)
 
     def drive(self, ticks: int, applied: WheelCommand = FULL, moved_m: float = 0.0) -> list[bool]:
         """Tick and tell for each whether the rover is called immobilised."""

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.detector.rover import PIVOT, SETTINGS, TICK_S, VEHICLE, Rover, started
+from tests.detector.rover import PIVOT, SETTINGS, TICK_S, Rover, started
 from wayfarer.angles import wrap180
 from wayfarer.conditions import Condition
-from wayfarer.detector import ALL_WELL, Detector, DetectorSettings
+from wayfarer.detector import ALL_WELL, DetectorSettings
 from wayfarer.hal import STOP, CompassReading, WheelCommand
 from wayfarer.latest import Snapshot
 
@@ -137,11 +137,11 @@ def test_shipped_thresholds_do_not_believe_a_jump_without_a_stop(jump_deg: float
     "angles_deg", [(nan, 0.0, 0.0), (0.0, nan, 0.0), (0.0, 0.0, inf), (360.0, 0.0, 0.0), (0.0, -1e9, 0.0)]
 )
 def test_reading_that_no_compass_can_give_is_never_believed(angles_deg: tuple[float, float, float]) -> None:
-    detector = Detector(SETTINGS, VEHICLE, watches_motion=False)
+    rover = Rover(watches_motion=False)
     for tick in range(100):
         reading = CompassReading(tick * TICK_S, *angles_deg, None)
-        detection = detector.update(Snapshot(tick * TICK_S, reading, None, None), STOP)
-        assert detector.compass is None
+        detection = rover.sees(Snapshot(tick * TICK_S, reading, None, None))
+        assert rover.detector.compass is None
     assert detection.conditions == (Condition.COMPASS_IMPLAUSIBLE, Condition.COMPASS_LOST)
 
 

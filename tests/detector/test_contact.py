@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from tests.detector.rover import SETTINGS, TICK_S, VEHICLE, Rover, started
+from tests.detector.rover import SETTINGS, TICK_S, Rover, started
 from wayfarer.conditions import Condition
-from wayfarer.detector import ALL_WELL, Detection, Detector
+from wayfarer.detector import ALL_WELL, Detection
 from wayfarer.escape.api import Anomaly
-from wayfarer.hal import STOP, CompassReading, ContactReading, Side
+from wayfarer.hal import CompassReading, ContactReading, Side
 from wayfarer.latest import Snapshot
 
 
@@ -53,10 +53,10 @@ def test_contact_sensor_that_never_spoke_is_stale() -> None:
 
 
 def test_contact_that_is_only_needed_is_no_anomaly_but_must_not_fall_silent() -> None:
-    detector = Detector(SETTINGS, VEHICLE, watches_motion=False, needs_contact=True)
+    rover = Rover(watches_motion=False, needs_contact=True)
     compass = CompassReading(0.0, 0.0, 0.0, 0.0, None)
     touch = ContactReading(0.0, (Side.LEFT,), None)
-    assert detector.update(Snapshot(0.0, compass, None, touch), STOP) == ALL_WELL
+    assert rover.sees(Snapshot(0.0, compass, None, touch)) == ALL_WELL
     late_s = SETTINGS.contact_stale_s + TICK_S
-    late = detector.update(Snapshot(late_s, compass._replace(t_s=late_s), None, touch), STOP)
+    late = rover.sees(Snapshot(late_s, compass._replace(t_s=late_s), None, touch))
     assert late.conditions == (Condition.CONTACT_STALE,)

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.detector.rover import FULL, PIVOT, SETTINGS, TICK_S, VEHICLE, Rover
+from tests.detector.rover import FULL, PIVOT, TICK_S, Rover
 from wayfarer.conditions import Condition
-from wayfarer.detector import Detector
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Side
 from wayfarer.latest import Snapshot
 
@@ -38,10 +37,11 @@ def at(t_s: float, said: Snapshot) -> Snapshot:
 
 @given(said=st.lists(st.tuples(snapshots(TIMES), WHEELS), max_size=20))
 def test_no_rubbish_reaches_a_decision_and_none_outlives_a_second_of_silence(said: list[tuple]) -> None:  # type: ignore[type-arg]
-    detector = Detector(SETTINGS, VEHICLE, calibration_min=2, watches_contact=True)
+    rover = Rover(calibration_min=2, watches_contact=True)
+    detector = rover.detector
     for tick, (snapshot, wheels) in enumerate(said):
         t_s = tick * TICK_S
-        detector.update(at(t_s, snapshot), wheels)
+        rover.sees(at(t_s, snapshot), wheels)
         if (compass := detector.compass) is not None:
             assert compass.t_s <= t_s
             assert 0.0 <= compass.heading_deg < 360.0
@@ -51,7 +51,7 @@ def test_no_rubbish_reaches_a_decision_and_none_outlives_a_second_of_silence(sai
             assert contact.obstacle_bearing_deg is None or 0.0 <= contact.obstacle_bearing_deg < 180.0
     after_s = len(said) * TICK_S
     for tick in range(round(1.0 / TICK_S) + 1):
-        found = detector.update(Snapshot(after_s + tick * TICK_S, None, None, None), STOP)
+        found = rover.sees(Snapshot(after_s + tick * TICK_S, None, None, None))
     silent = {Condition.COMPASS_STALE, Condition.MOTION_STALE, Condition.CONTACT_STALE}
     assert silent <= set(found.conditions)
 
@@ -64,7 +64,7 @@ def test_readings_of_no_time_or_of_the_future_are_silence(said: list[Snapshot]) 
     rover.tick()
     for snapshot in said:
         rover.t_s += TICK_S
-        found = rover.detector.update(at(rover.t_s, snapshot), FULL)
+        found = rover.sees(at(rover.t_s, snapshot), FULL)
     silent = {Condition.COMPASS_STALE, Condition.MOTION_STALE, Condition.CONTACT_STALE}
     assert silent <= set(found.conditions)
     assert found.anomalies == ()
@@ -82,7 +82,7 @@ def test_readings_of_which_the_time_goes_back_are_silence() -> None:
             MotionReading(old_s, 0.0, 0.0, 1.0),
             ContactReading(old_s, (), None),
         )
-        found = rover.detector.update(said, STOP)
+        found = rover.sees(said)
     assert {Condition.COMPASS_STALE, Condition.MOTION_STALE, Condition.CONTACT_STALE} <= set(found.conditions)
 
 
@@ -91,11 +91,11 @@ def test_single_reading_that_is_older_than_the_last_is_not_believed() -> None:
     for tick in (1, 2):
         compass = CompassReading(tick * TICK_S, float(tick), 0.0, 0.0, 3)
         touch = ContactReading(tick * TICK_S, (), None)
-        rover.detector.update(Snapshot(tick * TICK_S, compass, None, touch), STOP)
+        rover.sees(Snapshot(tick * TICK_S, compass, None, touch))
     late = Snapshot(
         3 * TICK_S, CompassReading(TICK_S, 9.0, 0.0, 0.0, 3), None, ContactReading(TICK_S, (Side.LEFT,), None)
     )
-    assert rover.detector.update(late, STOP).anomalies == ()
+    assert rover.sees(late).anomalies == ()
     assert rover.heading_deg == 2.0
     assert rover.detector.contact == touch
 
@@ -115,7 +115,7 @@ def test_sensors_that_recover_are_believed_again(rubbish: Snapshot, ticks: int) 
     rover.tick()
     for _ in range(ticks):
         rover.t_s += TICK_S
-        rover.detector.update(at(rover.t_s, rubbish), STOP)
+        rover.sees(at(rover.t_s, rubbish))
     for _ in range(40):
         last = rover.tick()
     assert last.conditions == ()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from tests.detector.rover import FULL, SETTINGS, TICK_S, VEHICLE, started
+from tests.detector.rover import FULL, MAX_SPEED_M_S, STEP_M, TICK_S, Rover, started
 from wayfarer.conditions import Condition
-from wayfarer.detector import ALL_WELL, Detector
+from wayfarer.detector import ALL_WELL
 from wayfarer.hal import STOP, CompassReading, MotionReading
 from wayfarer.latest import Snapshot
 
@@ -19,6 +19,19 @@ def test_silent_motion_sensor_is_stale_and_no_stall_is_claimed() -> None:
     assert {detection.conditions for detection in found[8:]} == {(Condition.MOTION_STALE,)}
     assert found[-1].anomalies == ()
     assert rover.tick().conditions == ()
+
+
+@pytest.mark.parametrize("gap_s", [0.3, 1.5, 3.0, 20.0, 60.0])
+@pytest.mark.parametrize("stood_after_s", [0.2, 0.25, 0.3])
+def test_rover_that_the_deadman_stopped_in_a_gap_without_ticks_is_not_immobilised(
+    gap_s: float, stood_after_s: float
+) -> None:
+    rover = started()
+    rover.drive(8, moved_m=STEP_M)
+    late = rover.tick(FULL, moved_m=MAX_SPEED_M_S * stood_after_s, dt_s=gap_s)
+    assert late.anomalies == ()
+    assert rover.drive(4, STOP) == [False] * 4
+    assert rover.drive(4, moved_m=STEP_M) == [False] * 4
 
 
 def test_poor_motion_is_unknown_and_then_lost() -> None:
@@ -50,10 +63,10 @@ def test_impossible_speed_is_no_evidence_of_motion() -> None:
 
 def test_first_reading_of_a_run_is_not_called_implausible() -> None:
     """It comes at the very time at which the run begins, with a count of noise."""
-    detector = Detector(SETTINGS, VEHICLE)
+    rover = Rover()
     compass = CompassReading(0.0, 0.0, 0.0, 0.0, None)
-    detector.update(Snapshot(0.0, None, None, None), STOP)
-    detection = detector.update(Snapshot(TICK_S, compass, MotionReading(0.0, 0.0004, 0.0002, 0.8), None), STOP)
+    rover.sees(Snapshot(0.0, None, None, None))
+    detection = rover.sees(Snapshot(TICK_S, compass, MotionReading(0.0, 0.0004, 0.0002, 0.8), None))
     assert Condition.MOTION_IMPLAUSIBLE not in detection.conditions
 
 

@@ -13,7 +13,8 @@ from wayfarer.detector.motion import MotionWatch
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.tilt import TiltWatch
 from wayfarer.escape.api import Anomaly, Vehicle
-from wayfarer.hal import CompassReading, ContactReading, WheelCommand
+from wayfarer.hal import CompassReading, ContactReading
+from wayfarer.interval import Interval
 from wayfarer.latest import Snapshot
 
 
@@ -45,7 +46,6 @@ class Detector:
         watches_contact: bool = False,
         needs_contact: bool = False,
     ) -> None:
-        self._half_speed_m_s = vehicle.max_speed_m_s / 2
         self._turning_duty = radians(settings.frozen_turn_deg_s) * vehicle.track_m / vehicle.max_speed_m_s
         self._compass = CompassWatch(settings, calibration_min)
         self._motion = MotionWatch(settings, watched=watches_motion)
@@ -53,7 +53,7 @@ class Detector:
         self._contact = ContactWatch(settings, touch_counts=watches_contact, needed=self._needs_contact)
         self._tilt = TiltWatch(settings)
         self._drive = DriveWatch(settings, vehicle)
-        self._last_t_s: float | None = None
+        self._started = False
 
     @property
     def compass(self) -> CompassReading | None:
@@ -65,19 +65,16 @@ class Detector:
         """The newest contact reading that can be true, None before the first: no other reaches a decision."""
         return self._contact.reading
 
-    def update(self, snapshot: Snapshot, applied: WheelCommand) -> Detection:
-        """Take in one tick: what the sensors say now and what the wheels were told since the previous tick."""
+    def update(self, interval: Interval, snapshot: Snapshot) -> Detection:
+        """Take in one tick: what the wheels were told since the previous tick, and what the sensors say now."""
         t_s, compass, motion, contact = snapshot
-        last_t_s, self._last_t_s = self._last_t_s, t_s
-        if last_t_s is None:
-            last_t_s = self._start(t_s)
-        dt_s = t_s - last_t_s
-        left, right = applied
-        turning_s = dt_s if abs(left - right) >= self._turning_duty else 0.0
+        if not self._started:
+            self._start(t_s)
+        left, right = interval.applied
+        turning_s = interval.driven_s if abs(left - right) >= self._turning_duty else 0.0
         conditions = self._compass.update(t_s, turning_s, compass)
         doubtful = bool(conditions)
-        commanded_m = (left + right) * self._half_speed_m_s * dt_s
-        self._motion.update(t_s, commanded_m, left == 0.0 == right, motion, conditions)
+        self._motion.update(interval, motion, conditions)
         anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found else []
         believed = self._compass.reading
         if believed is not None:
@@ -85,14 +82,14 @@ class Detector:
         if contact is not None or self._needs_contact:
             self._contact.update(t_s, contact, anomalies, conditions)
         trusted = not (anomalies or doubtful)
-        self._drive.update(t_s, dt_s, applied, self._compass.gained_deg, trusted=trusted)
+        self._drive.update(interval, self._compass.gained_deg, trusted=trusted)
         if t_s < self._drive.until_t_s:
             conditions.append(self._drive.condition)
         return Detection(tuple(anomalies), tuple(conditions)) if anomalies or conditions else ALL_WELL
 
-    def _start(self, t_s: float) -> float:
+    def _start(self, t_s: float) -> None:
         """Begin all ages now: what has not spoken yet is as old as the run."""
+        self._started = True
         self._compass.start(t_s)
         self._motion.start(t_s)
         self._contact.start(t_s)
-        return t_s

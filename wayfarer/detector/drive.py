@@ -11,7 +11,7 @@ from math import copysign, degrees, inf
 from wayfarer.conditions import Condition
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Vehicle
-from wayfarer.hal import WheelCommand
+from wayfarer.interval import Interval
 
 # What a window shows: the side that lags behind, or wheels that go the wrong way.
 LEFT, RIGHT, REVERSED = -1, 1, 0
@@ -46,18 +46,18 @@ class DriveWatch:
         self.condition = Condition.DRIVE_ASYMMETRY
         self.until_t_s = -inf
 
-    def update(self, t_s: float, dt_s: float, applied: WheelCommand, gained_deg: float, *, trusted: bool) -> None:
-        """Take in a tick: what was applied in the last ``dt_s``, and the heading gained since the start of the run.
+    def update(self, interval: Interval, gained_deg: float, *, trusted: bool) -> None:
+        """Take in a tick: what the wheels were told since the last, and the heading gained since the start of the run.
 
         It is ``trusted`` unless the compass is in doubt, or the forest is in the way: such windows are dropped.
         """
-        left, right = applied
-        share, deg_s_per_duty = dt_s / (dt_s + self._lag_s), self._deg_s_per_duty
+        t_s, _, driven_s, (left, right), _ = interval
+        share, deg_s_per_duty = driven_s / (driven_s + self._lag_s), self._deg_s_per_duty
         left_deg_s = self._left_deg_s = self._left_deg_s + (left * deg_s_per_duty - self._left_deg_s) * share
         right_deg_s = self._right_deg_s = self._right_deg_s + (right * deg_s_per_duty - self._right_deg_s) * share
-        self._left_deg += left_deg_s * dt_s
-        self._right_deg += right_deg_s * dt_s
-        self._either_deg += abs(left_deg_s - right_deg_s) * dt_s
+        self._left_deg += left_deg_s * driven_s
+        self._right_deg += right_deg_s * driven_s
+        self._either_deg += abs(left_deg_s - right_deg_s) * driven_s
         duty = left + right
         if abs(duty) >= self._from_duty:
             way = AHEAD if duty > 0.0 else BACK

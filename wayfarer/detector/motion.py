@@ -6,7 +6,8 @@ from wayfarer.conditions import Condition
 from wayfarer.detector.runaway import Runaway
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.stall import Stall
-from wayfarer.hal import MotionReading
+from wayfarer.hal import STOP, MotionReading
+from wayfarer.interval import Interval
 
 
 class MotionWatch:
@@ -23,19 +24,19 @@ class MotionWatch:
         self._speed_max_m_s = settings.motion_speed_max_m_s
         self.stall = Stall(settings)
         self.runaway = Runaway(settings)
-        self._commanded_m = 0.0
+        self._commanded_m = self._driven_s = 0.0
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
 
     def start(self, t_s: float) -> None:
         """Begin all ages now."""
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = t_s
 
-    def update(
-        self, t_s: float, commanded_m: float, standing: bool, reading: MotionReading | None, conditions: list[Condition]
-    ) -> None:
-        """Take in a tick, in which the wheels were told to go ``commanded_m``, or to stand."""
-        self._commanded_m += commanded_m
-        if not standing:
+    def update(self, interval: Interval, reading: MotionReading | None, conditions: list[Condition]) -> None:
+        """Take in a tick: what the wheels were told since the previous one, and what the sensor says, if anything."""
+        t_s, _, driven_s, applied, forward_m = interval
+        self._commanded_m += forward_m
+        self._driven_s += driven_s
+        if applied != STOP:
             self._driven_t_s = t_s
         if reading is not None:
             self._take(t_s, reading, conditions)
@@ -50,6 +51,7 @@ class MotionWatch:
             return  # no such time; or the first one, which says how far since nobody knows when
         dt_s, self._spoke_t_s = read_t_s - self._spoke_t_s, read_t_s
         commanded_m, self._commanded_m = self._commanded_m, 0.0
+        driven_s, self._driven_s = self._driven_s, 0.0
         if not signed and commanded_m < 0.0:
             forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
         limit_m = self._speed_max_m_s * dt_s
@@ -57,7 +59,7 @@ class MotionWatch:
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
         elif quality >= self._quality_min:
             self._moved_t_s = read_t_s
-            self.stall.add(dt_s, commanded_m, forward_m)
+            self.stall.add(driven_s, commanded_m, forward_m)
             stood_s = read_t_s - self._driven_t_s
             if stood_s > 0.0 or self.runaway.found:
                 self.runaway.add(dt_s, stood_s, forward_m)

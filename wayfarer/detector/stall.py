@@ -30,21 +30,21 @@ class Stall:
         self._ahead = True
         self.found = False
 
-    def add(self, dt_s: float, commanded_m: float, moved_m: float) -> None:
-        """Add an interval: how long, how far the wheels were told to go, how far the ground went (both signed)."""
-        if abs(commanded_m) < self._from_m_s * dt_s:
+    def add(self, driven_s: float, commanded_m: float, moved_m: float) -> None:
+        """Add an interval: how long the wheels obeyed, and how far they were told to go and went (both signed)."""
+        if abs(commanded_m) < self._from_m_s * driven_s:
             self.clear()
             return
         if (commanded_m > 0.0) is not self._ahead:
             self.clear()
             self._ahead = commanded_m > 0.0
-        self._intervals.append((dt_s, commanded_m, moved_m))
-        self._span_s += dt_s
+        self._intervals.append((driven_s, commanded_m, moved_m))
+        self._span_s += driven_s
         self._commanded_m += commanded_m
         self._moved_m += moved_m
         while self._span_s - self._intervals[0][0] >= self._window_s:
-            dt_s, commanded_m, moved_m = self._intervals.popleft()
-            self._span_s -= dt_s
+            driven_s, commanded_m, moved_m = self._intervals.popleft()
+            self._span_s -= driven_s
             self._commanded_m -= commanded_m
             self._moved_m -= moved_m
         # Moving the other way (rolling back down a slope) is not moving either.

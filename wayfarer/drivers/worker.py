@@ -2,8 +2,9 @@
 
 Every call on a real bus blocks, for a second and more when a wire is loose, and cannot be cut short. So each bus has
 one thread, which does its transfers in turn, and each transfer has a deadline. A transfer that misses it raises
-``NotResponding``; until the thread comes back, every further one is refused at once. What was queued and not begun is
-dropped: an old drive command must never reach the wheels late. Stops that were posted are kept, and go first.
+``NotResponding``; until the thread comes back, every further one is refused at once. What was queued and is not begun
+within its deadline is dropped: an old drive command must never reach the wheels late, not even that of a process which
+was suspended and is woken. Stops that were posted are kept, and go first.
 """
 
 from __future__ import annotations
@@ -51,6 +52,14 @@ class Worker:
         """
         deadline_s = self._deadline_s if deadline_s is None else deadline_s
         future: Future[T] = Future()
+        clock = asyncio.get_running_loop().time  # any thread may read it
+        begins_by_s = clock() + deadline_s
+
+        def in_time() -> T:
+            if clock() > begins_by_s:
+                raise NotResponding(f"{self.name}: a transfer was not begun within {deadline_s:g} s, and is dropped")
+            return job()
+
         with self._wake:
             if self._overdue or self._closed:
                 raise NotResponding(
@@ -58,7 +67,7 @@ class Worker:
                     if self._closed
                     else f"{self.name}: an earlier transfer still hangs; a device holds the bus, check power and wiring"
                 )
-            self._jobs.append((job, future))
+            self._jobs.append((in_time, future))
             self._start_or_wake()
         try:
             async with asyncio.timeout(deadline_s) as deadline:

@@ -87,6 +87,7 @@ CAUSES: Mapping[str, str] = {
     Condition.UNDERVOLTAGE.value: "the computer gets too little voltage: less duty",
     Condition.POWER_UNSTABLE.value: "the computer's voltage dips again and again",
     Condition.OPERATOR_HOLD.value: "somebody asked to hold",
+    Condition.RESUME_WARNING.value: "it drives on in a moment: step away",
     Condition.TICK_LATE.value: "the control tick came late",
     Condition.DECISION_INVALID.value: "the algorithm asked for what cannot be",
 }

@@ -1,0 +1,97 @@
+"""A rover that stood still by itself warns before it drives on."""
+
+from __future__ import annotations
+
+import pytest
+
+from wayfarer.conditions import Condition
+from wayfarer.hal import STOP
+from wayfarer.interval import IntervalTimer
+from wayfarer.resume_warning import LONG_HOLD_S, ResumeWarning
+
+TICK_S = 0.0625  # binary, so that times are exact
+WARNING_S = 1.0
+SILENT = (Condition.COMPASS_STALE,)
+
+
+class Rover:
+    """Feeds a warning with ticks."""
+
+    def __init__(self, warning_s: float = WARNING_S) -> None:
+        self.warning = ResumeWarning(warning_s)
+        self.timer = IntervalTimer(0.2, 1.0)
+        self.t_s = 0.0
+        self.tick()
+
+    def tick(self, conditions: tuple[Condition, ...] = (), dt_s: float = TICK_S) -> bool:
+        self.t_s += dt_s
+        return self.warning.update(self.timer.next(self.t_s, STOP), conditions)
+
+    def ticks(self, for_s: float, conditions: tuple[Condition, ...] = ()) -> list[bool]:
+        return [self.tick(conditions) for _ in range(round(for_s / TICK_S))]
+
+    def warns_for_s(self) -> float:
+        """For how long it warns from now on."""
+        return sum(self.ticks(3 * WARNING_S)) * TICK_S
+
+
+def test_rover_that_never_stood_does_not_warn() -> None:
+    assert Rover().warns_for_s() == 0.0
+
+
+@pytest.mark.parametrize(("held_s", "warns"), [(LONG_HOLD_S - TICK_S, False), (LONG_HOLD_S + TICK_S, True)])
+def test_it_warns_after_a_hold_of_more_than_a_second(held_s: float, warns: bool) -> None:
+    rover = Rover()
+    assert not any(rover.ticks(held_s, SILENT)), "while it is held there is nothing to warn of"
+    assert rover.warns_for_s() == pytest.approx(WARNING_S * warns, abs=TICK_S)
+
+
+@pytest.mark.parametrize(("gap_s", "warns"), [(0.6, False), (1.1, True), (3.0, True), (60.0, True)])
+def test_it_warns_after_a_second_in_which_no_tick_came(gap_s: float, warns: bool) -> None:
+    rover = Rover()
+    assert not rover.tick((Condition.TICK_LATE,), dt_s=gap_s)
+    assert rover.warns_for_s() == pytest.approx(WARNING_S * warns, abs=TICK_S)
+
+
+def test_hold_of_a_person_needs_no_warning() -> None:
+    rover = Rover()
+    rover.ticks(60.0, (Condition.OPERATOR_HOLD,))
+    assert rover.warns_for_s() == 0.0
+
+
+def test_hold_of_the_rover_during_that_of_a_person_does() -> None:
+    rover = Rover()
+    rover.ticks(2.0, (Condition.OPERATOR_HOLD, *SILENT))
+    assert rover.warns_for_s() == pytest.approx(WARNING_S, abs=TICK_S)
+
+
+def test_what_lets_the_wheels_turn_is_no_hold() -> None:
+    rover = Rover()
+    rover.ticks(60.0, (Condition.MOTION_UNKNOWN, Condition.BATTERY_LOW))
+    assert rover.warns_for_s() == 0.0
+
+
+def test_hold_that_comes_again_while_it_warns_begins_the_warning_again() -> None:
+    rover = Rover()
+    rover.ticks(2.0, SILENT)
+    rover.ticks(WARNING_S / 2)
+    rover.ticks(2.0, SILENT)
+    assert rover.warns_for_s() == pytest.approx(WARNING_S, abs=TICK_S)
+
+
+def test_short_hold_while_it_warns_does_not_lengthen_the_warning() -> None:
+    rover = Rover()
+    rover.ticks(2.0, SILENT)
+    rover.tick()
+    rover.tick(SILENT)
+    assert rover.warns_for_s() < WARNING_S
+
+
+def test_new_mission_forgets_and_no_time_to_warn_is_none() -> None:
+    rover = Rover()
+    rover.ticks(2.0, SILENT)
+    rover.warning.reset()
+    assert rover.warns_for_s() == 0.0
+    hasty = Rover(warning_s=0.0)
+    hasty.ticks(2.0, SILENT)
+    assert hasty.warns_for_s() == 0.0

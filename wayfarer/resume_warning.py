@@ -1,0 +1,45 @@
+"""The warning before a rover that stood still drives on by itself. Pure: it takes each control tick of an armed rover.
+
+A person may have stepped up to a rover that has stopped. A hold that the rover began by itself (a silent sensor, a late
+tick) can end at any moment, so after a long one the wheels stand for a second more, while the status light blinks as it
+does before the start. A person's own hold is ended by a person, who looks first: it needs no warning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+
+from wayfarer.conditions import LEVELS, Condition, Level
+from wayfarer.interval import Interval
+
+LONG_HOLD_S = 1.0  # nobody steps up to a rover that stops for less
+
+
+class ResumeWarning:
+    """Tells whether the wheels must still wait; ``warning_s`` is for how long the light warns, 0 for not at all."""
+
+    def __init__(self, warning_s: float) -> None:
+        self._warning_s = warning_s
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget: a mission begins, and its start delay has warned already."""
+        self._stands_since_s = inf
+        self._until_s = -inf
+
+    def update(self, interval: Interval, conditions: Sequence[Condition]) -> bool:
+        """Take a tick with what is wrong at it; return whether it is time to warn."""
+        if not conditions or not _holds(conditions):
+            self._stands_since_s = inf
+            return interval.t_s < self._until_s
+        # In an interval that was late the wheels stood as well: the motor board's deadman had stopped them.
+        self._stands_since_s = min(self._stands_since_s, interval.t_s - interval.dt_s)
+        if interval.t_s - self._stands_since_s > LONG_HOLD_S:
+            self._until_s = interval.t_s + self._warning_s
+        return False
+
+
+def _holds(conditions: Sequence[Condition]) -> bool:
+    """Tell whether the rover itself holds its wheels."""
+    return any(LEVELS[each] >= Level.HOLD and each is not Condition.OPERATOR_HOLD for each in conditions)
