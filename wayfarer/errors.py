@@ -64,6 +64,13 @@ class NotResponding(DriverError):
     """No answer from the part: wiring, power or address."""
 
 
+class PowerLost(DriverError):
+    """The part lost its power for a moment, and has forgotten what it was told."""
+
+    def __init__(self, where: str) -> None:
+        super().__init__(f"{where}: lost its power for a moment; check its plugs and its battery, then arm again")
+
+
 class WrongPart(DriverError):
     """Something answered, but it is not the part that was expected."""
 

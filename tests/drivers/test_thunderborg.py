@@ -14,7 +14,7 @@ from tests.drivers.motor_boards import check_applied, check_strange_duties
 from tests.virtual import virtual
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings, _Motor
 from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings
-from wayfarer.errors import BadReading, NotResponding, WrongPart
+from wayfarer.errors import BadReading, NotResponding, PowerLost, WrongPart
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, Colour, DriveMotors, StatusLight, WheelCommand
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
@@ -50,8 +50,12 @@ class Cable:
         self.garbled: dict[int, int] = {}
         self.failsafes_lost = 0
         self.answers: dict[int, bytes] = {}
+        self.restarts_at: bytes | None = None
 
     def write(self, data: bytes) -> None:
+        if data == self.restarts_at:
+            self.restarts_at, self.loose = None, 1
+            self.chip.power_cycle()
         if self.loose:
             self.loose -= 1
             raise NotResponding("/dev/i2c-1: no answer at address 0x15")
@@ -89,6 +93,12 @@ class Bench:
         self.motors = ThunderBorg(given, self.buses)
         self.light = ThunderBorgLight(ThunderBorgLightSettings(), self.buses)
 
+    async def opened(self) -> Bench:
+        """This bench with open motors, of which nothing is in ``sent``."""
+        await self.motors.open()
+        self.sent()
+        return self
+
     def sent(self) -> list[str]:
         """Return what was written since this was asked last."""
         sent = [data.hex(" ").upper() for data in self.chip.writes]
@@ -100,25 +110,32 @@ class Bench:
 
 
 @virtual
-async def test_driving_writes_the_left_motor_then_the_right_one() -> None:
-    bench = Bench()
+async def test_driving_asks_for_the_failsafe_and_writes_the_left_motor_then_the_right_one() -> None:
+    bench = await Bench().opened()
     await bench.motors.drive(WheelCommand(0.5, -1.0))
-    assert bench.sent() == ["0B 79", "09 F2"]
+    assert bench.sent() == ["14", "0B 79", "09 F2"]
+
+
+@virtual
+async def test_a_stop_asks_for_nothing_first() -> None:
+    bench = await Bench().opened()
+    await bench.motors.drive(STOP)
+    assert bench.sent() == ["0B 00", "08 00"]
 
 
 @pytest.mark.parametrize(("duty", "sent"), [(0.5, "08 7F"), (1.0, "08 FF"), (0.0, "08 00"), (-0.5, "09 7F")])
 @virtual
 async def test_levels_are_cut_off_towards_zero_and_zero_is_forward(duty: float, sent: str) -> None:
-    bench = Bench(ThunderBorgSettings(duty_limit=1.0, left="A"))
+    bench = await Bench(ThunderBorgSettings(duty_limit=1.0, left="A")).opened()
     await bench.motors.drive(WheelCommand(duty, 0.0))
-    assert bench.sent() == [sent, "0B 00"]
+    assert bench.sent()[-2:] == [sent, "0B 00"]
 
 
 @virtual
 async def test_a_reversed_side_is_told_the_other_direction() -> None:
-    bench = Bench(ThunderBorgSettings(reverse_left=True))
+    bench = await Bench(ThunderBorgSettings(reverse_left=True)).opened()
     applied = await bench.motors.drive(WheelCommand(1.0, 1.0))
-    assert bench.sent() == ["0C F2", "08 F2"]
+    assert bench.sent()[-2:] == ["0C F2", "08 F2"]
     assert applied.left == applied.right > 0.99
     assert bench.world.commanded == applied
 
@@ -133,7 +150,7 @@ async def test_opening_asks_who_it_is_arms_the_failsafe_reads_it_back_and_stands
 
 @virtual
 async def test_stop_and_halt_switch_both_motors_off() -> None:
-    bench = Bench()
+    bench = await Bench().opened()
     for stop in (bench.motors.stop, bench.motors.halt):
         await bench.motors.drive(WheelCommand(0.5, 0.5))
         assert bench.world.commanded != STOP
@@ -155,7 +172,7 @@ async def test_stop_and_halt_switch_both_motors_off() -> None:
 async def test_what_is_applied_is_what_the_wheels_get_and_at_most_what_was_asked(
     command: WheelCommand, limit: float, left: Literal["A", "B"], reverse_left: bool, reverse_right: bool
 ) -> None:
-    bench = Bench(ThunderBorgSettings("/dev/i2c-1", ADDRESS, limit, left, reverse_left, reverse_right))
+    bench = await Bench(ThunderBorgSettings("/dev/i2c-1", ADDRESS, limit, left, reverse_left, reverse_right)).opened()
     applied = await bench.motors.drive(command)
     assert await bench.motors.read_back() == applied
     await check_applied(bench.motors, bench.world, command, 255 * limit)
@@ -163,7 +180,7 @@ async def test_what_is_applied_is_what_the_wheels_get_and_at_most_what_was_asked
 
 @virtual
 async def test_duties_beyond_full_are_full_and_what_is_no_number_reaches_no_motor() -> None:
-    bench = Bench()
+    bench = await Bench().opened()
     await check_strange_duties(bench.motors, bench.sent)
 
 
@@ -211,15 +228,60 @@ async def test_a_failsafe_that_does_not_arm_refuses_to_open() -> None:
 
 
 @virtual
-async def test_a_board_that_lost_its_power_for_a_moment_is_noticed_and_opening_arms_it_anew() -> None:
-    bench = Bench()
-    await bench.motors.open()
-    assert (await bench.motors.health()).faults == ()
+async def test_a_board_that_lost_its_power_turns_no_wheel_until_it_is_opened_again() -> None:
+    bench = await Bench().opened()
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
     bench.chip.power_cycle()
-    (fault,) = (await bench.motors.health()).faults
-    assert "the failsafe is off: the board lost its power for a moment" in fault
+    for _ in range(2):
+        with pytest.raises(PowerLost, match="ThunderBorg at 0x15 on /dev/i2c-1: lost its power for a moment"):
+            await bench.motors.drive(WheelCommand(0.5, 0.5))
+        assert bench.world.commanded == STOP
+    assert bench.chip.failsafe, "and its deadman is on again"
+    await bench.motors.drive(STOP)
     await bench.motors.open()
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    assert bench.world.commanded != STOP
+    assert bench.motors.troubles["power lost"] == 1
+
+
+@virtual
+async def test_a_loss_of_power_that_the_health_poll_finds_is_a_fault_only_of_a_rover_that_drives() -> None:
+    bench = await Bench().opened()
+    bench.chip.power_cycle()
     assert (await bench.motors.health()).faults == ()
+    assert bench.chip.failsafe
+    with pytest.raises(PowerLost):
+        await bench.motors.drive(WheelCommand(0.5, 0.5))
+    assert bench.world.commanded == STOP
+
+
+@virtual
+async def test_a_board_that_starts_between_two_tries_of_a_command_turns_no_wheel() -> None:
+    bench = await Bench().opened()
+    bench.cable.restarts_at = b"\x0b\x79"  # the left side's command, after the failsafe was read
+    with pytest.raises(PowerLost):
+        await bench.motors.drive(WheelCommand(0.5, 0.5))
+    assert bench.world.commanded == STOP
+    assert bench.chip.failsafe
+
+
+@virtual
+async def test_a_failsafe_that_cannot_be_read_for_noise_is_switched_on_again_and_the_rover_drives() -> None:
+    bench = await Bench().opened()
+    bench.chip.failsafe = False
+    bench.cable.garbled[20] = 3
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    assert bench.chip.failsafe
+    assert bench.world.commanded != STOP
+
+
+@virtual
+async def test_a_failsafe_that_does_not_arm_is_a_fault_of_the_board() -> None:
+    bench = await Bench().opened()
+    bench.chip.power_cycle()
+    bench.cable.failsafes_lost = 5
+    (fault,) = (await bench.motors.health()).faults
+    assert "the failsafe does not arm" in fault
 
 
 # -- when the wire is bad --------------------------------------------------------------------------------------------
@@ -227,7 +289,7 @@ async def test_a_board_that_lost_its_power_for_a_moment_is_noticed_and_opening_a
 
 @virtual
 async def test_two_missing_acknowledgements_are_made_good_and_three_are_told() -> None:
-    bench = Bench()
+    bench = await Bench().opened()
     bench.cable.loose = 2
     assert (await bench.motors.drive(WheelCommand(0.5, 0.5))).left > 0.49
     bench.cable.loose = 3
@@ -237,19 +299,19 @@ async def test_two_missing_acknowledgements_are_made_good_and_three_are_told() -
 
 @virtual
 async def test_transfers_that_were_tried_again_are_counted() -> None:
-    bench = Bench()
+    bench = await Bench().opened()
     await bench.motors.drive(WheelCommand(0.5, 0.5))
-    assert bench.motors.troubles == {"transfers retried": 0}
+    assert bench.motors.troubles == {"transfers retried": 0, "power lost": 0}
     bench.cable.loose = 2
     await bench.motors.drive(WheelCommand(0.5, 0.5))
     bench.cable.garbled = {21: 1}
     await bench.motors.health()
-    assert bench.motors.troubles == {"transfers retried": 3}
+    assert bench.motors.troubles == {"transfers retried": 3, "power lost": 0}
 
 
 @virtual
 async def test_stop_keeps_trying_and_never_raises() -> None:
-    bench = Bench()
+    bench = await Bench().opened()
     await bench.motors.drive(WheelCommand(0.5, 0.5))
     bench.cable.loose = 2
     await bench.motors.stop()

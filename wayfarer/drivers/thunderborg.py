@@ -15,7 +15,7 @@ from annotated_types import Interval
 
 from wayfarer.drivers.buses import Buses, I2CBus
 from wayfarer.drivers.levels import Levels
-from wayfarer.errors import BadReading, DriverError, NotResponding, WrongPart
+from wayfarer.errors import BadReading, DriverError, NotResponding, PowerLost, WrongPart
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 
 T = TypeVar("T")
@@ -31,6 +31,11 @@ _REPLY_BYTES = 6
 _RETRIES = 2  # PiBorg asks three times for a right echo; so do writes that are not acknowledged
 _FAILSAFE_TRIES = 5  # as PiBorg's own MonsterBorg scripts
 _FULL_VOLTS, _FULL_RAW = 36.3, 1023
+
+_DOES_NOT_ARM = (
+    f"the failsafe does not arm: {_FAILSAFE_TRIES} times switched on, and it reads off; nothing would stop the wheels "
+    "if this computer fell silent: switch the board off and on, shorten the I2C cable"
+)
 
 
 class Board:
@@ -144,9 +149,10 @@ class ThunderBorg:
     what is left: level / (255 * duty_limit).
 
     The board's failsafe, off at power-up, is the deadman: it stops the motors when no drive command came for 0.25 s.
-    Whether requests count as commands is not documented; the helm drives 20 times a second.
+    Whether requests count as commands is not documented; the helm drives 20 times a second. A board that lost its power
+    for a moment has switched it off: the board is asked before each command to move, and gets none without it.
 
-    ``troubles`` count the transfers that were tried again.
+    ``troubles`` count the transfers that were tried again, and how often the board had lost its power.
     """
 
     part: ClassVar[str] = "motors"
@@ -160,11 +166,13 @@ class ThunderBorg:
         self._levels = Levels(FULL_LEVEL, settings)
         self._left, self._right = (_A, _B) if settings.left == "A" else (_B, _A)
         self._driven: set[_Motor] = set()
+        self._power_losses = 0
+        self._forgot = False  # since it was opened last, the board has lost its power, and with it what it was told
 
     @property
     def troubles(self) -> dict[str, int]:
-        """How many transfers were tried again."""
-        return {"transfers retried": self._board.retries}
+        """How many transfers were tried again, and how often the board was found to have lost its power."""
+        return {"transfers retried": self._board.retries, "power lost": self._power_losses}
 
     async def open(self) -> None:
         """Find the board, arm its failsafe, read that back, and set both motors to zero.
@@ -176,7 +184,9 @@ class ThunderBorg:
         with suppress(BadReading):
             if not await self._failsafe_is_on():
                 self._driven.clear()
-        await self._arm_failsafe()
+        if not await self._arm_failsafe():
+            raise NotResponding(f"{self.name}: {_DOES_NOT_ARM}")
+        self._forgot = False
         await self.drive(STOP)
 
     async def close(self) -> None:
@@ -185,12 +195,21 @@ class ThunderBorg:
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Apply the command; duties beyond -1..1 count as these. One write for each side, the left first.
 
-        A ``halt`` that comes meanwhile wins: what was written around it is taken back.
+        A ``halt`` that comes meanwhile wins: what was written around it is taken back. No wheel is told to turn while
+        the failsafe is off: if this computer fell silent then, nothing would ever stop it.
+
+        Raises:
+            NotResponding: not acknowledged three times.
+            PowerLost: the board had lost its power since it was opened. Its failsafe is on again by then.
         """
         left, right = self._levels.of(command)
-        halts = self._halts
+        halts, retries = self._halts, self._board.retries
+        if left or right:
+            await self._refuse_without_failsafe()
         await self._set(self._left, left)
         await self._set(self._right, right)
+        if (left or right) and self._board.retries != retries:  # a board that was silent may have just started
+            await self._refuse_without_failsafe()
         if self._halts != halts:
             await self.stop()
             return STOP
@@ -229,20 +248,36 @@ class ThunderBorg:
         """
         battery_v = await self._battery_v()
         faults = await self._drive_faults() if len(self._driven) == 2 else []
-        if not await self._failsafe_is_on():
-            faults.append("the failsafe is off: the board lost its power for a moment; check its plugs, then arm anew")
+        if not await self._keep_failsafe():
+            faults.append(_DOES_NOT_ARM)
         return MotorHealth(battery_v, tuple(faults))
 
-    async def _arm_failsafe(self) -> None:
+    async def _refuse_without_failsafe(self) -> None:
+        try:
+            await self._keep_failsafe()
+        except BadReading:  # noise: it cannot be read now, but it can be switched on
+            await self._board.write(_SET_FAILSAFE, 1)
+        if self._forgot:
+            await self.stop()
+            raise PowerLost(self.name)
+
+    async def _keep_failsafe(self) -> bool:
+        """Ask the board for its failsafe, and switch it on where it is off; return whether it is on now."""
+        if await self._failsafe_is_on():
+            return True
+        self._forgot = True
+        self._power_losses += 1
+        self._driven.clear()
+        return await self._arm_failsafe()
+
+    async def _arm_failsafe(self) -> bool:
+        """Switch the failsafe on and read it back; return whether it is on."""
         for _ in range(_FAILSAFE_TRIES):
             await self._board.write(_SET_FAILSAFE, 1)
             with suppress(BadReading):
                 if await self._failsafe_is_on():
-                    return
-        raise NotResponding(
-            f"{self.name}: the failsafe does not arm: {_FAILSAFE_TRIES} times switched on, and it reads off; nothing "
-            "would stop the wheels if this computer fell silent: switch the board off and on, shorten the I2C cable"
-        )
+                    return True
+        return False
 
     async def _failsafe_is_on(self) -> bool:
         (state,) = await self._board.request(_GET_FAILSAFE, 1)
