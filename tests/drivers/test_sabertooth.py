@@ -116,7 +116,7 @@ async def test_both_sides_go_out_in_one_write_cut_off_towards_zero() -> None:
     await bench.motors.open()
     bench.sent()
     await bench.motors.drive(WheelCommand(1.0, -0.5))
-    assert bench.sent() == ["80 00 7F 7F 80 05 3F 44"]
+    assert bench.sent() == [f"80 00 7F 7F 80 05 3F 44 {TIMEOUT}"]
     assert bench.world.commanded == (1.0, -63 / 127)
 
 
@@ -126,7 +126,7 @@ async def test_wires_may_be_swapped_and_reversed() -> None:
     await bench.motors.open()
     bench.sent()
     await bench.motors.drive(WheelCommand(1.0, 0.5))
-    assert bench.sent() == ["82 05 7F 06 82 00 3F 41"]
+    assert bench.sent() == ["82 05 7F 06 82 00 3F 41 82 0E 03 13"]
     assert bench.world.commanded == (1.0, 63 / 127)
 
 
@@ -134,7 +134,7 @@ async def test_wires_may_be_swapped_and_reversed() -> None:
 async def test_opening_sets_timeout_and_lowest_voltage_and_stands_still() -> None:
     bench = Bench(SabertoothSettings(battery_min_v=10.0))
     await bench.motors.open()
-    assert bench.sent() == [f"{TIMEOUT} 80 02 14 16 {STAND}"]
+    assert bench.sent() == [f"{STAND} {TIMEOUT} 80 02 14 16"]
     assert bench.chip.settings == {14: 3, 2: 20}
 
 
@@ -142,7 +142,7 @@ async def test_opening_sets_timeout_and_lowest_voltage_and_stands_still() -> Non
 async def test_the_lowest_voltage_is_left_alone_where_none_is_given() -> None:
     bench = Bench()
     await bench.motors.open()
-    assert bench.sent() == [f"{TIMEOUT} {STAND}"]
+    assert bench.sent() == [f"{STAND} {TIMEOUT}"]
 
 
 @virtual
@@ -211,17 +211,56 @@ async def test_silence_stops_the_wheels() -> None:
 
 
 @virtual
-async def test_an_invisible_reset_leaves_the_board_without_its_timeout_for_a_second_at_most() -> None:
+async def test_an_invisible_reset_takes_the_lowest_voltage_for_a_second_and_the_timeout_for_one_command() -> None:
     bench = Bench(SabertoothSettings(battery_min_v=10.0))
     await bench.motors.open()
     bench.chip.power_cycle()
-    for _ in range(21):
-        assert bench.chip.settings == {}
+    for _ in range(19):
         await asyncio.sleep(0.05)
         await bench.motors.drive(WheelCommand(0.5, 0.5))
-        if bench.chip.settings:
-            break
+        assert bench.chip.settings == {14: 3}
+    for _ in range(2):
+        await asyncio.sleep(0.05)
+        await bench.motors.drive(WheelCommand(0.5, 0.5))
     assert bench.chip.settings == {14: 3, 2: 20}
+
+
+@pytest.mark.parametrize("heard_from", range(13))
+@virtual
+async def test_a_board_that_starts_amid_a_command_turns_no_wheel_without_its_timeout(heard_from: int) -> None:
+    bench = Bench()
+    await bench.motors.open()
+    bench.chip.power_cycle()
+    bench.wire.lost = set(range(heard_from))
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    assert bench.world.commanded == STOP or bench.chip.settings == {14: 3}
+
+
+@virtual
+async def test_at_2400_baud_the_timeout_goes_out_once_a_second_only() -> None:
+    bench = Bench(SabertoothSettings(baud=2400))
+    await bench.motors.open()
+    bench.chip.power_cycle()
+    for _ in range(19):
+        await asyncio.sleep(0.05)
+        await bench.motors.drive(WheelCommand(0.5, 0.5))
+    assert bench.chip.settings == {}
+    await asyncio.sleep(0.1)
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    assert bench.chip.settings == {14: 3}
+
+
+@pytest.mark.parametrize(
+    ("baud", "most_hz"),
+    [(2400, 20.0), (9600, 55.3), (19200, 111.3), (38400, 223.3)],
+)
+def test_wire_carries_commands_at_seven_tenths_of_its_rate(baud: int, most_hz: float) -> None:
+    """10 bits a byte; 8 bytes a command, from 9600 baud on 4 of the timeout behind it; 8 of settings a second."""
+    settings = TypeAdapter(SabertoothSettings).validate_python({"baud": baud})
+    assert settings.keeps_up_with(most_hz) is None
+    refused = settings.keeps_up_with(most_hz + 0.1)
+    assert refused is not None
+    assert f"baud = {baud}" in refused
 
 
 @virtual
@@ -233,7 +272,7 @@ async def test_settings_go_out_once_a_second_and_again_at_once_when_opened_anew(
         await bench.motors.drive(STOP)
     assert 5 <= sum(TIMEOUT in write for write in bench.sent()) <= 6
     await bench.motors.open()
-    assert bench.sent() == [f"{TIMEOUT} {STAND}"]
+    assert bench.sent() == [f"{STAND} {TIMEOUT}"]
 
 
 @pytest.mark.parametrize(("timeout_s", "units"), [(0.1, 1), (0.3, 3), (0.7, 7), (12.7, 127)])

@@ -24,9 +24,12 @@ _MINIMUM_VOLTAGE, _SERIAL_TIMEOUT = 2, 14
 _TIMEOUT_UNITS_PER_S = 10  # page 19
 _UNITS_PER_VOLT, _LOWEST_V = 5, 6.0  # page 18
 _CHECKSUM_MASK = 0x7F
-# A reset of the board is invisible and clears these settings: they are sent again this often.
+# A reset of the board is invisible and clears its settings. The timeout goes out behind each command to move, so that
+# wheels never turn without it for longer than a packet takes; at 2400 baud the wire cannot carry that at 20 Hz. All
+# settings are sent again this often.
 _RESEND_S = 1.0
-_DRIVE_BYTES, _SETTINGS_BYTES = 8, 8  # two packets each
+_TIMEOUT_EACH_TIME_FROM_BAUD = 9600
+_DRIVE_BYTES, _SETTINGS_BYTES, _TIMEOUT_BYTES = 8, 8, 4  # two packets, two packets, one packet
 _BITS_PER_BYTE = 10  # with start and stop bit
 _LOAD_MAX = 0.7  # of the wire; the rest is for stops, and for a Linux that wakes late
 _STOPS = 3  # bytes may be lost, and nobody hears about it
@@ -62,12 +65,18 @@ class SabertoothSettings:
         """How long after the last command the board stops the motors."""
         return self.timeout_s
 
+    @property
+    def timeout_each_time(self) -> bool:
+        """Whether the wire can carry the timeout behind each command to move."""
+        return self.baud >= _TIMEOUT_EACH_TIME_FROM_BAUD
+
     def keeps_up_with(self, control_hz: float) -> str | None:
         """Return None where the wire carries so many commands a second, and else why not.
 
         What the wire cannot carry waits in the kernel's buffer, and a stop behind it.
         """
-        bits_per_s = (_DRIVE_BYTES * control_hz + _SETTINGS_BYTES / _RESEND_S) * _BITS_PER_BYTE
+        drive_bytes = _DRIVE_BYTES + _TIMEOUT_BYTES * self.timeout_each_time
+        bits_per_s = (drive_bytes * control_hz + _SETTINGS_BYTES / _RESEND_S) * _BITS_PER_BYTE
         if bits_per_s <= _LOAD_MAX * self.baud:
             return None
         return f"baud = {self.baud}: commands, and a stop behind them, would queue on the wire"
@@ -80,8 +89,9 @@ class Sabertooth:
     is left: data / (127 * duty_limit).
 
     The deadman is the board's serial timeout: off by default, forgotten at each loss of power, and it cannot be read
-    back. That it trips, only a person who watches the wheels can tell; ``wayfarer check`` asks one. Nor can anything
-    here notice that there is no board at the other end of the wire.
+    back. So it goes out behind each command to move; at 2400 baud, each second. That it trips, only a person who
+    watches the wheels can tell; ``wayfarer check`` asks one. Nor can anything here notice that there is no board at the
+    other end of the wire.
     """
 
     part: ClassVar[str] = "motors"
@@ -96,7 +106,9 @@ class Sabertooth:
         self._halts = 0
         self._levels = Levels(FULL_LEVEL, settings)
         self._left, self._right = (_M1, _M2) if settings.left == 1 else (_M2, _M1)
-        self._board_settings = packet(settings.address, _SERIAL_TIMEOUT, timeout_units)
+        self._timeout = packet(settings.address, _SERIAL_TIMEOUT, timeout_units)
+        self._timeout_each_time = settings.timeout_each_time
+        self._board_settings = self._timeout
         if settings.battery_min_v is not None:
             units = round((settings.battery_min_v - _LOWEST_V) * _UNITS_PER_VOLT)
             self._board_settings += packet(settings.address, _MINIMUM_VOLTAGE, units)
@@ -125,10 +137,11 @@ class Sabertooth:
         left, right = self._levels.of(command)
         halts = self._halts
         now_s = asyncio.get_running_loop().time()
-        if now_s < self._resend_at_s:
-            await self._port.write(self._motor_packets(left, right))
-        else:
-            await self._port.write(self._board_settings + self._motor_packets(left, right))
+        all_due = now_s >= self._resend_at_s
+        # Settings go behind the command: a board that starts amid these bytes moves no wheel without its timeout.
+        settings = self._board_settings if all_due else self._timeout_behind(left, right)
+        await self._port.write(self._motor_packets(left, right) + settings)
+        if all_due:
             self._resend_at_s = now_s + _RESEND_S
         if self._halts != halts:
             await self.stop()
@@ -153,6 +166,9 @@ class Sabertooth:
     async def health(self) -> MotorHealth:
         """Return that nothing is known: the board tells neither voltage nor faults."""
         return MotorHealth(None, ())
+
+    def _timeout_behind(self, left: int, right: int) -> bytes:
+        return self._timeout if self._timeout_each_time and (left or right) else b""
 
     def _motor_packets(self, left: int, right: int) -> bytes:
         return self._motor(self._left, left) + self._motor(self._right, right)
