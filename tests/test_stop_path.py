@@ -148,11 +148,11 @@ def test_cancellation_while_a_part_hangs_while_opening() -> None:
 
 
 class ClingingCompass(Compass):
-    """Finishes its transfer, however long that takes, before it lets itself be cancelled."""
+    """Finishes its transfer, however long that takes, before it lets itself be cancelled; the first one is quick."""
 
     async def read(self) -> CompassReading:
         try:
-            await asyncio.sleep(0.03)
+            await asyncio.sleep(0.03 if "compass.read" in self.shop.done else 0.0)
             return await super().read()
         except asyncio.CancelledError:
             await asyncio.sleep(30.0)

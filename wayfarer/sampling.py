@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from wayfarer.config import Rates
@@ -24,13 +24,14 @@ RETRY_PAUSE_MAX_S = 2.0
 
 @dataclass(frozen=True, slots=True)
 class SensorTask:
-    """A row of the task table: read the part at its rate and hand each reading on."""
+    """A row of the task table: read the part at its rate and hand each reading on; the first one sets ``spoke``."""
 
     name: str
     part: Driver
     rate_hz: float
     read: Callable[[], Awaitable[Any]]
     write: Callable[[Any], None]
+    spoke: asyncio.Event = field(default_factory=asyncio.Event)
 
 
 def sensor_tasks(
@@ -76,4 +77,5 @@ async def _sample(row: SensorTask, write: Callable[[Any], None]) -> None:
     read, pace = row.read, Pace(row.rate_hz)
     while True:
         write(await read())
+        row.spoke.set()
         await pace.wait()

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 
 from wayfarer.conditions import Condition
 from wayfarer.config import RoverConfig
@@ -29,6 +30,7 @@ from wayfarer.stop_path import StopPath, unhindered
 from wayfarer.troubles import NOTE_HZ, TroubleNotes
 
 FRESH_S = 1.0  # a control tick older than this feeds no watchdog
+FIRST_READINGS_S = 0.25  # as long as a compass may be silent before that is a condition
 STALE = frozenset(
     {
         Condition.COMPASS_STALE,
@@ -167,7 +169,7 @@ class Supervisor:
             beside.append(group.create_task(self._note_troubles(), name="troubles"))
             if self._rover.light is not None:
                 beside.append(group.create_task(self._show_state(self._rover.light), name="light"))
-            await asyncio.sleep(0)  # the sensors speak first, at this and so at every common time of their grids
+            await self._hear_sensors()
             try:
                 end = await self._control()
             finally:  # the wheels first: a sensor may take its time to let go
@@ -175,6 +177,16 @@ class Supervisor:
                 for task in beside:
                     task.cancel()
         return end
+
+    async def _hear_sensors(self) -> None:
+        """Let the sensors speak before the first tick, and so at every time that their grids and its own share.
+
+        A real bus takes some milliseconds. A sensor that stays silent is not waited for: the ticks say which one it is.
+        """
+        waits = [row.spoke.wait() for row in self.tasks if row.part is not self._rover.position]
+        with suppress(TimeoutError):
+            async with asyncio.timeout(FIRST_READINGS_S):
+                await asyncio.gather(*waits)
 
     async def _control(self) -> RunEnd:
         """Tick at the control rate until something ends the run; return what did."""

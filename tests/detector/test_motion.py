@@ -34,6 +34,21 @@ def test_rover_that_the_deadman_stopped_in_a_gap_without_ticks_is_not_immobilise
     assert rover.drive(4, moved_m=STEP_M) == [False] * 4
 
 
+@pytest.mark.parametrize("gap_s", [0.3, 1.5, 60.0])
+def test_reading_from_before_a_gap_is_no_evidence_of_a_stall(gap_s: float) -> None:
+    """The sensor was read just before the loop stood still; the tick came afterwards, the next reading later still."""
+    rover = started()
+    rover.drive(8, moved_m=STEP_M)
+    read_t_s = rover.t_s + TICK_S
+    rover.t_s += gap_s
+    compass = CompassReading(rover.t_s, 0.0, 0.0, 0.0, None)
+    late = rover.sees(Snapshot(rover.t_s, compass, MotionReading(read_t_s, STEP_M, 0.0, 0.8), None), FULL)
+    assert late.anomalies == ()
+    assert rover.tick(STOP, moved_m=0.25 * MAX_SPEED_M_S).anomalies == ()
+    assert rover.drive(4, STOP) == [False] * 4
+    assert rover.drive(4, moved_m=STEP_M) == [False] * 4
+
+
 def test_poor_motion_is_unknown_and_then_lost() -> None:
     rover = started()
     found = [rover.tick(quality=0.0).conditions for _ in range(170)]

@@ -24,7 +24,7 @@ class MotionWatch:
         self._speed_max_m_s = settings.motion_speed_max_m_s
         self.stall = Stall(settings)
         self.runaway = Runaway(settings)
-        self._commanded_m = self._driven_s = 0.0
+        self._commanded_m = self._undriven_s = 0.0
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
 
     def start(self, t_s: float) -> None:
@@ -33,9 +33,9 @@ class MotionWatch:
 
     def update(self, interval: Interval, reading: MotionReading | None, conditions: list[Condition]) -> None:
         """Take in a tick: what the wheels were told since the previous one, and what the sensor says, if anything."""
-        t_s, _, driven_s, applied, forward_m = interval
+        t_s, tick_s, driven_s, applied, forward_m = interval
         self._commanded_m += forward_m
-        self._driven_s += driven_s
+        self._undriven_s += tick_s - driven_s
         if applied != STOP:
             self._driven_t_s = t_s
         if reading is not None:
@@ -51,7 +51,9 @@ class MotionWatch:
             return  # no such time; or the first one, which says how far since nobody knows when
         dt_s, self._spoke_t_s = read_t_s - self._spoke_t_s, read_t_s
         commanded_m, self._commanded_m = self._commanded_m, 0.0
-        driven_s, self._driven_s = self._driven_s, 0.0
+        # A reading may be older than the gap that the tick saw: then nothing is known to have been driven.
+        driven_s = dt_s - self._undriven_s if self._undriven_s < dt_s else 0.0
+        self._undriven_s = 0.0
         if not signed and commanded_m < 0.0:
             forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
         limit_m = self._speed_max_m_s * dt_s
