@@ -62,6 +62,7 @@ class Supervisor:
         self.helm = Helm(rover.motors, self.cells, config, detector, handler, log)
         self._health_hz = config.board.health_hz
         self._disarms = 0
+        self.ticked = asyncio.Event()  # is set by the first control tick: the parts are open
         self.tasks = sensor_tasks(rover, self.cells, config.rates, needs, self.helm.position)
         lights = () if rover.light is None else (rover.light,)
         self._parts: tuple[Driver, ...] = (rover.motors, *lights, *(row.part for row in self.tasks))
@@ -193,6 +194,7 @@ class Supervisor:
         helm, pace, time = self.helm, Pace(self._control_hz), asyncio.get_running_loop().time
         while helm.end is None:
             await helm.tick(time())
+            self.ticked.set()
             if helm.end is None:
                 await pace.wait()
         return helm.end

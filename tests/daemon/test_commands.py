@@ -20,11 +20,14 @@ from wayfarer.checks.parts import contact
 from wayfarer.control.protocol import Commands, Refused
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.inspection import FRESH_S, Live
+from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, Side, WheelCommand
 from wayfarer.mission import RunEnd
 from wayfarer.records import PartialLog
+from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.streams import Streams
 from wayfarer.supervisor import Supervisor
@@ -90,13 +93,13 @@ Play = Callable[..., RunEnd]
 
 @pytest.fixture
 def play(tmp_path: Path) -> Play:
-    """Plays a scene a second after a run has begun, and ends the run where the scene did not."""
+    """Plays a scene a second (``after_s``) after a run has begun, and ends the run where the scene did not."""
 
-    def play_scene(scene: Scene, algorithm: str = "pledge", rig: Rig | None = None) -> RunEnd:
+    def play_scene(scene: Scene, algorithm: str = "pledge", rig: Rig | None = None, after_s: float = 1.0) -> RunEnd:
         async def main() -> RunEnd:
             run = Run(rig or Rig(tmp_path), algorithm)
             running = asyncio.create_task(run.supervisor.run())
-            await asyncio.sleep(1.0)
+            await asyncio.sleep(after_s)
             try:
                 await scene(run)
             finally:
@@ -178,6 +181,69 @@ def test_only_one_of_two_who_arm_at_once_is_heard(play: Play) -> None:
         assert (await first)["mode"] == "arming"
 
     play(scene)
+
+
+def test_arming_right_after_the_start_waits_until_the_parts_are_open(play: Play, tmp_path: Path) -> None:
+    rig = Rig(tmp_path)
+    opens = rig.compass.open
+
+    async def open_slowly() -> None:
+        await asyncio.sleep(1.0)
+        await opens()
+
+    rig.compass.open = open_slowly  # type: ignore[method-assign]
+
+    async def scene(run: Run) -> None:
+        assert (await run.commands.arm(0.0))["mode"] == "arming"
+        await asyncio.sleep(DELAY_S + 1.0)
+        assert run.wheels != STOP
+
+    play(scene, rig=rig, after_s=0.0)
+
+
+def test_arming_while_parts_take_too_long_to_open_is_refused_and_says_so(play: Play, tmp_path: Path) -> None:
+    rig = Rig(tmp_path)
+    rig.compass.open = lambda: asyncio.sleep(4.0)  # type: ignore[method-assign]
+
+    async def scene(run: Run) -> None:
+        with pytest.raises(Refused, match="still being opened: try again in some seconds"):
+            await run.commands.arm(0.0)
+
+    play(scene, rig=rig, after_s=0.0)
+
+
+class ThunderBorgRig(Rig):
+    """A rover whose motor board is a ThunderBorg, through its real driver."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        buses = FakeBuses()
+        self.chip = ThunderBorgChip(self.world, lambda: asyncio.get_running_loop().time(), full_level=255)
+        buses.i2c("/dev/i2c-1").attach(0x15, self.chip)
+        self.motors = ThunderBorg(ThunderBorgSettings(), buses)  # type: ignore[assignment]
+        self.rover = dataclasses.replace(self.rover, motors=self.motors)
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.1, 0.3, 1.0])
+@pytest.mark.parametrize("driving", [False, True], ids=["standing", "driving"])
+def test_first_arming_after_the_board_lost_its_power_is_not_refused(
+    play: Play, tmp_path: Path, after_s: float, driving: bool
+) -> None:
+    rig = ThunderBorgRig(tmp_path)
+
+    async def scene(run: Run) -> None:
+        if driving:
+            await run.arm()
+        rig.chip.power_cycle()
+        if driving:
+            await asyncio.sleep(0.1)
+            assert (run.mode, run.wheels) == ("disarmed", STOP)
+            assert "lost its power" in str(run.log.named("motors_failed"))
+        await asyncio.sleep(after_s)
+        await run.arm()
+        assert rig.chip.failsafe
+
+    play(scene, rig=rig)
 
 
 def break_battery(rig: Rig) -> None:
@@ -601,7 +667,7 @@ def test_motion_sensor_that_fell_silent_lets_no_rover_drive(play: Play, tmp_path
 
 def test_inspection_before_the_first_tick_says_to_wait(tmp_path: Path) -> None:
     async def main() -> None:
-        with pytest.raises(NotResponding, match="has not begun"):
+        with pytest.raises(NotResponding, match="still being opened"):
             await Run(Rig(tmp_path)).inspect.compass()
 
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 from wayfarer.checks import ARMING, Check, Finding, Inspection, Verdict, run_checks
@@ -29,6 +30,8 @@ REMEDIES: Mapping[Condition, tuple[str, str]] = {
     Condition.BATTERY_CRITICAL: ("the battery is almost empty", "charge it or change it"),
     Condition.POWER_UNSTABLE: ("the computer's supply dips again and again", "give it a 5 V supply of its own"),
 }
+
+OPENING_S = 3.0  # for the parts to open, right after the start, before an arming is refused; the client waits for 5 s
 
 
 class RoverCommands:
@@ -101,6 +104,9 @@ class RoverCommands:
 
     async def _check(self) -> None:
         """Refuse to arm a rover on which a check fails."""
+        with suppress(TimeoutError):  # the checks say then what is missing
+            async with asyncio.timeout(OPENING_S):
+                await self._supervisor.ticked.wait()
         findings = await run_checks(self._inspect(), self._checks)
         self._warnings = [_told(finding) for finding in findings if finding.verdict is Verdict.WARN]
         failed = [finding for finding in findings if finding.verdict is Verdict.FAIL] + self._standing()

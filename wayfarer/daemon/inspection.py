@@ -56,7 +56,7 @@ class Live:
     def _latest(self) -> Snapshot:
         last = self._supervisor.helm.last
         if last is None:
-            raise NotResponding("the control loop has not begun: wait a second")
+            raise NotResponding("the rover's parts are still being opened: try again in some seconds")
         return last.snapshot
 
     def _fresh(self, reading: R | None, name: str) -> R:
