@@ -50,7 +50,7 @@ def libraries(version: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def site(rover: str, libraries: Path, shim: Path) -> Iterator[RealSite]:
+def site(rover: str, shim: Path, libraries: Path) -> Iterator[RealSite]:
     """A site of the rover for all tests of a module; they skip where no private /dev can be mounted."""
     with ExitStack() as stack:
         try:
