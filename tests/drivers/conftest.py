@@ -1,11 +1,16 @@
-"""A board without a Raspberry Pi, for parts at GPIO pins."""
+"""A board without a Raspberry Pi: for parts at GPIO pins, and for the real libraries of its buses."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.drivers.private_dev import NoMounts, compiled_shim, why_not
+from tests.drivers.real_site import NoRegistry, RealSite, install, real_site
 
 
 @pytest.fixture(scope="module")
@@ -18,3 +23,38 @@ def board(request: pytest.FixtureRequest) -> Iterator[Any]:
     yield factory
     gpiozero.Device.pin_factory = None
     factory.close()
+
+
+@pytest.fixture(scope="session")
+def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What answers ``ioctl`` in a private /dev; the test skips where there can be none."""
+    if (reason := why_not()) is not None:
+        pytest.skip(reason)
+    return compiled_shim(tmp_path_factory.mktemp("shim"))
+
+
+@pytest.fixture(scope="session", params=("oldest", "newest"))
+def version(request: pytest.FixtureRequest) -> str:
+    """Which version of the libraries."""
+    wanted: str = request.param
+    return wanted
+
+
+@pytest.fixture(scope="session")
+def libraries(version: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of smbus2, spidev, pyserial and gpiozero."""
+    try:
+        return install(version, tmp_path_factory.mktemp(version))
+    except NoRegistry as error:
+        pytest.skip(f"the {version} libraries cannot be installed here: {error}")
+
+
+@pytest.fixture(scope="module")
+def site(rover: str, shim: Path, libraries: Path) -> Iterator[RealSite]:
+    """A site of the rover for all tests of a module; they skip where no private /dev can be mounted."""
+    with ExitStack() as stack:
+        try:
+            made = stack.enter_context(real_site(rover, libraries, shim))
+        except NoMounts as error:
+            pytest.skip(f"no private /dev can be mounted here: {error}")
+        yield made

@@ -60,6 +60,13 @@ async def test_transfer_reaches_the_chip_and_its_reply_comes_back() -> None:
     assert (await made.answer(request))["data"][0].startswith("9915")
 
 
+async def test_read_alone_is_the_answer_to_the_write_before_it() -> None:
+    made, _ = bench()
+    assert await i2c(made, 0x15, 0x99) == {"data": []}
+    request = {"do": "i2c", "bus": I2C, "address": 0x15, "data": [], "count": 6}
+    assert (await made.answer(request))["data"][0].startswith("9915")
+
+
 async def test_misuse_of_a_chip_and_silence_are_told_and_not_fatal() -> None:
     made, _ = bench()
     assert "no command" in (await i2c(made, 0x15, 99))["error"]

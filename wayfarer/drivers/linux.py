@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import re
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from wayfarer.drivers.buses import CLOSE_WAIT_S
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 FRAME_DEADLINE_S = 3.0
 CAMERA_OPEN_DEADLINE_S = 10.0  # picamera2 brings much with it, and libcamera looks for every camera first
 MAIN_SIZE = (640, 480)  # lores may not exceed the main stream (hardware.md 5)
+_SPI_FILE = re.compile(r"/dev/spidev(\d{1,4})\.(\d{1,4})")  # of bus and chip select, as spidev opens it
 
 B = TypeVar("B", bound=Threaded[Any])
 
@@ -101,7 +104,7 @@ class SpiDevice:
         from spidev import SpiDev
 
         self._device = SpiDev()
-        self._device.open_path(path)
+        self._device.open(*_spi_numbers(path))  # its open_path came with 3.8; Debian 12 has 3.6
         self._device.mode = mode
         self._device.max_speed_hz = speed_hz
 
@@ -112,6 +115,19 @@ class SpiDevice:
     def close(self) -> None:
         """Close the device file."""
         self._device.close()
+
+
+def _spi_numbers(path: str) -> tuple[int, int]:
+    """Return bus and chip select of an SPI device file; links are followed.
+
+    Raises:
+        OSError: it is none.
+    """
+    file = str(Path(path).resolve())
+    if not (numbers := _SPI_FILE.fullmatch(file)):
+        what = "no SPI device" if file == path else f"leads to {file}, which is no SPI device"
+        raise OSError(f"{what}, such as /dev/spidev0.1; correct its name in the rover file")
+    return int(numbers[1]), int(numbers[2])
 
 
 class SerialDevice:

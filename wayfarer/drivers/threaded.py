@@ -75,6 +75,7 @@ _CAUSES = {
     errno.ETIMEDOUT: "the bus is stuck: a part holds a line low; switch its power off and on",
     errno.ENOENT: "no such device file: enable the interface with sudo raspi-config",
     errno.ENODEV: "no such device: is it plugged in?",
+    errno.ESHUTDOWN: "no such device any more: was SPI switched off?",  # how spidev says that its driver was unbound
     errno.EACCES: "permission denied: add the user to the device's group (ls -l shows it) and log in again",
     errno.EBUSY: "another program has it open",
 }

@@ -9,7 +9,8 @@ with ``buses = "wayfarer.simhal.bench_buses:buses"`` as the first line of ``rove
 drivers over its real bus threads, and may be killed, suspended or disconnected: nothing here notices but the motor
 boards' own deadmen. ``WAYFARER_BENCH`` names the socket; it exists to try the daemon without hardware, and for tests.
 
-Both ends speak one JSON object a line. Transfers name a bus and give their bytes in hex, a list of pieces; beside them
+Both ends speak one JSON object a line. Transfers name a bus and give their bytes in hex, a list of pieces; on I2C no
+piece means a read alone. Beside them
 
 * ``{"do": "look", "since_s": 0.0}`` tells how the world is and what its wheels were told since then;
 * ``{"do": "power_cycle"}`` interrupts the motor board's power for a moment;
@@ -145,10 +146,13 @@ class Bench(Solder):
         await self._wait_for(bus)
         if (bus, address) in self._silent:
             raise NotResponding(f"{bus}: no answer at address 0x{address:02X}")
+        wires = self._wires.i2c(bus)
+        if not data:
+            return {"data": [wires.chip_at(address).read(count).hex()]}
         (piece,) = from_hex(data)
         if count:
-            return {"data": [(await self._wires.i2c(bus).write_read(address, piece, count)).hex()]}
-        await self._wires.i2c(bus).write(address, piece)
+            return {"data": [(await wires.write_read(address, piece, count)).hex()]}
+        await wires.write(address, piece)
         return {"data": []}
 
     async def _do_spi(self, bus: str, data: list[str]) -> dict[str, Any]:

@@ -1,0 +1,122 @@
+"""A site whose daemon speaks through the real libraries: Linux's own buses, device files in a private /dev, a bench."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+
+from tests.drivers.private_dev import PrivateDev, SerialLine
+from wayfarer.simhal.scenarios.procedures.launching import COMMAND_S, WAYFARER
+from wayfarer.simhal.scenarios.procedures.site import Site
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+BOTH = pytest.mark.parametrize("rover", ["forestrover", "minirover"], scope="module")
+FORESTROVER = pytest.mark.parametrize("rover", ["forestrover"], scope="module")  # it alone has a serial line
+I2C, SPI, SERIAL = "/dev/i2c-1", "/dev/spidev0.1", "/dev/ttyAMA0"
+
+
+class NoRegistry(Exception):
+    """The libraries cannot be had."""
+
+
+def requirements(version: str) -> list[str]:
+    """Return the libraries of a rover's parts, as pyproject.toml has them: each at its lower bound, or the newest."""
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    allowed: list[str] = project["optional-dependencies"]["pi"]
+    return [each.replace(">=", "==") for each in allowed] if version == "oldest" else allowed
+
+
+def install(version: str, folder: Path) -> Path:
+    """Install the libraries into a folder and return it.
+
+    Raises:
+        NoRegistry: they cannot be had.
+    """
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps"]
+    done = subprocess.run(
+        [*pip, "--target", folder, *requirements(version)], capture_output=True, text=True, check=False
+    )
+    if re.search("No matching distribution|No module named pip", done.stderr):
+        raise NoRegistry(done.stderr.strip().splitlines()[-1])
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+class RealSite(Site):
+    """A site whose processes see a private /dev and these libraries; the bench at its other end is the usual one.
+
+    Args:
+        folder: of its own, and short.
+        rover: ``forestrover``, or ``minirover`` with a flow chip in place of its camera, which has no simulated chip.
+        dev: where the device files are.
+        libraries: the folder of the libraries.
+        shim: answers ``ioctl``.
+    """
+
+    def __init__(self, folder: Path, rover: str, dev: PrivateDev, libraries: Path, shim: Path) -> None:
+        self.dev = dev
+        super().__init__(folder, rover)
+        _, _, shipped = self.config.read_text(encoding="utf-8").partition("\n")  # without the bench's own buses
+        self.config.write_text(shipped, encoding="utf-8")
+        self.environment |= {"LD_PRELOAD": str(shim), "PYTHONPATH": str(libraries)}
+        for device in (I2C, SPI):
+            dev.plug(device)
+        self.plug_serial()
+
+    def plug_serial(self) -> None:
+        """Plug the serial adapter in."""
+        self.line = SerialLine(self.folder / "bench", SERIAL)
+        self.dev.link(SERIAL, self.line.path)
+
+    def unplug_serial(self) -> None:
+        """Pull the serial adapter out."""
+        self.dev.unplug(SERIAL)
+        self.line.unplug()
+
+    def start(self, *command: str | Path) -> subprocess.Popen[bytes]:
+        """Start a process that sees the private /dev."""
+        return super().start(*self.dev.enter, *command)
+
+    def run(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        """Run a wayfarer command to its end."""
+        return self.run_python(*WAYFARER[1:], *arguments)
+
+    def run_python(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        """Run Python to its end."""
+        return subprocess.run(
+            [*self.dev.enter, sys.executable, *arguments],
+            env=self.environment, capture_output=True, text=True, check=False, timeout=COMMAND_S,
+        )  # fmt: skip
+
+    def end(self) -> None:
+        """End all processes."""
+        self.unplug_serial()
+        super().end()
+
+
+@contextmanager
+def real_site(rover: str, libraries: Path, shim: Path) -> Iterator[RealSite]:
+    """Give a site, and clear it away.
+
+    Raises:
+        NoMounts: no private /dev can be mounted here.
+        SiteTrouble: the bench does not start.
+    """
+    with TemporaryDirectory(prefix="wf-") as folder, TemporaryDirectory(prefix="wf-dev-") as mounts:
+        dev = PrivateDev(Path(mounts))
+        try:
+            made = RealSite(Path(folder), rover, dev, libraries, shim)
+            try:
+                yield made
+            finally:
+                made.end()
+        finally:
+            dev.close()

@@ -1,0 +1,152 @@
+"""The daemon of both shipped rovers over the real smbus2, spidev and pyserial, at their oldest and newest versions.
+
+The bounds are those of docs/what-stops-the-wheels.md. The bench writes down what the wheels were told and when, on the
+clock that all processes of a machine share: a busy machine delays what is seen here more than what is judged.
+"""
+
+# ruff: noqa: TID251 - real processes need real time
+from __future__ import annotations
+
+import json
+import time
+from itertools import pairwise
+
+import pytest
+
+from tests.drivers.real_site import BOTH, FORESTROVER, I2C, SERIAL, SPI, RealSite
+from tests.system.test_stop_owners import turn_wheels
+from wayfarer.simhal.scenarios.procedures.site import wait_for
+from wayfarer.simhal.scenarios.procedures.wheels import first_stop, spans, stop_after
+
+pytestmark = pytest.mark.slow
+
+FROZEN_S, GONE_S = 2.5, 1.0
+MARGIN_S = 0.02  # between the two writes of one drive command
+BUSY_S = 0.1  # how late a process may be on a computer that does other things
+COMPASS_STALE_S, MOTION_STALE_S = 0.30, 1.0  # rows 2 and 3 of the table; row 22
+LATE_S = 0.1  # what hung in the wire arrives late, and is taken back by the next tick
+CLEARED_BY_ARMING = {"motors_failed"}
+
+
+def driving(site: RealSite) -> None:
+    """Have the rover drive, with the daemon that is there or a new one."""
+    if not site.sees():
+        site.daemon()
+    if site.status()["mode"] == "disarmed":
+        wait_for("all is well", lambda: set(site.status()["conditions"]) <= CLEARED_BY_ARMING)
+        site.ask("arm", heading_deg=0.0)
+    wait_for("the wheels turn", lambda: site.drives)
+
+
+def assert_stood(site: RealSite, since_s: float, device: str) -> None:
+    """The wheels stood in time: held for a sense that says nothing, or stopped with the motors' bus by their board."""
+    wait_for("the wheels stand", lambda: not site.turning)
+    turned_s, stopped_s = first_stop(site.commands(), since_s)
+    print(f"{site.rover}, {device}: stood after {stopped_s - since_s:.3f} s, {stopped_s - turned_s:.3f} s of silence")
+    if device == motors_of(site):
+        assert stopped_s - turned_s <= site.deadman_s + MARGIN_S
+    else:
+        assert stopped_s - since_s < (COMPASS_STALE_S if device == I2C else MOTION_STALE_S) + BUSY_S
+
+
+def assert_goes_on(site: RealSite, since_s: float, device: str, late_s: float = LATE_S) -> None:
+    """Once the device is back, a hold ends by itself; where the motors were lost, only arming ends it.
+
+    ``late_s`` is how long the wheels may turn by a command that hung in the wire.
+    """
+    if device != motors_of(site):
+        wait_for("the rover drives on", lambda: site.drives)
+        assert site.status()["mode"] == "armed"
+        return
+    assert site.status()["mode"] == "disarmed"
+    back_s = time.monotonic()
+    wait_for("all is well", lambda: set(site.status()["conditions"]) <= CLEARED_BY_ARMING)
+    site.ticks_beyond(back_s + 2 * site.deadman_s)
+    stood_s = first_stop(site.commands(), since_s)[1]
+    assert all(end_s - start_s <= late_s for start_s, end_s in spans(site.commands(stood_s)))
+    driving(site)
+
+
+def motors_of(site: RealSite) -> str:
+    return I2C if site.rover == "minirover" else SERIAL
+
+
+@BOTH
+def test_parts_pass_the_checks(site: RealSite) -> None:
+    done = site.run("check", "--json", "--config", site.config, "--logs", site.logs)
+    assert done.returncode == 0, done.stdout + done.stderr
+    verdicts = {finding["name"]: finding["verdict"] for finding in json.loads(done.stdout)["findings"]}
+    asked = {I2C, SPI, motors_of(site), "motor board", "compass", "compass calibration", "motion"}
+    assert {name: verdicts[name] for name in asked} == dict.fromkeys(asked, "ok")
+
+
+@BOTH
+@pytest.mark.parametrize("device", [I2C, SPI])
+def test_chip_that_freezes_stops_the_wheels_and_never_the_control_loop(site: RealSite, device: str) -> None:
+    driving(site)
+    frozen_s = site.bench("hang", bus=device, for_s=FROZEN_S)["t_s"]
+    assert_stood(site, frozen_s, device)
+    ticks_s = [t_s for t_s in site.ticks_beyond(frozen_s + FROZEN_S) if frozen_s <= t_s < frozen_s + FROZEN_S]
+    assert len(ticks_s) >= 0.8 * 20.0 * FROZEN_S
+    assert all(late_s - t_s < 0.2 for t_s, late_s in pairwise(ticks_s)), "a tick waits one transfer at most"
+    assert_goes_on(site, frozen_s, device)
+
+
+@BOTH
+@pytest.mark.parametrize("device", [I2C, SPI])
+def test_device_that_vanishes_and_comes_back(site: RealSite, device: str) -> None:
+    driving(site)
+    site.dev.unplug(device)
+    gone_s = time.monotonic()
+    assert_stood(site, gone_s, device)
+    site.ticks_beyond(gone_s + GONE_S)
+    told = [record["error"] for record in site.log() if record.get("error") and record["t_s"] > gone_s]
+    assert told
+    assert all(f"{device}: no such device" in error for error in told)
+    site.dev.plug(device)
+    assert_goes_on(site, gone_s, device)
+
+
+@FORESTROVER
+def test_serial_adapter_that_is_pulled_out_and_plugged_in_again(site: RealSite) -> None:
+    driving(site)
+    site.unplug_serial()
+    gone_s = time.monotonic()
+    assert_stood(site, gone_s, SERIAL)
+    site.ticks_beyond(gone_s + GONE_S)
+    site.plug_serial()
+    assert_goes_on(site, gone_s, SERIAL)
+
+
+@FORESTROVER
+@pytest.mark.parametrize(
+    ("blocked_s", "late_s"), [(0.5, LATE_S), (FROZEN_S, 0.0)], ids=["shorter than a write may take", "longer"]
+)
+def test_serial_line_that_blocks(site: RealSite, blocked_s: float, late_s: float) -> None:
+    driving(site)
+    site.line.block()
+    began_s = time.monotonic()
+    assert_stood(site, began_s, SERIAL)
+    site.ticks_beyond(began_s + blocked_s)
+    site.line.unblock()
+    assert_goes_on(site, began_s, SERIAL, late_s)
+
+
+@BOTH
+def test_board_stops_the_wheels_of_a_daemon_that_is_killed(site: RealSite) -> None:
+    driving(site)
+    site.processes[-1].kill()
+    turned_s, stopped_s = stop_after(site.stopped())
+    assert stopped_s - turned_s == pytest.approx(site.deadman_s, abs=MARGIN_S)
+
+
+@BOTH
+def test_stop_motors_stops_wheels_that_nobody_owns(site: RealSite) -> None:
+    assert not site.sees(), "the daemon was killed"
+    site.bench("power_cycle")  # the board forgets its deadman
+    turn_wheels(site)
+    time.sleep(2 * site.deadman_s)
+    assert site.turning
+    done = site.run("stop-motors", "--config", site.config)
+    assert done.returncode == 0, done.stderr
+    site.stopped()
