@@ -29,7 +29,7 @@ LAYERS = [
         "registry", "pace", "calibration", "chassis",
     ],
     ["helm", "fieldlog", "console_log", "status_light"],
-    ["supervisor", "sampling", "stop_path", "troubles"],
+    ["supervisor", "fresh_wheels", "sampling", "stop_path", "troubles"],
     ["assembly", "dry_run", "stop_motors", "service", "checks", "control"],
     ["logbook", "foxglove"],
     ["calibrate", "daemon", "replay", "live"],

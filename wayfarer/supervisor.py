@@ -18,6 +18,7 @@ from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, MissingPart, NotArmed
 from wayfarer.escape.api import EscapeHandler
 from wayfarer.escape.catalogue import Algorithm
+from wayfarer.fresh_wheels import FreshWheels
 from wayfarer.hal import Driver, Rover, StatusLight
 from wayfarer.helm import Helm, Mode
 from wayfarer.latest import Cells
@@ -59,7 +60,8 @@ class Supervisor:
         self.cells = Cells()
         needs = check_parts(rover, algorithm, config)
         detector = make_detector(config, needs, watches_motion=rover.motion is not None)
-        self.helm = Helm(rover.motors, self.cells, config, detector, handler, log)
+        self._wheels = FreshWheels(rover.motors, config.safety.tick_late_s)
+        self.helm = Helm(self._wheels, self.cells, config, detector, handler, log)
         self._health_hz = config.board.health_hz
         self._disarms = 0
         self.ticked = asyncio.Event()  # is set by the first control tick: the parts are open
@@ -193,7 +195,8 @@ class Supervisor:
         """Tick at the control rate until something ends the run; return what did."""
         helm, pace, time = self.helm, Pace(self._control_hz), asyncio.get_running_loop().time
         while helm.end is None:
-            await helm.tick(time())
+            self._wheels.tick_t_s = t_s = time()
+            await helm.tick(t_s)
             self.ticked.set()
             if helm.end is None:
                 await pace.wait()

@@ -20,6 +20,7 @@ from wayfarer.hal import STOP, Colour, DriveMotors, StatusLight, WheelCommand
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
@@ -263,6 +264,26 @@ async def test_a_board_that_starts_between_two_tries_of_a_command_turns_no_wheel
         await bench.motors.drive(WheelCommand(0.5, 0.5))
     assert bench.world.commanded == STOP
     assert bench.chip.failsafe
+
+
+@pytest.mark.parametrize("suspended_at", ["14", "0B 79", "08 79"])
+@virtual
+async def test_a_command_amid_which_the_process_was_suspended_turns_no_wheel_afterwards(suspended_at: str) -> None:
+    bench = await Bench().opened()
+    write = bench.cable.write
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, VirtualLoop)
+
+    def write_slowly(data: bytes) -> None:
+        write(data)
+        if data.hex(" ").upper() == suspended_at:
+            loop.stall(3.0)
+
+    bench.cable.write = write_slowly  # type: ignore[method-assign]
+    assert await bench.motors.drive(WheelCommand(0.5, 0.5)) == STOP
+    bench.chip.tick()
+    assert bench.world.commanded == STOP
+    assert bench.sent()[-1] == "0E 00"
 
 
 @virtual

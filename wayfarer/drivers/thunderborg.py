@@ -6,6 +6,7 @@ there is. A request is a write, a stop and a read of 6 bytes: the command echoed
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -29,6 +30,7 @@ _ID = 0x15  # names the kind of board: a board moved to another address still an
 _FORWARD, _REVERSE = 1, 2
 _REPLY_BYTES = 6
 _RETRIES = 2  # PiBorg asks three times for a right echo; so do writes that are not acknowledged
+_RETRY_WITHIN_S = 0.1  # what failed later is not tried again: a bus that hangs, or a process that was suspended amid it
 _FAILSAFE_TRIES = 5  # as PiBorg's own MonsterBorg scripts
 _FULL_VOLTS, _FULL_RAW = 36.3, 1023
 
@@ -93,17 +95,22 @@ class Board:
         return bytes(answer)
 
     async def _insist(self, transfer: Callable[[], Awaitable[T]]) -> T:
-        for _ in range(_RETRIES):
-            with suppress(DriverError):
+        clock = asyncio.get_running_loop().time
+        ends_s = clock() + _RETRY_WITHIN_S
+        for retries_left in reversed(range(_RETRIES + 1)):
+            try:
                 return await transfer()
-            self.retries += 1
-        try:
-            return await transfer()
-        except NotResponding as error:
-            raise NotResponding(
-                f"{self.where}: no answer ({error}); battery off or flat, or a loose plug: check the board's power "
-                "switch and its I2C cable"
-            ) from error
+            except DriverError as error:
+                if retries_left and clock() <= ends_s:
+                    self.retries += 1
+                    continue
+                if not isinstance(error, NotResponding):
+                    raise
+                raise NotResponding(
+                    f"{self.where}: no answer ({error}); battery off or flat, or a loose plug: check the board's power "
+                    "switch and its I2C cable"
+                ) from error
+        raise AssertionError("the last try returns or raises")
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,8 +202,9 @@ class ThunderBorg:
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Apply the command; duties beyond -1..1 count as these. One write for each side, the left first.
 
-        A ``halt`` that comes meanwhile wins: what was written around it is taken back. No wheel is told to turn while
-        the failsafe is off: if this computer fell silent then, nothing would ever stop it.
+        A ``halt`` that comes meanwhile wins: what was written before it is taken back. So is a command that took longer
+        than the deadman: the process was suspended amid it. No wheel is told to turn while the failsafe is off: if this
+        computer fell silent then, nothing would ever stop it.
 
         Raises:
             NotResponding: not acknowledged three times.
@@ -204,13 +212,16 @@ class ThunderBorg:
         """
         left, right = self._levels.of(command)
         halts, retries = self._halts, self._board.retries
+        clock = asyncio.get_running_loop().time
+        ends_s = clock() + DEADMAN_S
         if left or right:
             await self._refuse_without_failsafe()
-        await self._set(self._left, left)
-        await self._set(self._right, right)
+        for motor, level in ((self._left, left), (self._right, right)):
+            if self._halts == halts and clock() <= ends_s:
+                await self._set(motor, level)
         if (left or right) and self._board.retries != retries:  # a board that was silent may have just started
             await self._refuse_without_failsafe()
-        if self._halts != halts:
+        if self._halts != halts or clock() > ends_s:
             await self.stop()
             return STOP
         return self._levels.duties(left, right)

@@ -1,0 +1,38 @@
+"""Wheels that take no old decision.
+
+A process can be suspended anywhere, also between a decision and the command that follows from it. When it is woken,
+seconds later, the command would be the first thing that it does, before the next tick finds out that time is missing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Coroutine
+from typing import Any
+
+from wayfarer.hal import STOP, DriveMotors, WheelCommand
+
+
+class FreshWheels:
+    """The rover's motors as the helm sees them: a command of a tick that began too long ago is a stop.
+
+    Implements ``helm.Wheels``.
+
+    Args:
+        motors: take the commands.
+        late_s: the age beyond which a command counts as old.
+    """
+
+    def __init__(self, motors: DriveMotors, late_s: float) -> None:
+        self._motors = motors
+        self._late_s = late_s
+        self.tick_t_s = 0.0  # when the tick began whose command comes next
+
+    def drive(self, command: WheelCommand) -> Coroutine[Any, Any, WheelCommand]:
+        """Apply the command, or a stop in its place, and return what was applied."""
+        age_s = asyncio.get_running_loop().time() - self.tick_t_s
+        return self._motors.drive(command if age_s <= self._late_s else STOP)
+
+    def halt(self) -> None:
+        """Send a stop without waiting for it."""
+        self._motors.halt()
