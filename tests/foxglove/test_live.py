@@ -171,9 +171,12 @@ async def test_web_page_from_elsewhere_is_let_in_as_the_docs_say() -> None:
     """Should the SDK refuse it one day, the paragraph in docs/foxglove.md can go."""
     live = FoxgloveLive(port=0)
     foreign = {"Origin": "http://elsewhere.example", "Host": "rebound.elsewhere.example"}
-    async with live.serving(COMMANDS), ClientSession() as session:
-        async with session.ws_connect(live.url, protocols=[PROTOCOL], headers=foreign) as websocket:
-            assert (await websocket.receive_json(timeout=PATIENCE_S))["op"] == "serverInfo"
+    async with (
+        live.serving(COMMANDS),
+        ClientSession() as session,
+        session.ws_connect(live.url, protocols=[PROTOCOL], headers=foreign) as websocket,
+    ):
+        assert (await websocket.receive_json(timeout=PATIENCE_S))["op"] == "serverInfo"
     said = (Path(__file__).parents[2] / "docs" / "foxglove.md").read_text(encoding="utf-8")
     assert "Any web page that is open in a browser on that computer may read the track" in said
 

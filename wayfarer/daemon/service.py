@@ -29,6 +29,7 @@ from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.computer import ComputerWatch, Health
 from wayfarer.daemon.heartbeat import Heartbeat
 from wayfarer.daemon.inspection import Live
+from wayfarer.daemon.signals import handle_signals
 from wayfarer.daemon.viewer import Viewer
 from wayfarer.dry_run import DryMotors
 from wayfarer.errors import WayfarerError
@@ -44,11 +45,9 @@ from wayfarer.lines import LineWriter
 from wayfarer.logbook.wording import unclean_text
 from wayfarer.mission import RunEnd
 from wayfarer.records import RunLog, Tee
+from wayfarer.stop_path import STOP_DEADLINE_S
 from wayfarer.supervisor import Supervisor, check_parts, first_cause
 from wayfarer.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
-
-# SIGHUP: a terminal that goes away, as with an ssh connection that drops, must not leave the wheels to the board alone.
-ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +121,7 @@ class Daemon:
         self._rover = replace(rover, motors=DryMotors(rover.motors)) if service.dry_run else rover
         self._notifier = Notifier(os.environ.get("NOTIFY_SOCKET"))
         self._guard = StallGuard(self._rover.motors.halt, self._tell_of_stall)
+        self._suspension: asyncio.TimerHandle | None = None
         before, folder = unfinished_run(service.logs), new_run_folder(service.logs)
         about = {
             "version": __version__,
@@ -152,9 +152,7 @@ class Daemon:
 
     async def run(self) -> RunEnd:
         """Run until something ends it."""
-        for number in ENDING:
-            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # nohup means it
-                self._loop.add_signal_handler(number, self._end_by, signal.Signals(number).name)
+        handle_signals(self._end_by, self._suspend_by)
         server = ControlServer(
             self._service.socket,
             self._commands,
@@ -245,6 +243,14 @@ class Daemon:
         """End the run; the wheels do not wait for the next tick."""
         self._rover.motors.halt()
         self._finish("signal", f"ended by {name}")
+
+    def _suspend_by(self, name: str) -> None:
+        """Disarm, and suspend the process when the wheels have had the time to stop: what wakes it turns no wheels."""
+        self._rover.motors.halt()
+        self._supervisor.disarm(f"suspended by {name}")
+        if self._suspension is not None:
+            self._suspension.cancel()  # the keys were pressed twice
+        self._suspension = self._loop.call_later(STOP_DEADLINE_S, os.kill, os.getpid(), signal.SIGSTOP)
 
     def _tell_of_stall(self, stall_s: float, where: str) -> None:
         self._log.event("loop_stalled", self._loop.time(), stall_s=round(stall_s, 3), where=where)
