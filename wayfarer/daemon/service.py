@@ -22,6 +22,7 @@ from wayfarer.checks import ARMING, CALIBRATED, Place, system
 from wayfarer.checks.system import device_files
 from wayfarer.config import RoverConfig, part_settings
 from wayfarer.console_log import ConsoleLog
+from wayfarer.control.driven import Driven, DrivenRecord
 from wayfarer.control.motors_lock import MotorsLock, motors_device
 from wayfarer.control.paths import SingleDaemon
 from wayfarer.control.server import ControlServer
@@ -92,15 +93,24 @@ def serve(service: Service) -> RunEnd:
 
     Raises:
         AlreadyRunning: another daemon serves this socket, or drives these motors.
-        BadInput: the log or the socket cannot be made.
+        BadInput: the log, the socket or the record of what is driven cannot be made.
         WayfarerError: a part did not open; the wheels were stopped. Any other error is a bug and comes as it is.
     """
+    config = service.config
+    motors = None if service.simulated else config.parts.get("motors")
+    device = None if motors is None else motors_device(config)
+    record = DrivenRecord(service.socket)
 
     async def run() -> RunEnd:
-        return await Daemon(service).run()
+        daemon = Daemon(service)
+        end = await daemon.run()
+        if motors is not None and daemon.wheels_stopped:
+            record.remove()
+        return end
 
-    motors = None if service.simulated else motors_device(service.config)
-    with SingleDaemon(service.socket), MotorsLock(motors), asyncio.Runner(loop_factory=service.loop_factory) as runner:
+    with SingleDaemon(service.socket), MotorsLock(device), asyncio.Runner(loop_factory=service.loop_factory) as runner:
+        if motors is not None:
+            record.write(Driven(motors, config.buses))
         try:
             return runner.run(run())
         except Exception as error:
@@ -149,6 +159,11 @@ class Daemon:
         self._commands = RoverCommands(
             self._supervisor, self._rover.motors, self._inspect, self._log, about, checks, self._records_lost
         )
+
+    @property
+    def wheels_stopped(self) -> bool:
+        """Whether the wheels were stopped at the end, as far as the board says."""
+        return self._supervisor.wheels_stopped
 
     async def run(self) -> RunEnd:
         """Run until something ends it."""
