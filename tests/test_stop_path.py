@@ -139,6 +139,17 @@ def test_stop_that_the_board_does_not_confirm_is_sent_again_and_told() -> None:
         assert shop.named("stop_not_confirmed")[0]["error"] in {"the board still says 0.30 and 0.00", "no answer"}
 
 
+@pytest.mark.parametrize(
+    ("answer", "stopped"),
+    [(None, True), (STOP, True), (WheelCommand(0.3, 0.0), False), (NotResponding("no answer"), False)],
+)
+def test_run_tells_at_its_end_whether_its_wheels_were_stopped(answer: Any, stopped: bool) -> None:
+    """Where they were not, the daemon leaves the record of what it drives to stop-motors."""
+    shop, runs = Workshop(), []
+    drive(shop, {0.3: runs.append, 0.5: lambda _: setattr(shop, "answer", answer)})
+    assert [run.wheels_stopped for run in runs] == [stopped]
+
+
 def test_cancellation_while_a_part_hangs_while_opening() -> None:
     shop = Workshop()
     shop.silent.add("motion.open")

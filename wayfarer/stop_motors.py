@@ -127,6 +127,7 @@ def _stop_with_rights_of(owner: int, driven: Driven) -> str:
             extra_groups=os.getgrouplist(account.pw_name, account.pw_gid),
             start_new_session=True,  # without this terminal, which takes what is typed into it for root's
             cwd="/",
+            env=os.environ | {"XDG_RUNTIME_DIR": f"/run/user/{owner}"},  # where that user's daemon listens
             capture_output=True,
             encoding="utf-8",
             errors="replace",

@@ -147,7 +147,8 @@ def changed_rover_file() -> dict[str, Any]:
     ROVER_FILE.write_text('[parts.motors]\ndriver = "no_such_driver"\n', encoding="utf-8")
     sent = stops_sent()
     os.kill(int(shown()["MainPID"]), signal.SIGKILL)
-    wait_until(lambda state: state["ActiveState"] == "failed", 15)
+    wait_until(lambda state: state["SubState"] == "auto-restart", 15)
+    run("systemctl", "stop", SERVICE)
     ROVER_FILE.write_text(Path(ROVER).read_text(encoding="utf-8"), encoding="utf-8")
     said = run("journalctl", "--no-pager", "--unit", SERVICE, "--output=cat")["out"].splitlines()
     return {
