@@ -25,6 +25,7 @@ from wayfarer.hal import (
     CompassReading,
     WheelCommand,
 )
+from wayfarer.supervisor import Supervisor
 
 ENDS_WITHIN_S = 2.0  # after a request, a signal or a bug: what systemd and a person may rely on
 
@@ -145,7 +146,8 @@ def test_stop_that_the_board_does_not_confirm_is_sent_again_and_told() -> None:
 )
 def test_run_tells_at_its_end_whether_its_wheels_were_stopped(answer: Any, stopped: bool) -> None:
     """Where they were not, the daemon leaves the record of what it drives to stop-motors."""
-    shop, runs = Workshop(), []
+    shop = Workshop()
+    runs: list[Supervisor] = []
     drive(shop, {0.3: runs.append, 0.5: lambda _: setattr(shop, "answer", answer)})
     assert [run.wheels_stopped for run in runs] == [stopped]
 
