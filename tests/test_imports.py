@@ -30,7 +30,7 @@ LAYERS = [
     ],
     ["helm", "fieldlog", "console_log", "status_light"],
     ["supervisor", "fresh_wheels", "sampling", "stop_path", "troubles"],
-    ["assembly", "dry_run", "stop_motors", "service", "checks", "control"],
+    ["assembly", "dry_run", "stop_motors", "stop_board", "salvage", "service", "checks", "control"],
     ["logbook", "foxglove"],
     ["calibrate", "daemon", "replay", "live"],
 ]  # fmt: skip
@@ -180,7 +180,7 @@ def test_walk_over_imports_tells_types_functions_and_real_imports_apart() -> Non
         (["wayfarer.supervisor"], HEAVY),
         (["wayfarer.testing"], HEAVY),
         (["wayfarer.daemon.service"], HEAVY),
-        (["wayfarer.stop_motors"], HEAVY),
+        (["wayfarer.stop_motors", "wayfarer.stop_board"], HEAVY),
         (modules_of("checks", "calibrate", "assembly"), HEAVY),
         (modules_of("drivers"), HEAVY),
     ],

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import os
+import pwd
+import tempfile
 import threading
 import tomllib
 from collections.abc import Callable, Iterator
@@ -16,10 +18,12 @@ import pytest
 from tests.control.fake_daemon import FakeDaemon, serve
 from wayfarer import cli
 from wayfarer.control.client import NoDaemon
+from wayfarer.control.driven import Driven, DrivenRecord
 from wayfarer.control.motors_lock import MotorsLock
 from wayfarer.control.protocol import Refused
-from wayfarer.errors import BadConfig, BadInput, NotResponding, UnknownName, WayfarerError
+from wayfarer.errors import BadInput, NotResponding, WayfarerError
 from wayfarer.escape.api import Vehicle
+from wayfarer.salvage import SHIPPED
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.fakebus import FakeBuses
@@ -27,9 +31,10 @@ from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
-from wayfarer.stop_motors import SHIPPED, stop_motors
+from wayfarer.stop_motors import stop_motors
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+NOBODY = 65534
 AHEAD = (1.0, 1.0)
 STILL = (0.0, 0.0)
 BUSES = 'buses = "tests.test_stop_motors:buses"\n'
@@ -104,13 +109,13 @@ def stop(rover_file: Path, text: str) -> str:
 def test_board_that_can_be_asked_says_that_the_wheels_stand_still(rover_file: Path) -> None:
     said = stop(rover_file, BUSES + THUNDERBORG)
     assert bench.by_i2c.commanded == STILL
-    assert said == "ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels stand still"
+    assert said == f"{rover_file}: ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels stand still"
 
 
 def test_board_that_cannot_be_asked_is_stopped_and_nothing_is_claimed(rover_file: Path) -> None:
     said = stop(rover_file, BUSES + SABERTOOTH)
     assert bench.by_serial.commanded == STILL
-    assert said == "stop was sent to Sabertooth 128 on /dev/serial0, which cannot confirm it"
+    assert said == f"{rover_file}: stop was sent to Sabertooth 128 on /dev/serial0, which cannot confirm it"
 
 
 def test_settings_of_the_motors_are_used(rover_file: Path) -> None:
@@ -142,7 +147,7 @@ def test_silent_board_is_told_with_what_to_do(rover_file: Path) -> None:
         stop(rover_file, BUSES + THUNDERBORG + "address = 0x17\n")
     assert not isinstance(caught.value, BadInput)
     said = str(caught.value)
-    assert said.startswith("no stop was acknowledged: ")
+    assert said.startswith(f"{rover_file}: no stop was acknowledged: ")
     assert "0x17" in said
     assert said.endswith("power off")
 
@@ -162,20 +167,20 @@ def test_mistyped_key_does_not_keep_the_wheels_turning(rover_file: Path) -> None
     "text", ["", "[parts.motors]\n", "parts = 3\n", "[parts]\nmotors = 3\n", '[parts.compass]\ndriver = "cmps14"\n']
 )
 def test_rover_without_motors_has_no_wheels_to_stop(rover_file: Path, text: str) -> None:
-    with pytest.raises(BadConfig, match=r"rover\.toml: no \[parts\.motors\] with a driver"):
+    with pytest.raises(BadInput, match=r"rover\.toml: no \[parts\.motors\] with a driver"):
         stop(rover_file, BUSES + text)
 
 
 @pytest.mark.parametrize(
     ("text", "error", "said"),
     [
-        (BUSES + THUNDERBORG + 'address = "x"\n', BadConfig, r"\[parts\.motors\] cannot be used"),
-        ('[parts.motors]\ndriver = "cmps14"\n', BadConfig, "'cmps14' in .parts.motors. drives no motors"),
-        ('[parts.motors]\ndriver = "thunderbrg"\n', UnknownName, "unknown driver 'thunderbrg': did you mean thunderb"),
-        ('buses = "lunix"\n' + THUNDERBORG, UnknownName, "unknown buses 'lunix': did you mean linux"),
-        ("a = = 3", BadConfig, r"rover\.toml: not valid TOML"),
-        ("a = " + "[" * 100_000, BadConfig, r"rover\.toml: not valid TOML"),
-        (BUSES + '[parts.motors]\ndriver = "gpio_motors"\nleft_forward = 17\n', BadConfig, "missing 3 required"),
+        (BUSES + THUNDERBORG + 'address = "x"\n', BadInput, r"\[parts\.motors\] cannot be used"),
+        ('[parts.motors]\ndriver = "cmps14"\n', BadInput, "'cmps14' in .parts.motors. drives no motors"),
+        ('[parts.motors]\ndriver = "thunderbrg"\n', BadInput, "unknown driver 'thunderbrg': did you mean thunderb"),
+        ('buses = "lunix"\n' + THUNDERBORG, BadInput, "unknown buses 'lunix': did you mean linux"),
+        ("a = = 3", BadInput, r"rover\.toml: not valid TOML"),
+        ("a = " + "[" * 100_000, BadInput, r"rover\.toml: not valid TOML"),
+        (BUSES + '[parts.motors]\ndriver = "gpio_motors"\nleft_forward = 17\n', BadInput, "missing 3 required"),
         ('buses = "os:getcwd"\n' + THUNDERBORG, BadInput, "os:getcwd gives no wayfarer.drivers.buses.Buses"),
         (
             '[parts.motors]\ndriver = "tests.test_stop_motors:Careless"\n',
@@ -198,12 +203,109 @@ def test_rover_file_that_is_not_there_is_told(name: str) -> None:
 
 
 def test_shipped_rover_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wayfarer.stop_motors.make_buses", lambda name: bench.buses)
+    monkeypatch.setattr("wayfarer.stop_board.make_buses", lambda name: bench.buses)
     port = tomllib.loads((SHIPPED / "forestrover.toml").read_text(encoding="utf-8"))["parts"]["motors"]["port"]
     bench.buses.serial(port).chip = bench.buses.serial("/dev/serial0").chip
     assert "Sabertooth" in stop_motors("forestrover")
     assert "ThunderBorg" in stop_motors("minirover")
     assert (bench.by_i2c.commanded, bench.by_serial.commanded) == (STILL, STILL)
+
+
+# -- what a daemon recorded ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def record(control_socket: Path) -> Path:
+    """What a daemon that drives the ThunderBorg left beside its socket."""
+    DrivenRecord(control_socket).write(Driven({"driver": "thunderborg"}, "tests.test_stop_motors:buses"))
+    return control_socket.with_name("motors.json")
+
+
+def test_board_that_is_driven_is_stopped_and_so_is_another_one_that_the_file_names_now(
+    rover_file: Path, record: Path
+) -> None:
+    said = stop(rover_file, BUSES + SABERTOOTH)
+    assert (bench.by_i2c.commanded, bench.by_serial.commanded) == (STILL, STILL)
+    driven, named = said.split("; ")
+    assert driven == f"the daemon's {record}: ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels stand still"
+    assert named == f"{rover_file}: stop was sent to Sabertooth 128 on /dev/serial0, which cannot confirm it"
+
+
+def test_same_board_from_both_is_stopped_once(rover_file: Path, record: Path) -> None:
+    said = stop(rover_file, BUSES + THUNDERBORG)
+    assert said == (
+        f"the daemon's {record} and {rover_file}: ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels stand still"
+    )
+
+
+@pytest.mark.parametrize("text", [None, "a = = 3", "[parts.motors]\ndriver = 'no_such'\n"])
+def test_rover_file_that_cannot_be_used_is_told_and_the_driven_board_is_stopped(
+    rover_file: Path, record: Path, text: str | None
+) -> None:
+    said = stop_motors(str(rover_file)) if text is None else stop(rover_file, BUSES + text)
+    assert bench.by_i2c.commanded == STILL
+    assert said.startswith(f"the daemon's {record}: ThunderBorg at 0x15 on /dev/i2c-1 says")
+    assert f"; {rover_file}: " in said
+
+
+@pytest.mark.parametrize(
+    ("table", "silent"),
+    [(BUSES + THUNDERBORG + "address = 0x17\n", "rover.toml"), (BUSES + SABERTOOTH, "motors.json")],
+    ids=["of the file", "of the daemon"],
+)
+def test_board_that_does_not_answer_is_told_beside_the_one_that_was_stopped(
+    rover_file: Path, record: Path, control_socket: Path, table: str, silent: str
+) -> None:
+    if silent == "motors.json":
+        elsewhere = Driven({"driver": "thunderborg", "address": 0x18}, "tests.test_stop_motors:buses")
+        DrivenRecord(control_socket).write(elsewhere)
+    with pytest.raises(WayfarerError) as caught:
+        stop(rover_file, table)
+    assert caught.value.exit_code == 1
+    (failed,) = (each for each in str(caught.value).split("; ") if "no stop was acknowledged" in each)
+    assert silent in failed
+    assert (bench.by_serial if silent == "motors.json" else bench.by_i2c).commanded == STILL
+
+
+def test_recorded_driver_that_is_gone_is_no_success(rover_file: Path, control_socket: Path) -> None:
+    DrivenRecord(control_socket).write(Driven({"driver": "no.such:Driver"}, "linux"))
+    with pytest.raises(
+        WayfarerError, match=r"motors\.json: driver 'no\.such:Driver': cannot import.*stand still"
+    ) as caught:
+        stop(rover_file, BUSES + THUNDERBORG)
+    assert caught.value.exit_code == 1
+    assert bench.by_i2c.commanded == STILL
+
+
+def test_file_that_others_could_have_written_is_not_believed_and_that_is_told(rover_file: Path, record: Path) -> None:
+    record.chmod(0o646)
+    said = stop(rover_file, BUSES + SABERTOOTH)
+    assert bench.by_i2c.commanded != STILL
+    assert said.endswith(f"; {record}: not believed: others may write to it (mode 0646); remove it")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can take another user's rights")
+def test_root_stops_what_another_user_recorded_with_that_user_s_rights(
+    rover_file: Path, record: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Its driver is code of that user's choice: here an interpreter that says who it is, and what it was given."""
+    asked = Path(tempfile.mkdtemp(dir="/tmp")) / "python"
+    asked.parent.chmod(0o755)
+    asked.write_text('#!/bin/sh\necho "I am $(id -u) of $(id -G), and was given $(cat) by $*"\n', encoding="utf-8")
+    asked.chmod(0o755)
+    for each in (record, record.parent):
+        os.chown(each, NOBODY, -1)
+    monkeypatch.setattr("sys.executable", str(asked))
+    monkeypatch.setattr("wayfarer.stop_board.find_driver", lambda name: pytest.fail("imported as root"))
+    said = stop_motors(str(rover_file))
+    account = pwd.getpwuid(NOBODY)
+    groups = " ".join(map(str, sorted(os.getgrouplist(account.pw_name, account.pw_gid))))
+    assert f"{record}: I am {NOBODY} of {groups}, and was given " in said
+    assert '{"motors": {"driver": "thunderborg"}, "buses": "tests.test_stop_motors:buses"}' in said
+    assert "by -P -m wayfarer.stop_board (stopped as user" in said
+    monkeypatch.setattr("sys.executable", str(tmp_path / "none"))
+    with pytest.raises(WayfarerError, match=rf"no process of user {NOBODY}, whose file this is, could stop them"):
+        stop_motors(str(rover_file))
 
 
 # -- mistakes that stopping does not need --------------------------------------------------------------------------
@@ -260,7 +362,7 @@ def test_place_of_the_board_is_kept_from_a_broken_file(rover_file: Path) -> None
     bench.buses.i2c("/dev/i2c-7").attach(0x16, chip := ThunderBorgChip(bench.by_i2c, bench.clock))
     chip.write(bytes((8, 200)))
     said = stop(rover_file, BUSES + THUNDERBORG + "bus = /dev/i2c-7\naddress = 0x16\n[vehicle\n")
-    assert said.startswith("ThunderBorg at 0x16 on /dev/i2c-7 says")
+    assert said.startswith(f"{rover_file}: ThunderBorg at 0x16 on /dev/i2c-7 says")
 
 
 # -- motors that cannot be opened ----------------------------------------------------------------------------------
@@ -279,7 +381,9 @@ def test_pins_of_another_program_are_told_with_their_reason(rover_file: Path, mo
     with pytest.raises(WayfarerError) as caught:
         stop(rover_file, BUSES + PINS)
     said = str(caught.value)
-    assert said.startswith("no stop could be sent, switch the motors' power off: motors on GPIO 17/18 and 22/23:")
+    assert said.startswith(
+        f"{rover_file}: no stop could be sent, switch the motors' power off: motors on GPIO 17/18 and 22/23:"
+    )
     assert said.endswith("'GPIO busy'")
 
 
@@ -336,7 +440,7 @@ def test_daemon_of_another_user_is_found_by_its_lock(rover_file: Path, monkeypat
     ends = os.openpty()
     port = os.ttyname(ends[1])
     bench.buses.serial(port).chip = bench.buses.serial("/dev/serial0").chip
-    monkeypatch.setattr("wayfarer.stop_motors.make_buses", lambda name: bench.buses)
+    monkeypatch.setattr("wayfarer.stop_board.make_buses", lambda name: bench.buses)
     table = SABERTOOTH + f'port = "{port}"\n'
     who = rf"another wayfarer \(process {os.getpid()}\)"
     with MotorsLock(port), pytest.raises(WayfarerError, match=f"stop was sent, but {who} still commands these wheels"):

@@ -25,6 +25,7 @@ from wayfarer.hal import (
     CompassReading,
     WheelCommand,
 )
+from wayfarer.supervisor import Supervisor
 
 ENDS_WITHIN_S = 2.0  # after a request, a signal or a bug: what systemd and a person may rely on
 
@@ -137,6 +138,18 @@ def test_stop_that_the_board_does_not_confirm_is_sent_again_and_told() -> None:
         drive(shop)
         assert shop.done.count("motors.halt") >= 1
         assert shop.named("stop_not_confirmed")[0]["error"] in {"the board still says 0.30 and 0.00", "no answer"}
+
+
+@pytest.mark.parametrize(
+    ("answer", "stopped"),
+    [(None, True), (STOP, True), (WheelCommand(0.3, 0.0), False), (NotResponding("no answer"), False)],
+)
+def test_run_tells_at_its_end_whether_its_wheels_were_stopped(answer: Any, stopped: bool) -> None:
+    """Where they were not, the daemon leaves the record of what it drives to stop-motors."""
+    shop = Workshop()
+    runs: list[Supervisor] = []
+    drive(shop, {0.3: runs.append, 0.5: lambda _: setattr(shop, "answer", answer)})
+    assert [run.wheels_stopped for run in runs] == [stopped]
 
 
 def test_cancellation_while_a_part_hangs_while_opening() -> None:

@@ -96,3 +96,8 @@ class MissingPart(WayfarerError):
 
 class NothingScheduled(WayfarerError):
     """Virtual time cannot go on: every task waits for something that nothing can bring."""
+
+
+def in_one_line(error: BaseException) -> str:
+    """Return kind and text of an error that was not raised on purpose, in one line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())

@@ -1,8 +1,11 @@
-"""Pacing a task on a fixed grid of times."""
+"""Pacing a task on a fixed grid of times; and how often somebody may ask for something."""
 
 from __future__ import annotations
 
 import asyncio
+
+# What one person asks for with a few quick presses; a script that is out of hand writes 2 records a second.
+ASKED_AT_ONCE, ASKED_HZ = 5, 2.0
 
 
 class Pace:
@@ -35,3 +38,23 @@ class Pace:
 def _wake(wake_up: asyncio.Future[None]) -> None:
     if not wake_up.done():  # cancelled with its task
         wake_up.set_result(None)
+
+
+class Allowance:
+    """How often something may be done: ``most`` times at once, and ``rate_hz`` times a second for long. Pure."""
+
+    def __init__(self, most: int = ASKED_AT_ONCE, rate_hz: float = ASKED_HZ) -> None:
+        self._most = most
+        self._rate_hz = rate_hz
+        self._left = float(most)
+        self._at_s: float | None = None
+
+    def take(self, now_s: float) -> bool:
+        """Tell whether it may be done now, and count it if so. ``now_s`` never goes back."""
+        if self._at_s is not None:
+            self._left = min(self._most, self._left + (now_s - self._at_s) * self._rate_hz)
+        self._at_s = now_s
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True

@@ -1,236 +1,144 @@
 """Stopping the wheels without the daemon: what is left when it has died, and the last line of its systemd unit.
 
-Only the motors' own table of the rover file is read, and of that only what says where the board is must be right: no
-other mistake may keep the wheels turning. A daemon that is still there, and would turn them again, is asked to stop.
+Stopped are the motors that a daemon drives or drove, by the record that it keeps beside its socket
+(``control/driven.py``), and those of the rover file, which may be others by now. A stop does no harm to either.
 """
 
 from __future__ import annotations
 
-import asyncio
+import json
 import os
-import re
-import tomllib
-from collections.abc import Mapping
-from contextlib import suppress
-from dataclasses import MISSING, fields
-from pathlib import Path
-from typing import Any
+import pwd
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import NamedTuple
 
-from wayfarer.errors import BadConfig, BadInput, DriverError, NotResponding, WayfarerError
-from wayfarer.hal import STOP, DriveMotors
-from wayfarer.registry import find_driver, make_buses
+from wayfarer.control.driven import Driven, known_records, read_record
+from wayfarer.errors import BadInput, WayfarerError, in_one_line
+from wayfarer.salvage import motors_of, rover_path
+from wayfarer.stop_board import stop_board
 
-SHIPPED = Path(__file__).parent / "rovers"
-# The keys that say where a board is. Without them another board might be stopped, so they must be right.
-WHERE = {"bus", "address", "port", "baud"}
-ASK_S = 1.0  # for a daemon's answer
-AGAIN_S, AGAIN_EVERY_S = 0.5, 0.05  # a daemon that ends may have commands under way
-CLOSE_WAIT_S = 2.0  # for a bus that hangs to come back: the stop that was posted goes out first then
+RIGHTS_S = 15.0  # for a stop with another user's rights: TimeoutStopSec in the unit
+MOST_SAID = 500  # characters of what another user's code has to say
+
+
+class Board(NamedTuple):
+    """A board to stop: where that is written, the user who chose the code that does it, and whether it is a record."""
+
+    where: str
+    driven: Driven
+    owner: int
+    recorded: bool
+
+
+class Outcome(NamedTuple):
+    """What came of one source; exit code 0: stopped, 1: a board that may turn on, 2: nothing that could be used."""
+
+    said: str
+    exit_code: int
 
 
 def stop_motors(name_or_path: str) -> str:
-    """Stop the wheels of a rover and return a sentence that says how far that is certain.
+    """Stop the wheels that a daemon drives or drove, and a rover's; say of each how far that is certain.
+
+    Args:
+        name_or_path: a shipped rover, or a rover file. Where it cannot be used and a daemon has recorded what it
+            drives, the record suffices.
 
     Raises:
-        BadInput: the rover file, or its motors' table, cannot be used.
-        WayfarerError: the board did not answer, or a daemon goes on commanding it.
+        BadInput: nothing was stopped, because neither rover file nor record can be used.
+        WayfarerError: a board did not answer, or a daemon goes on commanding it.
     """
-    try:
-        return _stop_motors(name_or_path)
-    except WayfarerError:
-        raise
-    except Exception as error:  # whatever a third party's driver or buses raise
-        raise WayfarerError(f"nothing may have been stopped: {_told(error)}; switch the motors' power off") from None
+    boards: list[Board] = []
+    unusable: list[Outcome] = []
+    for found in _sources(name_or_path):
+        if isinstance(found, Outcome):
+            unusable.append(found)
+        else:
+            _add(boards, found)
+    stopped = [_stopped(board) for board in boards]
+    said = "; ".join(outcome.said for outcome in stopped + unusable)
+    codes = {outcome.exit_code for outcome in stopped}
+    if 1 in codes:
+        raise WayfarerError(said)
+    if 0 not in codes:
+        raise BadInput(said)
+    return said
 
 
-def _stop_motors(name_or_path: str) -> str:
-    rover = _read(name_or_path)
-    parts = rover.get("parts")
-    table = parts.get("motors") if isinstance(parts, dict) else None
-    if not isinstance(table, dict) or not isinstance(table.get("driver"), str):
-        raise BadConfig(f"{name_or_path}: no [parts.motors] with a driver: this rover has no wheels to stop")
-    driver = find_driver(table["driver"])
-    if getattr(driver, "part", None) != "motors":
-        raise BadConfig(f"{name_or_path}: driver '{table['driver']}' in [parts.motors] drives no motors")
-    buses = str(rover.get("buses", "linux"))
-    known = {field.name for field in fields(driver.Settings)}
-    given = {key: value for key, value in table.items() if key in known}  # a mistyped key is left out
-    try:
-        return asyncio.run(_stop(driver, given, buses))
-    except WayfarerError:
-        raise
-    except Exception:  # a value of the wrong kind, or out of its range: nobody has checked them
-        pass
-    try:
-        kept = asyncio.run(_usable(driver, given, buses))
-        left_out = ", ".join(key for key in given if key not in kept)
-        return f"{asyncio.run(_stop(driver, kept, buses))} ([parts.motors] {left_out}: of no use, left out)"
-    except WayfarerError:
-        raise
-    except Exception as error:
-        raise BadConfig(f"{name_or_path}: [parts.motors] cannot be used: {_told(error)}") from None
+# -- where boards are written ------------------------------------------------------------------------------------------
 
 
-# -- the board ---------------------------------------------------------------------------------------------------------
-
-
-async def _stop(driver: Any, given: Mapping[str, Any], buses_name: str) -> str:
-    """Stop the wheels first; then see whether a daemon would turn them again; then ask the board."""
-    from wayfarer.control.motors_lock import device_of, other_commander
-
-    buses = make_buses(buses_name)
-    settings = driver.Settings(**given)
-    motors: DriveMotors = driver(settings, buses)
-    device = device_of(buses_name, settings)
-    try:
-        await motors.stop()
-        agreed = await asyncio.to_thread(_ask_daemons)
-        other = other_commander(device)
-        if agreed or other:
-            for _ in range(round(AGAIN_S / AGAIN_EVERY_S)):
-                await asyncio.sleep(AGAIN_EVERY_S)
-                await motors.stop()
-        if not all(agreed.values()) or (other and not agreed):
-            raise WayfarerError(
-                f"stop was sent, but {other or _first_unwilling(agreed)} still commands these wheels: end it with"
-                " 'wayfarer stop' or 'systemctl stop wayfarer', or switch the motors' power off"
-            )
-        return await _confirmed(motors)
-    finally:
-        await motors.close()
-        await buses.close(CLOSE_WAIT_S)
-
-
-async def _confirmed(motors: DriveMotors) -> str:
-    """Return what the board says about its wheels."""
-    try:
+def _sources(name_or_path: str) -> Iterator[Board | Outcome]:
+    """Give the boards of daemons, then the rover file's; what cannot be used as an outcome."""
+    for record in known_records():
         try:
-            await motors.drive(STOP)  # unlike stop(), it says whether the board was there
-        except NotResponding as error:
-            if not str(error).endswith("not open"):
-                raise
-            await _why_not_open(motors)
-        turning = await motors.read_back()
-    except DriverError as error:
-        raise WayfarerError(f"no stop was acknowledged: {error}; switch the motors' power off") from None
-    if turning is None:
-        return f"stop was sent to {motors.name}, which cannot confirm it"
-    if turning != STOP:
-        raise WayfarerError(f"{motors.name} was told to stop and still says {turning}: switch its power off")
-    return f"{motors.name} says that the wheels stand still"
-
-
-async def _why_not_open(motors: DriveMotors) -> None:
-    """Open motors that ``stop`` could not, for the reason that it swallowed."""
+            found = read_record(record)
+        except BadInput as error:
+            yield Outcome(str(error), error.exit_code)
+        else:
+            if found is not None:
+                yield Board(f"the daemon's {record}", *found, recorded=True)
+    path = rover_path(name_or_path)
     try:
-        await motors.open()
-    except DriverError as error:
-        raise WayfarerError(f"no stop could be sent, switch the motors' power off: {error}") from None
+        yield Board(str(path), motors_of(path), os.geteuid(), recorded=False)
+    except BadInput as error:
+        yield Outcome(f"{path}: {error}", error.exit_code)
 
 
-# -- a daemon that is still there --------------------------------------------------------------------------------------
+def _add(boards: list[Board], new: Board) -> None:
+    """Add a board, or its name to the same board from elsewhere; then the caller's own rights are enough for it."""
+    for index, board in enumerate(boards):
+        if board.driven == new.driven:
+            owner = new.owner if board.owner != os.geteuid() else board.owner
+            boards[index] = board._replace(where=f"{board.where} and {new.where}", owner=owner)
+            return
+    boards.append(new)
 
 
-def _ask_daemons() -> dict[Path, bool]:
-    """Ask every daemon that may be asked to stop; return by socket whether it will."""
-    from wayfarer.control.client import NoDaemon, ask
-    from wayfarer.control.paths import known_sockets
-
-    agreed: dict[Path, bool] = {}
-    with suppress(BadInput):  # a folder that is not private is nobody's
-        for place in known_sockets():
-            if place in agreed or not os.access(place, os.W_OK):
-                continue  # another user's cannot be asked; the lock of the motors tells whether it matters
-            try:
-                ask({"do": "stop"}, place, ASK_S)
-            except (NoDaemon, BadInput):
-                continue
-            except WayfarerError:
-                agreed[place] = False
-            else:
-                agreed[place] = True
-    return agreed
+# -- stopping ----------------------------------------------------------------------------------------------------------
 
 
-def _first_unwilling(agreed: Mapping[Path, bool]) -> str:
-    return f"a wayfarer daemon at {next(place for place, will in agreed.items() if not will)}"
+def _stopped(board: Board) -> Outcome:
+    try:
+        if board.owner in {0, os.geteuid()}:
+            said = stop_board(board.driven)
+        else:
+            said = _stop_with_rights_of(board.owner, board.driven)
+    except WayfarerError as error:
+        return Outcome(f"{board.where}: {error}", 1 if board.recorded else error.exit_code)
+    return Outcome(f"{board.where}: {said}", 0)
 
 
-# -- the rover file ----------------------------------------------------------------------------------------------------
-
-
-async def _usable(driver: Any, given: Mapping[str, Any], buses_name: str) -> dict[str, Any]:
-    """Return the settings with which a driver can stop: where the board is, and of the others those that do no harm.
+def _stop_with_rights_of(owner: int, driven: Driven) -> str:
+    """Stop a board in a process of the user who chose its driver: to import that as root would make them root.
 
     Raises:
-        Exception: whatever the driver makes of a board that is nowhere.
+        WayfarerError: it was not stopped; in the words of that process, or why there is none.
     """
-    needed = {
-        field.name for field in fields(driver.Settings) if field.default is field.default_factory is MISSING
-    } | WHERE
-    kept = {key: value for key, value in given.items() if key in needed}
-    await _try_to_stop(driver, kept, buses_name)
-    for key in given:
-        with suppress(Exception):
-            await _try_to_stop(driver, kept | {key: given[key]}, buses_name)
-            kept[key] = given[key]
-    return kept
-
-
-async def _try_to_stop(driver: Any, given: Mapping[str, Any], buses_name: str) -> None:
-    """Stop with these settings; only what the settings themselves break is raised, not that a board is silent."""
-    buses = make_buses(buses_name)
     try:
-        motors: DriveMotors = driver(driver.Settings(**given), buses)
-        try:
-            await motors.stop()
-            with suppress(DriverError):
-                await motors.drive(STOP)
-            with suppress(DriverError):
-                await motors.read_back()
-        finally:
-            await motors.close()
-    finally:
-        await buses.close()
-
-
-def _read(name_or_path: str) -> dict[str, Any]:
-    is_file = "/" in name_or_path or name_or_path.endswith(".toml")
-    path = Path(name_or_path) if is_file else SHIPPED / f"{name_or_path}.toml"
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
-    try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        found = _salvaged(text)
-        if "driver" not in found["parts"]["motors"]:
-            raise BadConfig(f"{path}: not valid TOML: {_told(error)}") from None
-        return found
-
-
-def _salvaged(text: str) -> dict[str, Any]:
-    """Return what the lines say that matter here, of a file that is no TOML as a whole."""
-    top: dict[str, Any] = {}
-    motors: dict[str, Any] = {}
-    table: dict[str, Any] | None = top
-    for line in text.splitlines():
-        if header := re.match(r"\s*\[\s*([\w\s.-]+?)\s*\]\s*(#.*)?$", line):
-            table = motors if re.fullmatch(r"parts\s*\.\s*motors", header[1]) else None
-        elif table is not None:
-            table.update(_line(line))
-    return {"buses": top.get("buses", "linux"), "parts": {"motors": motors}}
-
-
-def _line(text: str) -> dict[str, Any]:
-    """Return key and value of a line; a value that is none as text, so that it is not taken for left out."""
-    try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError):
-        key, equals, value = text.partition("=")
-        return {key.strip(): value.partition("#")[0].strip(" \t\"'")} if equals else {}
-
-
-def _told(error: BaseException) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())
+        account = pwd.getpwuid(owner)
+        done = subprocess.run(
+            [sys.executable, "-P", "-m", "wayfarer.stop_board"],
+            input=json.dumps(driven._asdict()),
+            user=owner,
+            group=account.pw_gid,
+            extra_groups=os.getgrouplist(account.pw_name, account.pw_gid),
+            start_new_session=True,  # without this terminal, which takes what is typed into it for root's
+            cwd="/",
+            env=os.environ | {"XDG_RUNTIME_DIR": f"/run/user/{owner}"},  # where that user's daemon listens
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+            timeout=RIGHTS_S,
+            check=False,
+        )
+    except (OSError, KeyError, subprocess.SubprocessError) as error:
+        why = f"no process of user {owner}, whose file this is, could stop them ({in_one_line(error)})"
+        raise WayfarerError(f"nothing may have been stopped: {why}; switch the motors' power off") from None
+    said = "".join(each if each.isprintable() else " " for each in done.stdout + done.stderr)
+    said = " ".join(said.split())[-MOST_SAID:]
+    if done.returncode != 0:
+        raise WayfarerError(said or "nothing may have been stopped; switch the motors' power off")
+    return f"{said} (stopped as user {owner}, whose file this is)"

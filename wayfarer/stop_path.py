@@ -23,6 +23,7 @@ class StopPath:
         self._motors = motors
         self._parts = parts
         self._log = log
+        self.confirmed = False  # whether the latest stop went out, and the board says nothing else
 
     async def stop_wheels(self) -> None:
         """Stop the wheels and ask the board whether they stand.
@@ -30,6 +31,7 @@ class StopPath:
         Where that hangs, or the board says otherwise, the stop is sent once more without waiting, and the log says so:
         the board's own deadman does the rest.
         """
+        self.confirmed = False
         try:
             async with asyncio.timeout(STOP_DEADLINE_S):
                 await self._motors.stop()
@@ -39,6 +41,8 @@ class StopPath:
         else:
             if turning is not None and turning != STOP:
                 self._not_confirmed(f"the board still says {turning.left:.2f} and {turning.right:.2f}")
+            else:
+                self.confirmed = True
 
     async def end(self, end: RunEnd) -> None:
         """Do the last things, each even if another fails or hangs."""

@@ -76,6 +76,11 @@ class Supervisor:
         """Whether the wheels may turn."""
         return self.helm.mode
 
+    @property
+    def wheels_stopped(self) -> bool:
+        """Whether the run's latest stop went out, and the board says nothing else."""
+        return self._stopping.confirmed
+
     async def arm(
         self, goal_heading_deg: float | None = None, check: Callable[[], Awaitable[None]] | None = None
     ) -> None:

@@ -186,6 +186,11 @@ def test_daemon_that_closes_without_an_answer_is_reported(path: Path) -> None:
         ask(STATUS, path)
 
 
+def test_answer_counts_though_the_daemon_says_at_once_why_it_closes(path: Path) -> None:
+    with something_else(path, b'{"ok":true,"n":1}\n{"ok":false,"why":"dropped"}\n'):
+        assert ask(STATUS, path) == {"n": 1}
+
+
 def test_answer_without_end_is_cut_off(path: Path) -> None:
     with (
         something_else(path, b"x" * 10_000_000) as errors,

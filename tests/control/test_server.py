@@ -1,10 +1,14 @@
 """The server answers whatever comes, bounds what clients may use up, and goes on."""
 
+# ruff: noqa: ASYNC220, TID251 - attackers are real processes, in real time
 from __future__ import annotations
 
 import asyncio
 import os
 import socket
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -18,6 +22,7 @@ from hypothesis import strategies as st
 
 from tests.control.fake_daemon import FakeDaemon, RawClient, open_files, serve
 from wayfarer.control import server
+from wayfarer.control.client import ask
 from wayfarer.control.protocol import REQUEST_BYTES, VERBS
 from wayfarer.control.server import Limits
 from wayfarer.errors import BadInput, NotResponding
@@ -178,7 +183,7 @@ async def test_line_cut_off_by_the_client_is_not_obeyed(path: Path, daemon: Fake
     assert daemon.told == []
 
 
-async def test_new_client_takes_the_place_of_the_one_idle_longest(path: Path, daemon: FakeDaemon) -> None:
+async def test_new_client_takes_the_place_of_the_one_silent_longest(path: Path, daemon: FakeDaemon) -> None:
     async with (
         serve(daemon, path, Limits(clients=3)) as serving,
         RawClient(path) as one,
@@ -187,29 +192,125 @@ async def test_new_client_takes_the_place_of_the_one_idle_longest(path: Path, da
     ):
         for client in (two, three, one):  # not in the order in which they came
             assert (await client.reply_to(STATUS))["ok"]
-        await until(lambda: len(serving._idle) == 3)
+        await until(lambda: not serving._under_way)
         assert await answers(path)
-        assert (await two.reply())["why"].startswith("dropped for another client, as the one idle longest: ")
+        assert (await two.reply())["why"].startswith("dropped for another client, as the one silent longest: ")
         assert await two.is_closed()
         for client in (one, three):
             assert (await client.reply_to(STATUS))["ok"]
 
 
-async def test_request_under_way_is_not_dropped_for_a_new_client(path: Path, daemon: FakeDaemon) -> None:
+async def test_request_under_way_is_not_dropped_for_a_new_client_but_half_a_line_is(
+    path: Path, daemon: FakeDaemon
+) -> None:
     daemon.waits.clear()
     async with serve(daemon, path, Limits(clients=2)), RawClient(path) as busy:
         busy.writer.write(b'{"do": "arm"}\n')
         await until(lambda: daemon.told)
         async with RawClient(path) as begun:
             begun.writer.write(STATUS[:9])
-            await asyncio.sleep(0.02)
+            assert await answers(path)
+            assert (await begun.reply())["why"].startswith("dropped for another client")
+            assert await begun.is_closed()
+        async with RawClient(path) as second:
+            second.writer.write(b'{"do": "arm"}\n')
+            await until(lambda: len(daemon.told) == 3)
             async with RawClient(path) as third:
                 assert (await third.reply())["why"].startswith("2 clients are being answered, which is the limit: ")
                 assert await third.is_closed()
-            assert (await begun.reply_to(STATUS[9:]))["ok"]
-        daemon.waits.set()
+            daemon.waits.set()
+            assert (await second.reply())["ok"]
         assert (await busy.reply())["ok"]
         assert await answers(path)
+
+
+# What 16 clients may do that they never end; the last asks for more than it reads.
+HOGS = {
+    "nothing": b"",
+    "half a line": b"{",
+    "lines without end": STATUS * 2000,
+    "no reading": b'{"do": "arm"}\n' * 2000,
+}
+
+
+@pytest.mark.parametrize("said", HOGS.values(), ids=HOGS)
+async def test_clients_that_take_all_places_keep_no_stop_out(path: Path, daemon: FakeDaemon, said: bytes) -> None:
+    daemon.answers = {"text": "x" * 1000}
+    async with serve(daemon, path):
+        hogs = [await RawClient(path).__aenter__() for _ in range(16)]
+        for hog in hogs:
+            hog.writer.write(said)
+        await asyncio.sleep(0.02)
+        for _ in range(3):
+            async with RawClient(path) as client:
+                assert await client.reply_to(b'{"do": "stop"}\n') == {"ok": True}
+        for hog in hogs:
+            await hog.__aexit__()
+
+
+# What careless scripts may send on connections that they make again and again, and keep 30 of.
+FLOODS = {"half a line": b"{", "a request": STATUS, "many requests": STATUS * 100, "nothing": b""}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("said", FLOODS.values(), ids=FLOODS)
+def test_flood_of_new_clients_refuses_no_stop_and_makes_no_tick_late(path: Path, said: bytes) -> None:
+    """The attackers are processes: as threads they would wait for the server."""
+    with asyncio.Runner() as runner:
+        late_s, took_s = runner.run(stops_amid(path, said))
+    print(f"{len(took_s)} stops, at worst after {max(took_s):.3f} s; ticks late by {max(late_s):.3f} s at worst")
+    assert len(took_s) == STOPS
+    assert sorted(late_s)[len(late_s) // 2] < 0.01
+
+
+STOPS = 100
+ATTACK = """
+import socket, sys
+kept = []
+while True:
+    one = socket.socket(socket.AF_UNIX)
+    kept.append(one)
+    try:
+        one.connect(sys.argv[1])
+        one.sendall(bytes.fromhex(sys.argv[2]))
+    except OSError:
+        pass
+    if len(kept) > 30:
+        kept.pop(0).close()
+"""
+
+
+async def stops_amid(path: Path, said: bytes) -> tuple[list[float], list[float]]:
+    """Ask to stop while four processes connect as quickly as they can; return how late ticks are, and the answers."""
+    loop, late_s = asyncio.get_running_loop(), []
+
+    async def tick() -> None:
+        due_s = loop.time()
+        while True:
+            due_s += 0.05
+            await asyncio.sleep(due_s - loop.time())
+            late_s.append(loop.time() - due_s)
+
+    async with serve(FakeDaemon(), path):
+        ticking = asyncio.create_task(tick())
+        attackers = [subprocess.Popen([sys.executable, "-c", ATTACK, str(path), said.hex()]) for _ in range(4)]
+        try:
+            await asyncio.sleep(0.5)
+            return late_s, await asyncio.to_thread(ask_to_stop, path)
+        finally:
+            ticking.cancel()
+            for attacker in attackers:
+                attacker.kill()
+                attacker.wait()
+
+
+def ask_to_stop(path: Path) -> list[float]:
+    took_s = []
+    for _ in range(STOPS):
+        began_s = time.monotonic()
+        ask({"do": "stop"}, path)
+        took_s.append(time.monotonic() - began_s)
+    return took_s
 
 
 async def test_forgotten_clients_keep_no_stop_out(path: Path, daemon: FakeDaemon) -> None:
@@ -230,8 +331,8 @@ async def test_client_that_never_reads_is_dropped_and_holds_nothing(path: Path, 
             deaf.connect(str(path))
             deaf.setblocking(False)
             deaf.send(STATUS * 1000)
-            await until(lambda: serving._talks)
-            await until(lambda: not serving._talks)
+            await until(lambda: serving._clients)
+            await until(lambda: not serving._clients)
             await asyncio.sleep(0)
             assert len(daemon.told) < 100
             assert open_files() == before + 1
@@ -275,13 +376,13 @@ async def test_a_thousand_connections_leave_the_server_as_it_was(path: Path, dae
         for _ in range(984):
             clients.append(await RawClient(path).__aenter__())
             dropped = clients.pop(0)
-            assert "idle longest" in (await dropped.reply())["why"]
+            assert "silent longest" in (await dropped.reply())["why"]
             await dropped.__aexit__()
-        assert len(serving._talks) == 16
+        assert len(serving._clients) == 16
         for client in clients:
             await client.__aexit__()
-        await until(lambda: not serving._talks)
-        assert serving._idle == {}
+        await until(lambda: not serving._clients)
+        assert serving._under_way == set()
         assert await answers(path)
 
 

@@ -542,6 +542,26 @@ def test_mark_is_written_into_the_log(play: Play) -> None:
     play(scene)
 
 
+def test_marks_without_end_cost_two_records_a_second_and_stops_are_still_taken(play: Play) -> None:
+    async def scene(run: Run) -> None:
+        await run.arm()
+        taken, refused = 0, set()
+        for _ in range(5000):  # what 15 clients sent in 5 s
+            await asyncio.sleep(0.001)
+            try:
+                await run.commands.mark("x")
+                taken += 1
+            except Refused as refusal:
+                refused.add(str(refusal))
+        assert taken == len(run.log.named("mark"))
+        assert 5 + 2.0 * 5 - 1 <= taken <= 5 + 2.0 * 5
+        (why,) = refused
+        assert why.startswith("not noted: of all marks together 5 are taken at once, and 2 a second for long; wait")
+        assert await run.commands.hold() == {"held": True}
+
+    play(scene)
+
+
 # -- status ------------------------------------------------------------------------------------------------------------
 
 

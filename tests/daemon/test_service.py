@@ -162,7 +162,7 @@ async def test_it_is_armed_asked_and_ended_over_its_socket(site: Site) -> None:
         assert (await daemon.end()).reason == "requested"
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1, signal.SIGALRM])
 async def test_signal_stops_the_wheels_at_once_and_ends_the_run_in_order(site: Site, number: signal.Signals) -> None:
     signal.signal(number, signal.SIG_DFL)  # it may be ignored where these tests run
     async with Running(site) as daemon:

@@ -10,6 +10,7 @@ import sys
 from base64 import b64decode
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 from struct import unpack_from
 from typing import Any, cast
 
@@ -19,6 +20,7 @@ from aiohttp import ClientConnectionError, ClientSession, ClientWebSocketRespons
 from tests.foxglove.logs import HEADER, Record, stamped, tick
 from tests.foxglove.protobuf import Descriptors
 from tests.foxglove.test_scene import WORLD
+from wayfarer.cli.watching import viewers
 from wayfarer.control.protocol import Commands
 from wayfarer.daemon.viewer import Viewer
 from wayfarer.errors import BadInput
@@ -153,6 +155,30 @@ async def test_viewers_can_ask_nothing_of_the_rover() -> None:
     live = FoxgloveLive(port=0)
     async with live.serving(COMMANDS), connected(live) as client:
         assert (client.server["name"], client.server["capabilities"]) == ("wayfarer", ["time"])
+
+
+async def test_it_listens_on_this_computer_only() -> None:
+    (live,) = viewers(live=False, live_host=None, live_port=None, foxglove=True, foxglove_port=0)
+    assert isinstance(live, FoxgloveLive)
+    async with live.serving(COMMANDS):
+        port = int(live.url.rpartition(":")[2])
+        socket.create_connection(("127.0.0.1", port)).close()
+        with pytest.raises(ConnectionRefusedError):  # as a server on all addresses would not
+            socket.create_connection(("127.0.0.2", port))
+
+
+async def test_web_page_from_elsewhere_is_let_in_as_the_docs_say() -> None:
+    """Should the SDK refuse it one day, the paragraph in docs/foxglove.md can go."""
+    live = FoxgloveLive(port=0)
+    foreign = {"Origin": "http://elsewhere.example", "Host": "rebound.elsewhere.example"}
+    async with (
+        live.serving(COMMANDS),
+        ClientSession() as session,
+        session.ws_connect(live.url, protocols=[PROTOCOL], headers=foreign) as websocket,
+    ):
+        assert (await websocket.receive_json(timeout=PATIENCE_S))["op"] == "serverInfo"
+    said = (Path(__file__).parents[2] / "docs" / "foxglove.md").read_text(encoding="utf-8")
+    assert "Any web page that is open in a browser on that computer may read the track" in said
 
 
 async def test_viewer_that_ceases_to_read_holds_up_nobody() -> None:

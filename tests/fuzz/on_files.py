@@ -137,15 +137,18 @@ def _stop(path: Path) -> str:
 
 @contextmanager
 def _stopping() -> Iterator[Try]:
-    """Stop by the rover file of each case; daemons are not asked, because there may be real ones."""
-    with patch("wayfarer.stop_motors._ask_daemons", dict), reading_a_file("rover.toml", _stop) as attempt:
+    """Stop by the rover file of each case; daemons are not looked for, because there may be real ones."""
+    with (
+        patch("wayfarer.control.paths.known_sockets", lambda: iter(())),
+        reading_a_file("rover.toml", _stop) as attempt,
+    ):
         yield attempt
 
 
 STOPPING = Target(
     "stop-motors",
-    ["wayfarer.stop_motors:_stop_motors", "wayfarer.stop_motors:_read", "wayfarer.stop_motors:_salvaged",
-     "wayfarer.stop_motors:_line", "wayfarer.stop_motors:_usable", "wayfarer.stop_motors:_try_to_stop"],
+    ["wayfarer.stop_motors:_sources", "wayfarer.salvage", "wayfarer.stop_board:_stop_board",
+     "wayfarer.stop_board:_usable", "wayfarer.stop_board:_try_to_stop"],
     lambda kept: st.builds(
         lambda *pieces: b"".join(pieces),
         st.just(f'buses = "{Wheels.__module__}:Wheels"\n'.encode()),

@@ -12,7 +12,6 @@ import pytest
 from tests.live.test_server import TOKEN, first, nobody_is_local, pieces, serving  # noqa: F401 - a fixture
 from wayfarer.live.address import RECEIVED_BYTES, address_to_open, bind
 from wayfarer.live.audience import LIMITS
-from wayfarer.live.talk import Allowance
 
 ENDS = {aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSING, aiohttp.WSMsgType.CLOSED}
 
@@ -53,13 +52,6 @@ async def test_marks_are_limited_and_stopping_is_not() -> None:
     assert LIMITS.requests <= sum(reply["ok"] for reply in marks) < 2 * LIMITS.requests
     assert "wait a second" in marks[-1]["why"]
     assert all(reply["ok"] for reply in replies if reply["do"] != "mark")
-
-
-def test_allowance_is_used_up_and_comes_back() -> None:
-    allowance = Allowance(5, 2.0)
-    assert [allowance.take(10.0) for _ in range(6)] == [True] * 5 + [False]
-    assert [allowance.take(11.0) for _ in range(3)] == [True, True, False]
-    assert [allowance.take(100.0) for _ in range(6)] == [True] * 5 + [False], "never more than at first"
 
 
 async def test_request_too_deep_to_be_sent_back_is_refused_and_the_connection_stays() -> None:

@@ -21,6 +21,8 @@ WAYFARER = "/opt/wayfarer/bin/wayfarer"
 RUN = f"{WAYFARER} run --sim --config /etc/wayfarer/rover.toml --logs /var/lib/wayfarer/field_logs"
 ROVER = "/opt/wayfarer/source/tests/system/rover.toml"
 WHEELS = Path("/var/lib/wayfarer/wheels.txt")  # what tests.system.wheels was told
+ROVER_FILE = Path("/etc/wayfarer/rover.toml")
+RECORD = {"motors": {"driver": "tests.system.wheels:Wheels"}, "buses": "linux"}
 DROP_IN = Path("/etc/systemd/system/wayfarer.service.d/simulated.conf")
 SERVICE = "wayfarer.service"
 PROPERTIES = "ActiveState,SubState,StatusText,MainPID,NRestarts,Result"
@@ -133,6 +135,30 @@ def kill() -> dict[str, Any]:
     return restart_after(lambda pid: os.kill(pid, signal.SIGKILL), 15)
 
 
+def changed_rover_file() -> dict[str, Any]:
+    """Kill the daemon when its record names real motors, and the rover file others: who stops which?
+
+    The simulated rover has no record of its own, so it is written here, as the service's user.
+    """
+    subprocess.run(["systemctl", "reset-failed", SERVICE], check=False)
+    subprocess.run(["systemctl", "start", SERVICE], check=True)
+    record = f"echo '{json.dumps(RECORD)}' > /run/wayfarer/motors.json"
+    written = run("runuser", "-u", "wayfarer", "--", "sh", "-c", f"umask 077; {record}")
+    ROVER_FILE.write_text('[parts.motors]\ndriver = "no_such_driver"\n', encoding="utf-8")
+    sent = stops_sent()
+    os.kill(int(shown()["MainPID"]), signal.SIGKILL)
+    wait_until(lambda state: state["SubState"] == "auto-restart", 15)
+    run("systemctl", "stop", SERVICE)
+    ROVER_FILE.write_text(Path(ROVER).read_text(encoding="utf-8"), encoding="utf-8")
+    said = run("journalctl", "--no-pager", "--unit", SERVICE, "--output=cat")["out"].splitlines()
+    return {
+        "written": written,
+        "stops_sent": stops_sent() - sent,
+        "said": [line for line in said if "motors.json" in line],
+        "left_in_run": [str(path) for path in Path("/run").glob("wayfarer/*.json")],
+    }
+
+
 def suspend() -> dict[str, Any]:
     """Stop the armed daemon's process: only the watchdog can notice."""
     arm()
@@ -184,14 +210,14 @@ def end() -> dict[str, Any]:
 
 def bad_rover_file() -> dict[str, Any]:
     """Start with a rover file that cannot be used."""
-    Path("/etc/wayfarer/rover.toml").write_text("nonsense\n", encoding="utf-8")
+    ROVER_FILE.write_text("nonsense\n", encoding="utf-8")
     subprocess.run(["systemctl", "reset-failed", SERVICE], check=False)
     subprocess.run(["systemctl", "start", SERVICE], check=False, capture_output=True)
     time.sleep(3)  # longer than RestartSec
     return shown()
 
 
-STEPS = (install, security, start, arm, kill, suspend, exception, stop, end, bad_rover_file)
+STEPS = (install, security, start, arm, kill, suspend, exception, stop, end, changed_rover_file, bad_rover_file)
 
 
 def main() -> None:

@@ -108,6 +108,16 @@ def test_run_that_ended_as_it_should_stays_ended(report: Report) -> None:
     assert (seen["state"]["ActiveState"], seen["state"]["Result"]) == ("inactive", "success")
 
 
+def test_killed_daemon_s_own_motors_are_stopped_where_the_rover_file_names_others(report: Report) -> None:
+    seen = step(report, "changed_rover_file")
+    assert seen["written"]["code"] == 0, seen
+    assert seen["stops_sent"] == 1, "ExecStopPost= runs before systemd removes the folder with the record"
+    (said,) = seen["said"]
+    assert said.startswith("the daemon's /run/wayfarer/motors.json: ")
+    assert "; /etc/wayfarer/rover.toml: unknown driver 'no_such_driver'" in said
+    assert seen["left_in_run"] == []
+
+
 def test_unusable_rover_file_is_not_tried_again(report: Report) -> None:
     seen = step(report, "bad_rover_file")
     assert (seen["ActiveState"], seen["NRestarts"]) == ("failed", "0")

@@ -99,10 +99,10 @@ def run(
 
 
 def stop_motors(*, config: Config = None) -> None:
-    """Stop the wheels without the daemon, from the rover file alone."""
+    """Stop the wheels without the daemon: those that it drives or drove, and the rover file's."""
     from wayfarer.stop_motors import stop_motors as stop
 
-    print(stop(chosen(config)))
+    print(stop(str(ROVER_FILE) if config is None else config))
 
 
 def chosen(config: str | None, default: str | None = None) -> str:

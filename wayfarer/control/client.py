@@ -111,7 +111,7 @@ def _read_reply(place: Path, reply: bytes) -> dict[str, Any]:
     if not reply:
         raise WayfarerError(f"{place}: the daemon closed the connection without an answer: it may be ending just now")
     try:
-        details: dict[str, Any] = read_line(reply)
+        details: dict[str, Any] = read_line(reply.partition(b"\n")[0])  # a second line says why the daemon closed
         if details.pop("ok") is True:
             return details
         why = details["why"]

@@ -1,10 +1,13 @@
 """The daemon's end of the control socket: it serves requests beside the control tick, and never at its cost.
 
 Everything that a client can use up is bounded: connections, length of a line, time to finish one, time to read the
-reply. Where all connections are taken, the one that has been idle longest makes room: whoever forgot to close theirs
-keeps no ``stop`` out. Requests are answered on the loop itself, but only one in each turn of the loop, so that a flood
-waits for the tick and not the tick for the flood. Whatever goes wrong in a request ends as a refusal; the server goes
-on.
+reply. Requests are answered on the loop itself, but only one in each turn of the loop, so that a flood waits for the
+tick and not the tick for the flood. Whatever goes wrong in a request ends as a refusal; the server goes on.
+
+A ``stop`` always gets in. New clients wait in the kernel's queue, first come, first served; to accept one takes a turn
+like answering one, so those who wait for an answer get it before the next comes in. Where all connections are taken,
+the client makes room from whom no whole request has come for longest: one that is idle, has sent half a line, or does
+not read. A client just accepted stays until 15 more have come, which is longer than its request takes.
 """
 
 from __future__ import annotations
@@ -14,8 +17,8 @@ import os
 import socket
 import struct
 from asyncio import IncompleteReadError, LimitOverrunError, StreamReader, StreamWriter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -24,8 +27,8 @@ from wayfarer.control.protocol import REQUEST_BYTES, Commands, Refused, accept, 
 from wayfarer.errors import BadInput, WayfarerError
 
 _CREDENTIALS = struct.Struct("iII")  # struct ucred of unix(7): process, user and group
-_ACCEPTED_A_TURN = 2  # what asyncio takes for the length of the queue, it also accepts in one turn of the loop
 _QUEUE = 128
+_NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
 
 
 class Limits(NamedTuple):
@@ -72,26 +75,44 @@ class ControlServer:
         self._declination_deg = declination_deg
         self._on_error = on_error
         self._limits = limits
-        self._talks: set[asyncio.Task[None]] = set()
-        self._idle: dict[asyncio.Task[None], StreamWriter] = {}  # the longest comes first
+        self._clients: dict[asyncio.Task[None], StreamWriter] = {}  # the one who was silent longest comes first
+        self._under_way: set[asyncio.Task[None]] = set()  # whose request is being done
         self._turn = asyncio.Lock()
 
     async def __aenter__(self) -> Self:
-        bound = _bind(self._path)
-        self._server = await asyncio.start_unix_server(
-            self._meet, sock=bound, backlog=_ACCEPTED_A_TURN, limit=self._limits.line_bytes - 1
-        )
-        bound.listen(_QUEUE)
+        self._bound = _bind(self._path)
+        self._accepting = asyncio.create_task(self._accept_all(), name="control socket")
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        self._server.close()
-        for talk in self._talks:
-            talk.cancel()
-        await asyncio.gather(*self._talks, return_exceptions=True)
-        await self._server.wait_closed()
+        clients = dict(self._clients)
+        tasks = [self._accepting, *clients]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        for writer in clients.values():
+            writer.transport.abort()  # of one that had not begun to talk
+        self._bound.close()
+
+    async def _accept_all(self) -> None:
+        """Let clients in, one in a turn of the loop at most."""
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                connection, _ = await loop.sock_accept(self._bound)
+            except OSError:  # too many open files: the others go on, and end
+                await asyncio.sleep(_NO_FILES_S)
+                continue
+            with suppress(OSError):  # it has gone already
+                self._meet(*await asyncio.open_unix_connection(sock=connection, limit=self._limits.line_bytes - 1))
+            await self._take_turn()
+
+    async def _take_turn(self) -> None:
+        """Wait until those who came before have had theirs, and let the rest of the loop go first."""
+        async with self._turn:
+            await asyncio.sleep(0)
 
     def _meet(self, reader: StreamReader, writer: StreamWriter) -> None:
         """Begin to talk with a new client, or turn it away."""
@@ -100,24 +121,30 @@ class ControlServer:
         except Refused as refusal:
             _turn_away(writer, refusal)
             return
-        talk = asyncio.get_running_loop().create_task(self._talk(reader, writer), name="control client")
-        self._talks.add(talk)
-        talk.add_done_callback(self._talks.discard)
+        talk = asyncio.create_task(self._talk(reader, writer), name="control client")
+        self._clients[talk] = writer
+        talk.add_done_callback(self._forget)
+
+    def _forget(self, talk: asyncio.Task[None]) -> None:
+        self._clients.pop(talk, None)
+        self._under_way.discard(talk)
 
     def _admit(self, writer: StreamWriter) -> None:
         user = peer_uid(writer.get_extra_info("socket"))
         if user not in {os.geteuid(), 0}:
             raise Refused(f"this daemon obeys user {os.geteuid()} and root only, not user {user}: use sudo")
-        if len(self._talks) >= self._limits.clients:
+        if len(self._clients) >= self._limits.clients:
             self._make_room()
 
     def _make_room(self) -> None:
-        """Drop the client that has been idle longest."""
-        if not self._idle:
-            raise Refused(f"{len(self._talks)} clients are being answered, which is the limit: try again")
-        talk = next(iter(self._idle))
-        _turn_away(self._idle.pop(talk), Refused("dropped for another client, as the one idle longest: connect again"))
-        talk.cancel()
+        """Drop the client who was silent longest; what is being done for a client is done to its end."""
+        silent = next((talk for talk in self._clients if talk not in self._under_way), None)
+        if silent is None:
+            raise Refused(f"{len(self._clients)} clients are being answered, which is the limit: try again")
+        _turn_away(
+            self._clients.pop(silent), Refused("dropped for another client, as the one silent longest: connect again")
+        )
+        silent.cancel()
 
     async def _talk(self, reader: StreamReader, writer: StreamWriter) -> None:
         writer.transport.set_write_buffer_limits(0)  # drain() then waits until nothing is left here
@@ -132,14 +159,23 @@ class ControlServer:
 
     async def _answer_all(self, reader: StreamReader, writer: StreamWriter) -> None:
         try:
-            while line := await self._next_line(reader, writer):
-                async with self._turn:  # clients take turns, and each lets the rest of the loop go first
-                    await asyncio.sleep(0)
-                await self._send(writer, await self._answer(line))
+            while line := await self._next_line(reader):
+                await self._send(writer, await self._answer_in_turn(line))
         except Refused as refusal:
             await self._send(writer, refuse(str(refusal)))
 
-    async def _next_line(self, reader: StreamReader, writer: StreamWriter) -> bytes:
+    async def _answer_in_turn(self, line: bytes) -> bytes:
+        talk = asyncio.current_task()
+        assert talk is not None
+        self._clients[talk] = self._clients.pop(talk)  # now it is the last to make room
+        await self._take_turn()
+        self._under_way.add(talk)
+        try:
+            return await self._answer(line)
+        finally:
+            self._under_way.discard(talk)
+
+    async def _next_line(self, reader: StreamReader) -> bytes:
         """Return the next line with its end, or nothing if the client has closed.
 
         Raises:
@@ -149,8 +185,7 @@ class ControlServer:
         line = b""
         try:
             async with asyncio.timeout(limits.idle_s) as deadline:
-                with self._idling(writer):
-                    line = await reader.read(1)
+                line = await reader.read(1)
                 if line in {b"", b"\n"}:
                     return line
                 deadline.reschedule(time() + limits.line_s)
@@ -162,17 +197,6 @@ class ControlServer:
             raise Refused(f"a line has {limits.line_bytes} bytes at most: the connection is closed") from None
         except IncompleteReadError:
             raise Refused("the line does not end: send an end of line after each request") from None
-
-    @contextmanager
-    def _idling(self, writer: StreamWriter) -> Iterator[None]:
-        """Mark the client of this task as one that nothing is done for."""
-        talk = asyncio.current_task()
-        assert talk is not None
-        self._idle[talk] = writer
-        try:
-            yield
-        finally:
-            self._idle.pop(talk, None)
 
     async def _answer(self, line: bytes) -> bytes:
         try:
@@ -209,6 +233,8 @@ def _bind(path: Path) -> socket.socket:
     try:
         bound.bind(str(path))
         path.chmod(0o600)
+        bound.listen(_QUEUE)
+        bound.setblocking(False)
     except OSError as error:
         bound.close()
         raise BadInput(f"{path}: the control socket cannot be made: {error.strerror or error}") from None

@@ -14,6 +14,7 @@ from wayfarer.control.protocol import Details, Refused
 from wayfarer.errors import DriverError
 from wayfarer.hal import DriveMotors
 from wayfarer.helm import Mode
+from wayfarer.pace import ASKED_AT_ONCE, ASKED_HZ, Allowance
 from wayfarer.records import RunLog, TickRecord
 from wayfarer.supervisor import Supervisor
 
@@ -67,6 +68,7 @@ class RoverCommands:
         self._log_dropped = log_dropped
         self._checking = False
         self._warnings: list[str] = []
+        self._marks = Allowance()  # for all together: who connects anew is another client
 
     async def status(self) -> Details:
         """Tell how things are."""
@@ -152,7 +154,12 @@ class RoverCommands:
         return {"goal_heading_deg": heading_deg}
 
     async def mark(self, text: str) -> Details:
-        """Write a person's note into the log."""
+        """Write a person's note into the log, unless there are so many that no person wrote them."""
+        if not self._marks.take(_now_s()):
+            raise Refused(
+                f"not noted: of all marks together {ASKED_AT_ONCE} are taken at once, and {ASKED_HZ:g} a second for"
+                " long; wait a second and mark again"
+            )
         self._log.event("mark", _now_s(), text=text)
         return {}
 

@@ -22,6 +22,7 @@ from wayfarer.checks import ARMING, CALIBRATED, Place, system
 from wayfarer.checks.system import device_files
 from wayfarer.config import RoverConfig, part_settings
 from wayfarer.console_log import ConsoleLog
+from wayfarer.control.driven import Driven, DrivenRecord
 from wayfarer.control.motors_lock import MotorsLock, motors_device
 from wayfarer.control.paths import SingleDaemon
 from wayfarer.control.server import ControlServer
@@ -29,6 +30,7 @@ from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.computer import ComputerWatch, Health
 from wayfarer.daemon.heartbeat import Heartbeat
 from wayfarer.daemon.inspection import Live
+from wayfarer.daemon.signals import handle_signals
 from wayfarer.daemon.viewer import Viewer
 from wayfarer.dry_run import DryMotors
 from wayfarer.errors import WayfarerError
@@ -44,11 +46,9 @@ from wayfarer.lines import LineWriter
 from wayfarer.logbook.wording import unclean_text
 from wayfarer.mission import RunEnd
 from wayfarer.records import RunLog, Tee
+from wayfarer.stop_path import STOP_DEADLINE_S
 from wayfarer.supervisor import Supervisor, check_parts, first_cause
 from wayfarer.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
-
-# SIGHUP: a terminal that goes away, as with an ssh connection that drops, must not leave the wheels to the board alone.
-ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,15 +93,24 @@ def serve(service: Service) -> RunEnd:
 
     Raises:
         AlreadyRunning: another daemon serves this socket, or drives these motors.
-        BadInput: the log or the socket cannot be made.
+        BadInput: the log, the socket or the record of what is driven cannot be made.
         WayfarerError: a part did not open; the wheels were stopped. Any other error is a bug and comes as it is.
     """
+    config = service.config
+    motors = None if service.simulated else config.parts.get("motors")
+    device = None if motors is None else motors_device(config)
+    record = DrivenRecord(service.socket)
 
     async def run() -> RunEnd:
-        return await Daemon(service).run()
+        daemon = Daemon(service)
+        end = await daemon.run()
+        if motors is not None and daemon.wheels_stopped:
+            record.remove()
+        return end
 
-    motors = None if service.simulated else motors_device(service.config)
-    with SingleDaemon(service.socket), MotorsLock(motors), asyncio.Runner(loop_factory=service.loop_factory) as runner:
+    with SingleDaemon(service.socket), MotorsLock(device), asyncio.Runner(loop_factory=service.loop_factory) as runner:
+        if motors is not None:
+            record.write(Driven(motors, config.buses))
         try:
             return runner.run(run())
         except Exception as error:
@@ -122,6 +131,7 @@ class Daemon:
         self._rover = replace(rover, motors=DryMotors(rover.motors)) if service.dry_run else rover
         self._notifier = Notifier(os.environ.get("NOTIFY_SOCKET"))
         self._guard = StallGuard(self._rover.motors.halt, self._tell_of_stall)
+        self._suspension: asyncio.TimerHandle | None = None
         before, folder = unfinished_run(service.logs), new_run_folder(service.logs)
         about = {
             "version": __version__,
@@ -150,11 +160,14 @@ class Daemon:
             self._supervisor, self._rover.motors, self._inspect, self._log, about, checks, self._records_lost
         )
 
+    @property
+    def wheels_stopped(self) -> bool:
+        """Whether the wheels were stopped at the end, as far as the board says."""
+        return self._supervisor.wheels_stopped
+
     async def run(self) -> RunEnd:
         """Run until something ends it."""
-        for number in ENDING:
-            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # nohup means it
-                self._loop.add_signal_handler(number, self._end_by, signal.Signals(number).name)
+        handle_signals(self._end_by, self._suspend_by)
         server = ControlServer(
             self._service.socket,
             self._commands,
@@ -245,6 +258,14 @@ class Daemon:
         """End the run; the wheels do not wait for the next tick."""
         self._rover.motors.halt()
         self._finish("signal", f"ended by {name}")
+
+    def _suspend_by(self, name: str) -> None:
+        """Disarm, and suspend the process when the wheels have had the time to stop: what wakes it turns no wheels."""
+        self._rover.motors.halt()
+        self._supervisor.disarm(f"suspended by {name}")
+        if self._suspension is not None:
+            self._suspension.cancel()  # the keys were pressed twice
+        self._suspension = self._loop.call_later(STOP_DEADLINE_S, os.kill, os.getpid(), signal.SIGSTOP)
 
     def _tell_of_stall(self, stall_s: float, where: str) -> None:
         self._log.event("loop_stalled", self._loop.time(), stall_s=round(stall_s, 3), where=where)

@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 
 import orjson
 
+from wayfarer.pace import ASKED_AT_ONCE, ASKED_HZ
+
 
 class Limits(NamedTuple):
     """What viewers may use up; seconds are the clock's."""
@@ -26,8 +28,8 @@ class Limits(NamedTuple):
     news: int = 300  # half a minute at the full rate
     unseen: int = 3  # messages under way to one viewer
     old_s: float = 1.0  # what a page shows that is older must start no wheels; as OLD_S of the page
-    requests: int = 5  # of one viewer at once, but for those that stop the wheels: each is written into the log
-    requests_hz: float = 2.0
+    requests: int = ASKED_AT_ONCE  # of one viewer, but for those that stop the wheels: each is written into the log
+    requests_hz: float = ASKED_HZ
     silent_s: float = 10.0  # until a viewer that acknowledges nothing is dropped
     end_s: float = 0.3  # for last words: the run must have ended 2 s after it was told to
 

@@ -17,6 +17,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from wayfarer.control.protocol import Commands, Refused, check, perform, read_line
 from wayfarer.errors import WayfarerError
 from wayfarer.live.audience import Limits, TooSlow, Viewer
+from wayfarer.pace import Allowance
 
 VERBS = ("hold", "resume", "stop", "mark")
 STOPPING = ("hold", "stop")  # are done whoever asks, and however often
@@ -112,26 +113,6 @@ class Talk:
         if request.do == "resume" and not _is_new(fields.get(SHOWN), now_s, self._old_s):
             raise Refused("the page that this was pressed on was old: look again, and press it if it is still right")
         await perform(request, self._commands, None)
-
-
-class Allowance:
-    """How often something may be done: ``most`` times at once, and ``rate_hz`` times a second for long. Pure."""
-
-    def __init__(self, most: int, rate_hz: float) -> None:
-        self._most = most
-        self._rate_hz = rate_hz
-        self._left = float(most)
-        self._at_s: float | None = None
-
-    def take(self, now_s: float) -> bool:
-        """Tell whether it may be done now, and count it if so. ``now_s`` never goes back."""
-        if self._at_s is not None:
-            self._left = min(self._most, self._left + (now_s - self._at_s) * self._rate_hz)
-        self._at_s = now_s
-        if self._left < 1.0:
-            return False
-        self._left -= 1.0
-        return True
 
 
 def _is_new(state_t_s: object, now_s: float, old_s: float) -> bool:

@@ -1,0 +1,87 @@
+"""Signals to a real daemon that drives: the wheels first, then an outcome in the log that names the signal."""
+
+# ruff: noqa: TID251 - real processes need real time
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from signal import Signals
+
+import pytest
+
+from wayfarer.daemon.signals import ENDING, FAULTS, IGNORED, name_of
+from wayfarer.simhal.scenarios.procedures.site import PATIENCE_S, Site, wait_for
+from wayfarer.simhal.scenarios.procedures.site import site as a_site
+from wayfarer.simhal.scenarios.procedures.wheels import stop_after, told_to_turn
+
+pytestmark = pytest.mark.slow
+
+BY_PYTHON = {Signals.SIGPIPE, Signals.SIGXFSZ}  # ignored from the start of every Python process
+REAL_TIME = [Signals.SIGRTMIN, Signals.SIGRTMIN + 1, Signals.SIGRTMAX]
+TRIED = sorted({number for number in ENDING if number < Signals.SIGRTMIN} - BY_PYTHON) + REAL_TIME
+MARGIN_S = 0.02  # between the two writes of one drive command
+
+
+@pytest.fixture(scope="module")
+def site() -> Iterator[Site]:
+    with a_site() as made:
+        yield made
+
+
+def since(site: Site, began_s: float) -> tuple[float, float]:
+    """Return when the wheels were told to turn last, and when they were stopped; what is older counts not."""
+    site.stopped()
+    return stop_after(site.commands(began_s - 1.0))
+
+
+@pytest.mark.parametrize("number", TRIED, ids=name_of)
+def test_signal_stops_the_wheels_first_and_is_named_in_the_outcome(site: Site, number: int) -> None:
+    daemon = site.armed()
+    began_s = time.monotonic()
+    daemon.send_signal(number)
+    assert daemon.wait(PATIENCE_S) == 0
+    turned_s, stopped_s = since(site, began_s)
+    assert stopped_s - turned_s < site.deadman_s - MARGIN_S, "the deadman did it"
+    assert stopped_s - began_s < 0.5
+    outcome = site.log()[-1]
+    assert (outcome["record"], outcome.get("text")) == ("outcome", f"ended by {name_of(number)}")
+
+
+def test_ctrl_z_stops_the_wheels_first_and_what_wakes_it_finds_it_disarmed(site: Site) -> None:
+    daemon = site.armed()
+    began_s = time.monotonic()
+    for _ in range(2):  # keys are pressed twice
+        daemon.send_signal(signal.SIGTSTP)
+    turned_s, stopped_s = since(site, began_s)
+    assert stopped_s - turned_s < site.deadman_s - MARGIN_S, "the deadman did it"
+    state = Path(f"/proc/{daemon.pid}/stat")
+    wait_for("it is suspended", lambda: state.read_text(encoding="ascii").rpartition(")")[2].split()[0] == "T")
+    daemon.send_signal(signal.SIGCONT)
+    status = wait_for("it answers", lambda: site.status() if site.sees() else None)
+    assert (status["mode"], status["why_disarmed"]) == ("disarmed", "suspended by SIGTSTP")
+    assert not told_to_turn(site.commands(stopped_s)), "wheels turned"
+    daemon.terminate()
+    assert daemon.wait(PATIENCE_S) == 0
+
+
+def test_daemon_in_the_background_goes_on_where_its_terminal_would_suspend_it(site: Site) -> None:
+    daemon = site.armed()
+    for number in IGNORED:
+        daemon.send_signal(number)
+    time.sleep(2 * site.deadman_s)
+    assert site.drives
+    daemon.terminate()
+    assert daemon.wait(PATIENCE_S) == 0
+
+
+@pytest.mark.parametrize("number", sorted(FAULTS), ids=name_of)
+def test_board_stops_the_wheels_of_a_daemon_that_a_fault_ends(site: Site, number: Signals) -> None:
+    """As docs/what-stops-the-wheels.md says: these stay what they are."""
+    daemon = site.armed()
+    began_s = time.monotonic()
+    daemon.send_signal(number)
+    assert daemon.wait(PATIENCE_S) == -number
+    turned_s, stopped_s = since(site, began_s)
+    assert stopped_s - turned_s == pytest.approx(site.deadman_s, abs=MARGIN_S)

@@ -1,0 +1,108 @@
+"""`wayfarer stop-motors` where the rover file is not what the daemon has read: real processes, over simulated chips."""
+
+# ruff: noqa: TID251 - real processes need real time
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from tests.system.test_stop_owners import turn_wheels
+from wayfarer.simhal.scenarios.procedures.launching import WAYFARER
+from wayfarer.simhal.scenarios.procedures.site import PATIENCE_S, Site, rover_toml, wait_for
+from wayfarer.simhal.scenarios.procedures.site import site as a_site
+
+pytestmark = pytest.mark.slow
+
+NOBODY = 65534
+OTHER = {"forestrover": "minirover", "minirover": "forestrover"}
+
+
+@pytest.fixture(params=sorted(OTHER))
+def site(request: pytest.FixtureRequest) -> Iterator[Site]:
+    with a_site(request.param) as made:
+        yield made
+
+
+def as_nobody(site: Site) -> tuple[str, ...]:
+    """Return the command that runs wayfarer as a user who owns the site, where an interpreter lets one."""
+    if os.geteuid() != 0:
+        return WAYFARER
+    site.environment["PYTHONPATH"] = os.pathsep.join(each for each in sys.path if each)
+    shutil.chown(site.folder, NOBODY, NOBODY)
+    (site.folder / "bench").chmod(0o666)
+    become = ("setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups")
+    for python in (sys.executable, "/usr/bin/python3"):  # the tests' own may be in root's home
+        program = (*become, python, *WAYFARER[1:])
+        tried = subprocess.run([*program, "--version"], env=site.environment, capture_output=True, check=False)
+        if tried.returncode == 0:
+            return program
+    pytest.skip(f"user {NOBODY} cannot run wayfarer here")
+
+
+def stop_motors(site: Site, program: tuple[str, ...] = WAYFARER) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*program, "stop-motors", "--config", str(site.config)],
+        env=site.environment, cwd=site.folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("how", ["closed", "gone"])
+def test_rover_file_that_may_not_be_read_any_more_keeps_no_wheels_turning(site: Site, how: str) -> None:
+    program = as_nobody(site)
+    site.armed(program=program)
+    if how == "gone":
+        site.config.unlink()
+    else:
+        site.config.chmod(0o600 if os.geteuid() == 0 else 0)
+    done = stop_motors(site, program)
+    assert done.returncode == 0, done.stderr
+    assert not site.turning
+    assert done.stdout.startswith(f"the daemon's {site.folder}/motors.json: ")
+    assert f"; {site.config}: cannot be read: " in done.stdout
+
+
+def test_board_that_a_killed_daemon_drove_is_stopped_though_the_file_names_another(site: Site) -> None:
+    site.armed().kill()
+    site.stopped()
+    site.bench("power_cycle")  # the board has forgotten its deadman
+    turn_wheels(site)
+    time.sleep(2 * site.deadman_s)
+    assert site.turning
+    site.config.write_text(rover_toml(OTHER[site.rover]), encoding="utf-8")
+    began_s = time.monotonic()
+    done = stop_motors(site)
+    assert not site.turning
+    print(f"{site.rover}: {time.monotonic() - began_s:.2f} s: {done.returncode} {done.stdout}{done.stderr}")
+    driven, named = (done.stdout + done.stderr).split("; ", maxsplit=1)
+    assert "motors.json: " in driven
+    assert ("stand still" if site.rover == "minirover" else "stop was sent to Sabertooth") in driven
+    assert str(site.config) in named
+
+
+def test_board_that_a_suspended_daemon_drives_is_stopped_and_the_daemon_told_of(site: Site) -> None:
+    site.armed().send_signal(signal.SIGSTOP)
+    site.config.write_text(rover_toml(OTHER[site.rover]), encoding="utf-8")
+    done = stop_motors(site)
+    assert done.returncode == 1
+    assert (
+        f"motors.json: stop was sent, but a wayfarer daemon at {site.socket} still commands these wheels" in done.stderr
+    )
+    assert not site.turning
+
+
+def test_record_is_there_while_a_daemon_runs_and_left_by_a_death_only(site: Site) -> None:
+    record = site.folder / "motors.json"
+    site.armed().kill()
+    assert record.exists()
+    daemon = site.daemon()
+    assert record.exists()
+    daemon.terminate()
+    assert daemon.wait(PATIENCE_S) == 0
+    wait_for("it is gone", lambda: not record.exists())

@@ -1,0 +1,130 @@
+"""What motors a daemon drives, in a file beside its socket: the rover file may have changed since it was read.
+
+The file names code to import (``driver``, ``buses``), so it is believed only where nobody but its owner and root can
+have written it: nobody else may write to it or to its folder, and the owner is this user or root. Root believes any
+owner, and must act with that owner's rights.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from stat import S_IMODE, S_ISREG
+from typing import Any, NamedTuple
+
+from wayfarer.control import paths
+from wayfarer.errors import BadInput
+from wayfarer.whole_file import whole_file
+
+NAME = "motors.json"
+MOST_BYTES = 65_536
+_OTHERS_WRITE = 0o022
+
+
+class Driven(NamedTuple):
+    """A board: ``[parts.motors]`` of a rover file as it was given, driver included, and the name of its buses."""
+
+    motors: dict[str, Any]
+    buses: str
+
+
+class Found(NamedTuple):
+    """What a daemon recorded, and the user whose file it is."""
+
+    driven: Driven
+    owner: int
+
+
+class DrivenRecord:
+    """The file of a daemon, which holds ``paths.SingleDaemon`` for this socket."""
+
+    def __init__(self, socket_path: Path) -> None:
+        self._path = socket_path.with_name(NAME)
+
+    def write(self, driven: Driven) -> None:
+        """Put the file in the place of what a daemon that was killed may have left.
+
+        Raises:
+            BadInput: it cannot be written.
+        """
+        try:
+            with whole_file(self._path) as draft:
+                file = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+                with os.fdopen(file, "w", encoding="utf-8") as writer:
+                    json.dump(driven._asdict(), writer)
+        except OSError as error:
+            raise BadInput(f"{self._path}: what is driven cannot be written down: {error.strerror}") from None
+
+    def remove(self) -> None:
+        """Remove it: the wheels stand, and nobody drives them any more."""
+        with suppress(OSError):
+            self._path.unlink(missing_ok=True)
+
+
+def known_records() -> Iterator[Path]:
+    """Give every place where a daemon may have left its file, each once."""
+    given: set[Path] = set()
+    with suppress(BadInput):  # a folder that is not private is nobody's
+        for socket_path in paths.known_sockets():
+            path = socket_path.with_name(NAME)
+            if path not in given:
+                given.add(path)
+                yield path
+
+
+def read_record(path: Path) -> Found | None:
+    """Return what a daemon recorded; None where there is nothing, or nothing for this user to read.
+
+    Raises:
+        BadInput: what is there cannot be believed or understood; the text names the file and says why.
+    """
+    try:
+        folder = os.open(path.parent, os.O_PATH | os.O_DIRECTORY)
+    except OSError:
+        return None
+    try:
+        return _read(path, folder)
+    except (FileNotFoundError, PermissionError):
+        return None
+    except OSError as error:
+        why = "is a symlink" if error.errno == errno.ELOOP else f"cannot be read: {error.strerror}"
+        raise BadInput(f"{path}: not believed: it {why}") from None
+    finally:
+        os.close(folder)
+
+
+def _read(path: Path, folder: int) -> Found | None:
+    # Neither a symlink nor a pipe that nobody writes to leads astray.
+    file = os.open(path.name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
+    with os.fdopen(file, "rb") as reader:
+        about = os.fstat(file)
+        if why := _doubt(about, os.fstat(folder)):
+            raise BadInput(f"{path}: not believed: {why}; remove it")
+        text = reader.read(MOST_BYTES)
+    try:
+        fields = json.loads(text)
+        driven = Driven(**fields)
+        if not isinstance(driven.motors["driver"], str) or not isinstance(driven.buses, str):
+            raise TypeError
+    except (ValueError, TypeError, KeyError, RecursionError):
+        raise BadInput(f"{path}: not believed: no daemon wrote this; remove it") from None
+    return Found(driven, about.st_uid)
+
+
+def _doubt(file: os.stat_result, folder: os.stat_result) -> str | None:
+    """Return why a file is not to be believed."""
+    user = os.geteuid()
+    if not S_ISREG(file.st_mode):
+        return "it is no ordinary file"
+    for what, about in (("it", file), ("its folder", folder)):
+        if about.st_mode & _OTHERS_WRITE:
+            return f"others may write to {what} (mode {S_IMODE(about.st_mode):04o})"
+    if user not in {0, file.st_uid} and file.st_uid != 0:
+        return f"it belongs to user {file.st_uid}"
+    if folder.st_uid not in {0, file.st_uid}:
+        return f"its folder belongs to user {folder.st_uid}, and it to user {file.st_uid}"
+    return None

@@ -1,0 +1,75 @@
+"""The motors' table of a rover file, whatever else is wrong with the file.
+
+Only what says where the board is must be right: no other mistake may keep the wheels turning.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from wayfarer.control.driven import Driven
+from wayfarer.errors import BadConfig, BadInput, in_one_line
+
+SHIPPED = Path(__file__).parent / "rovers"
+
+
+def rover_path(name_or_path: str) -> Path:
+    """Return the file of a shipped rover by its name, or the one that is named (a slash, or ``.toml`` at its end)."""
+    is_file = "/" in name_or_path or name_or_path.endswith(".toml")
+    return Path(name_or_path) if is_file else SHIPPED / f"{name_or_path}.toml"
+
+
+def motors_of(path: Path) -> Driven:
+    """Return the motors of a rover file; nothing of them is checked but that they name a driver.
+
+    Raises:
+        BadInput: the file cannot be read.
+        BadConfig: there are no motors in it.
+    """
+    rover = _read(path)
+    parts = rover.get("parts")
+    table = parts.get("motors") if isinstance(parts, dict) else None
+    if not isinstance(table, dict) or not isinstance(table.get("driver"), str):
+        raise BadConfig("no [parts.motors] with a driver: this rover has no wheels to stop")
+    return Driven(table, str(rover.get("buses", "linux")))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise BadInput(f"cannot be read: {error.strerror}; name one with --config") from None
+    except ValueError:  # a zero byte in its name
+        raise BadInput("cannot be read: no file can have this name; name one with --config") from None
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        found = _salvaged(text)
+        if "driver" not in found["parts"]["motors"]:
+            raise BadConfig(f"not valid TOML: {in_one_line(error)}") from None
+        return found
+
+
+def _salvaged(text: str) -> dict[str, Any]:
+    """Return what the lines say that matter here, of a file that is no TOML as a whole."""
+    top: dict[str, Any] = {}
+    motors: dict[str, Any] = {}
+    table: dict[str, Any] | None = top
+    for line in text.splitlines():
+        if header := re.match(r"\s*\[\s*([\w\s.-]+?)\s*\]\s*(#.*)?$", line):
+            table = motors if re.fullmatch(r"parts\s*\.\s*motors", header[1]) else None
+        elif table is not None:
+            table.update(_line(line))
+    return {"buses": top.get("buses", "linux"), "parts": {"motors": motors}}
+
+
+def _line(text: str) -> dict[str, Any]:
+    """Return key and value of a line; a value that is none as text, so that it is not taken for left out."""
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError):
+        key, equals, value = text.partition("=")
+        return {key.strip(): value.partition("#")[0].strip(" \t\"'")} if equals else {}

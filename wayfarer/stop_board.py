@@ -1,0 +1,201 @@
+"""Stopping one motor board, of which a table of settings says where it is.
+
+A daemon that is still there, and would turn the wheels again, is asked to stop. As a program (``python -m
+wayfarer.stop_board``) it takes the board as JSON: ``stop_motors`` starts it with the rights of another user.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any
+
+from wayfarer.control.driven import Driven
+from wayfarer.errors import BadConfig, BadInput, DriverError, NotResponding, WayfarerError, in_one_line
+from wayfarer.hal import STOP, DriveMotors
+from wayfarer.registry import find_driver, make_buses
+
+# The keys that say where a board is. Without them another board might be stopped, so they must be right.
+WHERE = {"bus", "address", "port", "baud"}
+ASK_S = 1.0  # for a daemon's answer
+AGAIN_S, AGAIN_EVERY_S = 0.5, 0.05  # a daemon that ends may have commands under way
+CLOSE_WAIT_S = 2.0  # for a bus that hangs to come back: the stop that was posted goes out first then
+
+
+def stop_board(driven: Driven) -> str:
+    """Stop the wheels of a board and return a sentence that says how far that is certain.
+
+    Raises:
+        BadInput: the motors' table cannot be used.
+        WayfarerError: the board did not answer, or a daemon goes on commanding it.
+    """
+    try:
+        return _stop_board(driven)
+    except WayfarerError:
+        raise
+    except Exception as error:  # whatever a third party's driver or buses raise
+        raise WayfarerError(
+            f"nothing may have been stopped: {in_one_line(error)}; switch the motors' power off"
+        ) from None
+
+
+def _stop_board(driven: Driven) -> str:
+    table, buses = driven
+    driver = find_driver(table["driver"])
+    if getattr(driver, "part", None) != "motors":
+        raise BadConfig(f"driver '{table['driver']}' in [parts.motors] drives no motors")
+    known = {field.name for field in fields(driver.Settings)}
+    given = {key: value for key, value in table.items() if key in known}  # a mistyped key is left out
+    try:
+        return asyncio.run(_stop(driver, given, buses))
+    except WayfarerError:
+        raise
+    except Exception:  # a value of the wrong kind, or out of its range: nobody has checked them
+        pass
+    try:
+        kept = asyncio.run(_usable(driver, given, buses))
+        left_out = ", ".join(key for key in given if key not in kept)
+        return f"{asyncio.run(_stop(driver, kept, buses))} ([parts.motors] {left_out}: of no use, left out)"
+    except WayfarerError:
+        raise
+    except Exception as error:
+        raise BadConfig(f"[parts.motors] cannot be used: {in_one_line(error)}") from None
+
+
+async def _stop(driver: Any, given: Mapping[str, Any], buses_name: str) -> str:
+    """Stop the wheels first; then see whether a daemon would turn them again; then ask the board."""
+    from wayfarer.control.motors_lock import device_of, other_commander
+
+    buses = make_buses(buses_name)
+    settings = driver.Settings(**given)
+    motors: DriveMotors = driver(settings, buses)
+    device = device_of(buses_name, settings)
+    try:
+        await motors.stop()
+        agreed = await asyncio.to_thread(_ask_daemons)
+        other = other_commander(device)
+        if agreed or other:
+            for _ in range(round(AGAIN_S / AGAIN_EVERY_S)):
+                await asyncio.sleep(AGAIN_EVERY_S)
+                await motors.stop()
+        if not all(agreed.values()) or (other and not agreed):
+            raise WayfarerError(
+                f"stop was sent, but {other or _first_unwilling(agreed)} still commands these wheels: end it with"
+                " 'wayfarer stop' or 'systemctl stop wayfarer', or switch the motors' power off"
+            )
+        return await _confirmed(motors)
+    finally:
+        await motors.close()
+        await buses.close(CLOSE_WAIT_S)
+
+
+async def _confirmed(motors: DriveMotors) -> str:
+    """Return what the board says about its wheels."""
+    try:
+        try:
+            await motors.drive(STOP)  # unlike stop(), it says whether the board was there
+        except NotResponding as error:
+            if not str(error).endswith("not open"):
+                raise
+            await _why_not_open(motors)
+        turning = await motors.read_back()
+    except DriverError as error:
+        raise WayfarerError(f"no stop was acknowledged: {error}; switch the motors' power off") from None
+    if turning is None:
+        return f"stop was sent to {motors.name}, which cannot confirm it"
+    if turning != STOP:
+        raise WayfarerError(f"{motors.name} was told to stop and still says {turning}: switch its power off")
+    return f"{motors.name} says that the wheels stand still"
+
+
+async def _why_not_open(motors: DriveMotors) -> None:
+    """Open motors that ``stop`` could not, for the reason that it swallowed."""
+    try:
+        await motors.open()
+    except DriverError as error:
+        raise WayfarerError(f"no stop could be sent, switch the motors' power off: {error}") from None
+
+
+# -- a daemon that is still there --------------------------------------------------------------------------------------
+
+
+def _ask_daemons() -> dict[Path, bool]:
+    """Ask every daemon that may be asked to stop; return by socket whether it will."""
+    from wayfarer.control.client import NoDaemon, ask
+    from wayfarer.control.paths import known_sockets
+
+    agreed: dict[Path, bool] = {}
+    with suppress(BadInput):  # a folder that is not private is nobody's
+        for place in known_sockets():
+            if place in agreed or not os.access(place, os.W_OK):
+                continue  # another user's cannot be asked; the lock of the motors tells whether it matters
+            try:
+                ask({"do": "stop"}, place, ASK_S)
+            except (NoDaemon, BadInput):
+                continue
+            except WayfarerError:
+                agreed[place] = False
+            else:
+                agreed[place] = True
+    return agreed
+
+
+def _first_unwilling(agreed: Mapping[Path, bool]) -> str:
+    return f"a wayfarer daemon at {next(place for place, will in agreed.items() if not will)}"
+
+
+# -- settings that nobody has checked ----------------------------------------------------------------------------------
+
+
+async def _usable(driver: Any, given: Mapping[str, Any], buses_name: str) -> dict[str, Any]:
+    """Return the settings with which a driver can stop: where the board is, and of the others those that do no harm.
+
+    Raises:
+        Exception: whatever the driver makes of a board that is nowhere.
+    """
+    needed = {
+        field.name for field in fields(driver.Settings) if field.default is field.default_factory is MISSING
+    } | WHERE
+    kept = {key: value for key, value in given.items() if key in needed}
+    await _try_to_stop(driver, kept, buses_name)
+    for key in given:
+        with suppress(Exception):
+            await _try_to_stop(driver, kept | {key: given[key]}, buses_name)
+            kept[key] = given[key]
+    return kept
+
+
+async def _try_to_stop(driver: Any, given: Mapping[str, Any], buses_name: str) -> None:
+    """Stop with these settings; only what the settings themselves break is raised, not that a board is silent."""
+    buses = make_buses(buses_name)
+    try:
+        motors: DriveMotors = driver(driver.Settings(**given), buses)
+        try:
+            await motors.stop()
+            with suppress(DriverError):
+                await motors.drive(STOP)
+            with suppress(DriverError):
+                await motors.read_back()
+        finally:
+            await motors.close()
+    finally:
+        await buses.close()
+
+
+def main() -> None:
+    """Stop the board that comes as JSON; say what came of it, and end with the exit code of it."""
+    try:
+        print(stop_board(Driven(**json.load(sys.stdin))))
+    except WayfarerError as error:
+        print(error, file=sys.stderr)
+        sys.exit(error.exit_code)
+
+
+if __name__ == "__main__":
+    main()
