@@ -53,22 +53,27 @@ class MotionWatch:
         if not signed and commanded_m < 0.0:
             forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
         limit_m = self._speed_max_m_s * dt_s
-        if not (abs(forward_m) <= limit_m >= abs(right_m) and 0.0 <= quality <= 1.0):
+        can_be = abs(forward_m) <= limit_m >= abs(right_m) and 0.0 <= quality <= 1.0
+        known = can_be and quality >= self._quality_min
+        # What is not known counts as driven, and no reading for more: one that is garbage now and then hides no stall.
+        most_m = abs(commanded_m)
+        self.stall.add(dt_s, commanded_m, max(-most_m, min(forward_m, most_m)) if known else commanded_m)
+        if not can_be:
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
-        elif quality >= self._quality_min:
-            self._moved_t_s = read_t_s
-            self.stall.add(dt_s, commanded_m, forward_m)
-            stood_s = read_t_s - self._driven_t_s
-            if stood_s > 0.0 or self.runaway.found:
-                self.runaway.add(dt_s, stood_s, forward_m)
+        if not known:
+            self.runaway.clear()
             return
-        self._forget()
+        self._moved_t_s = read_t_s
+        stood_s = read_t_s - self._driven_t_s
+        if stood_s > 0.0 or self.runaway.found:
+            self.runaway.add(dt_s, stood_s, forward_m)
 
     def _check_ages(self, t_s: float, conditions: list[Condition]) -> None:
         settings = self._settings
         silent_s, unknown_s = t_s - self._spoke_t_s, t_s - self._moved_t_s
         if silent_s > settings.motion_stale_s:
-            self._forget()
+            self.stall.clear()
+            self.runaway.clear()
             gone = silent_s > settings.motion_lost_s
             found = Condition.MOTION_GONE if gone else Condition.MOTION_STALE
         elif unknown_s > settings.motion_lost_s:
@@ -79,7 +84,3 @@ class MotionWatch:
             return
         if self._watched:
             conditions.append(found)
-
-    def _forget(self) -> None:
-        self.stall.clear()
-        self.runaway.clear()
