@@ -8,6 +8,9 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.stall import Stall
 from wayfarer.hal import MotionReading
 
+# Of what was commanded, with a tenth for noise: no reading counts for more.
+MOST_SHARE = 1.1
+
 
 class MotionWatch:
     """Feeds ``stall`` and ``runaway`` with what can be true, and knows how long nothing was.
@@ -55,8 +58,8 @@ class MotionWatch:
         limit_m = self._speed_max_m_s * dt_s
         can_be = abs(forward_m) <= limit_m >= abs(right_m) and 0.0 <= quality <= 1.0
         known = can_be and quality >= self._quality_min
-        # What is not known counts as driven, and no reading for more: one that is garbage now and then hides no stall.
-        most_m = abs(commanded_m)
+        # What is not known counts as driven, and no reading for much more: garbage now and then hides no stall.
+        most_m = MOST_SHARE * abs(commanded_m)
         self.stall.add(dt_s, commanded_m, max(-most_m, min(forward_m, most_m)) if known else commanded_m)
         if not can_be:
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
