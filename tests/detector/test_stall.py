@@ -109,6 +109,14 @@ def test_stall_is_found_within_two_seconds_under_garbage_twice_a_second(
     assert any(found)
 
 
+def test_rolling_on_after_slowing_down_is_motion() -> None:
+    rover, slow = started(), WheelCommand(0.25, 0.25)
+    rover.drive(4, moved_m=STEP_M)
+    rolling = [rover.tick(slow, share * STEP_M).anomalies for share in (0.9, 0.5)]
+    assert rolling == [(), ()]
+    assert rover.drive(3) == [False, False, True]
+
+
 @pytest.mark.parametrize("share", [0.35, 1.0, 3.0])
 def test_garbage_and_readings_of_more_than_was_commanded_fake_no_stall(share: float) -> None:
     """A scale that is wrong, rolling on downhill, garbage of either sign in between: the rover moves."""

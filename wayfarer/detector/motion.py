@@ -8,7 +8,7 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.stall import Stall
 from wayfarer.hal import MotionReading
 
-# Of what was commanded, with a tenth for noise: no reading counts for more.
+# Of what was commanded now or just before, for a rover that rolls on: no reading counts for more; a tenth is for noise.
 MOST_SHARE = 1.1
 
 
@@ -26,7 +26,7 @@ class MotionWatch:
         self._speed_max_m_s = settings.motion_speed_max_m_s
         self.stall = Stall(settings)
         self.runaway = Runaway(settings)
-        self._commanded_m = 0.0
+        self._commanded_m = self._before_m = 0.0
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
 
     def start(self, t_s: float) -> None:
@@ -59,7 +59,8 @@ class MotionWatch:
         can_be = abs(forward_m) <= limit_m >= abs(right_m) and 0.0 <= quality <= 1.0
         known = can_be and quality >= self._quality_min
         # What is not known counts as driven, and no reading for much more: garbage now and then hides no stall.
-        most_m = MOST_SHARE * abs(commanded_m)
+        most_m = MOST_SHARE * max(abs(commanded_m), self._before_m)
+        self._before_m = abs(commanded_m)
         self.stall.add(dt_s, commanded_m, max(-most_m, min(forward_m, most_m)) if known else commanded_m)
         if not can_be:
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
