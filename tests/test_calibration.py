@@ -13,6 +13,7 @@ from wayfarer.calibration import (
     FILE_NAME,
     Calibration,
     CompassEntry,
+    DeadmanEntry,
     FlowEntry,
     MotorsEntry,
     calibration_file,
@@ -26,6 +27,7 @@ T_WALL = 1_795_000_000.0
 
 angles = st.floats(0.0, 180.0)
 stamps = st.builds(stamp, st.text(max_size=40), st.floats(0.0, 4e9))
+values = st.none() | st.booleans() | st.integers(-(2**31), 2**31) | st.floats(-1e9, 1e9) | st.text()
 calibrations = st.builds(
     Calibration,
     compass=st.none()
@@ -41,6 +43,8 @@ calibrations = st.builds(
         angles,
         st.booleans(),
     ),
+    deadman=st.none()
+    | st.builds(lambda s, settings: DeadmanEntry(**s, settings=settings), stamps, st.dictionaries(st.text(), values)),
 )
 
 

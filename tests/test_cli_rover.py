@@ -10,12 +10,15 @@ from typing import Any
 import pytest
 
 from wayfarer import cli
+from wayfarer.calibration import FILE_NAME, Calibration, DeadmanEntry, save, stamp
+from wayfarer.checks.deadman import board_settings
 from wayfarer.cli import terminal
 from wayfarer.cli.status_text import status_text
 from wayfarer.config import load_rover, part_settings
 from wayfarer.control.motors_lock import MotorsLock
 from wayfarer.control.paths import SingleDaemon, daemon_socket
 from wayfarer.control.protocol import Refused
+from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.physics import Physics
@@ -38,6 +41,7 @@ def own_socket(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
     monkeypatch.setattr("wayfarer.control.paths.SYSTEM_FOLDER", tmp_path / "none")
     monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "state"))
 
 
 class Daemon:
@@ -211,12 +215,26 @@ def rover_file(tmp_path: Path) -> Path:
 def test_check_of_a_sound_rover_passes_and_turns_no_wheel_without_a_person(
     rover_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    settings = board_settings(load_rover(str(rover_file)))
+    seen = DeadmanEntry(**stamp("Sabertooth", wall_clock(0.0)), settings=settings)
+    save(tmp_path / "state" / FILE_NAME, Calibration(deadman=seen))
     assert cli.run(["check", "--json", "--config", str(rover_file), "--logs", str(tmp_path)]) == 0
     told = json.loads(capsys.readouterr().out)
     verdicts = {finding["name"]: finding["verdict"] for finding in told["findings"]}
     assert told["passed"]
     assert (verdicts["compass"], verdicts["motion"], verdicts["motor board"]) == ("ok", "ok", "ok")
     assert (verdicts["deadman trips"], verdicts["left wheels"]) == ("skipped", "skipped")
+
+
+def test_check_of_a_sabertooth_that_nobody_has_watched_fails_and_claims_nothing(
+    rover_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run(["check", "--json", "--config", str(rover_file), "--logs", str(tmp_path)]) == 1
+    findings = {finding["name"]: finding for finding in json.loads(capsys.readouterr().out)["findings"]}
+    assert "answers" not in findings["motor board"]["found"]
+    assert "cannot answer" in findings["motor board"]["found"]
+    assert [name for name, finding in findings.items() if finding["verdict"] == "fail"] == ["deadman proved"]
+    assert "wayfarer check at a terminal" in findings["deadman proved"]["remedy"]
 
 
 def test_check_for_people_gives_cause_and_remedy(rover_file: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,17 +24,25 @@ SPEEDS_M_S = {AHEAD: 1.0, TURN: 0.0, BACK: -0.6, STOP: 0.0}
 
 
 class Drive:
-    """A rover that drives; ``grip`` is the share of what is commanded that the ground moves, None without a sensor."""
+    """A rover that drives; ``grip`` is the share of what is commanded that the ground moves, None without a sensor.
+
+    Each tenth reading is ``garbage``, where there is any.
+    """
 
     def __init__(self, grip: float | None = 1.0, quality: float = 0.8) -> None:
         self.progress = Progress(SETTINGS, quality_min=0.2)
         self.grip, self.quality = grip, quality
+        self.garbage: MotionReading | None = None
         self.t_s = 0.0
+        self.ticks = 0
 
     def tick(self, wheels: WheelCommand, *, anomalous: bool = False) -> bool:
         self.t_s += TICK_S
+        self.ticks += 1
         forward_m = SPEEDS_M_S[wheels] * TICK_S
         motion = None if self.grip is None else MotionReading(self.t_s, forward_m * self.grip, 0.0, self.quality)
+        if self.garbage is not None and self.ticks % 10 == 0:
+            motion = self.garbage
         return self.progress.ends(Interval(self.t_s, TICK_S, TICK_S, wheels, forward_m), anomalous, motion)
 
     def go(self, wheels: WheelCommand, for_s: float, *, anomalous: bool = False) -> bool:
@@ -65,6 +73,15 @@ def test_anomaly_that_never_clears_ends_within_the_bound(grip: float | None) -> 
 
 def test_body_that_never_moves_is_given_up_though_its_anomaly_clears_each_time() -> None:
     drive = Drive(grip=0.0)
+    assert drive.caught(100)
+    assert drive.t_s <= SETTINGS.give_up_s + 2.0
+
+
+@pytest.mark.parametrize("garbage_m", [0.03, 0.1, float("nan"), float("inf"), None])
+def test_body_that_never_moves_is_given_up_under_garbage_twice_a_second(garbage_m: float | None) -> None:
+    """Numbers of any size, or a reading that was rejected (None): each push of 0.4 s has one at most."""
+    drive = Drive(grip=0.0)
+    drive.garbage = MotionReading(0.0, garbage_m or 0.0, 0.0, 0.0 if garbage_m is None else 0.8)
     assert drive.caught(100)
     assert drive.t_s <= SETTINGS.give_up_s + 2.0
 

@@ -1,8 +1,8 @@
-"""What calibrating found out about one rover, kept as JSON from one outing to the next.
+"""What calibrating and checking found out about one rover, kept as JSON from one outing to the next.
 
 ::
 
-    {"schema": 1, "compass": {...}, "flow": {...}, "motors": {...}}
+    {"schema": 1, "compass": {...}, "flow": {...}, "motors": {...}, "deadman": {...}}
 
 Each entry says when it was made and with which part: numbers of another part are worse than none. The file is replaced
 as a whole, so a power cut leaves the old one or the new one.
@@ -27,6 +27,9 @@ from wayfarer.errors import BadInput, WayfarerError
 FILE_NAME = "calibration.json"
 SYSTEM_FOLDER = Path("/var/lib/wayfarer")
 USER_FOLDER = Path(".local/state/wayfarer")
+
+# Half a year: field, screws and cables of a rover change within a season.
+STALE_S = 180 * 86_400.0
 
 Angle = Annotated[float, Interval(ge=0, le=180)]
 _STRICT = ConfigDict(extra="forbid", strict=True)
@@ -71,6 +74,13 @@ class MotorsEntry(Entry):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DeadmanEntry(Entry):
+    """A person has seen the motor board stop the wheels by itself, with these settings of the rover file."""
+
+    settings: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
     """Everything in the file; None is what was never calibrated."""
 
@@ -80,6 +90,7 @@ class Calibration:
     compass: CompassEntry | None = None
     flow: FlowEntry | None = None
     motors: MotorsEntry | None = None
+    deadman: DeadmanEntry | None = None
 
 
 def stamp(part: str, t_wall: float) -> dict[str, Any]:

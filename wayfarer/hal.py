@@ -173,7 +173,8 @@ class DriveMotors(Driver, Protocol):
 
     ``deadman_s`` is how long after the last command the board itself stops the wheels; None where it cannot. ``open``
     arms that deadman and verifies it as far as the board can be asked; the helm opens the motors anew at each arming,
-    because a board that lost its power for a moment has forgotten it.
+    because a board that lost its power for a moment has forgotten it. A driver of a board that answers nothing has
+    ``can_be_asked = False`` besides: see there.
     """
 
     deadman_s: float | None
@@ -247,6 +248,15 @@ class Counting(Driver, Protocol):
 def troubles_of(part: Driver) -> Mapping[str, int]:
     """Return what a part has counted, nothing where it does not count."""
     return part.troubles if isinstance(part, Counting) else {}
+
+
+def can_be_asked(motors: DriveMotors) -> bool:
+    """Return whether a motor board answers, so that opening it proves that it is there and its deadman armed.
+
+    A driver says so by an attribute of this name; one that has none counts as one that can. Of a board that cannot,
+    nothing is believed that no person has seen.
+    """
+    return bool(getattr(motors, "can_be_asked", True))
 
 
 @dataclass(frozen=True, slots=True)

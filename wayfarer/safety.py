@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Annotated
 
-from annotated_types import Interval
+from annotated_types import Interval, MaxLen
 
 from wayfarer.bounds import Seconds
 from wayfarer.conditions import LEVELS, Condition, Level, worst
@@ -26,9 +26,11 @@ class SafetySettings:
 
     ``slew_per_s`` bounds how fast a duty may grow: a motor start that resets the computer is the commonest trouble of
     such rovers. ``mission_*`` end a run normally. A rover whose compass is calibrated to less than ``calibration_min``
-    (0 to 3) is not armed, nor one whose motor board cannot stop the wheels by itself, unless ``allow_no_deadman``.
-    ``resume_warning_s`` is for how long the status light warns before a rover that held its wheels for more than a
-    second by itself lets them turn again; 0 for no warning.
+    (0 to 3) is not armed, nor one whose motor board cannot stop the wheels by itself, unless ``allow_no_deadman``. One
+    whose board cannot be asked is armed once a person has seen that it does (``wayfarer check``), or where
+    ``deadman_unproved_because`` says why nobody has; that is told at each arming. ``resume_warning_s`` is for how long
+    the status light warns before a rover that held its wheels for more than a second by itself lets them turn again; 0
+    for no warning.
     """
 
     duty_max: Annotated[float, Interval(gt=0, le=1)] = 1.0
@@ -43,6 +45,7 @@ class SafetySettings:
     settle_spread_deg: Annotated[float, Interval(gt=0, le=180)] = 3.0
     calibration_min: Annotated[int, Interval(ge=0, le=3)] = 2
     allow_no_deadman: bool = False
+    deadman_unproved_because: Annotated[str, MaxLen(200)] = ""
 
 
 class Gate:

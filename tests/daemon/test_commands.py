@@ -16,6 +16,7 @@ import pytest
 from tests.checks.rigs import T_WALL, Flow, Needle, Rig
 from wayfarer.calibration import Calibration, MotorsEntry, save, stamp
 from wayfarer.checks import Verdict, run_checks
+from wayfarer.checks.deadman import keep_proof
 from wayfarer.checks.parts import contact
 from wayfarer.control.protocol import Commands, Refused
 from wayfarer.daemon.commands import RoverCommands
@@ -315,6 +316,29 @@ def test_calibration_that_is_bad_broken_or_of_another_part_refuses_arming_and_is
         assert run.mode == "disarmed"
 
     play(scene)
+
+
+@pytest.mark.parametrize("because", ["", "nobody may come near it"])
+def test_board_that_cannot_be_asked_is_armed_with_a_proof_or_a_reason_that_is_told(
+    play: Play, tmp_path: Path, because: str
+) -> None:
+    rig = Rig(tmp_path)
+    rig.motors.can_be_asked = False  # type: ignore[attr-defined]
+    safety = dataclasses.replace(rig.config.safety, deadman_unproved_because=because)
+    rig.config = rig.config.model_copy(update={"safety": safety})
+
+    async def scene(run: Run) -> None:
+        if not because:
+            with pytest.raises(Refused, match=r"deadman proved: nobody has seen board at 0x15 .*wayfarer check"):
+                await run.commands.arm(0.0)
+            assert run.log.named("arming_refused") == [{"failed": ["deadman proved"]}]
+            keep_proof(run.inspect, tripped=True)
+        warnings: Any = (await run.commands.arm(0.0))["warnings"]
+        told = [warning for warning in warnings if warning.startswith("deadman proved")]
+        assert len(told) == bool(because)
+        assert all(because in warning for warning in told)
+
+    play(scene, rig=rig)
 
 
 def test_rover_that_lies_on_its_roof_is_refused_at_once_and_told_what_to_do(play: Play) -> None:

@@ -76,11 +76,54 @@ def test_low_quality_means_unknown_never_still(quality: float, claims: bool) -> 
     assert (True in found) is claims
 
 
-def test_one_doubtful_sample_forgets_the_window() -> None:
+def test_doubtful_samples_count_as_driven() -> None:
+    """One in a window hides no stall, and two of four are too much doubt for one."""
     rover = started()
     rover.drive(3)
-    rover.tick(FULL, quality=0.1)
-    assert rover.drive(4) == [False, False, False, True]
+    assert Anomaly.IMMOBILISED in rover.tick(FULL, quality=0.1).anomalies
+    assert rover.tick(FULL, quality=0.1).anomalies == ()
+    assert rover.drive(4) == [False, False, True, True]
+
+
+GARBAGE_M = [0.03, 0.1, 0.24, 30.0]  # what a chip can see, what none can, what no rover goes, what nothing goes
+
+
+@pytest.mark.parametrize("garbage_m", GARBAGE_M)
+@pytest.mark.parametrize(
+    ("name", "phase"), [(name, n) for name in ("sim", "forestrover", "minirover") for n in range(5)]
+)
+def test_stall_is_found_within_two_seconds_under_garbage_twice_a_second(
+    name: str, phase: int, garbage_m: float
+) -> None:
+    """Field catalogue, fault 16: the rover is stuck, and garbage goes on whenever it began."""
+    config = load_rover(name)
+    rover, dt_s = Rover(config.detector, config.vehicle), 1.0 / config.rates.motion_hz
+    every, wheels = round(0.5 / dt_s), config.vehicle.mix(config.escape.cruise_m_s, 0.0)
+    found = [
+        Anomaly.IMMOBILISED
+        in rover.tick(
+            wheels, garbage_m if n % every == phase else 0.0, dt_s=dt_s, signed=name != "minirover", heading_deg=n % 2
+        ).anomalies
+        for n in range(round(2.0 / dt_s))
+    ]
+    assert any(found)
+
+
+def test_rolling_on_after_slowing_down_is_motion() -> None:
+    rover, slow = started(), WheelCommand(0.25, 0.25)
+    rover.drive(4, moved_m=STEP_M)
+    rolling = [rover.tick(slow, share * STEP_M).anomalies for share in (0.9, 0.5)]
+    assert rolling == [(), ()]
+    assert rover.drive(3) == [False, False, True]
+
+
+@pytest.mark.parametrize("share", [0.35, 1.0, 3.0])
+def test_garbage_and_readings_of_more_than_was_commanded_fake_no_stall(share: float) -> None:
+    """A scale that is wrong, rolling on downhill, garbage of either sign in between: the rover moves."""
+    rover, chance = started(), Random(1)
+    for n in range(200):
+        moved_m = chance.choice([-30.0, 30.0]) if n % 8 == 7 else share * STEP_M
+        assert rover.tick(FULL, moved_m).anomalies == ()
 
 
 def test_slow_motion_sensor_loses_no_commanded_distance() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from tests.simhal.chips.test_pmw3901 import Driven
-from wayfarer.drivers.pmw3901 import PMW3901, Axis, Burst, PMW3901Settings, contradiction, decode, quality
+from wayfarer.drivers.pmw3901 import FRAME_S, PMW3901, Axis, Burst, PMW3901Settings, contradiction, decode, quality
 from wayfarer.drivers.pmw3901_table import trim
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.escape.api import Vehicle
@@ -31,6 +31,7 @@ from wayfarer.testing import check_motion_sensor
 NORMAL = bytes.fromhex("B0 BF 05 00 FB FF 4C 55 A0 1E 02 58")  # hardware.md 8.2
 STANDING = bytes.fromhex("30 BF 00 00 00 00 4C 55 A0 1E 02 58")
 DARK = bytes.fromhex("B0 BF 10 00 F0 FF 12 20 30 10 1F 40")
+LIMIT_COUNTS_S = PMW3901Settings().limit_counts_s
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 
 # What goes over the wires at the start, without the write bits: hardware.md 2.3, rows 1 to 24, with 67=80 73=00 70=20
@@ -77,6 +78,30 @@ class Canned:
             return self.behind.exchange(data)
         self.bursts += 1
         return b"\0" + self.burst
+
+
+class AtLimit(Canned):
+    """A chip over ground that goes by as fast as it can see; each frame is counted when it has ended."""
+
+    counted_to_s = 0.0
+
+    def exchange(self, data: bytes) -> bytes:
+        if data[0] == 0x16:
+            frames, self.counted_to_s = int(time() / FRAME_S) - int(self.counted_to_s / FRAME_S), time()
+            self.burst = NORMAL[:2] + pack("<hh", int(frames * FRAME_S * LIMIT_COUNTS_S), 0) + NORMAL[6:]
+        return super().exchange(data)
+
+
+class LateBus(FakeSPI):
+    """A bus that takes its time to reach the chip, and to hand on what it said."""
+
+    before_s = after_s = 0.0
+
+    async def transfer(self, *pieces: bytes) -> tuple[bytes, ...]:
+        await asyncio.sleep(self.before_s)
+        answers = await super().transfer(*pieces)
+        await asyncio.sleep(self.after_s)
+        return answers
 
 
 class Silent:
@@ -137,14 +162,14 @@ def test_vector_of_a_rover_that_moves() -> None:
     burst = decode(NORMAL)
     assert burst == Burst(motion=True, observation=0xBF, dx=5, dy=-5, squal=76, shutter=600)
     assert quality(burst, 95) == 0.8
-    assert contradiction(burst, 0.01) is None
+    assert contradiction(burst, 0.01, LIMIT_COUNTS_S) is None
 
 
 def test_vector_of_a_rover_that_stands_is_known_to_be_still() -> None:
     burst = decode(STANDING)
     assert burst == Burst(motion=False, observation=0xBF, dx=0, dy=0, squal=76, shutter=600)
     assert quality(burst, 95) == 0.8
-    assert contradiction(burst, 0.01) is None
+    assert contradiction(burst, 0.01, LIMIT_COUNTS_S) is None
 
 
 def test_vector_in_the_dark_is_worth_nothing() -> None:
@@ -186,19 +211,50 @@ def test_quality_is_a_fraction_and_grows_with_texture(data: bytes, squal_full: i
     assert 0.0 <= quality(burst, squal_full) <= quality(better, squal_full) <= 1.0
 
 
-@pytest.mark.parametrize(("since_s", "limit"), [(0.0, 240), (0.01, 240), (0.05, 1200), (0.1, 2400)])
-def test_more_counts_than_the_time_since_the_last_read_allows_are_garbage(since_s: float, limit: int) -> None:
+@pytest.mark.parametrize(("longest_s", "limit"), [(0.0, 28), (0.01, 63), (0.05, 202), (0.1, 375)])
+def test_more_counts_than_the_chip_can_see_in_the_time_are_garbage(longest_s: float, limit: int) -> None:
+    """7.4 rad/s are 173 counts in 0.05 s, and a frame of 8.26 ms has 28 (hardware.md 2.1)."""
     burst = decode(NORMAL)
     for dx, dy in ((limit, -limit), (-limit, 0)):
-        assert contradiction(burst._replace(dx=dx, dy=dy), since_s) is None
+        assert contradiction(burst._replace(dx=dx, dy=dy), longest_s, LIMIT_COUNTS_S) is None
     for dx, dy in ((limit + 1, 0), (0, -limit - 1)):
-        text = contradiction(burst._replace(dx=dx, dy=dy), since_s)
+        text = contradiction(burst._replace(dx=dx, dy=dy), longest_s, LIMIT_COUNTS_S)
         assert text is not None
         assert str(limit) in text
 
 
+@pytest.mark.parametrize(("rad_per_count", "counts_s"), [(0.00213195, 3471), (0.00126, 5873), (1 / 385, 3471)])
+def test_limit_of_the_chip_is_that_of_the_angle_set_and_never_less_than_the_data_sheets(
+    rad_per_count: float, counts_s: float
+) -> None:
+    assert PMW3901Settings(rad_per_count=rad_per_count).limit_counts_s == pytest.approx(counts_s, abs=0.5)
+
+
+LATE_S = st.floats(0.0, 0.2)
+
+
+@given(st.lists(st.tuples(st.floats(0.001, 0.3), LATE_S, LATE_S), min_size=2, max_size=20))
+def test_ground_at_the_speed_limit_is_never_garbage_however_late_bus_and_loop_are(
+    reads: list[tuple[float, float, float]],
+) -> None:
+    """Each read is asked for after a pause, reaches the chip late, and is answered late."""
+
+    async def main() -> None:
+        buses = FakeBuses()
+        bus = buses._spi["/dev/spidev0.1"] = LateBus("/dev/spidev0.1")
+        bus.chip = AtLimit(NORMAL)
+        flow = PMW3901(PMW3901Settings(), buses)
+        await flow.open()
+        for pause_s, bus.before_s, bus.after_s in reads:
+            await asyncio.sleep(pause_s)
+            await flow.read()
+        assert flow.troubles["garbage rejected"] == 0
+
+    run(main)
+
+
 def test_counts_without_motion_contradict_themselves() -> None:
-    assert contradiction(decode(STANDING)._replace(dy=1), 0.05) == "counts, and no motion seen"
+    assert contradiction(decode(STANDING)._replace(dy=1), 0.05, LIMIT_COUNTS_S) == "counts, and no motion seen"
 
 
 # -- the start-up
@@ -393,11 +449,11 @@ def test_calibration_gets_the_counts_of_the_chip_itself() -> None:
 
 def test_spike_is_dropped_and_the_next_reading_is_good() -> None:
     async def main() -> None:
-        flow = flow_over(PMW3901Chip(Driven((0, 0), (1201, 0), (8, 0)), time))
+        flow = flow_over(PMW3901Chip(Driven((0, 0), (469, 0), (8, 0)), time))
         await flow.open()
         await flow.read()
         await asyncio.sleep(0.05)
-        with pytest.raises(BadReading, match="more than 1200 counts in 0"):
+        with pytest.raises(BadReading, match=r"more than 20\d counts in 0.*raise the lens"):
             await flow.read()
         await asyncio.sleep(0.05)
         assert (await flow.read()).forward_m == pytest.approx(8 * 0.000213195)
@@ -414,7 +470,7 @@ def test_readings_at_the_speed_that_the_chip_can_follow_and_garbage_are_counted(
     """7.4 rad/s are 0.74 m/s at 0.1 m, and 173 counts in 0.05 s."""
 
     async def main() -> None:
-        flow = flow_over(PMW3901Chip(Driven((0, 0), counts, (1201, 0)), time))
+        flow = flow_over(PMW3901Chip(Driven((0, 0), counts, (203, 0)), time))
         await flow.open()
         await flow.read()
         await asyncio.sleep(0.05)
@@ -479,7 +535,7 @@ def test_driver_reads_what_the_simulated_part_reads() -> None:
             flow = make(world)
             await flow.open()
             await asyncio.sleep(1.0 - time())  # whatever the opening took
-            for duty in (0.0, 0.2, 1.0, 1.0, -0.6, 0.0):
+            for duty in (0.0, 0.2, 0.5, 0.5, -0.4, 0.0):  # 0.7 m/s, which the chip can follow
                 world.advance_to(time())
                 world.command(duty, duty)
                 await asyncio.sleep(0.1)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from wayfarer.checks import board, calibrated, parts, system
+from wayfarer.checks import board, calibrated, deadman, parts, system
 from wayfarer.checks.api import Check, Finding, Inspection, Place, Verdict, passed, run_checks
 from wayfarer.checks.motion import Ask, check_motion
 from wayfarer.checks.standalone import Standalone
@@ -36,6 +36,7 @@ CALIBRATED: tuple[Check, ...] = (
     partial(calibrated.calibrated, "compass"),
     partial(calibrated.calibrated, "motors"),
     partial(calibrated.calibrated, "flow"),
+    deadman.proved,
 )
 """What a simulated rover need not be."""
 
@@ -72,6 +73,8 @@ async def check(config: RoverConfig, rover: Rover, place: Place, ask: Ask | None
         ask: asks a person, who must agree before a wheel turns; None where there is nobody.
     """
     devices = [partial(system.device, name) for name in place.devices]
+    at_rest = [check for check in (*ARMING, *AT_REST) if check is not deadman.proved]
     async with Standalone(config, rover, place) as inspection:
-        findings = await run_checks(inspection, [*devices, *ARMING, *AT_REST])
-        return findings + await check_motion(inspection, ask)
+        findings = await run_checks(inspection, [*devices, *at_rest])
+        findings += await check_motion(inspection, ask)
+        return findings + await run_checks(inspection, [deadman.proved])  # a person may have seen it just now

@@ -1,22 +1,29 @@
-"""The motor board: it answers, its deadman is armed, its battery and its outputs are well. No wheel turns."""
+"""The motor board: it answers, its deadman is armed, its battery and its outputs are well. No wheel turns.
+
+Of a board that cannot be asked none of it is claimed.
+"""
 
 from __future__ import annotations
 
 from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped, warn
 from wayfarer.checks.parts import heard, silent
 from wayfarer.errors import DriverError
+from wayfarer.hal import can_be_asked
 
 
 async def motor_board(inspection: Inspection) -> Finding:
     """Check that the motor board answers, and that opening it armed a deadman that stops the wheels by itself."""
-    name = "motor board"
+    name, motors = "motor board", inspection.rover.motors
     try:
         await inspection.open("motors")
     except DriverError as error:
         return silent(inspection, name, "motors", error)
-    deadman_s = inspection.rover.motors.deadman_s
-    if deadman_s is not None:
-        return ok(name, f"answers; its deadman stops the wheels {deadman_s:g} s after the last command")
+    if motors.deadman_s is not None and not can_be_asked(motors):
+        return ok(
+            name, f"its port opens; it cannot answer, and its deadman of {motors.deadman_s:g} s is not proved by this"
+        )
+    if motors.deadman_s is not None:
+        return ok(name, f"answers; its deadman stops the wheels {motors.deadman_s:g} s after the last command")
     found, cause = "it cannot stop the wheels by itself", "plain H-bridges have no deadman"
     if inspection.config.safety.allow_no_deadman:
         return warn(name, f"{found}; the rover file allows it", cause, "stay within reach of its power switch")
@@ -42,6 +49,8 @@ async def battery(inspection: Inspection) -> Finding:
 
 async def motor_faults(inspection: Inspection) -> Finding:
     """Check that the motor board reports no fault."""
+    if not can_be_asked(inspection.rover.motors):
+        return skipped("motor faults", "the motor board cannot be asked")
     try:
         _, faults = await heard(inspection.motor_health())
     except DriverError:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from wayfarer.angles import circular_mean, wrap180
-from wayfarer.calibration import CompassEntry, Entry, MotorsEntry, load
+from wayfarer.calibration import STALE_S, CompassEntry, Entry, MotorsEntry, load
 from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped, warn
 from wayfarer.checks.bench import sample_headings
 from wayfarer.checks.parts import heard
 from wayfarer.errors import BadInput, DriverError
 
-# Half a year: field, screws and cables of a rover change within a season.
-STALE_S = 180 * 86_400.0
 # A rotation-vector chip is typically right within 5 degrees (hardware.md 1.5); twice that is a bad calibration.
 RESIDUAL_MAX_DEG = 10.0
 AWAY = "keep keys and phones 0.15 m, computers 0.5 m, wire fences 2 m and cars 5 m away"  # field.md 6, item 2

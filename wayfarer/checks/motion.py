@@ -16,9 +16,10 @@ from functools import partial
 
 from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped
 from wayfarer.checks.bench import RATE_HZ, Push, keep_driving, measure_push, wheels_stopped_after
+from wayfarer.checks.deadman import keep_proof
 from wayfarer.checks.parts import heard, silent
 from wayfarer.detector import Stall
-from wayfarer.errors import DriverError
+from wayfarer.errors import DriverError, WayfarerError
 from wayfarer.hal import STOP, DriveMotors, WheelCommand
 from wayfarer.pace import Pace
 
@@ -97,8 +98,8 @@ async def _silence_s(motors: DriveMotors) -> float:
 async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
     """Drive, fall silent, and see whether the board stops the wheels by itself.
 
-    A board that can be asked is asked. Otherwise a person counts: wheels that turn for longer than the deadman allows
-    were stopped by us.
+    A board that can be asked is asked. Otherwise a person counts, and the answer is kept: wheels that turn for longer
+    than the deadman allows were stopped by us.
 
     Raises:
         DriverError: the board did not answer.
@@ -111,7 +112,7 @@ async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
         long = f"with a deadman of {motors.deadman_s:g} s, wheels that nobody commands would turn for {silence_s:.1f} s"
         return skipped(name, f"{long}; set a shorter timeout under [parts.motors]")
     if await motors.read_back() is None:
-        return await _deadman_seen(name, ask, motors, motors.deadman_s, silence_s, duty)
+        return await _deadman_seen(name, ask, inspection, motors.deadman_s, silence_s, duty)
     before, after = await _fall_silent(motors, silence_s, duty)
     if before == STOP:
         return fail(name, "the wheels did not start", "no motor power", "check battery, fuse and motor switch")
@@ -121,15 +122,21 @@ async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
 
 
 async def _deadman_seen(
-    name: str, ask: Ask, motors: DriveMotors, deadman_s: float, silence_s: float, duty: float
+    name: str, ask: Ask, inspection: Inspection, deadman_s: float, silence_s: float, duty: float
 ) -> Finding:
     well_s, longest_s = DRIVE_S + deadman_s, DRIVE_S + silence_s
     if not await ask(COUNT.format(well_s=well_s, longest_s=longest_s)):
         return skipped(name, "nobody watched")
-    await _fall_silent(motors, silence_s, duty)
-    if not await ask(f"Did they turn for about {well_s:.1f} s, and not for {longest_s:.1f} s?"):
-        return fail(name, "the wheels did not stop by themselves", *NO_DEADMAN)
-    return ok(name, "the wheels were seen to stop by themselves")
+    await _fall_silent(inspection.rover.motors, silence_s, duty)
+    tripped = await ask(f"Did they turn for about {well_s:.1f} s, and not for {longest_s:.1f} s?")
+    found = "the wheels were seen to stop by themselves" if tripped else "the wheels did not stop by themselves"
+    try:
+        keep_proof(inspection, tripped=tripped)
+    except WayfarerError as error:
+        return fail(name, f"{found}; not kept: {error}", "the card, or the file's owner", "mend that and check again")
+    if not tripped:
+        return fail(name, found, *NO_DEADMAN)
+    return ok(name, f"{found}; kept in {inspection.place.calibration_file}")
 
 
 async def _fall_silent(

@@ -9,6 +9,9 @@ from wayfarer.detector.stall import Stall
 from wayfarer.hal import STOP, MotionReading
 from wayfarer.interval import Interval
 
+# Of what was commanded now or just before, for a rover that rolls on: no reading counts for more; a tenth is for noise.
+MOST_SHARE = 1.1
+
 
 class MotionWatch:
     """Feeds ``stall`` and ``runaway`` with what can be true, and knows how long nothing was.
@@ -24,7 +27,7 @@ class MotionWatch:
         self._speed_max_m_s = settings.motion_speed_max_m_s
         self.stall = Stall(settings)
         self.runaway = Runaway(settings)
-        self._commanded_m = self._undriven_s = 0.0
+        self._commanded_m = self._before_m = self._undriven_s = 0.0
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
 
     def start(self, t_s: float) -> None:
@@ -57,22 +60,28 @@ class MotionWatch:
         if not signed and commanded_m < 0.0:
             forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
         limit_m = self._speed_max_m_s * dt_s
-        if not (abs(forward_m) <= limit_m >= abs(right_m) and 0.0 <= quality <= 1.0):
+        can_be = abs(forward_m) <= limit_m >= abs(right_m) and 0.0 <= quality <= 1.0
+        known = can_be and quality >= self._quality_min
+        # What is not known counts as driven, and no reading for much more: garbage now and then hides no stall.
+        most_m = MOST_SHARE * max(abs(commanded_m), self._before_m)
+        self._before_m = abs(commanded_m)
+        self.stall.add(driven_s, commanded_m, max(-most_m, min(forward_m, most_m)) if known else commanded_m)
+        if not can_be:
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
-        elif quality >= self._quality_min:
-            self._moved_t_s = read_t_s
-            self.stall.add(driven_s, commanded_m, forward_m)
-            stood_s = read_t_s - self._driven_t_s
-            if stood_s > 0.0 or self.runaway.found:
-                self.runaway.add(dt_s, stood_s, forward_m)
+        if not known:
+            self.runaway.clear()
             return
-        self._forget()
+        self._moved_t_s = read_t_s
+        stood_s = read_t_s - self._driven_t_s
+        if stood_s > 0.0 or self.runaway.found:
+            self.runaway.add(dt_s, stood_s, forward_m)
 
     def _check_ages(self, t_s: float, conditions: list[Condition]) -> None:
         settings = self._settings
         silent_s, unknown_s = t_s - self._spoke_t_s, t_s - self._moved_t_s
         if silent_s > settings.motion_stale_s:
-            self._forget()
+            self.stall.clear()
+            self.runaway.clear()
             gone = silent_s > settings.motion_lost_s
             found = Condition.MOTION_GONE if gone else Condition.MOTION_STALE
         elif unknown_s > settings.motion_lost_s:
@@ -83,7 +92,3 @@ class MotionWatch:
             return
         if self._watched:
             conditions.append(found)
-
-    def _forget(self) -> None:
-        self.stall.clear()
-        self.runaway.clear()

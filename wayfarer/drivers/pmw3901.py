@@ -4,6 +4,7 @@ A read is one burst and never waits: no motion is an answer. What the chip canno
 reading carries a quality from how much texture it found (SQUAL); darkness is quality 0, not standing still.
 
 It needs 80 mm from lens to ground and 60 lux, and follows no more than 7.4 rad/s: 0.74 m/s at 0.1 m (hardware.md 2.1).
+A reading of more than that is garbage from the bus, and rejected.
 The PAA5100 for smaller distances has the same identity, and cannot be told from it. Turning adds flow where the sensor
 is off the centre of the turn; that is not taken out.
 """
@@ -29,8 +30,9 @@ PRODUCT, INVERSE_PRODUCT = 0x49, 0xB6
 RUNNING = 0xBF  # the observation byte of a chip that works: hardware.md 2.2
 MOTION_BIT = 0x80
 SQUAL_DARK, SHUTTER_UPPER_DARK = 0x19, 0x1F  # too little texture at the longest exposure: data sheet 7.2
-SPIKE_COUNTS, SPIKE_S = 240, 0.010  # PX4 reads every 10 ms and takes more counts than that for garbage from the bus
-LIMIT_RAD_S, AT_LIMIT = 7.4, 0.95  # what the chip follows (hardware.md 2.1); near it, it may be going faster
+# What the chip follows, and how often it looks (hardware.md 2.1); near that speed, the ground may be going faster.
+LIMIT_RAD_S, FRAME_S, AT_LIMIT = 7.4, 0.00826, 0.95
+RAD_PER_COUNT = 0.00213195  # the data sheet's (hardware.md 2.6)
 PROBE_TRIES = 3
 RESET_S, SETTLE_S, START_S = 0.02, 0.01, 0.24  # Pimoroni's waits; the reset needs 1 ms
 OBSERVE_S = 0.02  # two frames are 15 ms
@@ -58,7 +60,7 @@ class PMW3901Settings:
     spi_mode: Literal[0, 3] = 0
     speed_hz: Annotated[int, Interval(ge=10_000, le=2_000_000)] = 400_000
     height_m: Annotated[float, Interval(ge=0.08, le=10)] = 0.1
-    rad_per_count: Annotated[float, Interval(gt=0, le=0.01)] = 0.00213195
+    rad_per_count: Annotated[float, Interval(gt=0, le=0.01)] = RAD_PER_COUNT
     forward: Axis = "-y"
     right: Axis = "+x"
     squal_full: Annotated[int, Interval(ge=1, le=255)] = 95
@@ -77,6 +79,14 @@ class PMW3901Settings:
     def m_per_count(self) -> float:
         """Distance over ground of one count, in metres: 0.213 mm at 0.1 m."""
         return self.rad_per_count * self.height_m
+
+    @property
+    def limit_counts_s(self) -> float:
+        """Counts a second at the speed that the chip follows: 3,471, or more where a smaller angle is set.
+
+        A larger angle allows no fewer: the data sheet's chip may count these, whatever is believed of it.
+        """
+        return LIMIT_RAD_S / min(self.rad_per_count, RAD_PER_COUNT)
 
 
 class Burst(NamedTuple):
@@ -105,11 +115,14 @@ def quality(burst: Burst, squal_full: int) -> float:
     return 0.0 if dark else min(1.0, burst.squal / squal_full)
 
 
-def contradiction(burst: Burst, since_s: float) -> str | None:
-    """Return what cannot be true of a burst that came ``since_s`` after the one before, or None."""
-    limit = SPIKE_COUNTS * max(1.0, since_s / SPIKE_S)
+def contradiction(burst: Burst, longest_s: float, limit_counts_s: float) -> str | None:
+    """Return what cannot be true of a burst, or None.
+
+    Its counts are of ``longest_s`` at most, and of one frame more: one that began before that may have ended in it.
+    """
+    limit = int(limit_counts_s * (longest_s + FRAME_S))
     if max(abs(burst.dx), abs(burst.dy)) > limit:
-        return f"more than {limit:.0f} counts in {since_s:.3f} s"
+        return f"more than {limit} counts in {longest_s:.3f} s"
     if not burst.motion and (burst.dx or burst.dy):
         return "counts, and no motion seen"
     return None
@@ -128,7 +141,7 @@ class PMW3901:
         self.name = f"PMW3901 on {settings.bus}"
         self._settings = settings
         self._bus = buses.spi(settings.bus, mode=settings.spi_mode, speed_hz=settings.speed_hz)
-        self._read_t_s = 0.0
+        self._asked_t_s = self._read_t_s = 0.0
         self._is_first = True
         self.troubles: Counter[str] = Counter()
 
@@ -145,7 +158,6 @@ class PMW3901:
         await self._identify()
         await self._configure()
         await self._observe()
-        self._read_t_s = asyncio.get_running_loop().time()
         self._is_first = True
 
     async def close(self) -> None:
@@ -173,9 +185,13 @@ class PMW3901:
         return burst.dx, burst.dy
 
     async def _burst(self) -> Burst:
+        loop = asyncio.get_running_loop()
+        asked_t_s = loop.time()
         (answer,) = await self._bus.transfer(b"\x16" + bytes(12))
-        t_s = asyncio.get_running_loop().time()
-        since_s, self._read_t_s = t_s - self._read_t_s, t_s
+        t_s = loop.time()
+        # The chip counted from some moment in the transfer before to one in this: late answers make it no garbage.
+        longest_s, since_s = t_s - self._asked_t_s, t_s - self._read_t_s
+        self._asked_t_s, self._read_t_s = asked_t_s, t_s
         burst = decode(answer[1:])
         if burst.observation != RUNNING:
             raise self._silence(answer[1:]) or NotResponding(
@@ -185,9 +201,12 @@ class PMW3901:
         is_first, self._is_first = self._is_first, False
         if is_first:  # counts since nobody knows when: what moved while it started is among them
             return burst
-        if what := contradiction(burst, since_s):
+        if what := contradiction(burst, longest_s, self._settings.limit_counts_s):
             self.troubles["garbage rejected"] += 1
-            raise BadReading(f"{self.name}: ({burst.dx}, {burst.dy}): {what}; noise on the SPI wires, keep them short")
+            raise BadReading(
+                f"{self.name}: ({burst.dx}, {burst.dy}): {what}; noise on the SPI wires, keep them short; "
+                "or the ground goes by too fast, raise the lens and height_m"
+            )
         if max(abs(burst.dx), abs(burst.dy)) * self._settings.rad_per_count >= AT_LIMIT * LIMIT_RAD_S * since_s > 0.0:
             self.troubles["readings at the speed limit"] += 1
         return burst

@@ -235,6 +235,14 @@ class FlippedBits:
 
 
 @dataclass(frozen=True, slots=True)
+class Spikes:
+    """One answer in ``every`` says that the ground moved ahead by ``counts``, whatever it did."""
+
+    counts: Annotated[int, Interval(ge=1, le=32_767)] = 469
+    every: Annotated[int, Interval(ge=1, le=1000)] = 10
+
+
+@dataclass(frozen=True, slots=True)
 class Shifted:
     """Answers shifted by so many bits: clock stretching that the bus master does not understand gives such."""
 
@@ -317,6 +325,7 @@ KINDS: Mapping[str, Kind] = {
     "board_fault": Kind(Layer.BUS, "the board reports a drive fault", ("motors",)),
     "ignores": Kind(Layer.BUS, "the board acknowledges commands and does not follow them", ("motors",)),
     "dark": Kind(Layer.BUS, "nothing to be seen: a leaf on the lens, or the night", ("motion",)),
+    "spikes": Kind(Layer.BUS, "garbage that looks like motion of the ground", ("motion",), Spikes),
     "same_picture": Kind(Layer.BUS, "the camera gives the same picture again and again", ("motion",)),
     "uncalibrated": Kind(Layer.BUS, "the part says that its calibration is gone", ("compass",)),
     "task_crash": Kind(Layer.PROCESS, "a bug in a driver ends its task", _PARTS),

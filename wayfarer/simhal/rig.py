@@ -128,7 +128,7 @@ class Solder:
 
     def _pmw3901(self, settings: PMW3901Settings) -> None:
         sense = FlowSense(self._world, self._streams, settings.m_per_count)
-        self._buses.spi(settings.bus).chip = PMW3901Chip(sense, self._sense_clock, mounting=_mounting(settings))
+        self._buses.spi(settings.bus).chip = PMW3901Chip(sense, self._sense_clock, mounting=mounted(settings))
 
     def _camera(self, settings: CameraMotionSettings) -> None:
         from wayfarer.simhal.ground import GroundCamera
@@ -180,7 +180,7 @@ class MountedCompass(HeadingSense):
         return (heading - round(settings.heading_offset_deg * 10.0)) % 3600, pitch, roll
 
 
-def _mounting(settings: PMW3901Settings) -> Callable[[int, int], tuple[int, int]]:
+def mounted(settings: PMW3901Settings) -> Callable[[int, int], tuple[int, int]]:
     """Return the flow chip's x and y for a displacement forward and right, mounted as the rover file says."""
 
     def turned(forward: int, right: int) -> tuple[int, int]:

@@ -6,19 +6,22 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from random import Random
+from struct import pack
 from typing import Any
 
 from wayfarer.config import RoverConfig, part_settings
 from wayfarer.drivers.buses import Frame
 from wayfarer.drivers.camera_motion import CameraMotionSettings
 from wayfarer.drivers.cmps14 import CMPS14Settings
-from wayfarer.drivers.pmw3901 import PMW3901Settings
+from wayfarer.drivers.pmw3901 import MOTION_BIT, PMW3901Settings
 from wayfarer.drivers.sabertooth import SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorgSettings
+from wayfarer.simhal.chips.pmw3901 import BURST
 from wayfarer.simhal.fakebus import FakeI2C
 from wayfarer.simhal.faults import Fault
 from wayfarer.simhal.injection.hang import Hang
 from wayfarer.simhal.injection.wires import TamperedBuses, Wire
+from wayfarer.simhal.rig import mounted
 
 _THUNDERBORG_ID, _THUNDERBORG_FAILSAFE = 153, 20
 _PMW3901_PRODUCT = 0x00
@@ -42,6 +45,7 @@ _FITS: dict[str, tuple[type, ...]] = {
     "board_fault": (ThunderBorgSettings,),
     "ignores": (ThunderBorgSettings, SabertoothSettings),
     "dark": (PMW3901Settings, CameraMotionSettings),
+    "spikes": (PMW3901Settings,),
     "same_picture": (CameraMotionSettings,),
     "uncalibrated": (CMPS14Settings,),
 }
@@ -225,6 +229,21 @@ def _dark_chip(place: Place) -> Iterator[None]:
     place.chip.squal, place.chip.shutter = kept
 
 
+def _spikes(place: Place, params: Any, _: Random) -> AbstractContextManager[None]:
+    x, y = mounted(place.settings)(params.counts, 0)
+    bursts = 0
+
+    def spike(asked: bytes, answer: bytes) -> bytes:
+        nonlocal bursts
+        bursts += asked[:1] == bytes((BURST,))
+        if asked[:1] != bytes((BURST,)) or bursts % params.every:
+            return answer
+        motion, observation = answer[1] | MOTION_BIT, answer[2]
+        return answer[:1] + pack("<BBhh", motion, observation, x, y) + answer[7:]
+
+    return _listed(place.wire.answers, spike)
+
+
 def _same_picture(place: Place, _: object, __: Random) -> AbstractContextManager[None]:
     def show(frame: Frame) -> Frame:
         last: Frame | None = place.chip.last
@@ -255,6 +274,7 @@ _EFFECTS: dict[str, Any] = {
     "board_fault": _board_fault,
     "ignores": _ignores,
     "dark": _dark,
+    "spikes": _spikes,
     "same_picture": _same_picture,
     "uncalibrated": _uncalibrated,
 }

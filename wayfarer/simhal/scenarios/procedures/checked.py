@@ -6,11 +6,14 @@ from math import inf
 from typing import Any
 
 from wayfarer.calibrate import calibrate
+from wayfarer.calibration import FILE_NAME, Calibration, DeadmanEntry, save, stamp
 from wayfarer.checks import Finding, Verdict
+from wayfarer.checks.deadman import board_settings
 from wayfarer.config import RoverConfig, load_rover
 from wayfarer.control.protocol import Refused
+from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.faults import Drive, Fault, MotorField
-from wayfarer.simhal.scenarios.procedures.site import site
+from wayfarer.simhal.scenarios.procedures.site import UNPROVED, Site, site, wait_for
 from wayfarer.simhal.scenarios.procedures.trying import Found, procedure
 from wayfarer.simhal.scenarios.procedures.wheels import told_to_turn
 from wayfarer.simhal.scenarios.procedures.workbench import ROVER, Workbench, at_workbench
@@ -67,6 +70,37 @@ def failsafe_off(found: Found) -> None:
             found.demand("failsafe" in found.cause, "the refusal does not name the failsafe")
         found.demand(where.status()["mode"] == "disarmed", "it is not disarmed")
         found.demand(not told_to_turn(where.commands(begins_s)), "wheels turned")
+
+
+@procedure(
+    "deadman-unproved", 25, "nobody has seen the Sabertooth stop the wheels by itself, or not with today's timeout",
+    asked="send cmd 14 at open and every 1 s; never rely on it alone", expected=Reached.FAULT,
+    remark="wayfarer check has a person see it, and the check before each arming asks for that",
+)  # fmt: skip
+def deadman_unproved(found: Found) -> None:
+    """Ask to arm without a proof, with one, and with one of another timeout."""
+    with site("forestrover") as where:
+        where.config.write_text(where.config.read_text("utf-8").replace(UNPROVED, ""), encoding="utf-8")
+        where.daemon()
+        _is_refused(where, found, "nobody has seen")
+        file, proof = where.folder / FILE_NAME, board_settings(load_rover(str(where.config)))
+        seen = stamp("Sabertooth", wall_clock(0.0))
+        save(file, Calibration(deadman=DeadmanEntry(**seen, settings={**proof, "timeout_s": 0.5})))
+        _is_refused(where, found, "timeout_s = 0.5 (now 0.3)")
+        found.demand(not told_to_turn(where.commands()), "wheels turned")
+        save(file, Calibration(deadman=DeadmanEntry(**seen, settings=proof)))
+        where.ask("arm", heading_deg=0.0)
+        wait_for("the wheels turn", lambda: where.drives)
+
+
+def _is_refused(where: Site, found: Found, why: str) -> None:
+    """See that arming is refused for this reason, and what to do is told."""
+    try:
+        where.ask("arm", heading_deg=0.0)
+        found.problems.append("it was armed")
+    except Refused as refused:
+        found.changed, found.cause, found.reached = "what was proved of the board", "deadman proved", Reached.FAULT
+        found.demand(why in str(refused) and "wayfarer check" in str(refused), f"the refusal says: {refused}")
 
 
 @procedure(

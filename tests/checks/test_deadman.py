@@ -1,0 +1,205 @@
+"""The deadman of a board that cannot be asked: what a person saw counts, for the board and settings of that time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.checks.rigs import T_WALL, Rig, Script, run
+from tests.checks.test_parts import whole_calibration
+from tests.checks.test_real_drivers import Bench
+from wayfarer.calibration import Calibration, load, save
+from wayfarer.checks import CALIBRATED, Finding, Inspection, Verdict, board, check, deadman
+from wayfarer.checks.deadman import board_settings, keep_proof, proved
+from wayfarer.checks.motion import deadman_trips
+from wayfarer.checks.standalone import Standalone
+from wayfarer.config import load_rover, part_settings
+from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
+from wayfarer.dry_run import DryMotors
+from wayfarer.hal import can_be_asked
+
+FOREST_ROVER = load_rover("forestrover")
+
+
+class Watched(Bench):
+    """A Sabertooth on blocks, wired as its rover file says, and a person who watches its wheels."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        settings = part_settings("motors", FOREST_ROVER.parts["motors"])[1]
+        self.config = FOREST_ROVER
+        self.buses.serial(settings.port).chip = self.sabertooth
+        self.motors = Sabertooth(settings, self.buses)
+        self.file = self.place.calibration_file
+
+    def find(self, look: Any) -> Finding:
+        return self.run(look, self.motors)
+
+    def watch(self, *, they_stopped: bool = True) -> Finding:
+        """Have a person watch, and answer."""
+        someone = Script(self.world, {"Did they turn": they_stopped})
+
+        async def trips(inspection: Inspection) -> Finding:
+            return await deadman_trips(someone.ask, inspection)
+
+        return self.find(trips)
+
+    def lay_over(self, part: str = "motors", **keys: Any) -> None:
+        """Change the rover file."""
+        parts = {**self.config.parts, part: {**self.config.parts[part], **keys}}
+        self.config = self.config.model_copy(update={"parts": parts})
+
+    def allow(self, because: str) -> None:
+        """Give the reason in the rover file."""
+        safety = replace(self.config.safety, deadman_unproved_because=because)
+        self.config = self.config.model_copy(update={"safety": safety})
+
+
+@pytest.fixture
+def watched(tmp_path: Path) -> Watched:
+    return Watched(tmp_path)
+
+
+def test_of_a_board_that_cannot_be_asked_nothing_is_claimed(watched: Watched) -> None:
+    found = watched.find(board.motor_board)
+    assert found.verdict is Verdict.OK
+    assert found.found == "its port opens; it cannot answer, and its deadman of 0.3 s is not proved by this"
+    assert watched.find(board.motor_faults).verdict is Verdict.SKIPPED
+
+
+def test_board_that_nobody_has_watched_is_not_armed_and_what_to_do_is_told(watched: Watched) -> None:
+    found = watched.find(proved)
+    assert found.verdict is Verdict.FAIL
+    assert found.found == "nobody has seen Sabertooth 128 on /dev/ttyAMA0 stop the wheels by itself"
+    assert "wayfarer check" in found.remedy
+    assert "deadman_unproved_because" in found.remedy
+
+
+def test_what_a_person_saw_is_kept_with_date_port_and_settings_and_arms(watched: Watched) -> None:
+    assert watched.watch().verdict is Verdict.OK
+    kept = load(watched.file).deadman
+    assert kept is not None
+    assert (kept.date, kept.part) == ("2026-11-18", "Sabertooth 128 on /dev/ttyAMA0")
+    told = {key: kept.settings[key] for key in ("buses", "driver", "port", "baud", "address", "timeout_s")}
+    assert list(told.values()) == ["linux", "sabertooth", "/dev/ttyAMA0", 9600, 128, 0.3]
+    found = watched.find(proved)
+    assert (found.verdict, found.found) == (Verdict.OK, "the wheels were seen to stop by themselves on 2026-11-18")
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"port": "/dev/ttyUSB0"}, "port = /dev/ttyAMA0 (now /dev/ttyUSB0)"),
+        ({"timeout_s": 0.5}, "timeout_s = 0.3 (now 0.5)"),
+        ({"address": 129, "baud": 38400}, "address = 128 (now 129), baud = 9600 (now 38400)"),
+        ({"battery_min_v": 10.0}, "battery_min_v = None (now 10.0)"),
+    ],
+)
+def test_proof_does_not_count_for_another_port_or_other_settings(
+    watched: Watched, changed: dict[str, Any], told: str
+) -> None:
+    watched.watch()
+    watched.lay_over(**changed)
+    found = watched.find(proved)
+    assert (found.verdict, found.found) == (Verdict.FAIL, f"seen on 2026-11-18, but with {told}")
+
+
+def test_settings_of_other_parts_and_defaults_written_out_change_nothing(watched: Watched) -> None:
+    watched.watch()
+    watched.lay_over(baud=9600, address=128)
+    watched.lay_over("motion", height_m=0.2)
+    assert watched.find(proved).verdict is Verdict.OK
+
+
+def test_proof_does_not_count_on_other_buses(watched: Watched) -> None:
+    watched.watch()
+    watched.config = watched.config.model_copy(update={"buses": "my.adapter:buses"})
+    assert "buses = linux (now my.adapter:buses)" in watched.find(proved).found
+
+
+def test_wheels_that_did_not_stop_take_an_earlier_proof_back(watched: Watched) -> None:
+    watched.watch()
+    assert watched.watch(they_stopped=False).verdict is Verdict.FAIL
+    assert watched.find(proved).verdict is Verdict.FAIL
+
+
+def test_proof_keeps_what_else_was_calibrated(watched: Watched) -> None:
+    whole = whole_calibration(Rig(watched.place.root))
+    save(watched.file, whole)
+    watched.watch()
+    assert replace(load(watched.file), deadman=None) == whole
+
+
+def test_proof_that_cannot_be_kept_is_a_failure_that_says_so(watched: Watched) -> None:
+    watched.file.parent.write_text("no folder", encoding="utf-8")
+    found = watched.watch()
+    assert found.verdict is Verdict.FAIL
+    assert "the wheels were seen to stop by themselves; not kept:" in found.found
+    assert str(watched.file) in found.found
+
+
+def test_broken_file_refuses_and_is_named(watched: Watched) -> None:
+    watched.file.parent.mkdir(parents=True)
+    watched.file.write_text("{", encoding="utf-8")
+    found = watched.find(proved)
+    assert (found.verdict, str(watched.file) in found.found) == (Verdict.FAIL, True)
+
+
+def test_proof_of_more_than_half_a_year_ago_is_a_warning(watched: Watched) -> None:
+    watched.watch()
+    watched.place = replace(watched.place, t_wall=T_WALL + 200 * 86_400.0)
+    assert watched.find(proved).verdict is Verdict.WARN
+
+
+@pytest.mark.parametrize(("because", "verdict"), [("the wheels hang in the lab", Verdict.WARN), ("", Verdict.FAIL)])
+def test_reason_in_the_rover_file_arms_without_a_proof_and_is_told(
+    watched: Watched, because: str, verdict: Verdict
+) -> None:
+    watched.allow(because)
+    found = watched.find(proved)
+    assert found.verdict is verdict
+    assert because in found.found
+
+
+def test_drivers_that_do_not_say_count_as_boards_that_can_be_asked(tmp_path: Path) -> None:
+    """A third party's driver is armed as before; a dry run says what its motors say."""
+    rig, silent = Rig(tmp_path), Sabertooth(SabertoothSettings(), Watched(tmp_path).buses)
+    assert can_be_asked(rig.motors)
+    assert can_be_asked(DryMotors(rig.motors))
+    assert not can_be_asked(silent)
+    assert not can_be_asked(DryMotors(silent))
+    assert run(proved(Standalone(rig.config, rig.rover, rig.place))).verdict is Verdict.SKIPPED
+
+
+def test_board_without_a_deadman_is_judged_elsewhere(tmp_path: Path) -> None:
+    rig = Rig(tmp_path)
+    rig.motors.deadman_s = None
+    assert run(proved(Standalone(rig.config, rig.rover, rig.place))).verdict is Verdict.SKIPPED
+
+
+def test_simulated_rover_needs_no_proof() -> None:
+    assert deadman.proved in CALIBRATED
+
+
+def test_first_check_with_a_person_finds_the_deadman_proved(watched: Watched) -> None:
+    """It is looked at after the person was asked, so that nobody has to check twice."""
+    someone, rover = Script(watched.world, {}), watched.inspect(watched.motors).rover
+    with_person = run(check(watched.config, rover, watched.place, someone.ask))
+    seen = "the wheels were seen to stop by themselves on 2026-11-18"
+    assert with_person[-1] == Finding("deadman proved", Verdict.OK, seen)
+    watched.file.unlink()
+    alone = run(check(watched.config, rover, watched.place, None))
+    assert (alone[-1].name, alone[-1].verdict) == ("deadman proved", Verdict.FAIL)
+
+
+def test_rover_without_motors_in_its_file_has_no_settings() -> None:
+    bare = FOREST_ROVER.model_copy(update={"parts": {}})
+    assert board_settings(bare) == {"buses": "linux", "driver": None}
+
+
+def test_forgetting_what_was_never_known_is_no_error(watched: Watched) -> None:
+    keep_proof(watched.inspect(watched.motors), tripped=False)
+    assert load(watched.file) == Calibration()
