@@ -168,7 +168,30 @@ def test_run_without_a_part_names_it_before_any_port(tmp_path: Path, capsys: pyt
     path = tmp_path / "rover.toml"
     path.write_text(before + "[parts.motion]" + after.partition("[parts.motion]")[2], encoding="utf-8")
     assert cli.run(["run", "--config", str(path), "--logs", str(tmp_path / "logs")]) == 2
-    assert "has no [parts.compass]" in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert err.startswith(f"wayfarer: {path}: key 'parts.compass' is missing: rover 'minirover' has no [parts.compass]")
+    at = path.read_text(encoding="utf-8").partition("[parts.")[0].count("\n") + 1
+    assert err.endswith(f"(line {at})\n"), "where the other parts begin"
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+@pytest.mark.parametrize(
+    ("buses", "said"),
+    [
+        ("linuxx", "unknown buses 'linuxx': did you mean linux?"),
+        ("no_such:Buses", "buses 'no_such:Buses': cannot import no_such (No module named 'no_such'); is it installed?"),
+        ("os:getcwd", "buses 'os:getcwd': os:getcwd gives no wayfarer.drivers.buses.Buses"),
+        ("os:sep", "buses 'os:sep': os:sep gives no buses: TypeError: 'str' object is not callable"),
+    ],
+)
+def test_buses_that_cannot_be_are_told_by_file_key_and_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, buses: str, said: str
+) -> None:
+    path = tmp_path / "rover.toml"
+    shipped = (Path(cli.__file__).parents[1] / "rovers/minirover.toml").read_text(encoding="utf-8")
+    path.write_text(f'buses = "{buses}"\n{shipped}', encoding="utf-8")
+    assert cli.run([command, "--config", str(path), "--logs", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == f"wayfarer: {path}: key 'buses': {said} (line 1)\n"
 
 
 def test_second_daemon_is_refused_with_the_exit_code_for_later(capsys: pytest.CaptureFixture[str]) -> None:

@@ -198,7 +198,7 @@ def _read(name_or_path: str) -> dict[str, Any]:
     is_file = "/" in name_or_path or name_or_path.endswith(".toml")
     path = Path(name_or_path) if is_file else SHIPPED / f"{name_or_path}.toml"
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
     try:

@@ -28,7 +28,7 @@ UNBUILDABLE = {
         COMPASS + '[parts.motors]\ndriver = "gpio_motors"\n' + PINS,
         "no simulated chip for",
     ),
-    "two chips at one address": (COMPASS + THUNDERBORG + "address = 0x60\n", "two chips at 0x60"),
+    "two chips at one address": (COMPASS + THUNDERBORG + "address = 0x60\n", "parts.compass (CMPS14) has this address"),
 }
 
 

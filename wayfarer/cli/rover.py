@@ -130,18 +130,16 @@ def log_folder(logs: Path | None) -> Path:
 
 
 def _real(config: RoverConfig, where: str, logs: Path) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:
-    from wayfarer.assembly import assemble
+    from wayfarer.assembly import connect
     from wayfarer.calibration import calibration_file, load
     from wayfarer.checks import Place
     from wayfarer.daemon.ports import refuse_missing_ports
     from wayfarer.daemon.service import Vessel
     from wayfarer.fieldlog.clock import wall_clock
-    from wayfarer.registry import make_buses
 
     calibrated = calibration_file(os.environ, Path.home())
-    buses = make_buses(config.buses)
     calibration = load(calibrated)
-    rover = assemble(config, buses, calibration)
+    buses, rover = connect(config, where, calibration)
     refuse_missing_ports(config, where, Place(logs, calibrated, (), wall_clock(0.0)))
     return lambda _: Vessel(rover, calibration), buses.close
 
