@@ -12,7 +12,7 @@ import typer
 from wayfarer.cli.extras import require
 from wayfarer.cli.sim import Depth
 from wayfarer.cli.watching import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, MissingPackage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -148,13 +148,17 @@ def simulated(config: RoverConfig, depth: Depth, seed: int) -> tuple[Callable[[A
     """Return what makes a simulated rover and what closes it, as ``daemon.service.Service`` wants them.
 
     Raises:
-        WayfarerError: a package is missing.
+        MissingPackage: a package is not installed.
     """
     require("simulating")
     from wayfarer.simhal import rig
     from wayfarer.simhal.desk import desk_vessel
 
+    how_deep = rig.Depth(depth.value)
+    if why := rig.missing_package(config, how_deep):
+        raise MissingPackage(f"{why}; or use --depth device")
+
     async def nothing_to_close() -> None:
         """Nothing is open."""
 
-    return lambda finish: desk_vessel(config, rig.Depth(depth.value), seed, finish), nothing_to_close
+    return lambda finish: desk_vessel(config, how_deep, seed, finish), nothing_to_close

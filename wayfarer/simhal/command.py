@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from wayfarer.errors import BadConfig, BadInput
+from wayfarer.errors import BadConfig, BadInput, MissingPackage
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.registry import find_algorithm
 from wayfarer.simhal import campaign as campaigns
@@ -54,6 +54,7 @@ def check_rover(campaign: Campaign) -> None:
 
     Raises:
         BadConfig: at bus depth the rover wants a part, or a chip for one; at device depth every rover can be built.
+        MissingPackage: at bus depth one of its drivers needs a package that is not installed.
     """
     if campaign.depth == "device":
         return
@@ -61,13 +62,15 @@ def check_rover(campaign: Campaign) -> None:
     from wayfarer.simhal.fakebus import ChipMisuse, FakeBuses
     from wayfarer.simhal.forest import Forest
     from wayfarer.simhal.physics import Physics
-    from wayfarer.simhal.rig import bus_depth
+    from wayfarer.simhal.rig import Depth, bus_depth, missing_package
     from wayfarer.simhal.streams import Streams
     from wayfarer.simhal.world import World
 
     name = campaign.rover.name
     if missing := [part for part in NEEDED if part not in campaign.rover.parts]:
         raise BadConfig(f"rover '{name}' has no [parts.{missing[0]}] to run the driver of; use --depth device")
+    if why := missing_package(campaign.rover, Depth.BUS):
+        raise MissingPackage(f"{why}; or use --depth device")
     clearing, streams = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ()), Streams(0)
     world = World(clearing, campaign.rover.vehicle, Physics(), streams)
     try:
