@@ -12,7 +12,7 @@ import typer
 from wayfarer.cli.extras import require
 from wayfarer.cli.sim import Depth
 from wayfarer.cli.watching import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
-from wayfarer.errors import BadInput, MissingPackage
+from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -82,7 +82,9 @@ def run(
     folder = log_folder(logs)
     if seed is None:  # in the wood every run has its own luck; the log's first record says which
         seed = 0 if sim else SystemRandom().randrange(2**31)
-    make_rover, close_buses = simulated(loaded, depth or Depth.device, seed) if sim else _real(loaded, name, folder)
+    make_rover, close_buses = (
+        simulated(loaded, name, depth or Depth.device, seed) if sim else _real(loaded, name, folder)
+    )
     service = Service(
         config=loaded,
         algorithm=find_algorithm(algorithm),
@@ -144,21 +146,25 @@ def _real(config: RoverConfig, where: str, logs: Path) -> tuple[Callable[[Any], 
     return lambda _: Vessel(rover, calibration), buses.close
 
 
-def simulated(config: RoverConfig, depth: Depth, seed: int) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:
+def simulated(
+    config: RoverConfig, where: str, depth: Depth, seed: int
+) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:
     """Return what makes a simulated rover and what closes it, as ``daemon.service.Service`` wants them.
 
+    ``where`` is the rover's file, or the name of a shipped one.
+
     Raises:
+        BadConfig: the rover cannot be built at that depth; the text names file, key and line.
         MissingPackage: a package is not installed.
     """
     require("simulating")
     from wayfarer.simhal import rig
+    from wayfarer.simhal.command import check_rover
     from wayfarer.simhal.desk import desk_vessel
 
-    how_deep = rig.Depth(depth.value)
-    if why := rig.missing_package(config, how_deep):
-        raise MissingPackage(f"{why}; or use --depth device")
+    check_rover(config, depth.value, where)
 
     async def nothing_to_close() -> None:
         """Nothing is open."""
 
-    return lambda finish: desk_vessel(config, how_deep, seed, finish), nothing_to_close
+    return lambda finish: desk_vessel(config, rig.Depth(depth.value), seed, finish), nothing_to_close

@@ -88,7 +88,8 @@ def bus_depth(world: World, streams: Streams, config: RoverConfig, clock: Clock,
             if part == "light":
                 del on_a_bus[part]
                 continue
-            raise BadConfig(f"rover '{config.name}': no simulated chip for '{table['driver']}'; use --depth device")
+            lacks = f"rover '{config.name}': no simulated chip for '{table['driver']}'; use --depth device"
+            raise BadConfig(f"key 'parts.{part}.driver': {lacks}")
         solder.chips[driver](settings)
     rover = assemble(config.model_copy(update={"parts": on_a_bus}), buses)
     contact = SimBumper(world) if _has_bumper(config) else None
