@@ -134,8 +134,9 @@ def test_shipped_rovers_have_a_wire_for_each_chip(name: str) -> None:
 @pytest.mark.parametrize("command", [["run", "--config"], ["run", "--sim", "--config"], ["check", "--config"],
                                      ["sim", "--depth", "bus", "--rover"], ["faults", "--rover"]])  # fmt: skip
 def test_every_command_refuses_such_a_rover_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: list[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, command: list[str]
 ) -> None:
+    monkeypatch.setattr("wayfarer.daemon.service.serve", lambda _: pytest.fail("a daemon was started"))
     path = tmp_path / "rover.toml"
     path.write_text(TOP.format(buses="") + COMPASS + SABERTOOTH.format("/dev/i2c-1"), encoding="utf-8")
     assert cli.run([*command, str(path)]) == 2
