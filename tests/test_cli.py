@@ -111,7 +111,7 @@ def test_missing_extra_says_how_to_get_it(
 ) -> None:
     monkeypatch.setattr("wayfarer.cli.extras.find_spec", lambda name: None if name == module else object())
     code, out, err = run(*arguments)
-    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert (code, out, err.count("\n")) == (2, "", 1)
     assert said in err
     assert err.endswith(" in wayfarer's checkout\n")
 

@@ -108,6 +108,69 @@ def test_another_rover_runs_what_it_can_have(loose: str, capsys: pytest.CaptureF
     assert "1 of 1 scenarios" in capsys.readouterr().out
 
 
+@pytest.fixture
+def no_opencv(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the README's installation leaves out: None is what Python takes for "not installed"."""
+    monkeypatch.setitem(sys.modules, "cv2", None)
+
+
+@pytest.mark.usefixtures("no_opencv")
+def test_without_a_package_its_scenarios_are_skipped_and_fail_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = scenario_file(tmp_path, LOOSE + LOOSE.replace('"loose-plug"', '"by-camera"\nrover = "minirover"'))
+    out = tmp_path / "out"
+    assert cli.run(["faults", "--scenario", path, "--jobs", "1", "--out", str(out)]) == 0
+    said, err = capsys.readouterr()
+    assert err.splitlines()[0] == (
+        "1 scenario skipped: rover 'minirover' needs cv2 for [parts.motion], which is not installed: "
+        "pip install '.[camera]' in wayfarer's checkout"
+    )
+    assert re.search(r"^ +by-camera +skipped *$", said, re.MULTILINE)
+    assert "\nSkipped\n  by-camera: rover 'minirover' needs cv2" in said
+    assert said.splitlines()[-1] == "1 of 1 scenarios as expected: 1 in virtual time; 1 skipped"
+    kept = json.loads((out / "results.json").read_text(encoding="utf-8"))
+    assert [(row["name"], row["passed"], row["skipped"][:20]) for row in kept] == [
+        ("loose-plug", True, ""),
+        ("by-camera", False, "rover 'minirover' ne"),
+    ]
+
+
+@pytest.mark.usefixtures("no_opencv")
+@pytest.mark.parametrize(
+    ("options", "instead"),
+    [
+        (["faults", "--only", "camera-black,camera-gone"], ""),
+        (["faults", "--trials", "3"], "; or draw none of it: --depth device, or --rover forestrover"),
+        (["faults", "--trials", "3", "--rover", "minirover"], "; or draw none of it: --depth device"),
+        (["sim", "--rover", "minirover", "--depth", "bus"], "; or use --depth device"),
+        (["sweep", "footprint_m=0.2", "--rover", "minirover", "--depth", "bus", "--out", "out"], "; or use --depth"),
+        (["run", "--sim", "--config", "minirover", "--depth", "bus"], "; or use --depth device"),
+    ],
+    ids=lambda value: " ".join(value[:3]) if isinstance(value, list) else "",
+)
+def test_what_nothing_can_be_run_of_says_what_to_install(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    options: list[str],
+    instead: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.run(options) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    needs = "rover 'minirover' needs cv2 for [parts.motion], which is not installed: pip install '.[camera]'"
+    assert f"{needs} in wayfarer's checkout{instead}" in err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.usefixtures("no_opencv")
+def test_what_needs_no_camera_runs_without_opencv(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["sim", "--rover", "minirover", "--trials", "1", "--trial", "0", "--budget-m", "1"]) == 0
+    assert cli.run(["faults", "--trials", "1", "--depth", "device", "--jobs", "1"]) == 0
+
+
 def test_list_shows_names_and_runs_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wayfarer.simhal.scenarios.command.play", lambda *_: pytest.fail("a scenario was run"))
     assert cli.run(["faults", "--list"]) == 0

@@ -68,7 +68,13 @@ class Daemon:
         (["arm"], {"do": "arm"}),
         (["arm", "360"], {"do": "arm", "heading_deg": 0.0, "north": "magnetic"}),
         (["goal", "20.5", "--north", "true"], {"do": "goal", "heading_deg": 20.5, "north": "true"}),
+        (["goal", "-20"], {"do": "goal", "heading_deg": 340.0, "north": "magnetic"}),
+        (["goal", "-0.5", "--north", "true"], {"do": "goal", "heading_deg": 359.5, "north": "true"}),
+        (["goal", "-1e-20"], {"do": "goal", "heading_deg": 0.0, "north": "magnetic"}),
+        (["arm", "-20"], {"do": "arm", "heading_deg": 340.0, "north": "magnetic"}),
         (["mark", "hit log"], {"do": "mark", "text": "hit log"}),
+        (["mark", "hit", "log"], {"do": "mark", "text": "hit log"}),
+        (["mark", "slope", "of", "-20"], {"do": "mark", "text": "slope of -20"}),
         (["hold"], {"do": "hold"}),
         (["resume"], {"do": "resume"}),
         (["disarm"], {"do": "disarm"}),
@@ -117,7 +123,9 @@ def test_without_a_daemon_each_verb_says_how_to_start_one(verb: str, capsys: pyt
     assert "wayfarer run" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("arguments", [["arm", "361"], ["goal", "nan"], ["goal"], ["arm", "20", "--north", "left"]])
+@pytest.mark.parametrize("arguments", [["arm", "361"], ["arm", "-361"], ["goal", "nan"], ["goal"], ["goal", "-x"],
+                                       ["arm", "20", "--north", "left"], ["goal", "20", "--nort", "true"], ["mark"],
+                                       ["hold", "-2"]])  # fmt: skip
 def test_heading_that_cannot_be_is_refused_before_anything_is_asked(
     monkeypatch: pytest.MonkeyPatch, arguments: list[str]
 ) -> None:
@@ -135,6 +143,11 @@ def test_status_says_the_most_important_first() -> None:
         "battery   12.0 V",
         "log       logs/1",
     ]
+
+
+@pytest.mark.parametrize("rover", ["sim", "minirover", "forestrover", "x" * 40])
+def test_name_of_the_rover_and_its_mode_are_two_words(rover: str) -> None:
+    assert status_text({**STATUS, "rover": rover}).splitlines()[0].split() == [rover, "armed", "(dry", "run)"]
 
 
 def test_status_of_a_disarmed_rover_says_why() -> None:
@@ -172,7 +185,30 @@ def test_run_without_a_part_names_it_before_any_port(tmp_path: Path, capsys: pyt
     path = tmp_path / "rover.toml"
     path.write_text(before + "[parts.motion]" + after.partition("[parts.motion]")[2], encoding="utf-8")
     assert cli.run(["run", "--config", str(path), "--logs", str(tmp_path / "logs")]) == 2
-    assert "has no [parts.compass]" in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert err.startswith(f"wayfarer: {path}: key 'parts.compass' is missing: rover 'minirover' has no [parts.compass]")
+    at = path.read_text(encoding="utf-8").partition("[parts.")[0].count("\n") + 1
+    assert err.endswith(f"(line {at})\n"), "where the other parts begin"
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+@pytest.mark.parametrize(
+    ("buses", "said"),
+    [
+        ("linuxx", "unknown buses 'linuxx': did you mean linux?"),
+        ("no_such:Buses", "buses 'no_such:Buses': cannot import no_such (No module named 'no_such'); is it installed?"),
+        ("os:getcwd", "buses 'os:getcwd': os:getcwd gives no wayfarer.drivers.buses.Buses"),
+        ("os:sep", "buses 'os:sep': os:sep gives no buses: TypeError: 'str' object is not callable"),
+    ],
+)
+def test_buses_that_cannot_be_are_told_by_file_key_and_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, buses: str, said: str
+) -> None:
+    path = tmp_path / "rover.toml"
+    shipped = (Path(cli.__file__).parents[1] / "rovers/minirover.toml").read_text(encoding="utf-8")
+    path.write_text(f'buses = "{buses}"\n{shipped}', encoding="utf-8")
+    assert cli.run([command, "--config", str(path), "--logs", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == f"wayfarer: {path}: key 'buses': {said} (line 1)\n"
 
 
 def test_second_daemon_is_refused_with_the_exit_code_for_later(capsys: pytest.CaptureFixture[str]) -> None:
@@ -187,6 +223,18 @@ def test_rover_that_cannot_give_what_an_algorithm_needs_is_refused(
     arguments = ["run", "--sim", "--config", "forestrover", "--algorithm", "cv-pledge", "--logs", str(tmp_path)]
     assert cli.run(arguments) == 2
     assert "needs a contact sensor" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["run", "--sim"], ["check", "--config", "forestrover"]])
+def test_folder_where_the_socket_is_to_be_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: list[str]
+) -> None:
+    (tmp_path / "control.sock").mkdir()
+    assert cli.run([*command, "--logs", str(tmp_path / "logs")]) == 2
+    assert capsys.readouterr().err == (
+        f"wayfarer: {tmp_path}/control.sock: the control socket cannot be made: it is a folder; "
+        "remove what is at that path\n"
+    )
 
 
 # -- check -------------------------------------------------------------------------------------------------------

@@ -26,7 +26,7 @@ LAYERS = [
     ["detector", "resume_warning", "safety", "records", "watchdog"],
     [
         "arming", "board", "power", "electrics", "mission", "progress", "fieldlog.settings", "config", "config_errors",
-        "registry", "pace", "calibration", "chassis",
+        "registry", "pace", "calibration", "chassis", "wiring",
     ],
     ["helm", "fieldlog", "console_log", "status_light"],
     ["supervisor", "fresh_wheels", "sampling", "stop_path", "troubles"],

@@ -221,6 +221,69 @@ def test_rover_file_that_is_there_and_unusable_is_told_at_once(root: Path, pytho
         service.install(None, root, python, lambda line: None)
 
 
+def made_user(root: Path, uid: int) -> None:
+    with (root / "etc/passwd").open("a", encoding="utf-8") as file:
+        file.write(f"wayfarer:x:{uid}:{uid}::/var/lib/wayfarer:/usr/sbin/nologin\n")
+
+
+@pytest.mark.parametrize(
+    ("closed", "closed_mode", "remedy"),
+    [
+        (ROVER_FILE, 0o600, "chmod o+r"),
+        (ROVER_FILE, 0o640, "chmod o+r"),
+        ("etc/wayfarer", 0o700, "chmod o+x"),
+        ("etc", 0o750, "chmod o+x"),
+    ],
+)
+def test_rover_file_that_the_service_could_not_read_is_told_and_nothing_is_enabled(
+    root: Path, python: Path, given: list[list[str]], closed: str, closed_mode: int, remedy: str
+) -> None:
+    service.install("sim", root, python, lambda line: None)
+    (root / UNIT).unlink()
+    given.clear()
+    (root / closed).chmod(closed_mode)
+    said: list[str] = []
+    with pytest.raises(BadInput) as caught:
+        service.install(None, root, python, said.append)
+    (root / closed).chmod(0o755)
+    assert str(caught.value) == (
+        f"{root / ROVER_FILE}: the user 'wayfarer' could not read it, because {root / closed} is closed to it (mode "
+        f"{closed_mode:04o}): sudo {remedy} {root / closed}, then give install-service again"
+    )
+    assert said == [f"kept {root / ROVER_FILE}"]
+    assert given == []
+    assert not (root / UNIT).exists()
+
+
+def test_rover_file_of_the_service_s_own_user_or_group_is_readable(root: Path, python: Path) -> None:
+    service.install("sim", root, python, lambda line: None)
+    path = root / ROVER_FILE
+    path.chmod(0o600)
+    made_user(root, path.stat().st_uid)
+    service.install(None, root, python, lambda line: None)
+    path.chmod(0o040)
+    with pytest.raises(BadInput, match=r"mode 0040\): sudo chmod u\+r"):
+        service.install(None, root, python, lambda line: None)
+
+
+@pytest.mark.parametrize(
+    ("line", "readable"), [("i2c:x:{}:\n", True), ("crew:x:{}:pi,wayfarer\n", True), ("crew:x:{}:pi\n", False)]
+)
+def test_group_of_the_rover_file_counts_where_the_service_is_in_it(
+    root: Path, python: Path, line: str, readable: bool
+) -> None:
+    service.install("sim", root, python, lambda line: None)
+    path = root / ROVER_FILE
+    path.chmod(0o640)
+    made_user(root, 54_321)
+    (root / "etc/group").write_text(line.format(path.stat().st_gid), encoding="utf-8")
+    if readable:
+        service.install(None, root, python, lambda line: None)
+    else:
+        with pytest.raises(BadInput, match=r"sudo chmod o\+r"):
+            service.install(None, root, python, lambda line: None)
+
+
 def test_interrupted_writing_leaves_the_old_unit(root: Path, python: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     service.install("sim", root, python, lambda line: None)
     (root / UNIT).write_text("the old unit", encoding="utf-8")

@@ -7,15 +7,37 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from wayfarer.calibration import Calibration
-from wayfarer.config import RoverConfig, part_settings
-from wayfarer.errors import BadConfig
+from wayfarer.config import RoverConfig, part_settings, with_place
+from wayfarer.errors import BadConfig, BadInput
 from wayfarer.hal import MotionReading, MotionSensor, Rover, troubles_of
+from wayfarer.registry import make_buses
 
 if TYPE_CHECKING:
     from wayfarer.drivers.buses import Buses
 
 NEEDED = ("compass", "motors")
 UNCALIBRATED = Calibration()
+
+
+def connect(config: RoverConfig, where: str, calibration: Calibration = UNCALIBRATED) -> tuple[Buses, Rover]:
+    """Return the buses that a rover file names and the rover on them.
+
+    Args:
+        config: the rover.
+        where: its file, or the name of a shipped one.
+        calibration: what calibrating it has found out.
+
+    Raises:
+        BadConfig: its buses cannot be made, or it lacks a part; the text names file, key and line.
+    """
+    try:
+        buses: Buses = make_buses(config.buses)
+    except BadInput as error:
+        raise BadConfig(with_place(where, f"key 'buses': {error}")) from None
+    try:
+        return buses, assemble(config, buses, calibration)
+    except BadConfig as error:
+        raise BadConfig(with_place(where, str(error))) from None
 
 
 def assemble(config: RoverConfig, buses: Buses, calibration: Calibration = UNCALIBRATED) -> Rover:
@@ -27,8 +49,8 @@ def assemble(config: RoverConfig, buses: Buses, calibration: Calibration = UNCAL
     for part in NEEDED:
         if part not in config.parts:
             raise BadConfig(
-                f"rover '{config.name}' has no [parts.{part}]: it can only be simulated (wayfarer run --sim); "
-                "for a real rover name its parts, as in forestrover.toml"
+                f"key 'parts.{part}' is missing: rover '{config.name}' has no [parts.{part}] and can only be simulated "
+                "(wayfarer run --sim); for a real rover name its parts, as in forestrover.toml"
             )
     rover = Rover(**{part: make_part(part, table, buses) for part, table in config.parts.items()})
     if calibration.flow is not None and rover.motion is not None:

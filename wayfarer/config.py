@@ -29,19 +29,22 @@ from pydantic import (
 from wayfarer.board import BoardSettings
 from wayfarer.bounds import Hertz
 from wayfarer.chassis import Chassis
-from wayfarer.config_errors import at_line, explain, line_of, most_telling, one_line
+from wayfarer.config_errors import at_line, explain, line_of, most_telling, one_line, shown
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.fieldlog.settings import LogSettings
 from wayfarer.progress import ProgressSettings
-from wayfarer.registry import driver_names, find_driver
+from wayfarer.registry import check_buses, driver_names, find_driver
 from wayfarer.safety import SafetySettings
 from wayfarer.watchdog import STALL_LIMIT_S
+from wayfarer.wiring import clash
 
 _STRICT = ConfigDict(extra="forbid", frozen=True)
 _STALL_MARGIN = 1.5  # the stall guard waits for so many control periods at least
 _COMMANDS_PER_DEADMAN = 2  # one command may be lost or late, and a healthy rover drives on
+_TEXT_MAX = 255  # characters of a text; Linux allows as many bytes in a file's name (NAME_MAX)
+_TEXT = "utf-8-sig"  # some editors begin a file with a byte order mark
 
 
 class Rates(BaseModel):
@@ -78,7 +81,7 @@ class RoverConfig(BaseModel):
     board: BoardSettings = BoardSettings()
     log: LogSettings = LogSettings()
     declination_deg: float | None = Field(default=None, ge=-180, le=180)
-    buses: str = "linux"
+    buses: str = Field(default="linux", max_length=_TEXT_MAX)
     parts: dict[str, dict[str, Any]] = {}
 
     @model_validator(mode="after")
@@ -115,10 +118,21 @@ class RoverConfig(BaseModel):
     @field_validator("parts")
     @classmethod
     def _parts_have_their_drivers(cls, parts: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-        """Refuse a part of which the driver is unknown, or does not understand its settings."""
-        for part, table in parts.items():
-            part_settings(part, table)
+        """Refuse a part whose driver is unknown or does not understand its settings, and two parts on one wire."""
+        made = [(part, *part_settings(part, table)) for part, table in parts.items()]
+        if why := clash(made):
+            raise ValueError(why)
         return parts
+
+    @field_validator("buses")
+    @classmethod
+    def _buses_have_a_known_name(cls, buses: str) -> str:
+        """Refuse a name that stands for no buses; what ``"module:attribute"`` gives is seen when they are made."""
+        try:
+            check_buses(buses)
+        except BadInput as error:
+            raise ValueError(f"key 'buses': {error}") from None
+        return buses
 
     def with_anomaly_source(self, source: Literal["motion", "contact"]) -> Self:
         """Return the same rover, noticing obstacles by another sense."""
@@ -133,9 +147,15 @@ def part_settings(part: str, table: Mapping[str, Any]) -> tuple[Any, Any]:
     """
     key = f"parts.{part}"
     settings = dict(table)
+    for setting, value in settings.items():
+        if isinstance(value, str) and len(value) > _TEXT_MAX:
+            raise ValueError(
+                f"key '{key}.{setting}' = {shown(value)}: {len(value)} characters; allowed are at most {_TEXT_MAX}"
+            )
     name = settings.pop("driver", None)
     if not isinstance(name, str):
-        raise ValueError(f"key '{key}.driver' is missing: it names the driver, such as \"{driver_names()[0]}\"")
+        found = "is missing" if name is None else f"= {shown(name)}: input should be a text"
+        raise ValueError(f"key '{key}.driver' {found}; it names the driver: {', '.join(driver_names())}")
     try:
         driver = find_driver(name)
     except BadInput as error:
@@ -171,15 +191,24 @@ def load_rover(name_or_path: str) -> RoverConfig:
         return _parse(name_or_path, _read(Path(name_or_path)))
     if name_or_path not in rover_names():
         raise UnknownName("rover", name_or_path, rover_names())
-    resource = _shipped() / f"{name_or_path}.toml"
-    return _parse(f"{name_or_path}.toml", resource.read_text(encoding="utf-8"))
+    return _parse(f"{name_or_path}.toml", _text_of(name_or_path))
 
 
 def line_in(name_or_path: str, key: str) -> int | None:
     """Return on which line of a rover file, shipped or not, a dotted key stands; None where it has its default."""
+    return line_of(_text_of(name_or_path), key)
+
+
+def with_place(name_or_path: str, said: str) -> str:
+    """Return what is wrong with a key, found after the file was read, with the file before it and the line after."""
+    return f"{name_or_path}: {said}{at_line(_text_of(name_or_path), said)}"
+
+
+def _text_of(name_or_path: str) -> str:
     is_file = "/" in name_or_path or name_or_path.endswith(".toml")
     resource = Path(name_or_path) if is_file else _shipped() / f"{name_or_path}.toml"
-    return line_of(resource.read_text(encoding="utf-8"), key)
+    text: str = resource.read_text(encoding=_TEXT)
+    return text
 
 
 def _shipped() -> Any:
@@ -188,7 +217,7 @@ def _shipped() -> Any:
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding=_TEXT)
     except FileNotFoundError:
         raise BadConfig(f"{path}: no such file; shipped rovers are {', '.join(rover_names())}") from None
     except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a name that no file can have

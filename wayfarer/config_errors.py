@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from difflib import get_close_matches
+from math import isfinite
 from typing import Any, get_args, get_type_hints
 
 from annotated_types import Interval
@@ -16,6 +17,7 @@ _OUT_OF_RANGE = {"greater_than", "greater_than_equal", "less_than", "less_than_e
 _SECTION = re.compile(r"(\[+)\s*([^\]]+?)\s*\]")
 _KEY = re.compile(r"[\"']?([\w-]+)[\"']?\s*=")
 _NAMED = re.compile(r"(?:unknown )?key '([^']+)'")
+_SHOWN = 80  # characters of a value that is quoted
 
 
 def most_telling(error: ValidationError) -> ErrorDetails:
@@ -40,14 +42,25 @@ def explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
         return f"key '{dotted}' is missing"
     wanted = (text[:1].lower() + text[1:]).replace("an object", "a table")  # JSON's word for it is not TOML's
     allowed = _allowed(model, key) if problem["type"] in _OUT_OF_RANGE else ""
-    return f"key '{dotted}' = {problem['input']!r}: {wanted}{allowed}"
+    if isinstance(problem["input"], float) and not isfinite(problem["input"]):
+        wanted = "input should be a finite number"
+    return f"key '{dotted}' = {shown(problem['input'])}: {wanted}{allowed}"
+
+
+def shown(value: object) -> str:
+    """Return a value as it is quoted to a person: the middle of a long one is left out."""
+    text = repr(value)
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN // 2]}...{text[-_SHOWN // 4 :]}"
 
 
 def at_line(text: str, said: str) -> str:
-    """Return where in a file's text the key stands that an explanation names, nothing where it is not there."""
+    """Return where in a file's text the key stands that an explanation names, or the table that lacks it."""
     key = named_key(said)
-    number = key and line_of(text, key)
-    return f" (line {number})" if number else ""
+    while key:
+        if number := line_of(text, key):
+            return f" (line {number})"
+        key = key.rpartition(".")[0]
+    return ""
 
 
 def named_key(said: str) -> str | None:
@@ -59,13 +72,14 @@ def named_key(said: str) -> str | None:
 def line_of(text: str, dotted: str) -> int | None:
     """Return the number of the line on which a key or a table begins, None where no line has it plainly.
 
+    A table begins where one within it does: ``[parts.motors]`` begins ``parts``.
     Of an array of tables each has its number, from 0: ``scenario.1.fault.0.kind``.
     """
     section, arrays = "", dict[str, int]()
     for number, line in enumerate(text.splitlines(), 1):
         if found := _SECTION.match(line.strip()):
             section = _numbered(found[2], arrays, another=found[1] == "[[")
-            if section == dotted:
+            if f"{section}.".startswith(f"{dotted}."):
                 return number
         elif (found := _KEY.match(line.strip())) and _dotted(section, found[1]) == dotted:
             return number

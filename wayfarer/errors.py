@@ -13,6 +13,7 @@
     │   └── BadReading            an answer that cannot be true (range, NaN, checksum)
     ├── NotArmed                  the rover was asked to arm and was not; nothing has changed
     ├── MissingPart               an algorithm needs a part that this rover does not have
+    ├── MissingPackage            something needs a package that is not installed
     └── NothingScheduled          virtual time cannot go on: every task waits for something that cannot come
 
 The control socket's own (``Refused``, ``NoDaemon``, ``AlreadyRunning``) stand beside its code.
@@ -90,6 +91,12 @@ class NotArmed(WayfarerError):
 
 class MissingPart(WayfarerError):
     """An algorithm needs a part that this rover's configuration does not give."""
+
+    exit_code = 2
+
+
+class MissingPackage(WayfarerError):
+    """Something needs a package that is not installed; the text says how to get it."""
 
     exit_code = 2
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from wayfarer.errors import BadInput, UnknownName
+from wayfarer.errors import BadInput, UnknownName, WayfarerError
 from wayfarer.escape.catalogue import BUILT_IN, Algorithm
 
 ALGORITHM_GROUP = "wayfarer.algorithms"
@@ -71,17 +71,34 @@ def find_driver(name: str) -> Any:
     return _find("driver", name, _installed(DRIVER_GROUP), driver_names())[0]
 
 
+def check_buses(name: str) -> str:
+    """Return where the buses of that name are, as ``"module:attribute"``; nothing is imported.
+
+    Raises:
+        UnknownName: nothing of that name.
+    """
+    path = BUILT_IN_BUSES.get(name, name)
+    if ":" not in path:
+        raise UnknownName("buses", name, BUILT_IN_BUSES)
+    return path
+
+
 def make_buses(name: str) -> Any:
     """Return the ``drivers.buses.Buses`` of that name or ``"module:attribute"``.
 
     Raises:
         UnknownName: nothing of that name.
-        BadInput: the module cannot be imported.
+        BadInput: the module cannot be imported, or what it gives is no ``Buses``.
     """
-    path = BUILT_IN_BUSES.get(name, name)
-    if ":" not in path:
-        raise UnknownName("buses", name, BUILT_IN_BUSES)
-    buses = _load_path("buses", path)()
+    path = check_buses(name)
+    make = _load_path("buses", path)
+    try:
+        buses = make()
+    except WayfarerError:
+        raise
+    except Exception as error:  # a third party's may raise anything, and what is no function cannot be called
+        reason = " ".join(str(error).split())
+        raise BadInput(f"buses '{name}': {path} gives no buses: {type(error).__name__}: {reason}") from error
     if not all(callable(getattr(buses, kind, None)) for kind in ("i2c", "spi", "serial", "camera", "close")):
         raise BadInput(f"buses '{name}': {path} gives no wayfarer.drivers.buses.Buses")
     return buses

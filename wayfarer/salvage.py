@@ -39,7 +39,7 @@ def motors_of(path: Path) -> Driven:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
         raise BadInput(f"cannot be read: {error.strerror}; name one with --config") from None
     except ValueError:  # a zero byte in its name

@@ -82,6 +82,7 @@ def install(
     unit = unit_text(root, python)
     try:
         say(_place_rover_file(rover, root / ROVER_FILE))
+        refuse_unreadable(root / ROVER_FILE, root)
         if here:
             say(_make_user(root))
             _make_state_folder(root / STATE_FOLDER)
@@ -107,6 +108,39 @@ def check_reachable(executable: Path, python: Path) -> None:
                     f"{path}: the user '{USER}' could not run it, because {step} is closed to others; "
                     "install into an environment such as /opt/wayfarer, made with the distribution's python3"
                 )
+
+
+def refuse_unreadable(path: Path, root: Path) -> None:
+    """Refuse a rover file that the service's user could not read: the service would end at each start.
+
+    Access lists (ACLs) beyond the mode are not looked at.
+
+    Raises:
+        BadInput: the text says which file or folder is closed, to whom it belongs, and what to do.
+    """
+    uid, gids = _identity(root)
+    path, root = path.resolve(), root.resolve()
+    for step in (*reversed(path.parents), path):
+        if not step.is_relative_to(root):
+            continue
+        about = step.stat()
+        shift = 6 if about.st_uid == uid else 3 if about.st_gid in gids else 0  # owner, group, others: the first counts
+        need, letter = (stat.S_IXOTH, "x") if step.is_dir() else (stat.S_IROTH, "r")
+        if not about.st_mode >> shift & need:
+            who = {6: "u", 3: "g", 0: "o"}[shift]
+            raise BadInput(
+                f"{path}: the user '{USER}' could not read it, because {step} is closed to it (mode "
+                f"{stat.S_IMODE(about.st_mode):04o}): sudo chmod {who}+{letter} {step}, then give install-service again"
+            )
+
+
+def _identity(root: Path) -> tuple[int | None, set[int]]:
+    """Return the number of the service's user and of its groups; of a user who is still to be made, what is known."""
+    groups = _entries(root / "etc/group")
+    fields = _entries(root / "etc/passwd").get(USER)
+    joined = {name for name, entry in groups.items() if name in GROUPS or USER in entry[-1].split(",")}
+    gids = {int(groups[name][1]) for name in joined}
+    return (int(fields[1]), gids | {int(fields[2])}) if fields else (None, gids)
 
 
 def _template() -> str:

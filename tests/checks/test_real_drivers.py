@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from math import pi
+from math import inf, pi
 from pathlib import Path
 
 import pytest
@@ -70,12 +70,15 @@ def bench(tmp_path: Path) -> Bench:
     return Bench(tmp_path)
 
 
-@pytest.mark.parametrize(("remembers", "verdict"), [(True, Verdict.OK), (False, Verdict.FAIL)])
-def test_a_thunderborg_is_asked_whether_its_failsafe_tripped(bench: Bench, remembers: bool, verdict: Verdict) -> None:
+@pytest.mark.parametrize(("acts", "verdict"), [(True, Verdict.OK), (False, Verdict.FAIL)])
+def test_a_thunderborg_is_asked_whether_its_failsafe_tripped(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, acts: bool, verdict: Verdict
+) -> None:
     someone = Script(bench.world, {})
+    if not acts:
+        monkeypatch.setattr(ThunderBorgChip, "stops_by_s", inf)
 
     async def trips(inspection: Inspection) -> Finding:
-        bench.thunderborg.failsafe = remembers
         return await deadman_trips(someone.ask, inspection)
 
     assert bench.run(trips, ThunderBorg(ThunderBorgSettings(), bench.buses)).verdict is verdict
@@ -83,15 +86,17 @@ def test_a_thunderborg_is_asked_whether_its_failsafe_tripped(bench: Bench, remem
     assert someone.told == []
 
 
-@pytest.mark.parametrize(("remembers", "verdict"), [(True, Verdict.OK), (False, Verdict.FAIL)])
-def test_a_sabertooth_is_watched_and_does_as_its_timeout_says(bench: Bench, remembers: bool, verdict: Verdict) -> None:
+@pytest.mark.parametrize(("acts", "verdict"), [(True, Verdict.OK), (False, Verdict.FAIL)])
+def test_a_sabertooth_is_watched_and_does_as_its_timeout_says(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, acts: bool, verdict: Verdict
+) -> None:
+    if not acts:
+        monkeypatch.setattr(SabertoothChip, "stops_by_s", inf)
     motors = Sabertooth(SabertoothSettings(), bench.buses)
     answers: dict[str, bool] = {}
     was_m: list[float] = []
 
     async def begin() -> None:
-        if not remembers:
-            bench.sabertooth.power_cycle()
         was_m.append(bench.world.path_m)
 
     async def see() -> None:

@@ -37,6 +37,17 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+def test_folder_where_the_socket_is_to_be_is_told_and_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "control.sock"
+    (path / "somebody's").mkdir(parents=True)
+    files = open_files()
+    with pytest.raises(BadInput) as caught, SingleDaemon(path):
+        pytest.fail("it was entered")
+    assert str(caught.value).startswith(f"{path}: the control socket cannot be made: it is a folder; remove")
+    assert (path / "somebody's").is_dir()
+    assert open_files() == files, "the lock is let go"
+
+
 # -- where ---------------------------------------------------------------------------------------------------------
 
 

@@ -153,6 +153,17 @@ async def test_log_begins_with_what_runs_and_ends_with_how_it_ended(site: Site) 
     assert site.closed == 1
 
 
+async def test_log_is_named_so_that_it_is_found_from_any_folder(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(site.logs.parent)
+    site.service = replace(site.service, logs=Path("logs"))
+    async with Running(site) as daemon:
+        told = (await site.ask("status"))["log"]
+        stopped = await site.ask("stop")
+        await daemon.end()
+    assert Path(told) == max(site.logs.iterdir())
+    assert stopped["log"] == site.log()[0]["log"] == told
+
+
 async def test_it_is_armed_asked_and_ended_over_its_socket(site: Site) -> None:
     async with Running(site) as daemon:
         assert (await site.ask("status"))["mode"] == "disarmed"

@@ -28,7 +28,7 @@ UNBUILDABLE = {
         COMPASS + '[parts.motors]\ndriver = "gpio_motors"\n' + PINS,
         "no simulated chip for",
     ),
-    "two chips at one address": (COMPASS + THUNDERBORG + "address = 0x60\n", "two chips at 0x60"),
+    "two chips at one address": (COMPASS + THUNDERBORG + "address = 0x60\n", "parts.compass (CMPS14) has this address"),
 }
 
 
@@ -48,7 +48,21 @@ def test_rover_that_cannot_be_built_is_one_line_before_any_trial(
     code = cli.run(["sim", "--depth", "bus", "--jobs", "1", "--rover", "./rover.toml", *options])
     out, err = capsys.readouterr()
     assert (code, out, err.count("\n")) == (2, "", 1)
-    assert err.startswith("wayfarer: ")
+    assert err.startswith("wayfarer: ./rover.toml: key 'parts.")
+    assert says in err
+    assert [path.name for path in tmp_path.iterdir()] == ["rover.toml"]
+
+
+@pytest.mark.parametrize(("parts", "says"), UNBUILDABLE.values(), ids=UNBUILDABLE)
+def test_rover_that_cannot_be_built_is_one_line_before_a_daemon_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], parts: str, says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("rover.toml").write_text(BODY + parts, encoding="utf-8")
+    code = cli.run(["run", "--sim", "--depth", "bus", "--config", "./rover.toml"])
+    out, err = capsys.readouterr()
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("wayfarer: ./rover.toml: key 'parts.")
     assert says in err
     assert [path.name for path in tmp_path.iterdir()] == ["rover.toml"]
 

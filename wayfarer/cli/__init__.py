@@ -45,7 +45,8 @@ app.command(epilog=sweep.EXAMPLES)(sweep.sweep)
 app.command(epilog=faults.EXAMPLES)(faults.faults)
 app.command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
 for verb in control.COMMANDS:
-    app.command(rich_help_panel=CONTROL)(verb)
+    lenient = {"ignore_unknown_options": verb in control.TAKE_A_MINUS}
+    app.command(rich_help_panel=CONTROL, context_settings=lenient)(verb)
 app.command("stop-motors", rich_help_panel=ROVER)(rover.stop_motors)
 app.command(rich_help_panel=ROVER)(care.check)
 app.command(rich_help_panel=ROVER)(care.calibrate)

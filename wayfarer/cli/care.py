@@ -36,18 +36,20 @@ def check(
     logs: Logs = None,
 ) -> None:
     """Check every part, and with your consent that the wheels turn the right way and stop by themselves."""
+    from wayfarer.assembly import connect
     from wayfarer.checks import check as look
     from wayfarer.checks import passed
     from wayfarer.cli import terminal
     from wayfarer.config import load_rover
 
-    loaded = load_rover(chosen(config))
+    where = chosen(config)
+    loaded = load_rover(where)
     place = _place(loaded, log_folder(logs))
     person = terminal.Terminal()
     ask = person.ask if terminal.is_there() and not as_json else None
 
     async def run() -> list[Finding]:
-        buses, rover = _rover(loaded, _stored(place))
+        buses, rover = connect(loaded, where, _stored(place))
         try:
             return await look(loaded, rover, place, ask)
         finally:
@@ -72,20 +74,21 @@ def calibrate(
     config: Config = None,
 ) -> None:
     """Calibrate compass and flow, and measure what the motors do to the heading; you turn and push the rover."""
+    from wayfarer.assembly import connect
     from wayfarer.calibrate import STEPS
     from wayfarer.calibrate import calibrate as guide
-    from wayfarer.calibration import Calibration
     from wayfarer.cli import terminal
     from wayfarer.config import load_rover
     from wayfarer.errors import BadInput
 
     if not terminal.is_there():
         raise BadInput("calibrating asks questions: run it in a terminal")
-    loaded = load_rover(chosen(config))
+    where = chosen(config)
+    loaded = load_rover(where)
     place = _place(loaded, log_folder(None))
 
     async def run() -> Calibration:
-        buses, rover = _rover(loaded, Calibration())
+        buses, rover = connect(loaded, where)
         try:
             return await guide(loaded, rover, place, terminal.Terminal(), [step.value for step in steps or ()] or STEPS)
         finally:
@@ -138,15 +141,6 @@ def _stored(place: Place) -> Calibration:
     from wayfarer.calibration import load
 
     return load(place.calibration_file)
-
-
-def _rover(config: RoverConfig, calibration: Calibration) -> tuple[Any, Any]:
-    """Return the rover of a file, and the buses that it sits on."""
-    from wayfarer.assembly import assemble
-    from wayfarer.registry import make_buses
-
-    buses = make_buses(config.buses)
-    return buses, assemble(config, buses, calibration)
 
 
 def _no_daemon() -> Any:

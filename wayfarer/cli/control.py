@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from wayfarer.angles import wrap360
 from wayfarer.errors import WayfarerError
 
 ANSWER_S = 5.0
@@ -22,7 +23,9 @@ class North(StrEnum):
     true = "true"
 
 
-Heading = Annotated[float, typer.Argument(metavar="DEG", min=0, max=360, help="Degrees clockwise from north.")]
+Heading = Annotated[
+    float, typer.Argument(metavar="DEG", min=-360, max=360, help="Degrees clockwise from north; -20 is 340.")
+]
 NorthOption = Annotated[North, typer.Option(help="Which north DEG counts from; true needs declination_deg.")]
 
 
@@ -43,13 +46,13 @@ def status(*, as_json: Annotated[bool, typer.Option("--json", help="Everything, 
 def arm(
     heading_deg: Annotated[
         float | None,
-        typer.Argument(metavar="[DEG]", min=0, max=360, help="Goal heading; without it, where the rover looks then."),
+        typer.Argument(metavar="[DEG]", min=-360, max=360, help="Goal heading; without it where the rover looks then."),
     ] = None,
     *,
     north: NorthOption = North.magnetic,
 ) -> None:
     """Check everything, wait for the start delay, then drive. Step away from the rover."""
-    keys = {} if heading_deg is None else {"heading_deg": heading_deg % 360.0, "north": north.value}
+    keys = {} if heading_deg is None else {"heading_deg": wrap360(heading_deg), "north": north.value}
     reply = _ask("arm", **keys)
     with _as_this_version():
         for warning in reply["warnings"]:
@@ -77,14 +80,14 @@ def resume() -> None:
 
 def goal(heading_deg: Heading, *, north: NorthOption = North.magnetic) -> None:
     """Head elsewhere."""
-    reply = _ask("goal", heading_deg=heading_deg % 360.0, north=north.value)
+    reply = _ask("goal", heading_deg=wrap360(heading_deg), north=north.value)
     with _as_this_version():
         print(f"heading for {reply['goal_heading_deg']:g} degrees magnetic")
 
 
-def mark(text: Annotated[str, typer.Argument(help="What happened, such as 'hit log'.")]) -> None:
+def mark(words: Annotated[list[str], typer.Argument(metavar="TEXT", help="What happened, such as: hit log")]) -> None:
     """Write a note into the field log."""
-    _ask("mark", text=text)
+    _ask("mark", text=" ".join(words))
     print("noted")
 
 
@@ -96,6 +99,7 @@ def stop() -> None:
 
 
 COMMANDS = (status, arm, disarm, hold, resume, goal, mark, stop)
+TAKE_A_MINUS = {arm, goal, mark}  # -20 is a heading, or a word of a note, and no option
 
 
 @contextmanager

@@ -33,6 +33,7 @@ wayfarer demo --seed 44 --no-browser
 # the noise has (12 runs): 18 s to watch at the speed below.
 SEED = 22
 SPEED = 6.0
+ROVER = "sim"
 
 
 def _speed(value: float) -> float:
@@ -66,9 +67,9 @@ def demo(
     from wayfarer.simhal.fast_loop import FastLoop
     from wayfarer.simhal.showing import SelfArming
 
-    config = load_rover("sim")
+    config = load_rover(ROVER)
     found = find_algorithm(algorithm)
-    make_rover, close_buses = simulated(config, Depth.device, seed)
+    make_rover, close_buses = simulated(config, ROVER, Depth.device, seed)
     page = live_page(HOST, live_port, speed)
     folder = logs or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
     with tempfile.TemporaryDirectory(prefix="wayfarer-") as own:  # where no other daemon is disturbed

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import NamedTuple
 
-from wayfarer.errors import WayfarerError
+from wayfarer.errors import MissingPackage
 
 
 class Need(NamedTuple):
@@ -30,10 +30,10 @@ def require(what: str) -> None:
     """Refuse to go on without what one of ``NEEDS`` needs; called before anything of it is imported.
 
     Raises:
-        WayfarerError: a package is missing; the text says how to install it.
+        MissingPackage: a package is missing; the text says how to install it.
     """
     extra, packages = NEEDS[what]
     for module, package in packages.items():
         if find_spec(module) is None:
             remedy = f"pip install '.[{extra}]' in wayfarer's checkout"
-            raise WayfarerError(f"{what} needs {package}, which is not installed: {remedy}")
+            raise MissingPackage(f"{what} needs {package}, which is not installed: {remedy}")

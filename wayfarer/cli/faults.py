@@ -10,7 +10,7 @@ import typer
 
 from wayfarer.cli.extras import require
 from wayfarer.cli.sim import Depth
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, MissingPackage
 
 EXAMPLES = """Examples:
 
@@ -100,25 +100,37 @@ def faults(
 def _run(
     only: str | None, rover: str | None, scenario: Path | None, out: Path | None, jobs: int | None, *, show: bool
 ) -> int:
-    """Run what was asked for and return the exit code."""
+    """Run what was asked for and return the exit code.
+
+    Raises:
+        BadInput: there is no such row, scenario, file or rover.
+        MissingPackage: nothing of it can be run without a package that is not installed.
+    """
     from rich.console import Console
 
+    from wayfarer.simhal.progress import say
     from wayfarer.simhal.scenarios.catalogue import ROWS, catalogue
     from wayfarer.simhal.scenarios.command import run_rows
+    from wayfarer.simhal.scenarios.result import Result
     from wayfarer.simhal.scenarios.scenario_file import read_scenarios
-    from wayfarer.simhal.scenarios.selection import LeftOut, chosen, on_another_rover
-    from wayfarer.simhal.scenarios.table import print_list
+    from wayfarer.simhal.scenarios.selection import chosen, on_another_rover, without_missing_packages
+    from wayfarer.simhal.scenarios.table import print_list, skipped_lines
 
     rows = list(read_scenarios(scenario) if scenario else catalogue())
     untried = [] if scenario or only else sorted({*range(1, ROWS + 1)} - {row.row for row in rows})
     rows = chosen(rows, only) if only is not None else rows
-    left_out: list[LeftOut] = []
+    misfits: list[Result] = []
     if rover is not None:
-        rows, left_out = on_another_rover(rows, rover)
+        rows, misfits = on_another_rover(rows, rover)
     if show:
         print_list(Console(), rows)
         return 0
-    return run_rows(rows, jobs=jobs, out=out, left_out=left_out, untried=untried)
+    rows, unequipped = without_missing_packages(rows)
+    if unequipped and not rows:
+        raise MissingPackage(f"nothing can be run: {unequipped[0].skipped}")
+    for line in skipped_lines(unequipped):  # at once, not after the minutes that the others take
+        say(Console(stderr=True), line)
+    return run_rows(rows, jobs=jobs, out=out, skipped=[*misfits, *unequipped], untried=untried)
 
 
 def _refuse_odd_pairs(given: Mapping[str, object], *, by_chance: bool, detector: bool) -> None:

@@ -82,7 +82,9 @@ def run(
     folder = log_folder(logs)
     if seed is None:  # in the wood every run has its own luck; the log's first record says which
         seed = 0 if sim else SystemRandom().randrange(2**31)
-    make_rover, close_buses = simulated(loaded, depth or Depth.device, seed) if sim else _real(loaded, name, folder)
+    make_rover, close_buses = (
+        simulated(loaded, name, depth or Depth.device, seed) if sim else _real(loaded, name, folder)
+    )
     service = Service(
         config=loaded,
         algorithm=find_algorithm(algorithm),
@@ -130,31 +132,37 @@ def log_folder(logs: Path | None) -> Path:
 
 
 def _real(config: RoverConfig, where: str, logs: Path) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:
-    from wayfarer.assembly import assemble
+    from wayfarer.assembly import connect
     from wayfarer.calibration import calibration_file, load
     from wayfarer.checks import Place
     from wayfarer.daemon.ports import refuse_missing_ports
     from wayfarer.daemon.service import Vessel
     from wayfarer.fieldlog.clock import wall_clock
-    from wayfarer.registry import make_buses
 
     calibrated = calibration_file(os.environ, Path.home())
-    buses = make_buses(config.buses)
     calibration = load(calibrated)
-    rover = assemble(config, buses, calibration)
+    buses, rover = connect(config, where, calibration)
     refuse_missing_ports(config, where, Place(logs, calibrated, (), wall_clock(0.0)))
     return lambda _: Vessel(rover, calibration), buses.close
 
 
-def simulated(config: RoverConfig, depth: Depth, seed: int) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:
+def simulated(
+    config: RoverConfig, where: str, depth: Depth, seed: int
+) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:
     """Return what makes a simulated rover and what closes it, as ``daemon.service.Service`` wants them.
 
+    ``where`` is the rover's file, or the name of a shipped one.
+
     Raises:
-        WayfarerError: a package is missing.
+        BadConfig: the rover cannot be built at that depth; the text names file, key and line.
+        MissingPackage: a package is not installed.
     """
     require("simulating")
     from wayfarer.simhal import rig
+    from wayfarer.simhal.command import check_rover
     from wayfarer.simhal.desk import desk_vessel
+
+    check_rover(config, depth.value, where)
 
     async def nothing_to_close() -> None:
         """Nothing is open."""

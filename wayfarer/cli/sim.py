@@ -162,7 +162,7 @@ def sim(
     )
     if scenario:
         campaign = command.at_site(campaign, scenario.value)
-    command.check_rover(campaign)
+    command.check_rover(campaign.rover, campaign.depth, rover)
     if trial is None:
         raise typer.Exit(
             command.run_all(campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log)

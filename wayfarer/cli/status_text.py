@@ -8,7 +8,7 @@ from typing import Any
 
 def status_text(status: Mapping[str, Any]) -> str:
     """Return what ``status`` answered, as lines."""
-    return "\n".join(f"{name:<10}{text}" for name, text in _lines(status) if text)
+    return "\n".join(f"{name:<9} {text}" for name, text in _lines(status) if text)
 
 
 def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -93,5 +93,5 @@ def sweep(
     )
     plan = make_sweep(campaign, [parse_axis(text) for text in keys])
     for point in plan.points:
-        check_rover(point.campaign)
+        check_rover(point.campaign.rover, point.campaign.depth, rover)
     raise typer.Exit(run_all(plan, out, resume=resume, jobs=jobs or cores()))

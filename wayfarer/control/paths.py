@@ -85,7 +85,7 @@ class SingleDaemon:
 
     Raises:
         AlreadyRunning: another process holds it; the text names its process id.
-        BadInput: the folder or the lock cannot be made.
+        BadInput: the folder or the lock cannot be made, or something else is where the socket is to be.
     """
 
     def __init__(self, socket_path: Path) -> None:
@@ -124,4 +124,10 @@ class SingleDaemon:
             ) from None
         os.ftruncate(self._lock, 0)
         os.pwrite(self._lock, f"{os.getpid()}\n".encode(), 0)
-        self._socket_path.unlink(missing_ok=True)
+        try:
+            self._socket_path.unlink(missing_ok=True)
+        except OSError as error:
+            what = "it is a folder" if self._socket_path.is_dir() else error.strerror
+            raise BadInput(
+                f"{self._socket_path}: the control socket cannot be made: {what}; remove what is at that path"
+            ) from None

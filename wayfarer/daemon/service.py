@@ -139,7 +139,7 @@ class Daemon:
             "algorithm": service.algorithm.name,
             "simulated": service.simulated,
             "dry_run": service.dry_run,
-            "log": str(folder),
+            "log": str(folder.absolute()),  # who asks may be in another folder
             "start_delay_s": config.safety.start_delay_s,
         }
         self._lines = LineWriter()

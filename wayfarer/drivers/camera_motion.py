@@ -14,6 +14,7 @@ Fix the exposure where the light allows: a short one also keeps the picture shar
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
@@ -95,6 +96,7 @@ class CameraMotion:
     """The camera as a ``hal.MotionSensor``."""
 
     part: ClassVar[str] = "motion"
+    packages: ClassVar[Mapping[str, str]] = {"cv2": "pip install '.[camera]' in wayfarer's checkout"}
     Settings = CameraMotionSettings
 
     def __init__(self, settings: CameraMotionSettings, buses: Buses) -> None:
@@ -119,8 +121,7 @@ class CameraMotion:
         try:
             self._cv2: Any = import_module("cv2")
         except ImportError as error:
-            remedy = "pip install '.[camera]' in wayfarer's checkout"
-            raise NotResponding(f"{self.name}: OpenCV is missing ({error}); {remedy}") from None
+            raise NotResponding(f"{self.name}: OpenCV is missing ({error}); {self.packages['cv2']}") from None
         self._window = self._cv2.createHanningWindow((self._settings.width, self._settings.height), self._cv2.CV_32F)
         self._last = await self._picture()
 

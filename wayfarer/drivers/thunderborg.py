@@ -163,6 +163,7 @@ class ThunderBorg:
     """
 
     part: ClassVar[str] = "motors"
+    chip: ClassVar[str] = "ThunderBorg"  # its lights are another driver's, at the same address
     Settings = ThunderBorgSettings
 
     def __init__(self, settings: ThunderBorgSettings, buses: Buses) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 from annotated_types import Interval
 
 from wayfarer.drivers.buses import Buses
-from wayfarer.drivers.thunderborg import DEFAULT_ADDRESS, Board
+from wayfarer.drivers.thunderborg import DEFAULT_ADDRESS, Board, ThunderBorg
 from wayfarer.hal import Colour
 
 _SET_BOTH_LEDS, _SHOW_BATTERY = 5, 6
@@ -31,6 +31,7 @@ class ThunderBorgLight:
     """
 
     part: ClassVar[str] = "light"
+    chip: ClassVar[str] = ThunderBorg.chip
     Settings = ThunderBorgLightSettings
 
     def __init__(self, settings: ThunderBorgLightSettings, buses: Buses) -> None:

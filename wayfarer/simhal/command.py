@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from wayfarer.errors import BadConfig, BadInput
+from wayfarer.config import RoverConfig, with_place
+from wayfarer.errors import BadConfig, BadInput, MissingPackage
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.registry import find_algorithm
 from wayfarer.simhal import campaign as campaigns
@@ -49,31 +50,42 @@ def algorithms(names: str) -> tuple[str, ...]:
     return tuple(unfolded)
 
 
-def check_rover(campaign: Campaign) -> None:
-    """Build a campaign's rover once: what would end every trial in a fault is told before the first.
+def check_rover(config: RoverConfig, depth: str, where: str) -> None:
+    """Build a rover once: what would end every trial in a fault is told before the first.
+
+    Args:
+        config: the rover.
+        depth: ``device`` or ``bus``.
+        where: the rover's file, or the name of a shipped one.
 
     Raises:
         BadConfig: at bus depth the rover wants a part, or a chip for one; at device depth every rover can be built.
+            The text names file, key and line.
+        MissingPackage: at bus depth one of its drivers needs a package that is not installed.
     """
-    if campaign.depth == "device":
+    if depth == "device":
         return
     from wayfarer.assembly import NEEDED
     from wayfarer.simhal.fakebus import ChipMisuse, FakeBuses
     from wayfarer.simhal.forest import Forest
     from wayfarer.simhal.physics import Physics
-    from wayfarer.simhal.rig import bus_depth
+    from wayfarer.simhal.rig import Depth, bus_depth, missing_package
     from wayfarer.simhal.streams import Streams
     from wayfarer.simhal.world import World
 
-    name = campaign.rover.name
-    if missing := [part for part in NEEDED if part not in campaign.rover.parts]:
-        raise BadConfig(f"rover '{name}' has no [parts.{missing[0]}] to run the driver of; use --depth device")
+    if missing := [part for part in NEEDED if part not in config.parts]:
+        lacks = f"rover '{config.name}' has no [parts.{missing[0]}] to run the driver of; use --depth device"
+        raise BadConfig(with_place(where, f"key 'parts.{missing[0]}' is missing: {lacks}"))
+    if why := missing_package(config, Depth.BUS):
+        raise MissingPackage(f"{why}; or use --depth device")
     clearing, streams = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ()), Streams(0)
-    world = World(clearing, campaign.rover.vehicle, Physics(), streams)
+    world = World(clearing, config.vehicle, Physics(), streams)
     try:
-        bus_depth(world, streams, campaign.rover, lambda: 0.0, FakeBuses())
+        bus_depth(world, streams, config, lambda: 0.0, FakeBuses())
+    except BadConfig as error:
+        raise BadConfig(with_place(where, str(error))) from None
     except ChipMisuse as error:
-        raise BadConfig(f"rover '{name}': {error}; correct its parts") from None
+        raise BadConfig(f"{where}: {error}; correct its parts") from None
 
 
 def at_site(campaign: Campaign, scenario: str) -> Campaign:

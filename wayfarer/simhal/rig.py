@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from enum import StrEnum
+from importlib.util import find_spec
 from typing import Any
 
 from wayfarer.assembly import assemble
@@ -80,18 +81,37 @@ def bus_depth(world: World, streams: Streams, config: RoverConfig, clock: Clock,
     """
     solder = Solder(world, streams, clock, buses)
     world.chips_act = solder.tick
-    on_a_bus = {part: table for part, table in config.parts.items() if part not in {"contact", "position"}}
+    on_a_bus = _on_a_bus(config)
     for part, table in list(on_a_bus.items()):
         driver, settings = part_settings(part, table)
         if driver not in solder.chips:
             if part == "light":
                 del on_a_bus[part]
                 continue
-            raise BadConfig(f"rover '{config.name}': no simulated chip for '{table['driver']}'; use --depth device")
+            lacks = f"rover '{config.name}': no simulated chip for '{table['driver']}'; use --depth device"
+            raise BadConfig(f"key 'parts.{part}.driver': {lacks}")
         solder.chips[driver](settings)
     rover = assemble(config.model_copy(update={"parts": on_a_bus}), buses)
     contact = SimBumper(world) if _has_bumper(config) else None
     return replace(rover, contact=contact, position=_receiver(world, streams, config))
+
+
+def missing_package(config: RoverConfig, depth: Depth) -> str | None:
+    """Say which package a rover's real drivers import that is not installed, and how to get it.
+
+    A driver's ``packages`` are such modules, each with how to get it. None where all are there, and at device depth,
+    which has no drivers.
+    """
+    for part, table in _on_a_bus(config).items() if depth is Depth.BUS else ():
+        for module, remedy in getattr(part_settings(part, table)[0], "packages", {}).items():
+            if find_spec(module) is None:
+                return f"rover '{config.name}' needs {module} for [parts.{part}], which is not installed: {remedy}"
+    return None
+
+
+def _on_a_bus(config: RoverConfig) -> dict[str, dict[str, Any]]:
+    """Return the parts whose real drivers run at bus depth."""
+    return {part: table for part, table in config.parts.items() if part not in {"contact", "position"}}
 
 
 class Solder:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.simhal.faults import Fault
+from wayfarer.simhal.rig import Depth
 from wayfarer.simhal.scenarios.catalogue import ROWS, catalogue
 from wayfarer.simhal.scenarios.result import Procedure, Result
 from wayfarer.simhal.scenarios.scenario import Expectation, Reached, Scenario
-from wayfarer.simhal.scenarios.selection import LeftOut, Row, chosen, on_another_rover
+from wayfarer.simhal.scenarios.selection import Row, chosen, on_another_rover, without_missing_packages
 
 
 def scenario(name: str, row: int, fault: Fault) -> Scenario:
@@ -52,12 +55,26 @@ def test_what_is_not_there_is_told_with_what_is() -> None:
 
 
 def test_another_rover_leaves_out_what_it_cannot_have() -> None:
-    rows, left_out = on_another_rover(ALL, "minirover")
+    rows, skipped = on_another_rover(ALL, "minirover")
     assert [(row.name, getattr(row, "rover", None)) for row in rows] == [("loose", "minirover"), ("dark", "minirover")]
-    assert left_out == [
-        LeftOut("bumped", "rover 'minirover' has no [parts.contact]"),
-        LeftOut("killed", "it has rovers of its own"),
+    assert [(each.name, each.row, each.skipped) for each in skipped] == [
+        ("bumped", 15, "rover 'minirover' has no [parts.contact]"),
+        ("killed", 35, "it has rovers of its own"),
     ]
+
+
+def test_without_opencv_what_has_a_camera_at_bus_depth_is_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
+    mini = [replace(each, rover="minirover") for each in (LOOSE, DARK)]
+    rows: list[Row] = [LOOSE, *mini, replace(mini[0], depth=Depth.DEVICE), KILLED]
+    assert without_missing_packages(rows) == (rows, [])
+    monkeypatch.setitem(sys.modules, "cv2", None)  # what Python takes for "not installed"
+    runnable, skipped = without_missing_packages(rows)
+    assert runnable == [rows[0], *rows[3:]]
+    assert [each.name for each in skipped] == ["loose", "dark"]
+    assert {each.skipped for each in skipped} == {
+        "rover 'minirover' needs cv2 for [parts.motion], which is not installed: "
+        "pip install '.[camera]' in wayfarer's checkout"
+    }
 
 
 def test_rover_that_is_not_there_is_refused(tmp_path: Path) -> None:

@@ -9,8 +9,7 @@ from rich.console import Console
 
 from wayfarer.simhal.scenarios.result import Result, Tried
 from wayfarer.simhal.scenarios.scenario import Reached
-from wayfarer.simhal.scenarios.selection import LeftOut
-from wayfarer.simhal.scenarios.table import print_results, summed_up
+from wayfarer.simhal.scenarios.table import print_results, skipped_lines, summed_up
 
 MET = Result(
     "compass-answers-45-ms-late", 9, "answers come late", Tried.SIMULATED, "reject", Reached.NONE, Reached.NONE, None,
@@ -24,9 +23,12 @@ MISSED = Result(
 OWN = MET._replace(row=None, name="[own]")
 
 
-def printed(width: int, *results: Result, left_out: tuple[LeftOut, ...] = (), untried: tuple[int, ...] = ()) -> str:
+SKIPPED = MET._replace(name="camera-black", row=20, remark="", skipped="OpenCV is not installed")
+
+
+def printed(width: int, *results: Result, untried: tuple[int, ...] = ()) -> str:
     console = Console(file=io.StringIO(), width=width)
-    print_results(console, results, left_out, untried)
+    print_results(console, results, untried)
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 
@@ -48,12 +50,13 @@ def test_wider_terminals_show_more() -> None:
     assert "event power at +0.80 s" in wide
 
 
-def test_what_failed_remarks_and_what_was_left_out_stand_below() -> None:
-    text = printed(80, MET, MISSED, left_out=(LeftOut("bumped", "no bumper"),), untried=(3, 4))
+def test_what_failed_remarks_and_what_was_skipped_stand_below() -> None:
+    also = SKIPPED._replace(name="camera-gone")
+    text = printed(80, MET, MISSED, SKIPPED, also, SKIPPED._replace(name="bumped", skipped="no bumper"), untried=(3, 4))
     for title, line in {
         "Not as expected": "undervoltage-thrice: S3 was reached, S2 is expected",
         "Remarks": "compass-answers-45-ms-late: the readings are used as late as they are",
-        "Left out": "bumped: no bumper",
+        "Skipped": "camera-black, camera-gone: OpenCV is not installed\n  bumped: no bumper",
         "Untried": "no scenario for row 3, 4 of the field catalogue",
     }.items():
         assert f"{title}\n  {line}" in text
@@ -68,6 +71,32 @@ def test_row_is_as_expected_if_all_its_scenarios_are() -> None:
     assert lines == [
         "2 of 3 scenarios as expected: 2 in virtual time, 1 on the real daemon",
         "1 of 3 rows of the catalogue as expected",
+    ]
+
+
+@pytest.mark.parametrize("width", [80, 115, 200])
+def test_row_that_was_skipped_is_marked_and_has_no_level(width: int) -> None:
+    line = next(line for line in printed(width, SKIPPED).splitlines() if "camera-black" in line)
+    assert "skipped" in line
+    assert not {"ok", "FAILED", "-"} & set(line.split())
+
+
+def test_what_was_skipped_is_counted_and_is_not_as_expected() -> None:
+    assert list(summed_up([MET, SKIPPED, SKIPPED._replace(row=9), MISSED])) == [
+        "1 of 2 scenarios as expected: 1 in virtual time, 1 on the real daemon; 2 skipped",
+        "0 of 3 rows of the catalogue as expected; 2 not wholly tried",
+    ]
+
+
+def test_skipped_row_has_neither_passed_nor_failed() -> None:
+    assert not SKIPPED.passed
+    assert not SKIPPED.problems
+
+
+def test_each_reason_for_skipping_is_told_once() -> None:
+    assert list(skipped_lines([SKIPPED, SKIPPED, SKIPPED._replace(skipped="no bumper")])) == [
+        "2 scenarios skipped: OpenCV is not installed",
+        "1 scenario skipped: no bumper",
     ]
 
 

@@ -17,10 +17,10 @@ from wayfarer.simhal.campaign import stop_on_signals
 from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
 from wayfarer.simhal.progress import say
 from wayfarer.simhal.scenarios.many import shown, worker_death_explained
-from wayfarer.simhal.scenarios.result import Procedure, Result, Tried
+from wayfarer.simhal.scenarios.result import Procedure, Result
 from wayfarer.simhal.scenarios.runner import play, play_well
-from wayfarer.simhal.scenarios.scenario import Reached, Scenario
-from wayfarer.simhal.scenarios.selection import LeftOut, Row
+from wayfarer.simhal.scenarios.scenario import Scenario
+from wayfarer.simhal.scenarios.selection import Row, unplayed
 from wayfarer.simhal.scenarios.table import print_results
 from wayfarer.simhal.scenarios.verdict import judge
 from wayfarer.simhal.workers import Stopped, stream
@@ -54,12 +54,12 @@ def run_rows(
     *,
     jobs: int | None = None,
     out: Path | None = None,
-    left_out: Sequence[LeftOut] = (),
+    skipped: Sequence[Result] = (),
     untried: Sequence[int] = (),
 ) -> int:
     """Run scenarios and procedures, print what came of them, and return the exit code: 1 if one is not as expected.
 
-    With ``out`` results and each scenario's field log are kept there.
+    With ``out`` results and each scenario's field log are kept there. ``skipped`` stand among the results.
 
     Raises:
         BadInput: ``out`` is not new or empty.
@@ -68,15 +68,15 @@ def run_rows(
     if out is not None:
         make_empty_folder(out, "what comes of the scenarios")
     try:
-        results = _results(rows, jobs or cores(), out)
+        results = sorted([*_results(rows, jobs or cores(), out), *skipped], key=lambda each: each.row or 0)
     except Stopped:
         say(Console(stderr=True), "interrupted: no results")
         return INTERRUPTED
-    print_results(Console(), results, left_out, untried)
+    print_results(Console(), results, untried)
     if out is not None:
         _keep(out, results)
         say(Console(stderr=True), f"the results are in {out}")
-    return 0 if all(each.passed for each in results) else 1
+    return 1 if any(each.problems for each in results) else 0
 
 
 def _results(rows: Sequence[Row], jobs: int, out: Path | None) -> list[Result]:
@@ -109,11 +109,9 @@ def _running(rows: Sequence[Row], jobs: int, out: Path | None) -> Iterator[Resul
 
 def _not_run(scenario: Scenario, error: Exception) -> Result:
     said = str(error) if isinstance(error, WayfarerError) else f"an error inside wayfarer: {error!r}"
-    expect = scenario.expect
-    return Result(
-        scenario.name, scenario.row, scenario.about, Tried.SIMULATED, scenario.asked, expect.level, Reached.NONE,
-        expect.within_s, "nothing", None, None, "", (" ".join(said.split()),),
-    )  # fmt: skip
+    return unplayed(scenario)._replace(
+        within_s=scenario.expect.within_s, changed="nothing", problems=(" ".join(said.split()),)
+    )
 
 
 def _keep(out: Path, results: Sequence[Result]) -> None:

@@ -16,11 +16,11 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hint
 from annotated_types import Interval
 
 from wayfarer.config import RoverConfig, load_rover
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, MissingPackage
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.simhal.faults import KINDS, Fault, Layer
 from wayfarer.simhal.injection.bus_layer import misplaced
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.rig import Depth, missing_package
 from wayfarer.simhal.scenarios.rovers import misfit
 from wayfarer.simhal.scenarios.scenario import Command, Expectation, Reached, Scenario
 from wayfarer.simhal.streams import Streams
@@ -113,6 +113,19 @@ def _range(hint: Any, span: float) -> tuple[float, float]:
     if interval.le is not None:
         high = float(interval.le)  # type: ignore[arg-type]
     return low, high
+
+
+def refuse_missing_package(rover: str | None, depth: Depth | None) -> None:
+    """Refuse scenarios of which some could not be run: those that draw a rover whose drivers need a package.
+
+    Raises:
+        BadInput: there is no such rover, or its file is not right.
+        MissingPackage: the text says what to install, and what to draw instead.
+    """
+    for name in (rover,) if rover else ROVERS:
+        if why := missing_package(_rover(name), depth or Depth.BUS):
+            instead = "--depth device" if rover else "--depth device, or --rover forestrover"
+            raise MissingPackage(f"{why}; or draw none of it: {instead}")
 
 
 def draw_scenario(seed: int, rover: str | None = None, depth: Depth | None = None) -> Scenario:

@@ -22,7 +22,7 @@ from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
 from wayfarer.simhal.progress import say
 from wayfarer.simhal.rig import Depth
 from wayfarer.simhal.scenarios.many import shown, worker_death_explained
-from wayfarer.simhal.scenarios.random_faults import draw_scenario
+from wayfarer.simhal.scenarios.random_faults import draw_scenario, refuse_missing_package
 from wayfarer.simhal.scenarios.runner import Played, play
 from wayfarer.simhal.scenarios.scenario import Expectation, Reached, Scenario
 from wayfarer.simhal.scenarios.scenario_text import as_toml
@@ -92,10 +92,12 @@ def run_random(
 
     Raises:
         BadInput: ``out`` is not new or empty, or there is no such rover.
+        MissingPackage: some of the trials would need a package that is not installed.
         WayfarerError: a worker died.
     """
     console, runner = console or Console(), RandomRunner(rover, depth)
     runner.scenario(seed)  # what is wrong with the rover is told before the first trial
+    refuse_missing_package(rover, depth)
     if out is not None:
         make_empty_folder(out, "what comes of the trials")
     rows: list[Trial] = []

@@ -23,7 +23,7 @@ class Result(NamedTuple):
     Times are seconds from the beginning of the fault; None where nothing of that kind can be timed. ``changed`` says
     what the field code read, or was told, that it would not have without the fault. ``problems`` is empty where all was
     as expected; ``remark`` is for the reader: why the level is another than the catalogue's, or what only a real part
-    can show and how.
+    can show and how. Of a row that was not run ``skipped`` says why; it has neither passed nor failed.
     """
 
     name: str
@@ -40,11 +40,12 @@ class Result(NamedTuple):
     cause: str
     problems: tuple[str, ...]
     remark: str = ""
+    skipped: str = ""
 
     @property
     def passed(self) -> bool:
-        """Whether all was as expected."""
-        return not self.problems
+        """Whether it was run and all was as expected."""
+        return not (self.problems or self.skipped)
 
 
 class Procedure(NamedTuple):

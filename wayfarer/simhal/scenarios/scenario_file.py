@@ -119,7 +119,7 @@ def _text_of(path: Path) -> str:
             content = file.read(FILE_BYTES + 1)
         if len(content) > FILE_BYTES:
             raise BadConfig(f"{path}: more than {FILE_BYTES // 1_000_000} MB: not a scenario file")
-        return content.decode("utf-8")
+        return content.decode("utf-8-sig")
     except FileNotFoundError:
         raise BadConfig(f"{path}: no such file; docs/faults.md shows how to write one") from None
     except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a name that no file can have

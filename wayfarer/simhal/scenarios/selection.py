@@ -1,25 +1,31 @@
-"""Which scenarios to run, as asked for on a command line."""
+"""Which scenarios to run, as asked for on a command line, and which cannot be."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 from wayfarer.config import load_rover
 from wayfarer.errors import BadInput, UnknownName
-from wayfarer.simhal.scenarios.result import Procedure
+from wayfarer.simhal.rig import missing_package
+from wayfarer.simhal.scenarios.result import Procedure, Result, Tried
 from wayfarer.simhal.scenarios.rovers import misfit, rover_of
-from wayfarer.simhal.scenarios.scenario import Scenario
+from wayfarer.simhal.scenarios.scenario import Reached, Scenario
 
 Row = Scenario | Procedure
 
 
-class LeftOut(NamedTuple):
-    """What cannot be run on the rover that was asked for, and why."""
+def unplayed(row: Row) -> Result:
+    """Return the result of a row that was not run: nothing came of it."""
+    nothing = (Reached.NONE, None, "", None, None, "", ())
+    if isinstance(row, Procedure):
+        return Result(row.name, row.row, row.about, Tried.DAEMON, "", Reached.NONE, *nothing)
+    return Result(row.name, row.row, row.about, Tried.SIMULATED, row.asked, row.expect.level, *nothing)
 
-    name: str
-    why: str
+
+def without_missing_packages(rows: Sequence[Row]) -> tuple[list[Row], list[Result]]:
+    """Return the rows that can be run with the packages that are installed, and the others as skipped."""
+    return _sorted_out((_missing_package(row), row) for row in rows)
 
 
 def chosen(rows: Sequence[Row], asked: str) -> list[Row]:
@@ -42,23 +48,32 @@ def chosen(rows: Sequence[Row], asked: str) -> list[Row]:
     return [row for row in rows if row in wanted]
 
 
-def on_another_rover(rows: Sequence[Row], rover: str) -> tuple[list[Row], list[LeftOut]]:
-    """Return the rows for another rover, and those that it cannot have.
+def on_another_rover(rows: Sequence[Row], rover: str) -> tuple[list[Row], list[Result]]:
+    """Return the rows for another rover, and those that it cannot have as skipped.
 
     Raises:
         UnknownName: no shipped rover of that name.
         BadInput: its file is not right.
     """
     load_rover(rover)
+    return _sorted_out(_moved(row, rover) for row in rows)
+
+
+def _sorted_out(rows: Iterable[tuple[str | None, Row]]) -> tuple[list[Row], list[Result]]:
+    """Return the rows that nothing keeps from running, and the others with what does."""
     fitting: list[Row] = []
-    left_out: list[LeftOut] = []
-    for row in rows:
-        why, moved = _moved(row, rover)
+    skipped: list[Result] = []
+    for why, row in rows:
         if why:
-            left_out.append(LeftOut(row.name, why))
+            skipped.append(unplayed(row)._replace(skipped=why))
         else:
-            fitting.append(moved)
-    return fitting, left_out
+            fitting.append(row)
+    return fitting, skipped
+
+
+def _missing_package(row: Row) -> str | None:
+    """Return which package a row needs that is not installed; the processes of a procedure need none."""
+    return missing_package(rover_of(row), row.depth) if isinstance(row, Scenario) else None
 
 
 def _moved(row: Row, rover: str) -> tuple[str, Row]:

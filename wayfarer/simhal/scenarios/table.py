@@ -13,7 +13,8 @@ from rich.text import Text
 
 from wayfarer.simhal.progress import say
 from wayfarer.simhal.scenarios.result import Result, Tried
-from wayfarer.simhal.scenarios.selection import LeftOut, Row
+from wayfarer.simhal.scenarios.scenario import Reached
+from wayfarer.simhal.scenarios.selection import Row
 
 LEGEND = (
     "S0 note, S1 degrade, S2 hold, S3 fault until armed anew, S4 the board's deadman",
@@ -41,7 +42,13 @@ def _seconds(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}"
 
 
+def _level(result: Result, level: Reached) -> str:
+    return "" if result.skipped else level.value
+
+
 def _verdict(result: Result) -> Text:
+    if result.skipped:
+        return Text("skipped", "yellow")
     return Text("ok", "green") if result.passed else Text("FAILED", "bold red")
 
 
@@ -50,8 +57,8 @@ COLUMNS = (
     Column("fault", lambda each: each.name),
     Column("what happens", lambda each: each.about, from_width=150, text=True),
     Column("asked for", lambda each: each.asked, from_width=105, text=True),
-    Column("level\nwanted", lambda each: each.expected.value),
-    Column("level\ngot", lambda each: each.reached.value),
+    Column("level\nwanted", lambda each: _level(each, each.expected)),
+    Column("level\ngot", lambda each: _level(each, each.reached)),
     Column("by", lambda each: each.cause, from_width=130),
     Column("seen\nafter", lambda each: _seconds(each.detected_s), right=True),
     Column("stood\nafter", lambda each: _seconds(each.stopped_s), right=True),
@@ -61,28 +68,31 @@ COLUMNS = (
 )
 
 
-def print_results(
-    console: Console, results: Sequence[Result], left_out: Sequence[LeftOut], untried: Sequence[int]
-) -> None:
-    """Print the table, what was not as expected, remarks, what was left out, and the sum.
+def print_results(console: Console, results: Sequence[Result], untried: Sequence[int]) -> None:
+    """Print the table, what was not as expected, remarks, what was skipped, and the sum.
 
     Args:
         console: where to.
         results: in the order of the table.
-        left_out: scenarios that the rover cannot have.
         untried: rows of the field catalogue that nothing tries.
     """
     console.print(_table(console.width, results))
     for line in LEGEND:
         say(console, line)
     _section(console, "Not as expected", _problems(results))
-    _section(console, "Remarks", _remarks(results))
-    _section(console, "Left out", (f"{name}: {why}" for name, why in left_out))
+    _section(console, "Remarks", _told_once((each.remark, each.name) for each in results))
+    _section(console, "Skipped", _told_once((each.skipped, each.name) for each in results))
     if untried:
         _section(console, "Untried", [f"no scenario for row {', '.join(map(str, untried))} of the field catalogue"])
     console.print()
     for line in summed_up(results, untried):
         say(console, line)
+
+
+def skipped_lines(skipped: Iterable[Result]) -> Iterator[str]:
+    """Give each reason for which scenarios are skipped once, with how many they are."""
+    for why, count in Counter(each.skipped for each in skipped).items():
+        yield f"{count} scenario{'s' * (count > 1)} skipped: {why}"
 
 
 def print_list(console: Console, rows: Sequence[Row]) -> None:
@@ -96,13 +106,17 @@ def print_list(console: Console, rows: Sequence[Row]) -> None:
 
 def summed_up(results: Sequence[Result], untried: Sequence[int] = ()) -> Iterator[str]:
     """Give the last lines: how many scenarios are as expected, and of how many rows all scenarios are."""
-    ways = Counter(each.tried for each in results)
+    run = [each for each in results if not each.skipped]
+    ways = Counter(each.tried for each in run)
     how = ", ".join(f"{count} {_HOW[way]}" for way, count in ways.items())
-    yield f"{sum(each.passed for each in results)} of {len(results)} scenarios as expected: {how or 'none'}"
+    skipped = f"; {len(results) - len(run)} skipped" if len(run) < len(results) else ""
+    yield f"{sum(each.passed for each in run)} of {len(run)} scenarios as expected: {how or 'none'}{skipped}"
     rows = {each.row for each in results if each.row is not None}
     if rows:
-        missed = {each.row for each in results if not each.passed}
-        yield f"{len(rows - missed)} of {len(rows) + len(untried)} rows of the catalogue as expected"
+        failed = {each.row for each in run if not each.passed}
+        in_part = {each.row for each in results if each.skipped and each.row is not None} - failed
+        skipped = f"; {len(in_part)} not wholly tried" if in_part else ""
+        yield f"{len(rows - failed - in_part)} of {len(rows) + len(untried)} rows of the catalogue as expected{skipped}"
 
 
 def _table(width: int, results: Iterable[Result]) -> Table:
@@ -122,12 +136,12 @@ def _problems(results: Iterable[Result]) -> Iterator[str]:
             yield f"{each.name}: {problem}"
 
 
-def _remarks(results: Iterable[Result]) -> Iterator[str]:
-    """Give remarks, each once, with the scenarios that it is about."""
+def _told_once(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """Give remarks, each once, with the names of what it is about."""
     about: dict[str, list[str]] = {}
-    for each in results:
-        if each.remark:
-            about.setdefault(each.remark, []).append(each.name)
+    for remark, name in remarks:
+        if remark:
+            about.setdefault(remark, []).append(name)
     for remark, names in about.items():
         yield f"{', '.join(names)}: {remark}"
 

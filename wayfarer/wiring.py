@@ -1,0 +1,115 @@
+"""What hangs on which wire: parts that cannot share one are told when the rover file is read.
+
+Each driver is made once over buses that only write down what it asks for. So the check holds for every driver, also a
+third party's, and for every ``buses``. A driver says by ``chip`` which chip it speaks to; without it the driver has a
+chip to itself. Two drivers of the same chip, such as a board's motors and its lights, may share an address.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import fields, is_dataclass
+from typing import Any, NamedTuple
+
+I2C, SPI, SERIAL = "an I2C bus", "an SPI device", "a serial port"
+
+
+class Wire(NamedTuple):
+    """A bus that a driver asked for: its kind, as a person calls it, and its device's name."""
+
+    kind: str
+    name: str
+
+
+class NotedBuses:
+    """Implements ``drivers.buses.Buses`` for drivers that are made and never opened; ``asked`` is what they want."""
+
+    def __init__(self) -> None:
+        self.asked: list[Wire] = []
+
+    def i2c(self, name: str) -> Wire:
+        """Note an I2C bus."""
+        return self._note(I2C, name)
+
+    def spi(self, name: str, *, mode: int, speed_hz: int) -> Wire:  # noqa: ARG002 - as any Buses
+        """Note a device on an SPI bus."""
+        return self._note(SPI, name)
+
+    def serial(self, name: str, *, baud: int) -> Wire:  # noqa: ARG002 - as any Buses
+        """Note a serial port."""
+        return self._note(SERIAL, name)
+
+    def camera(self, name: str, **_: Any) -> Wire:
+        """Note nothing: cameras are numbered, and their numbers are no device files."""
+        return Wire("a camera", name)
+
+    async def close(self, wait_s: float = 0.0) -> None:
+        """Nothing to release."""
+
+    def _note(self, kind: str, name: str) -> Wire:
+        self.asked.append(Wire(kind, name))
+        return self.asked[-1]
+
+
+class _Place(NamedTuple):
+    """Where a part sits; ``address`` is None where the bus has none."""
+
+    part: str
+    chip: str
+    key: str
+    wire: Wire
+    address: int | None
+
+
+def clash(parts: Iterable[tuple[str, Any, Any]]) -> str | None:
+    """Say which two parts cannot share a wire, by the key to correct; None where all can.
+
+    Args:
+        parts: name, driver class and settings of each part.
+    """
+    placed: list[_Place] = []
+    for part, driver, settings in parts:
+        for place in _places(part, driver, settings):
+            for other in placed:
+                if why := _quarrel(place, other):
+                    return why
+            placed.append(place)
+    return None
+
+
+def _places(part: str, driver: Any, settings: Any) -> list[_Place]:
+    buses = NotedBuses()
+    with suppress(Exception):  # a third party's may fail without a real bus: what it asked for until then counts
+        driver(settings, buses)
+    chip = getattr(driver, "chip", getattr(driver, "__name__", str(driver)))
+    address = getattr(settings, "address", None)
+    return [
+        _Place(part, chip, _key(part, settings, wire), wire, address if wire.kind == I2C else None)
+        for wire in buses.asked
+    ]
+
+
+def _key(part: str, settings: Any, wire: Wire) -> str:
+    """Return the key of a rover file that names a wire's device."""
+    names = [field.name for field in fields(settings)] if is_dataclass(settings) else []
+    return ".".join(["parts", part, *[name for name in names if getattr(settings, name) == wire.name][:1]])
+
+
+def _quarrel(place: _Place, other: _Place) -> str | None:
+    """Say why two places cannot be, None where they can."""
+    (kind, name), there = place.wire, f"parts.{other.part} ({other.chip})"
+    if name != other.wire.name:
+        return None
+    if kind != other.wire.kind:
+        return f"key '{place.key}' = '{name}': {kind} here and {other.wire.kind} for '{other.key}'; correct one of them"
+    if place.chip == other.chip or place.address != other.address:
+        return None
+    if kind != I2C:
+        return f"key '{place.key}' = '{name}': {there} is on it already; each chip needs {kind} of its own"
+    if place.address is None:  # a driver that has no key for it: its address is its own affair
+        return None
+    return (
+        f"key 'parts.{place.part}.address' = 0x{place.address:02X}: {there} has this address on {name} already; "
+        "correct the one that is wrong (i2cdetect shows which addresses answer), or set another on the chip"
+    )
