@@ -320,3 +320,30 @@ async def test_halt_that_comes_amid_a_drive_command_wins() -> None:
     bench.wire.receive = halted_first  # type: ignore[method-assign]
     assert await bench.motors.drive(WheelCommand(0.5, 0.5)) == STOP
     assert bench.world.commanded == STOP
+
+
+# -- the load of the wire --------------------------------------------------------------------------------------------
+
+
+async def share_of_wire(bench: Bench, baud: int, control_hz: float) -> float:
+    """Drive for ten seconds and return which share of the wire's time the bytes take, with start and stop bit."""
+    await bench.motors.open()
+    bench.sent()
+    ticks = round(10.0 * control_hz)
+    for _ in range(ticks):
+        await asyncio.sleep(1.0 / control_hz)
+        await bench.motors.drive(STOP)
+    return sum(map(len, bench.wire.seen)) * 10 / baud / 10.0
+
+
+@pytest.mark.parametrize("baud", [2400, 9600])
+@virtual
+async def test_control_rate_is_refused_from_where_it_takes_more_than_7_tenths_of_the_wire(
+    baud: Literal[2400, 9600],
+) -> None:
+    """The rest is for stops; the lowest voltage goes out with the other settings."""
+    given = SabertoothSettings(baud=baud, battery_min_v=10.0)
+    fastest_hz = max(hz for hz in range(1, 200) if given.keeps_up_with(hz) is None)
+    assert await share_of_wire(Bench(given), baud, fastest_hz) <= 0.7
+    assert await share_of_wire(Bench(given), baud, fastest_hz + 1) > 0.7
+    assert f"baud = {baud}" in str(given.keeps_up_with(fastest_hz + 1))
