@@ -347,3 +347,19 @@ async def test_control_rate_is_refused_from_where_it_takes_more_than_7_tenths_of
     assert await share_of_wire(Bench(given), baud, fastest_hz) <= 0.7
     assert await share_of_wire(Bench(given), baud, fastest_hz + 1) > 0.7
     assert f"baud = {baud}" in str(given.keeps_up_with(fastest_hz + 1))
+
+
+@pytest.mark.parametrize("timeout_s", [0.3, 0.7])
+@virtual
+async def test_the_deadman_that_is_told_is_the_time_after_which_the_board_stops_the_wheels(timeout_s: float) -> None:
+    given = SabertoothSettings(timeout_s=timeout_s)
+    bench = Bench(given)
+    await bench.motors.open()
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    time = asyncio.get_running_loop().time
+    driven_s = time()
+    while bench.world.commanded != STOP:
+        await asyncio.sleep(0.005)
+        bench.chip.tick()
+    assert time() - driven_s == pytest.approx(timeout_s, abs=0.01)
+    assert bench.motors.deadman_s == given.deadman_s == timeout_s
