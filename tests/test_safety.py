@@ -62,9 +62,10 @@ def test_wheels_never_turn_while_disarmed_held_or_faulted(
             faulted = False
         may_turn = gate_.judge(conditions)
         applied = gate_.limit(wanted, armed=armed)
-        assert may_turn is not (faulted or any(condition in STOPPING for condition in conditions))
+        holds = faulted or any(condition in STOPPING for condition in conditions)
+        assert may_turn == (not holds)
         faulted |= any(LEVELS[condition] is Level.FAULT for condition in conditions)
-        if not armed or faulted or any(condition in STOPPING for condition in conditions):
+        if not armed or holds or faulted:
             assert applied == STOP
         assert all(-1.0 <= duty <= 1.0 for duty in applied)
         faulted |= gate_.level is Level.FAULT
