@@ -205,10 +205,10 @@ def test_whatever_it_is_told_the_planner_has_its_wheels_or_the_handler_gives_dut
 ) -> None:
     failsafe, t_s = FailSafe(make("forest-pledge"), VEHICLE), 0.0
     for dt_s, heading_deg, stuck, blind in ticks:
-        t_s += dt_s
+        last_t_s, t_s = t_s, t_s + dt_s
         decision = failsafe.update(t_s, heading_deg, 30.0, stuck=stuck, blind=blind)
         assert failsafe.drives is (decision is not None)
         if decision is None:
-            assert dt_s == 0.0 or not (stuck or blind)
+            assert t_s == last_t_s or not (stuck or blind)
         else:
             assert all(abs(duty) <= 1.0 for duty in decision.wheels)
