@@ -9,12 +9,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from wayfarer.hal import PositionFix
-from wayfarer.mission import FIX_FRESH_S, FIXES_BEYOND, METRES_PER_DEG, Mission
+from wayfarer.mission import METRES_PER_DEG, Mission
 from wayfarer.safety import SafetySettings
 
 SETTINGS = SafetySettings(mission_time_s=600.0, mission_distance_m=400.0, mission_radius_m=100.0)
 STARTS_S = 1000.0
 EARTH_M = 6_371_000.0
+FIX_FRESH_S = 3.0  # field catalogue, fault 56: after that, dead reckoning counts
+FIXES_BEYOND = 5
 
 
 def mission() -> Mission:
@@ -150,6 +152,13 @@ def test_the_first_limit_of_several_is_told() -> None:
     under_test.advance(500.0, 0.0)
     assert reason(under_test) == "mission_distance"
     assert reason(under_test, inf) == "mission_time"
+
+
+def test_without_any_fix_dead_reckoning_counts_from_the_first_second_on() -> None:
+    under_test = Mission(SETTINGS, 0.0)
+    under_test.advance(150.0, 30.0)
+    for t_s in (0.0, 0.05, 2.9, 3.1):
+        assert reason(under_test, t_s) == "mission_radius"
 
 
 BAD_FIXES = [

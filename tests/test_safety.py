@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 
 from wayfarer.conditions import LEVELS, Condition, Level, worst
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety import LOW_VOLTAGE_SHARE, Gate, SafetySettings
+from wayfarer.safety import Gate, SafetySettings
 
 HZ = 20.0
 AHEAD = WheelCommand(1.0, 1.0)
+LOW_VOLTAGE_SHARE = 0.7  # field catalogue, fault 32
 BY_LEVEL = {level: [condition for condition in Condition if LEVELS[condition] is level] for level in Level}
 STOPPING = BY_LEVEL[Level.HOLD] + BY_LEVEL[Level.FAULT]
 HARMLESS = [each for each in (*BY_LEVEL[Level.NOTE], *BY_LEVEL[Level.DEGRADE]) if each is not Condition.UNDERVOLTAGE]
@@ -59,9 +60,12 @@ def test_wheels_never_turn_while_disarmed_held_or_faulted(
         if cleared:
             gate_.clear_fault()
             faulted = False
-        applied = update(gate_, wanted, conditions, armed=armed)
+        may_turn = gate_.judge(conditions)
+        applied = gate_.limit(wanted, armed=armed)
+        holds = faulted or any(condition in STOPPING for condition in conditions)
+        assert may_turn == (not holds)
         faulted |= any(LEVELS[condition] is Level.FAULT for condition in conditions)
-        if not armed or faulted or any(condition in STOPPING for condition in conditions):
+        if not armed or holds or faulted:
             assert applied == STOP
         assert all(-1.0 <= duty <= 1.0 for duty in applied)
         faulted |= gate_.level is Level.FAULT
@@ -98,11 +102,20 @@ def test_less_duty_is_given_at_once(wanted: WheelCommand) -> None:
     assert update(gate_, wanted, (), armed=True) == wanted
 
 
-def test_reversal_stops_first_and_grows_from_zero() -> None:
+@pytest.mark.parametrize(
+    ("reversed_", "given_"),
+    [((-1.0, -1.0), (-0.4, -0.4)), ((-1.0, 1.0), (-0.4, 1.0)), ((1.0, -1.0), (1.0, -0.4))],
+    ids=["both", "left", "right"],
+)
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["from ahead", "from reverse"])
+def test_side_that_reverses_stops_first_and_grows_from_zero(
+    way: float, reversed_: tuple[float, float], given_: tuple[float, float]
+) -> None:
     gate_ = gate(slew_per_s=8.0)
     for _ in range(3):
-        update(gate_, AHEAD, (), armed=True)
-    assert update(gate_, WheelCommand(-1.0, -1.0), (), armed=True) == pytest.approx((-0.4, -0.4))
+        update(gate_, WheelCommand(way, way), (), armed=True)
+    wanted = WheelCommand(way * reversed_[0], way * reversed_[1])
+    assert update(gate_, wanted, (), armed=True) == pytest.approx((way * given_[0], way * given_[1]))
 
 
 @pytest.mark.parametrize("condition", STOPPING)
@@ -110,9 +123,10 @@ def test_stop_is_immediate_and_the_start_after_it_a_ramp(condition: Condition) -
     gate_ = gate(slew_per_s=8.0)
     for _ in range(3):
         update(gate_, AHEAD, (), armed=True)
-    assert update(gate_, AHEAD, (condition,), armed=True) == STOP
-    gate_.clear_fault()
-    assert update(gate_, AHEAD, (), armed=True) == pytest.approx((0.4, 0.4))
+    for way in (1.0, -1.0):
+        assert update(gate_, AHEAD, (condition,), armed=True) == STOP
+        gate_.clear_fault()
+        assert update(gate_, WheelCommand(way, way), (), armed=True) == pytest.approx((0.4 * way, 0.4 * way))
 
 
 @pytest.mark.parametrize("condition", BY_LEVEL[Level.HOLD])
@@ -132,6 +146,7 @@ def test_fault_stays_until_it_is_cleared(condition: Condition) -> None:
         assert update(gate_, AHEAD, conditions, armed=True) == STOP
         assert (gate_.level, gate_.cause) == (Level.FAULT, condition)
     gate_.clear_fault()
+    assert (gate_.level, gate_.cause) == (Level.WELL, None), "at once, not with the next tick"
     assert update(gate_, AHEAD, (), armed=True) == AHEAD
     assert gate_.level is Level.WELL
 
@@ -150,9 +165,9 @@ def test_fault_while_disarmed_is_latched_too() -> None:
 
 
 @pytest.mark.parametrize("condition", HARMLESS)
-def test_note_and_degrade_do_not_stop(condition: Condition) -> None:
-    gate_ = at_full_duty()
-    assert update(gate_, AHEAD, (condition,), armed=True) == AHEAD
+def test_note_and_degrade_neither_stop_nor_lift_a_limit(condition: Condition) -> None:
+    gate_ = gate(duty_max=0.6, slew_per_s=1000.0)
+    assert update(gate_, AHEAD, (condition,), armed=True) == (0.6, 0.6)
     assert gate_.cause is condition
 
 
@@ -166,11 +181,13 @@ def test_wheels_that_are_no_number_stop_and_latch(bad: float, other: float) -> N
         assert (gate_.level, gate_.cause) == (Level.FAULT, Condition.DECISION_INVALID)
 
 
-@pytest.mark.parametrize("wanted", [AHEAD, WheelCommand(-1.0, 1.0), WheelCommand(0.9, -3.0)])
-def test_duty_is_limited_on_both_sides_and_both_ways(wanted: WheelCommand) -> None:
+@pytest.mark.parametrize("left", [1.0, -3.0, 0.3, -0.5, 0.0])
+@pytest.mark.parametrize("right", [0.9, -1.0, 0.3])
+def test_duty_is_limited_on_each_side_and_both_ways(left: float, right: float) -> None:
     gate_ = gate(duty_max=0.6, slew_per_s=1000.0)
     for _ in range(2):
-        assert [abs(duty) for duty in update(gate_, wanted, (), armed=True)] == [0.6, 0.6]
+        limited = [min(max(duty, -0.6), 0.6) for duty in (left, right)]
+        assert list(update(gate_, WheelCommand(left, right), (), armed=True)) == limited
 
 
 def test_low_supply_takes_duty_away_at_once_and_gives_it_back_within_the_slew() -> None:

@@ -202,6 +202,15 @@ def test_rover_file_that_is_not_there_is_told(name: str) -> None:
         stop_motors(name)
 
 
+@pytest.mark.parametrize("name", ["rover.toml", "./rover"])
+def test_rover_file_is_found_in_the_working_folder_and_without_a_suffix(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(name).write_text(BUSES + THUNDERBORG, encoding="utf-8")
+    assert "stand still" in stop_motors(name)
+
+
 def test_shipped_rover_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wayfarer.stop_board.make_buses", lambda name: bench.buses)
     port = tomllib.loads((SHIPPED / "forestrover.toml").read_text(encoding="utf-8"))["parts"]["motors"]["port"]
@@ -420,6 +429,15 @@ def test_daemon_is_asked_to_stop_and_what_it_still_sent_is_taken_back(
     assert "says that the wheels stand still" in stop(rover_file, BUSES + THUNDERBORG)
     assert asked == [{"do": "stop"}]
     assert bench.by_i2c.commanded == STILL
+
+
+def test_daemon_whose_socket_is_known_twice_is_asked_once(
+    rover_file: Path, monkeypatch: pytest.MonkeyPatch, control_socket: Path
+) -> None:
+    asked = ask_that(monkeypatch, control_socket, dict)
+    monkeypatch.setattr("wayfarer.control.paths.known_sockets", lambda: iter([control_socket] * 2))
+    stop(rover_file, BUSES + THUNDERBORG)
+    assert asked == [{"do": "stop"}]
 
 
 @pytest.mark.parametrize("error", [Refused("no"), WayfarerError("did not answer within 1 s")])

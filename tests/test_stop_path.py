@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tests.virtual import virtual
 from tests.workshop import (
     PARTS,
     Compass,
@@ -25,6 +26,7 @@ from wayfarer.hal import (
     CompassReading,
     WheelCommand,
 )
+from wayfarer.stop_path import unhindered
 from wayfarer.supervisor import Supervisor
 
 ENDS_WITHIN_S = 2.0  # after a request, a signal or a bug: what systemd and a person may rely on
@@ -152,12 +154,31 @@ def test_run_tells_at_its_end_whether_its_wheels_were_stopped(answer: Any, stopp
     assert [run.wheels_stopped for run in runs] == [stopped]
 
 
+def test_stop_that_the_board_confirms_is_in_the_log_and_not_sent_again() -> None:
+    shop = Workshop()
+    drive(shop, {0.999: lambda _: setattr(shop, "answer", STOP)})
+    assert "motors.halt" not in shop.done
+    assert shop.named("stop_not_confirmed") == []
+    assert shop.named("wheels_stopped") == [{"reason": "requested"}]
+
+
 def test_cancellation_while_a_part_hangs_while_opening() -> None:
     shop = Workshop()
     shop.silent.add("motion.open")
     with pytest.raises(asyncio.CancelledError):
         drive(shop, {0.5: lambda _: shop.run is not None and shop.run.cancel()})
     assert_wheels_stopped_first(shop)
+
+
+@virtual
+async def test_work_that_fails_in_the_moment_of_a_cancellation_shows_its_own_error() -> None:
+    async def fail() -> None:
+        stopping.cancel()
+        raise ZeroDivisionError
+
+    stopping = asyncio.create_task(unhindered(fail()))
+    with pytest.raises(ZeroDivisionError):
+        await stopping
 
 
 class ClingingCompass(Compass):

@@ -215,8 +215,13 @@ async def test_stderr_that_nobody_reads_holds_up_no_halt(monkeypatch: pytest.Mon
         assert len(wheels.halts_s) >= 4
 
 
-async def test_stacks_that_no_memory_is_left_for_hold_up_no_halt(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_wheels_are_stopped_before_stacks_are_taken_and_again_where_no_memory_is_left_for_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    halts_before: list[int] = []
+
     def refuse(_: str) -> int:
+        halts_before.append(len(wheels.halts_s))
         raise OSError(24, "Too many open files")
 
     monkeypatch.setattr(os, "memfd_create", refuse)
@@ -225,6 +230,7 @@ async def test_stacks_that_no_memory_is_left_for_hold_up_no_halt(monkeypatch: py
     guard.start()
     block(0.9)
     guard.stop()
+    assert halts_before == [1]
     assert len(wheels.halts_s) >= 2
 
 

@@ -7,7 +7,7 @@ decisions see neither.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, hypot, isfinite, radians, sin
+from math import cos, hypot, inf, isfinite, radians, sin
 
 from wayfarer.hal import PositionFix
 from wayfarer.safety import SafetySettings
@@ -37,7 +37,7 @@ class Mission:
         self.travelled_m = 0.0
         self.north_m = self.east_m = 0.0
         self._home: PositionFix | None = None
-        self._fix_t_s = -FIX_FRESH_S
+        self._fix_t_s = -inf
         self._fixes_beyond = 0
 
     def advance(self, forward_m: float, heading_deg: float) -> None:

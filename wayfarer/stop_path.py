@@ -74,8 +74,6 @@ async def unhindered(work: Coroutine[Any, Any, None]) -> None:
         try:
             await asyncio.shield(task)
         except asyncio.CancelledError as error:
-            if task.cancelled():
-                raise
             cancelled = error
     task.result()
     if cancelled is not None:

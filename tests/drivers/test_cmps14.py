@@ -219,6 +219,7 @@ def test_old_firmware_gives_pitch_in_whole_degrees() -> None:
         (0x1A, (0xFF, 0x75), "pitch"),  # 1.9 degrees from -12
         (0x1C, (0x07, 0x09), "roll"),  # 180.1
         (0x1C, (0x00, 0x38), "roll"),  # 1.6 degrees from 4
+        (0x1C, (0x03, 0x7A), "roll"),  # 89.0, as far as the 8 bits reach
         (0x05, (0x7F,), "roll"),
     ],
 )

@@ -250,31 +250,6 @@ async def test_at_2400_baud_the_timeout_goes_out_once_a_second_only() -> None:
     assert bench.chip.settings == {14: 3}
 
 
-@pytest.mark.parametrize(
-    ("baud", "most_hz"),
-    [(2400, 20.0), (9600, 55.3), (19200, 111.3), (38400, 223.3)],
-)
-def test_wire_carries_commands_at_seven_tenths_of_its_rate(baud: int, most_hz: float) -> None:
-    """10 bits a byte; 8 bytes a command, from 9600 baud on 4 of the timeout behind it; 8 of settings a second."""
-    settings = TypeAdapter(SabertoothSettings).validate_python({"baud": baud})
-    assert settings.keeps_up_with(most_hz) is None
-    refused = settings.keeps_up_with(most_hz + 0.1)
-    assert refused is not None
-    assert f"baud = {baud}" in refused
-
-
-@virtual
-async def test_settings_go_out_once_a_second_and_again_at_once_when_opened_anew() -> None:
-    bench = Bench()
-    await bench.motors.open()
-    for _ in range(100):
-        await asyncio.sleep(0.05)
-        await bench.motors.drive(STOP)
-    assert 5 <= sum(TIMEOUT in write for write in bench.sent()) <= 6
-    await bench.motors.open()
-    assert bench.sent() == [f"{STAND} {TIMEOUT}"]
-
-
 @pytest.mark.parametrize(("timeout_s", "units"), [(0.1, 1), (0.3, 3), (0.7, 7), (12.7, 127)])
 @virtual
 async def test_the_timeout_is_told_in_tenths_of_a_second(timeout_s: float, units: int) -> None:
@@ -359,3 +334,46 @@ async def test_halt_that_comes_amid_a_drive_command_wins() -> None:
     bench.wire.receive = halted_first  # type: ignore[method-assign]
     assert await bench.motors.drive(WheelCommand(0.5, 0.5)) == STOP
     assert bench.world.commanded == STOP
+
+
+# -- the load of the wire --------------------------------------------------------------------------------------------
+
+
+async def share_of_wire(bench: Bench, baud: int, control_hz: float) -> float:
+    """Drive for ten seconds and return which share of the wire's time the bytes take, with start and stop bit."""
+    await bench.motors.open()
+    bench.sent()
+    ticks = round(10.0 * control_hz)
+    for _ in range(ticks):
+        await asyncio.sleep(1.0 / control_hz)
+        await bench.motors.drive(WheelCommand(0.5, 0.5))
+    return sum(map(len, bench.wire.seen)) * 10 / baud / 10.0
+
+
+@pytest.mark.parametrize("baud", [2400, 9600])
+@virtual
+async def test_control_rate_is_refused_from_where_it_takes_more_than_7_tenths_of_the_wire(
+    baud: Literal[2400, 9600],
+) -> None:
+    """The rest is for stops; the lowest voltage goes out with the other settings."""
+    given = SabertoothSettings(baud=baud, battery_min_v=10.0)
+    fastest_hz = max(hz for hz in range(1, 200) if given.keeps_up_with(hz) is None)
+    assert await share_of_wire(Bench(given), baud, fastest_hz) <= 0.7
+    assert await share_of_wire(Bench(given), baud, fastest_hz + 1) > 0.7
+    assert f"baud = {baud}" in str(given.keeps_up_with(fastest_hz + 1))
+
+
+@pytest.mark.parametrize("timeout_s", [0.3, 0.7])
+@virtual
+async def test_the_deadman_that_is_told_is_the_time_after_which_the_board_stops_the_wheels(timeout_s: float) -> None:
+    given = SabertoothSettings(timeout_s=timeout_s)
+    bench = Bench(given)
+    await bench.motors.open()
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    time = asyncio.get_running_loop().time
+    driven_s = time()
+    while bench.world.commanded != STOP:
+        await asyncio.sleep(0.005)
+        bench.chip.tick()
+    assert time() - driven_s == pytest.approx(timeout_s, abs=0.01)
+    assert bench.motors.deadman_s == given.deadman_s == timeout_s

@@ -201,6 +201,19 @@ async def test_silence_stops_the_wheels_and_reads_back_as_zero() -> None:
 
 
 @virtual
+async def test_the_deadman_that_is_told_is_the_time_after_which_the_board_stops_the_wheels() -> None:
+    bench = Bench()
+    await bench.motors.open()
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    driven_s = now_s()
+    while bench.world.commanded != STOP:
+        await asyncio.sleep(0.005)
+        bench.chip.tick()
+    assert now_s() - driven_s == pytest.approx(0.25, abs=0.01)
+    assert bench.motors.deadman_s == ThunderBorgSettings().deadman_s == 0.25
+
+
+@virtual
 async def test_a_failsafe_that_arms_at_the_fifth_try_is_armed() -> None:
     bench = Bench()
     bench.cable.failsafes_lost = 4

@@ -204,6 +204,15 @@ async def test_stop_posted_while_calls_are_refused_is_done_when_the_bus_is_back(
     assert bus.done == ["hung", "stop"]
 
 
+async def test_stops_that_pile_up_while_a_bus_hangs_do_not_hold_up_what_comes_after(bus: Bus) -> None:
+    bus.worker.post(bus.hang)
+    await bus.is_hanging()
+    for number in range(100):
+        bus.worker.post(bus.job(str(number)))
+    await bus.is_back()
+    assert bus.done == ["hung", *map(str, range(92, 100))], "the last eight"
+
+
 async def test_stop_may_be_posted_from_any_thread_and_its_error_is_dropped(bus: Bus) -> None:
     def post() -> None:
         bus.worker.post(lambda: 1 // 0)
@@ -229,8 +238,8 @@ async def test_close_does_not_wait_for_a_job_that_hangs(bus: Bus) -> None:
         await bus.worker.close(bus.job("release"))
     assert bus.done == []
     bus.freed.set()
-    await bus.worker.close()
-    assert bus.done == ["hung", "stop", "release"], "the stop goes out even then"
+    await bus.worker.close(bus.job("release"))
+    assert bus.done == ["hung", "stop", "release"], "the stop goes out even then, and each once"
 
 
 async def test_close_waits_as_long_as_it_is_told_for_a_posted_stop(bus: Bus) -> None:

@@ -17,13 +17,14 @@ from wayfarer.hal import STOP
 class Ride:
     """Asks a fail-safe once a tick; the body turns as the handler tells it, and goes straight on under the planner."""
 
-    def __init__(self, algorithm: str = "forest-pledge") -> None:
-        self.failsafe = FailSafe(make(algorithm), VEHICLE)
+    def __init__(self, algorithm: str = "forest-pledge", free_run_m: float = 1.0) -> None:
+        self.failsafe = FailSafe(make(algorithm), VEHICLE, free_run_m=free_run_m)
         self.t_s = self.heading_deg = 0.0
+        self.turns = True
         self.decision: Decision | None = None
 
     def tick(self, *, stuck: bool = False, blind: bool = False) -> Decision | None:
-        if self.decision is not None:
+        if self.decision is not None and self.turns:
             left, right = self.decision.wheels
             self.heading_deg += (left - right) * VEHICLE.max_speed_m_s / VEHICLE.track_m * TICK_S * 57.29578
         self.t_s += TICK_S
@@ -45,13 +46,17 @@ class Ride:
             assert self.tick() is None
 
 
+def driven_m(decision: Decision) -> float:
+    return sum(decision.wheels) / 2 * VEHICLE.max_speed_m_s * TICK_S
+
+
 def free_run_m(decisions: list[Decision]) -> float:
     """How far the handler followed the goal in the end."""
     metres = 0.0
     for decision in reversed(decisions):
         if decision.phase is not Phase.FOLLOW:
             return metres
-        metres += sum(decision.wheels) / 2 * VEHICLE.max_speed_m_s * TICK_S
+        metres += driven_m(decision)
     return metres
 
 
@@ -111,6 +116,25 @@ def test_rover_that_is_free_is_kept_while_the_planner_is_blind() -> None:
     for _ in range(400):
         assert ride.tick(blind=True) is not None
     assert ride.tick() is None
+
+
+def test_turns_that_were_blocked_at_one_place_change_nothing_at_the_next() -> None:
+    """At one place the third blocked turn goes to the other side, after a shorter back-off."""
+    ride = Ride(free_run_m=0.5)
+    ride.turns = False
+    for _ in range(2):
+        ride.tick(stuck=True)
+        while ride.decision is not None and ride.decision.phase is not Phase.FOLLOW:
+            ride.tick()
+    ride.until_given_back()
+    ride.turns = True
+    ride.planner_drives(20.0)
+    ride.tick(stuck=True)
+    decisions = ride.until_given_back()
+    backed_off_m = sum(driven_m(each) for each in decisions if each.phase is Phase.BACK_OFF)
+    (first_turn, *_) = (each.wheels for each in decisions if each.phase is Phase.TURN_AWAY)
+    assert backed_off_m == pytest.approx(-0.15, abs=0.05)
+    assert first_turn.left > 0.0 > first_turn.right
 
 
 def test_planner_that_relapses_waits_twice_as_long_each_time_up_to_a_limit() -> None:
@@ -181,10 +205,10 @@ def test_whatever_it_is_told_the_planner_has_its_wheels_or_the_handler_gives_dut
 ) -> None:
     failsafe, t_s = FailSafe(make("forest-pledge"), VEHICLE), 0.0
     for dt_s, heading_deg, stuck, blind in ticks:
-        t_s += dt_s
+        last_t_s, t_s = t_s, t_s + dt_s
         decision = failsafe.update(t_s, heading_deg, 30.0, stuck=stuck, blind=blind)
         assert failsafe.drives is (decision is not None)
         if decision is None:
-            assert dt_s == 0.0 or not (stuck or blind)
+            assert t_s == last_t_s or not (stuck or blind)
         else:
             assert all(abs(duty) <= 1.0 for duty in decision.wheels)

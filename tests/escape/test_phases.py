@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from itertools import cycle, groupby, product, repeat
 from math import isfinite, radians
 
@@ -187,6 +188,18 @@ def test_forest_pledge_unwinds_too_when_the_goal_lies_elsewhere() -> None:
     walk.tick(*STUCK)
     assert walk.go_on(lambda decision: decision.phase is Phase.PROBE)
     assert walk.go_on(lambda decision: decision.phase is Phase.FOLLOW).why == "probe.unwound"
+
+
+@pytest.mark.parametrize("radius_m", [0.6, 1.15, 2.5])
+def test_probe_curves_back_in_an_arc_of_the_radius_that_is_set(radius_m: float) -> None:
+    walk = Walk("pledge", settings=replace(SETTINGS, probe_radius_m=radius_m))
+    walk.to(Phase.PROBE)
+    walk.go_on(lambda decision: decision.wheels.left < decision.wheels.right)  # the straight is over
+    from_deg, from_m = walk.counter_deg, walk.seen.travelled_m
+    for _ in range(5):
+        walk.tick()
+    arc_m = walk.seen.travelled_m - from_m
+    assert radians(from_deg - walk.counter_deg) == pytest.approx(arc_m / radius_m, rel=1e-3)
 
 
 def longest_s(phase: Phase) -> float:

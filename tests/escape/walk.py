@@ -38,15 +38,18 @@ def touch(*sides: Side, bearing_deg: float | None = None) -> ContactReading:
     return ContactReading(0.0, sides, bearing_deg)
 
 
-def make(name: str, seed: int = 1) -> EscapeHandler:
-    return BUILT_IN[name].make(SETTINGS, VEHICLE, Random(seed))
+def make(name: str, seed: int = 1, settings: EscapeSettings = SETTINGS) -> EscapeHandler:
+    return BUILT_IN[name].make(settings, VEHICLE, Random(seed))
 
 
 class Walk:
     """Feeds a handler; heading and distance follow its wheels unless ``turns`` or ``travels`` says otherwise."""
 
-    def __init__(self, name: str, *, seed: int = 1, goal_heading_deg: float = 0.0, heading_deg: float = 0.0) -> None:
-        self.handler = make(name, seed)
+    def __init__(
+        self, name: str, *, seed: int = 1, goal_heading_deg: float = 0.0, heading_deg: float = 0.0,
+        settings: EscapeSettings = SETTINGS,
+    ) -> None:  # fmt: skip
+        self.handler = make(name, seed, settings)
         self.seen = observation(goal_heading_deg=goal_heading_deg, heading_deg=heading_deg)
         self.turns = True
         self.travels = True

@@ -44,6 +44,22 @@ def test_lines_are_written_by_the_batch(tmp_path: Path, monkeypatch: pytest.Monk
     assert len(calls) == 1 + -(-sum(calls[1:]) // 65_536), "the header, and then full batches"
 
 
+def test_batch_is_written_as_soon_as_it_is_full_and_not_a_byte_sooner(tmp_path: Path) -> None:
+    log = Log(tmp_path)
+    for _ in range(2):  # the next batch begins at nothing
+        before = written(log)
+        log.files.bulk(b"x" * 65_534)  # and its end of line: a byte is missing
+        assert written(log) == before
+        log.files.bulk(b"{}")
+        assert written(log) == before + 65_538
+        log.files.bulk(b"x" * 65_535)
+        assert written(log) == before + 65_538 + 65_536
+
+
+def written(log: Log) -> int:
+    return (log.folder / "run.jsonl").stat().st_size
+
+
 def test_what_was_handed_over_before_a_sync_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = Log(tmp_path)
     synced: list[int] = []
