@@ -9,6 +9,7 @@
     │   └── UnknownName           no such algorithm, driver or rover: offers the nearest names
     ├── DriverError               a part did not do what was asked
     │   ├── NotResponding         no answer from the part
+    │   ├── PowerLost             the part lost its power for a moment, and has forgotten what it was told
     │   ├── WrongPart             something answered, but it is another part
     │   └── BadReading            an answer that cannot be true (range, NaN, checksum)
     ├── NotArmed                  the rover was asked to arm and was not; nothing has changed
