@@ -1,7 +1,7 @@
-"""Values out of records that may be damaged: what is not of its kind is missing, never an error. Pure.
+"""Values out of records: what is not there is missing, never an error. Pure.
 
-A line whose bytes changed on the card may still be JSON. So nobody here trusts a key to be there, a number to be one,
-or a name to be fit for a terminal.
+The reader leaves out a record with a value that cannot be. A key may still not be there, a failing part or a third
+party's algorithm may have said anything, and a name need not be fit for a terminal.
 """
 
 from __future__ import annotations
