@@ -66,8 +66,8 @@ def test_sample_run_is_whole_and_tells_of_everything_that_was_asked() -> None:
     ("records", "said"),
     [
         (WHOLE[:-1], "no outcome"),
-        (WHOLE[1:], "nothing says what ran"),
-        ([*WHOLE[1:5], HEADER | {"part": 2}, *WHOLE[5:]], "only a later part says what ran"),
+        (WHOLE[1:], "does not begin with its header"),
+        ([*WHOLE[1:5], HEADER | {"part": 2}, *WHOLE[5:]], "does not begin with its header"),
         ([*WHOLE[:5], *WHOLE[9:]], "4 records are missing"),
     ],
 )

@@ -34,8 +34,9 @@ class Damage:
     Lines: ``torn`` has no end, ``nul`` holds NUL bytes where the disk had nothing yet, ``oversized`` has more than
     ``LINE_BYTES``, ``garbled`` is no JSON object with a known ``record``, ``wrong`` holds a value that cannot be, and
     ``disordered`` breaks the order of numbers and times, as a line that is there twice does. ``unreadable`` parts could
-    not be read to their end. ``missing`` counts the records that are not there, by their numbers: those in skipped
-    lines, those that the disk could not take, and those in parts that were deleted.
+    not be read to their end. ``headless`` is 1 where the first record does not say what ran. ``missing`` counts the
+    records that are not there, by their numbers: those in skipped lines, those that the disk could not take, and those
+    in parts that were deleted.
     """
 
     torn: int = 0
@@ -45,6 +46,7 @@ class Damage:
     wrong: int = 0
     disordered: int = 0
     unreadable: int = 0
+    headless: int = 0
     missing: int = 0
 
     @property
@@ -65,6 +67,7 @@ SAID = {
     "wrong": ("1 record holds a value that cannot be", "records hold values that cannot be"),
     "disordered": ("1 record is out of order", "records are out of order"),
     "unreadable": ("1 part of the log cannot be read", "parts of the log cannot be read"),
+    "headless": ("the log does not begin with its header", ""),
     "missing": ("1 record is missing", "records are missing"),
 }
 
@@ -90,6 +93,15 @@ class RunReader:
         self._knows_schema = False
 
     def __iter__(self) -> Iterator[Record]:
+        records = self._ordered()
+        first = next(records, None)
+        if first is not None:
+            self.damage.headless = int(first["record"] != "run")
+            yield first
+            yield from records
+
+    def _ordered(self) -> Iterator[Record]:
+        """Give the records that are in order."""
         order = Order()
         for whole in self._whole():
             for record in order.take(whole):

@@ -40,7 +40,7 @@ KEYS: Mapping[str, Mapping[str, Values]] = {
     "run": {
         "schema": COUNT, "part": COUNT, "version": TEXT, "rover": TEXT, "algorithm": TEXT, "config": TABLE,
         "config_hash": TEXT, "parts": TABLE, "simulated": FLAG, "dry_run": FLAG, "log": TEXT, "start_delay_s": LASTING,
-        "boot_id": TEXT, "trial": COUNT, "forest": COUNT, "noise": COUNT,
+        "time_scale": Values(NUMBER, 1e-3, 1e6), "boot_id": TEXT, "trial": COUNT, "forest": COUNT, "noise": COUNT,
         "slip_mean_m": METRES, "budget_m": METRES,
     },
     "tick": {

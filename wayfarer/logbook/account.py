@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
 
 from wayfarer.fieldlog.reader import Record
-from wayfarer.logbook.fields import began_wall_s, name, names, number, reckoning, sound_tick, table, whole
+from wayfarer.logbook.fields import began_wall_s, flag, name, names, number, reckoning, sound_tick, table, whole
 from wayfarer.logbook.periods import Periods
 from wayfarer.logbook.summary import LowBattery, Mark, Summary
 from wayfarer.logbook.whereabouts import Search
@@ -77,9 +77,9 @@ class Account:
             version=name(header, "version"),
             seed=whole(header, "seed"),
             trial=whole(header, "trial"),
-            simulated=header.get("simulated") is True,
-            dry_run=header.get("dry_run") is True,
-            began_wall_s=began_wall_s(self._first, self._last),
+            simulated=flag(header, "simulated"),
+            dry_run=flag(header, "dry_run"),
+            began_wall_s=began_wall_s(header, self._first, self._last),
             lasted_s=self._ends_s,
             armed_s=self._armed_s,
             held_s=dict(self._held_s),
