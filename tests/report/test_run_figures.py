@@ -173,7 +173,7 @@ def test_nothing_is_drawn_across_a_stall_and_its_length_is_written_in_plain_numb
     stalled = [tick(at / 20.0) for at in range(41)] + [tick(6.0 + at / 20.0) for at in range(41)]
     figure, _ = timeline_figure(data_of(tmp_path, *sorted([*stalled, *boards], key=lambda record: record["t_s"])))
     for axes in figure.axes:
-        for line in (line for line in axes.lines if line.get_linestyle() != "None" and line.get_label()[0] != "_"):
+        for line in (line for line in axes.lines if line.get_linestyle() != "None"):
             x_s, y = (np.asarray(values, dtype=float) for values in line.get_data())
             if x_s.size > 2:  # not a limit, which holds all the time
                 ends_s = np.flatnonzero(~np.isnan(y[:-1] + y[1:]))
