@@ -74,6 +74,7 @@ def test_demo_drives_only_the_simulated_rover_and_disturbs_no_daemon(served: Sim
         assert cli.run(["demo", "--live-port", "0"]) == 0
     service = served.service
     assert (service.simulated, service.config.name, service.dry_run) == (True, "sim", False)
+    assert service.time_scale == demo.SPEED, "as the log says, so that it is known when the run began"
     assert service.socket != daemon_socket()
     assert not service.socket.parent.exists(), "only the log stays"
     assert cli.run(["demo", "--config", "minirover"]) == 2

@@ -108,6 +108,44 @@ def logs_file(folder: Path) -> Path:
     return folder / "logs" / FIRST / "run.jsonl"
 
 
+def test_export_takes_the_format_from_the_name_of_the_file(run: Run, tmp_path: Path) -> None:
+    pytest.importorskip("foxglove")
+    for name, begins in (("a.mcap", b"\x89MCAP"), ("b.TSV", b"0"), ("c.csv", b"t_s,"), ("d", b"t_s,")):
+        assert run("export", 1, "--out", tmp_path / name)[0] == 0
+        content = (tmp_path / name).read_bytes()
+        assert content.startswith(begins) or (name == "b.TSV" and b"\t" in content)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--format", "csv", "--out", "x.mcap"), "--out x.mcap ends in .mcap, --format is csv"),
+        (("--format", "mcap", "--out", "x.csv"), "--out x.csv ends in .csv, --format is mcap"),
+        (("--out", "x.gpx"), "a run is written as csv, tsv, mcap"),
+    ],
+)
+def test_export_refuses_a_name_that_says_another_format(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run("export", 1, *options)
+    assert (code, out, len(err.splitlines())) == (2, "", 1)
+    assert said in err
+    assert not Path(options[-1]).exists()
+
+
+def test_summary_of_a_log_without_its_header_claims_nothing(run: Run, tmp_path: Path) -> None:
+    headless = write(tmp_path / "logs" / "00003-20261121T081405Z", numbered([*drive(0.0, 1.0), outcome(1.0)]))
+    said = run("summary", 3)[1]
+    assert "nothing says what ran, nor whether it was simulated" in said
+    assert said.splitlines()[-1] == "log        the log does not begin with its header"
+    found = json.loads(run("summary", headless, "--json")[1])
+    assert (found["simulated"], found["dry_run"], found["damage"]["headless"]) == (None, None, 1)
+    code, verdict, _ = run("check", 3)
+    assert code == 3
+    assert "does not begin with its header" in verdict
+
+
 def test_export_goes_to_a_pipe(run: Run) -> None:
     assert run("export", 1, "--out", "-")[1].startswith("t_s,t_wall,n,event,phase")
     assert run("export", 1, "--out", "-", "--format", "mcap")[0] == 2

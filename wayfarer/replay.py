@@ -20,8 +20,9 @@ from pydantic import ValidationError
 from wayfarer.config import RoverConfig
 from wayfarer.config_errors import explain, most_telling
 from wayfarer.errors import BadInput, DriverError
-from wayfarer.fieldlog.log import SCHEMA, tick_fields
+from wayfarer.fieldlog.log import tick_fields
 from wayfarer.fieldlog.reader import Record, RunReader
+from wayfarer.fieldlog.schema import SCHEMA
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, Side, WheelCommand
 from wayfarer.helm import Helm, Mode
 from wayfarer.latest import Cells

@@ -72,7 +72,7 @@ def test_only_the_end_of_a_long_log_is_read(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_part_that_has_just_begun_leaves_the_one_before_to_tell(tmp_path: Path) -> None:
-    write(tmp_path / RUN, numbered([HEADER, event("armed", 1.0), tick(2.0)]), "run.00001.jsonl")
+    write(tmp_path / RUN, numbered([HEADER | {"t_s": 99.0}, event("armed", 1.0), tick(2.0)]), "run.00001.jsonl")
     assert left(tmp_path) == Unfinished(RUN, 100.0, BEGAN_WALL_S, "armed")
 
 

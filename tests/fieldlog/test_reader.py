@@ -86,7 +86,6 @@ def test_no_bytes_at_all_can_make_the_reader_fail(chunks: list[bytes]) -> None:
         b'{"record": "tock", "t_s": 1.0}',
         b'{"record": "tick"}',
         b'{"record": "tick", "t_s": null}',
-        b'{"record": "tick", "t_s": true}',
         b'{"record": "tick", "t_s": NaN}',
         b'{"record": ["tick"], "t_s": 1.0}',
         b"[1, 2]",
@@ -144,8 +143,8 @@ def test_missing_records_are_counted_across_parts() -> None:
 
     assert read_bytes(part(1, 1, 2, 4), part(2, 5), part(4, 9, 10))[1] == Damage(missing=4)
     assert read_bytes(part(3, 11, 12))[1] == Damage(missing=10), "the parts before it are not there"
-    assert read_bytes(part(1, 1, 3, 2, 4))[1] == Damage(), "out of order is not missing"
-    assert read_bytes(part(1, 1, 5, 2))[1] == Damage(missing=2)
+    assert read_bytes(part(1, 1, 3, 2, 4))[1] == Damage(disordered=1, missing=1)
+    assert read_bytes(part(1, 1, 5, 2))[1] == Damage(disordered=1), "nothing tells that 5 was right"
 
 
 def test_part_that_cannot_be_read_costs_only_itself(tmp_path: Path) -> None:
@@ -199,4 +198,4 @@ def test_damage_says_what_it_is() -> None:
 def test_number_that_is_garbled_is_not_believed() -> None:
     lines = LOG.replace(b'"n":3', b'"n":98765432')
     _, damage = read_bytes(lines)
-    assert damage.missing == 1
+    assert damage == Damage(disordered=1, missing=1)

@@ -19,8 +19,9 @@ from tests.logbook.outing import outing
 from wayfarer.config import load_rover
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.folders import run_folders
-from wayfarer.fieldlog.log import SCHEMA, FieldLog
-from wayfarer.fieldlog.reader import KINDS, Record, RunReader
+from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.reader import Record, RunReader
+from wayfarer.fieldlog.schema import KEYS, KINDS, READINGS, SCHEMA
 from wayfarer.hal import PositionFix
 from wayfarer.logbook import account, wording
 from wayfarer.simhal.faults import Fault, Slope
@@ -124,6 +125,26 @@ def test_keys_that_runs_write_are_those_of_the_table(runs: dict[str, list[Record
     names = ("daemon", "trial", "receiver", "harmed")
     real = [record for name in names for record in runs[name] if record["record"] == kind]
     assert {key for record in real for key in record} - documented("Every record") == documented(kind)
+
+
+# Free: numbers of any size that say what ran, and what a third party's parts and algorithm say of themselves.
+UNJUDGED = {
+    "run": {"seed", "algorithm_seed", "calibration", "world"},
+    "tick": {"counter_deg", "side", "turn_deg", "episodes", "blocked_turns"},
+    "event": {"parts"},
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_reader_judges_every_key_of_the_table(kind: str) -> None:
+    keys = set().union(*documented_events().values(), {"name"}) if kind == "event" else documented(kind)
+    assert set(KEYS[kind]) == keys - UNJUDGED.get(kind, set())
+
+
+def test_reader_judges_every_number_of_a_reading(runs: dict[str, list[Record]]) -> None:
+    ticks = [record for records in runs.values() for record in records if record["record"] == "tick"]
+    for name, keys in READINGS.items():
+        assert {key for tick in ticks if tick[name] for key in tick[name]} <= set(keys)
 
 
 def test_every_record_has_the_keys_that_every_record_has(runs: dict[str, list[Record]]) -> None:

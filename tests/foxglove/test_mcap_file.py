@@ -171,6 +171,15 @@ def test_clock_that_was_set_does_not_tear_the_file_apart(tmp_path: Path) -> None
     assert [message.time_ns for message in found.messages["/pose"]] == [1_007_200_050_000_000, 1_007_201_000_000_000]
 
 
+def test_run_with_a_faster_clock_begins_when_its_first_record_says(tmp_path: Path) -> None:
+    """Six seconds of a demo in one of the clock."""
+    faster = {**HEADER, "t_wall": 1_000_000.0, "time_scale": 6.0}
+    found = round_trip(
+        tmp_path, faster, {**tick(100.5), "t_wall": 1_000_000.083}, {**tick(106.0), "t_wall": 1_000_001.0}
+    )
+    assert [message.time_ns for message in found.messages["/pose"]] == [1_000_000_500_000_000, 1_000_006_000_000_000]
+
+
 def test_log_panel_tells_events_by_their_severity(tmp_path: Path) -> None:
     found = round_trip(
         tmp_path,

@@ -16,13 +16,16 @@ from hypothesis import strategies as st
 from tests.logbook.records import HEADER, SAMPLE_LOGS, drive, event, numbered, outcome, record, tick, write
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run
-from wayfarer.fieldlog.reader import KINDS, RunReader
+from wayfarer.fieldlog.reader import Damage, Record, RunReader
+from wayfarer.fieldlog.schema import KINDS
 from wayfarer.logbook.account import summarise
 from wayfarer.logbook.export import write_table
 from wayfarer.logbook.listing import lines, rows
 from wayfarer.logbook.story import Story
 from wayfarer.logbook.summary_text import summary_text
+from wayfarer.logbook.tail import RunTail
 from wayfarer.logbook.verdict import Worth, judge, readable
+from wayfarer.report.run_reading import read_run
 
 RUN = "00017-20261121T061405Z"
 WHOLE = numbered([HEADER, event("armed", 0.0), *drive(0.0, 1.0), outcome(1.0)])
@@ -63,8 +66,8 @@ def test_sample_run_is_whole_and_tells_of_everything_that_was_asked() -> None:
     ("records", "said"),
     [
         (WHOLE[:-1], "no outcome"),
-        (WHOLE[1:], "nothing says what ran"),
-        ([*WHOLE[1:5], HEADER | {"part": 2}, *WHOLE[5:]], "only a later part says what ran"),
+        (WHOLE[1:], "does not begin with its header"),
+        ([*WHOLE[1:5], HEADER | {"part": 2}, *WHOLE[5:]], "does not begin with its header"),
         ([*WHOLE[:5], *WHOLE[9:]], "4 records are missing"),
     ],
 )
@@ -78,6 +81,85 @@ def test_log_that_ends_in_the_middle_of_a_line_says_what_was_skipped(tmp_path: P
     file = write(tmp_path, WHOLE) / "run.jsonl"
     file.write_bytes(file.read_bytes()[:-9])
     assert "1 line is torn" in str(judge(tmp_path))
+
+
+LONG = numbered([HEADER, event("armed", 0.0), *drive(0.0, 20.0), *drive(20.0, 40.0, heading_deg=90.0), outcome(40.0)])
+MIDDLE = 400  # ticks on both sides of it
+
+
+def changed(record: Record, **values: Any) -> list[Record]:
+    """A log in whose middle one record has other values."""
+    return [*LONG[:MIDDLE], record | values, *LONG[MIDDLE + 1 :]]
+
+
+@pytest.mark.parametrize(
+    ("records", "damage"),
+    [
+        ([*LONG[: MIDDLE + 1], *LONG[MIDDLE:]], Damage(disordered=1)),
+        ([*LONG[: MIDDLE + 1], *LONG[100:200], *LONG[MIDDLE + 1 :]], Damage(disordered=100)),
+        ([*LONG, *LONG], Damage(disordered=len(LONG))),
+        ([LONG[0], *LONG], Damage(disordered=1)),
+        (
+            [*LONG[:MIDDLE], LONG[MIDDLE + 1], LONG[MIDDLE], *LONG[MIDDLE + 2 :]],
+            Damage(disordered=1, missing=1),
+        ),
+        (changed(LONG[MIDDLE], t_s=LONG[MIDDLE]["t_s"] + 1e9), Damage(wrong=1, missing=1)),
+        (changed(LONG[MIDDLE], t_s=LONG[MIDDLE]["t_s"] + 1e6), Damage(disordered=1, missing=1)),
+        (changed(LONG[MIDDLE], t_s=LONG[MIDDLE]["t_s"] - 30.0), Damage(disordered=1, missing=1)),
+        (changed(LONG[MIDDLE], n=9_000_000), Damage(disordered=1, missing=1)),
+        (changed(LONG[MIDDLE], heading_deg=1e308), Damage(wrong=1, missing=1)),
+        (changed(LONG[MIDDLE], travelled_m="far"), Damage(wrong=1, missing=1)),
+        (changed(LONG[MIDDLE], applied_left=True), Damage(wrong=1, missing=1)),
+        (changed(LONG[MIDDLE], motion={"t_s": 1.0, "forward_m": "2", "quality": 1.0}), Damage(wrong=1, missing=1)),
+        ([*LONG[:MIDDLE], HEADER | {"part": 2, "schema": 99}, *LONG[MIDDLE:]], Damage(wrong=1)),
+    ],
+)
+def test_what_cannot_be_is_dropped_and_counted_once_for_every_tool(
+    tmp_path: Path, records: list[Record], damage: Damage
+) -> None:
+    run, whole = write(tmp_path / RUN, records), write(tmp_path / "whole", LONG)
+    verdict = judge(run)
+    assert (verdict.worth.exit_code, verdict.records) == (3, len(records) - damage.lines)
+    assert str(damage) in str(verdict)
+
+    reader = RunReader(run)
+    found, expected = summarise(reader), summarise(RunReader(whole))
+    assert reader.damage == damage
+    assert str(damage) in summary_text("17", found, reader.damage)
+    assert found.lasted_s == expected.lasted_s
+    assert found.late_ticks == 0
+    assert found.where.by_reckoning is not None
+    assert expected.where.by_reckoning is not None
+    assert found.where.by_reckoning.distance_m == pytest.approx(expected.where.by_reckoning.distance_m, abs=0.1)
+    assert found.where.by_reckoning.bearing_deg == pytest.approx(expected.where.by_reckoning.bearing_deg, abs=0.5)
+
+    assert read_run(run).damage == damage
+    table = io.StringIO()
+    write_table(run, "csv", table)
+    ticks = [each for each in RunReader(run) if each["record"] == "tick"]
+    assert len(table.getvalue().splitlines()) == 1 + len(ticks) + 1  # titles, and what came after the last tick
+
+
+def test_log_of_a_newer_wayfarer_is_refused_in_one_line(tmp_path: Path) -> None:
+    run = write(tmp_path / RUN, [HEADER | {"schema": 99}, *WHOLE[1:]])
+    with pytest.raises(BadInput, match=r"run\.jsonl: this log has schema 99, wayfarer .* knows up to 2: update"):
+        list(RunReader(run))
+    tail = RunTail(run)
+    with pytest.raises(BadInput, match="schema 99"):
+        list(tail.take())
+    tail.close()
+    verdict = judge(run)
+    assert verdict.worth.exit_code == 1
+    assert "schema 99" in str(verdict)
+    assert [row.outcome for row in rows(tmp_path, 0.0)] == ["unreadable"]
+
+
+def test_following_leaves_out_what_is_out_of_order(tmp_path: Path) -> None:
+    tail = RunTail(write(tmp_path, [*WHOLE[:9], *WHOLE[5:9]]))
+    assert list(tail.take()) == WHOLE[:9]
+    write(tmp_path, WHOLE[9:])
+    assert list(tail.take()) == WHOLE[9:]
+    tail.close()
 
 
 @pytest.mark.parametrize("content", [b"", b"\0" * 5000, b"what?\n"])

@@ -73,9 +73,17 @@ def test_folders_without_a_number_are_listed_by_their_names(tmp_path: Path) -> N
     assert sorted(each.run for each in rows(tmp_path, LONG_AGO_S)) == ["17", "forest-pledge-00017", "oo-pledge-00001"]
 
 
+def test_demo_began_when_its_first_record_says(tmp_path: Path) -> None:
+    """Its clock goes six times as fast: 180 s of the run were half a minute."""
+    ended = outcome(180.0) | {"t_wall": BEGAN_WALL_S + 30.0}
+    write(tmp_path / RUN, [HEADER | {"time_scale": 6.0, "simulated": True}, ended])
+    began = time.strftime("%Y-%m-%d %H:%M", time.localtime(BEGAN_WALL_S))
+    assert (row(tmp_path).began, row(tmp_path).lasted) == (began, "0:03:00")
+
+
 def test_times_that_cannot_be_are_left_out(tmp_path: Path) -> None:
     write(tmp_path / RUN, [HEADER, tick(1.0), tick(1.7e308)])
-    assert row(tmp_path).lasted == ""
+    assert row(tmp_path).lasted == "0:00:01"
 
 
 def test_narrow_terminal_goes_without_the_less_important() -> None:

@@ -162,6 +162,29 @@ def test_panels_share_their_axis_of_time(tmp_path: Path) -> None:
     assert len({tuple(axes.get_xlim()) for axes in panels}) == 1
 
 
+def test_nothing_is_drawn_across_a_stall_and_its_length_is_written_in_plain_numbers(
+    tmp_path: Path, overlaps: Overlaps
+) -> None:
+    """The process stood still for 4 s, as by ``kill -STOP``: no record is missing, only time."""
+    boards = [
+        {"record": "board", "t_s": 100.0 + at_s, "t_wall": at_s, "battery_v": 12.0 - at_s / 10.0, "faults": []}
+        for at_s in (0.97, 1.97, 6.02, 7.02)
+    ]
+    stalled = [tick(at / 20.0) for at in range(41)] + [tick(6.0 + at / 20.0) for at in range(41)]
+    figure, _ = timeline_figure(data_of(tmp_path, *sorted([*stalled, *boards], key=lambda record: record["t_s"])))
+    for axes in figure.axes:
+        for line in (line for line in axes.lines if line.get_linestyle() != "None"):
+            x_s, y = (np.asarray(values, dtype=float) for values in line.get_data())
+            if x_s.size > 2:  # not a limit, which holds all the time
+                ends_s = np.flatnonzero(~np.isnan(y[:-1] + y[1:]))
+                assert not ((x_s[ends_s] <= 2.0) & (x_s[ends_s + 1] >= 6.0)).any(), line.get_label()
+    period = next(axes for axes in figure.axes if axes.get_ylabel() == "period, ms")
+    assert overlaps(figure) == []
+    shown = [text.get_text() for text in period.get_yticklabels() if text.get_text()]
+    assert {"100", "1000"} <= set(shown)
+    assert all(text.isdecimal() for text in shown)
+
+
 def test_a_single_tilted_tick_of_a_long_run_is_drawn(tmp_path: Path) -> None:
     ticks = drive(300.0)
     ticks[3210]["pitch_deg"] = 33.0

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.report.run_data import Floats
-from wayfarer.report.run_series import Span, around, broken_at_gaps, pieces, spans, thin, without_unknown
+from wayfarer.report.run_series import Span, around, broken_at_gaps, broken_beside, pieces, spans, thin, without_unknown
 
 VALUES = st.lists(st.one_of(st.floats(-1e6, 1e6), st.just(float("nan"))), max_size=400).map(np.array)
 
@@ -49,6 +49,12 @@ def test_line_is_broken_where_nothing_was_logged() -> None:
     t_s, values = broken_at_gaps(np.array([0.0, 0.5, 9.0, 9.5]), np.array([1.0, 2.0, 3.0, 4.0]))
     np.testing.assert_array_equal(values, [1.0, 2.0, np.nan, 3.0, 4.0])
     assert (np.diff(t_s) >= 0).all()
+
+
+def test_line_beside_ticks_is_broken_where_they_are_and_where_it_was_silent() -> None:
+    ticks_s = np.array([0.0, 0.5, 1.0, 5.0, 5.5, 6.0, 6.5, 7.0])
+    _, values = broken_beside(ticks_s, np.array([0.2, 0.9, 5.1, 5.3, 7.0]), np.arange(5.0), 1.5)
+    np.testing.assert_array_equal(values, [0.0, 1.0, np.nan, 2.0, 3.0, np.nan, 4.0])
 
 
 @given(st.lists(st.floats(0.0, 359.9), min_size=1, max_size=50).map(np.array), st.floats(0.0, 359.0))

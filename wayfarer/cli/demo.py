@@ -86,6 +86,7 @@ def demo(
             hint="It sets out when somebody looks on",
             viewers=[SelfArming(page, page.watched)],
             loop_factory=partial(FastLoop, speed),
+            time_scale=speed,
         )
         print(f"open this page, the rover waits for you: {page.url}", flush=True)
         if not no_browser:

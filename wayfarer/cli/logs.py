@@ -186,8 +186,12 @@ def export(
     run: Run = None,
     *,
     form: Annotated[
-        Form, typer.Option("--format", help="csv: a row a tick; tsv: as the paper's code writes; mcap: for Foxglove.")
-    ] = Form.csv,
+        Form | None,
+        typer.Option(
+            "--format",
+            help="csv: a row a tick; tsv: as the paper's code; mcap: for Foxglove. (default: as FILE ends, or csv)",
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Where to; - is stdout. (default: here, named as the run)")
     ] = None,
@@ -200,6 +204,7 @@ def export(
     from wayfarer.logbook.export import write_table
 
     found = find_run(run, log_folder(logs))
+    form = _form(form, out)
     if form is Form.mcap:
         if out == STDOUT:
             raise BadInput("mcap is no text for a terminal: name a file with --out, or leave it out")
@@ -211,6 +216,21 @@ def export(
     file = out or Path(f"{_titled(found)}.{form.value}")
     export_run(found, form.value, file, overwrite=force)
     print(f"the run is in {file}")
+
+
+def _form(wanted: Form | None, out: Path | None) -> Form:
+    """Return the format that is wanted, or that the file's name ends in; csv for a name without an ending.
+
+    Raises:
+        BadInput: the two are not the same, or the ending is of no format and none is wanted.
+    """
+    ending = out.suffix.lower().removeprefix(".") if out else ""
+    named = next((form for form in Form if form.value == ending), None)
+    if wanted and named and wanted is not named:
+        raise BadInput(f"--out {out} ends in .{ending}, --format is {wanted.value}: change one, or leave --format out")
+    if ending and not (wanted or named):
+        raise BadInput(f"--out {out}: a run is written as {', '.join(Form)}; end the name so, or say --format")
+    return wanted or named or Form.csv
 
 
 def _titled(run: Path) -> str:

@@ -71,7 +71,8 @@ class Service:
     ``make_rover`` is called on the running loop with a function that ends the run (a simulated rover calls it when it
     has escaped), and ``close_buses`` afterwards. ``seed`` is for an algorithm that draws lots. ``hint`` says on the
     terminal what to do with a rover that stands ready. ``viewers`` look on.
-    ``loop_factory`` makes the event loop; None is asyncio's own.
+    ``loop_factory`` makes the event loop; None is asyncio's own. ``time_scale`` is how many times faster than the clock
+    the time of such a loop goes.
     """
 
     config: RoverConfig
@@ -86,6 +87,7 @@ class Service:
     hint: str = "In another terminal: wayfarer arm, wayfarer status, wayfarer stop"
     viewers: Sequence[Viewer] = ()
     loop_factory: Callable[[], asyncio.AbstractEventLoop] | None = None
+    time_scale: float = 1.0
 
 
 def serve(service: Service) -> RunEnd:
@@ -218,6 +220,7 @@ class Daemon:
                 "calibration": vessel.calibration,
                 "config": config,
                 "config_hash": _hash(config),
+                "time_scale": self._service.time_scale,
                 "boot_id": _boot_id(),
             }
         )

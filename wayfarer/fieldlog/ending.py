@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import run_folders
-from wayfarer.fieldlog.reader import Record, log_parts, parse
+from wayfarer.fieldlog.order import in_order
+from wayfarer.fieldlog.reader import log_parts, parse
+from wayfarer.fieldlog.schema import Record
 
 TAIL_BYTES = 65_536  # about a hundred ticks: the last one, the outcome and what stood between them
 MODES = ("arming", "armed", "disarmed")  # each begins with the event of its name
@@ -59,7 +61,7 @@ def end_of_log(parts: Sequence[Path]) -> list[Record]:
         tail = _tail(part) + tail
         if any(record["record"] == "tick" for record in tail):
             break
-    return tail
+    return list(in_order(tail))
 
 
 def _tail(part: Path) -> list[Record]:

@@ -18,16 +18,16 @@ from structlog.typing import EventDict, WrappedLogger
 
 from wayfarer import __version__
 from wayfarer.escape.api import Observation
+from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.files import LineSink
 from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
 from wayfarer.latest import Snapshot
 from wayfarer.records import TickRecord
 
-SCHEMA = 2
 CLOCK_STEP_S = 1.0  # more than a clock is slewed between two records; finding the right time steps it by hours
 
-Record = dict[str, Any]
+Record = schema.Record
 
 
 class FieldLog:
@@ -128,7 +128,7 @@ class FieldLog:
     def _header(self, part: int) -> Record:
         """Return the first record of a part of the log."""
         t_s = self._t_s
-        about = {"schema": SCHEMA, "part": part, "version": __version__, **self._details}
+        about = {"schema": schema.SCHEMA, "part": part, "version": __version__, **self._details}
         return {"record": "run", "t_s": t_s, "t_wall": round(self._wall(t_s), 3), **about}
 
     def _stamp(self, _logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:

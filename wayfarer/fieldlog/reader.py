@@ -1,26 +1,29 @@
 """Reading a log back, through whatever cut it short: a power cut, a full disk, a card that forgets.
 
-Every line that is whole is given; what is not is skipped, and counted by what is wrong with it. A line that was being
-written when the power went has no end, or is filled with NUL bytes; nothing after it is lost, because the next part and
-the next run have files of their own. Memory does not grow with the log, nor with what is broken in it.
+Damage is judged here and nowhere else. Every record that is whole, holds what its kind may hold (``schema``) and is in
+order (``order``) is given; what is not is skipped, and counted by what is wrong with it. A line that was being written
+when the power went has no end, or is filled with NUL bytes; nothing after it is lost, because the next part and the
+next run have files of their own. Memory does not grow with the log, nor with what is broken in it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import orjson
 
+from wayfarer import __version__
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.folders import FILE_NAME, older_parts
+from wayfarer.fieldlog.order import Order
 
-Record = dict[str, Any]
-KINDS = ("run", "tick", "event", "position", "board", "computer", "truth", "fault", "outcome")
+Record = schema.Record
 LINE_BYTES = 1_000_000  # far more than any record: the header of a simulated forest has 20,000
-JUMP = 10_000_000  # records are never missing in such a number, which is a week of them: the number itself is garbled
 READ_BYTES = 262_144  # read from the disk at once
 
 
@@ -29,22 +32,27 @@ class Damage:
     """What could not be read; its text says it to a person.
 
     Lines: ``torn`` has no end, ``nul`` holds NUL bytes where the disk had nothing yet, ``oversized`` has more than
-    ``LINE_BYTES``, and ``garbled`` is no JSON object with a known ``record``. ``unreadable`` parts could not be read to
-    their end. ``missing`` counts the records that are not there, by their numbers: those in skipped lines, those that
-    the disk could not take, and those in parts that were deleted.
+    ``LINE_BYTES``, ``garbled`` is no JSON object with a known ``record``, ``wrong`` holds a value that cannot be, and
+    ``disordered`` breaks the order of numbers and times, as a line that is there twice does. ``unreadable`` parts could
+    not be read to their end. ``headless`` is 1 where the first record does not say what ran. ``missing`` counts the
+    records that are not there, by their numbers: those in skipped lines, those that the disk could not take, and those
+    in parts that were deleted.
     """
 
     torn: int = 0
     nul: int = 0
     oversized: int = 0
     garbled: int = 0
+    wrong: int = 0
+    disordered: int = 0
     unreadable: int = 0
+    headless: int = 0
     missing: int = 0
 
     @property
     def lines(self) -> int:
         """How many lines were skipped."""
-        return self.torn + self.nul + self.oversized + self.garbled
+        return self.torn + self.nul + self.oversized + self.garbled + self.wrong + self.disordered
 
     def __str__(self) -> str:
         counts = [(getattr(self, field.name), SAID[field.name]) for field in fields(self)]
@@ -56,7 +64,10 @@ SAID = {
     "nul": ("1 line is filled with NUL bytes", "lines are filled with NUL bytes"),
     "oversized": ("1 line is far too long", "lines are far too long"),
     "garbled": ("1 line is no record", "lines are no records"),
+    "wrong": ("1 record holds a value that cannot be", "records hold values that cannot be"),
+    "disordered": ("1 record is out of order", "records are out of order"),
     "unreadable": ("1 part of the log cannot be read", "parts of the log cannot be read"),
+    "headless": ("the log does not begin with its header", ""),
     "missing": ("1 record is missing", "records are missing"),
 }
 
@@ -70,48 +81,78 @@ class RunReader:
         run: a run's folder.
 
     Raises:
-        BadInput: the folder cannot be read, or there is no log in it; while iterating, nothing of it can be read.
+        BadInput: the folder cannot be read, or there is no log in it; while iterating, nothing of it can be read, or a
+            newer wayfarer has written it.
     """
 
     def __init__(self, run: Path) -> None:
         self.run = run
         self.damage = Damage()
         self.parts = log_parts(run)
-        self._numbered = self._highest = 0
+        self._highest = 0
+        self._knows_schema = False
 
     def __iter__(self) -> Iterator[Record]:
+        records = self._ordered()
+        first = next(records, None)
+        if first is not None:
+            self.damage.headless = int(first["record"] != "run")
+            yield first
+            yield from records
+
+    def _ordered(self) -> Iterator[Record]:
+        """Give the records that are in order."""
+        order = Order()
+        for whole in self._whole():
+            for record in order.take(whole):
+                self._count_missing(record)
+                yield record
+        for record in order.rest():
+            self._count_missing(record)
+            yield record
+        self.damage.disordered = order.dropped
+
+    def _count_missing(self, record: Record) -> None:
+        """Find the gaps in the numbers, which begin at 1 and grow; headers have none."""
+        if (number := record.get("n")) is not None:
+            self.damage.missing += number - self._highest - 1
+            self._highest = number
+
+    def _whole(self) -> Iterator[Record]:
+        """Give the records of all parts that are whole, in whatever order they stand."""
+        readable = False
         for part in self.parts:
-            yield from self.part(part)
+            try:
+                with part.open("rb", buffering=READ_BYTES) as file:
+                    for line in _lines(file):
+                        if (record := self._record(line, part)) is not None:
+                            readable = True
+                            yield record
+            except OSError as error:
+                self.damage.unreadable += 1
+                if self.damage.unreadable == len(self.parts) and not readable:
+                    raise BadInput(f"{part}: cannot be read: {error.strerror}") from None
 
-    def part(self, part: Path) -> Iterator[Record]:
-        """Read the records of one of ``parts``."""
-        try:
-            with part.open("rb", buffering=READ_BYTES) as file:
-                for line in _lines(file):
-                    if (record := self._record(line)) is not None:
-                        self._count_missing(record)
-                        yield record
-        except OSError as error:
-            self.damage.unreadable += 1
-            if self.damage.unreadable == len(self.parts) and not self._numbered:
-                raise BadInput(f"{part}: cannot be read: {error.strerror}") from None
-
-    def _record(self, line: bytes) -> Record | None:
+    def _record(self, line: bytes, part: Path) -> Record | None:
         """Return the record of a line, or count what is wrong with it; a hole of NULs may end where a line begins."""
         record = parse(line)
         if isinstance(record, dict):
-            return record
-        setattr(self.damage, record, getattr(self.damage, record) + 1)
+            return record if record["record"] != "run" else self._header(record, part)
+        self._skip(record)
         after = parse(line.rpartition(b"\0")[2]) if record == "nul" else None
         return after if isinstance(after, dict) else None
 
-    def _count_missing(self, record: Record) -> None:
-        """Find the gaps in the numbers, which begin at 1; headers have none."""
-        number = record.get("n")
-        if isinstance(number, int) and number - self._highest < JUMP:
-            self._numbered += 1
-            self._highest = max(self._highest, number)
-            self.damage.missing = max(0, self._highest - self._numbered)
+    def _header(self, header: Record, part: Path) -> Record | None:
+        """Return a header; after one of a known schema, one of another is damage."""
+        if self._knows_schema and schema.is_newer(header):
+            self._skip("wrong")
+            return None
+        refuse_newer(header, part)
+        self._knows_schema = True
+        return header
+
+    def _skip(self, kind: str) -> None:
+        setattr(self.damage, kind, getattr(self.damage, kind) + 1)
 
 
 def parse(line: bytes) -> Record | str:
@@ -124,9 +165,20 @@ def parse(line: bytes) -> Record | str:
         record = orjson.loads(line)
     except ValueError:
         return "garbled"
-    if isinstance(record, dict) and record.get("record") in KINDS and _is_number(record.get("t_s")):
-        return record
-    return "garbled"
+    if not schema.is_record(record):
+        return "garbled"
+    return record if schema.wrong_key(record) is None else "wrong"
+
+
+def refuse_newer(header: Record, part: Path) -> None:
+    """Refuse a log that a newer wayfarer has written: its keys may mean something else.
+
+    Raises:
+        BadInput: its header says so.
+    """
+    if schema.is_newer(header):
+        known = f"wayfarer {__version__} knows up to {schema.SCHEMA}"
+        raise BadInput(f"{part}: this log has schema {header['schema']}, {known}: update wayfarer to read it")
 
 
 def read_header(run: Path) -> Record:
@@ -135,11 +187,12 @@ def read_header(run: Path) -> Record:
     Raises:
         BadInput: there is no log, or no part of it begins with such a record.
     """
-    reader = RunReader(run)
-    for part in reader.parts:
-        first = next(reader.part(part), None)
-        if first is not None and first["record"] == "run":
-            return first
+    for part in log_parts(run):
+        with suppress(OSError), part.open("rb") as file:
+            first = parse(file.readline(LINE_BYTES))
+            if isinstance(first, dict) and first["record"] == "run":
+                refuse_newer(first, part)
+                return first
     raise BadInput(f"{run / FILE_NAME} is no field log: its first record does not say what ran")
 
 
@@ -166,7 +219,3 @@ def _lines(file: BinaryIO) -> Iterator[bytes]:
         while len(line) == LINE_BYTES and not line.endswith(b"\n"):
             line = file.readline(LINE_BYTES)
         yield line if b"\0" in line else first
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -10,8 +10,9 @@ from typing import BinaryIO
 from foxglove import Context, open_mcap
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.foxglove.channels import Channels
+from wayfarer.logbook.fields import clock_zero_s
 from wayfarer.whole_file import whole_file
 
 
@@ -38,15 +39,16 @@ def export(run: Path, out: Path) -> int:
 
 
 def _clock_zero_s(run: Path) -> float:
-    """Return the time since 1970 at which the log's own clock was zero.
-
-    The last record says it best: a computer without a battery for its clock finds the right time only after a while,
-    and steps by hours then. Its own clock never steps.
-    """
-    zero_s: float | None = None
+    """Return the time since 1970 at which the log's own clock was zero, as every tool tells it."""
+    header: Record = {}
+    first: Record = {}
+    last: Record = {}
     for record in RunReader(run):
-        if isinstance(t_wall := record.get("t_wall"), int | float):
-            zero_s = t_wall - record["t_s"]
+        if record["record"] == "run":
+            header = header or record
+        if record.get("t_wall") is not None:
+            first, last = first or record, record
+    zero_s = clock_zero_s(header, first, last)
     if zero_s is None:
         raise BadInput(f"{run}: nothing in this log can be read (see wayfarer logs check)")
     return zero_s

@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
 
 from wayfarer.fieldlog.reader import Record
-from wayfarer.logbook.fields import ABSURD, began_wall_s, name, names, number, reckoning, sound_tick, table, whole
+from wayfarer.logbook.fields import began_wall_s, flag, name, names, number, reckoning, sound_tick, table, whole
 from wayfarer.logbook.periods import Periods
 from wayfarer.logbook.summary import LowBattery, Mark, Summary
 from wayfarer.logbook.whereabouts import Search
@@ -60,9 +60,7 @@ class Account:
         }
 
     def take(self, record: Record) -> None:
-        """Take the next record; one that cannot have been made in this run is left out."""
-        if abs(record["t_s"]) >= ABSURD:
-            return
+        """Take the next record."""
         self._first = self._first or record
         self._take_number(whole(record, "n"))
         self._last = record
@@ -79,9 +77,9 @@ class Account:
             version=name(header, "version"),
             seed=whole(header, "seed"),
             trial=whole(header, "trial"),
-            simulated=header.get("simulated") is True,
-            dry_run=header.get("dry_run") is True,
-            began_wall_s=began_wall_s(self._first, self._last),
+            simulated=flag(header, "simulated"),
+            dry_run=flag(header, "dry_run"),
+            began_wall_s=began_wall_s(header, self._first, self._last),
             lasted_s=self._ends_s,
             armed_s=self._armed_s,
             held_s=dict(self._held_s),

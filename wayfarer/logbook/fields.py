@@ -1,7 +1,7 @@
-"""Values out of records that may be damaged: what is not of its kind is missing, never an error. Pure.
+"""Values out of records: what is not there is missing, never an error. Pure.
 
-A line whose bytes changed on the card may still be JSON. So nobody here trusts a key to be there, a number to be one,
-or a name to be fit for a terminal.
+The reader leaves out a record with a value that cannot be. A key may still not be there, a failing part or a third
+party's algorithm may have said anything, and a name need not be fit for a terminal.
 """
 
 from __future__ import annotations
@@ -30,6 +30,12 @@ def whole(record: Mapping[str, Any], key: str) -> int | None:
     """Return a whole number, such as a seed with all its digits, or None."""
     value = record.get(key)
     return value if isinstance(value, int) and not isinstance(value, bool) else None
+
+
+def flag(record: Mapping[str, Any], key: str) -> bool | None:
+    """Return whether something is so, or None."""
+    value = record.get(key)
+    return value if isinstance(value, bool) else None
 
 
 def name(record: Mapping[str, Any], key: str) -> str | None:
@@ -62,16 +68,22 @@ def span(seconds: float | None, decimals: int = 0) -> str:
     return f"{sign}{minutes // 60}:{minutes % 60:02}:{rest / tick:0{width}.{decimals}f}"
 
 
-def began_wall_s(first: Mapping[str, Any], last: Mapping[str, Any]) -> float | None:
-    """Return the wall time at which a run began, seconds since 1970; None where the clock was never set.
+def clock_zero_s(header: Mapping[str, Any], first: Mapping[str, Any], last: Mapping[str, Any]) -> float | None:
+    """Return the wall time, seconds since 1970, at which a log's ``t_s`` was zero; None where nothing tells.
 
-    It is told from the last record, because a rover's computer may find the right time only after a while.
+    The last record says it best, because a rover's computer may find the right time only after a while. Where ``t_s``
+    did not run as fast as the clock (a demo's), only the first record says when the run began.
     """
-    wall_s, t_s, first_t_s = number(last, "t_wall"), number(last, "t_s"), number(first, "t_s")
-    if wall_s is None or t_s is None or first_t_s is None:
-        return None
-    began_s = wall_s - (t_s - first_t_s)
-    return began_s if began_s >= CLOCK_SET_S else None
+    told = last if (number(header, "time_scale") or 1.0) == 1.0 else first
+    wall_s, t_s = number(told, "t_wall"), number(told, "t_s")
+    return None if wall_s is None or t_s is None else wall_s - t_s
+
+
+def began_wall_s(header: Mapping[str, Any], first: Mapping[str, Any], last: Mapping[str, Any]) -> float | None:
+    """Return the wall time at which a run began, seconds since 1970; None where the clock was never set."""
+    zero_s, first_t_s = clock_zero_s(header, first, last), number(first, "t_s")
+    began_s = None if zero_s is None or first_t_s is None else zero_s + first_t_s
+    return began_s if began_s is not None and began_s >= CLOCK_SET_S else None
 
 
 def local_time(wall_s: float, form: str) -> str:

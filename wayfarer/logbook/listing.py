@@ -131,7 +131,7 @@ def _began(header: Record, first: Record, end: Record) -> str:
     trial = whole(header, "trial")
     if trial is not None:
         return f"trial {trial}"  # in a time of its own
-    wall_s = began_wall_s(first, end)
+    wall_s = began_wall_s(header, first, end)
     return "clock not set" if wall_s is None else local_time(wall_s, "%Y-%m-%d %H:%M")
 
 

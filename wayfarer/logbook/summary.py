@@ -28,7 +28,7 @@ class LowBattery:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What came of a run; what its log does not tell is None, or not counted.
+    """What came of a run; what its log does not tell is None, or not counted: without a header ``simulated``, too.
 
     ``trial`` is the number of a simulated trial, which has a time of its own and no ``began_wall_s``. Times are
     seconds: ``lasted_s`` from the first record to the last, ``armed_s`` of it with wheels that may turn,
@@ -46,8 +46,8 @@ class Summary:
     version: str | None
     seed: int | None
     trial: int | None
-    simulated: bool
-    dry_run: bool
+    simulated: bool | None
+    dry_run: bool | None
     began_wall_s: float | None
     lasted_s: float
     armed_s: float

@@ -37,6 +37,8 @@ def summary_text(run: str, summary: Summary, damage: Damage) -> str:
 
 
 def _about(summary: Summary) -> str:
+    if summary.version is None and summary.simulated is None:
+        return "unknown rover: nothing says what ran, nor whether it was simulated"
     about = [summary.rover or "unknown rover", summary.algorithm, "simulated" if summary.simulated else None]
     about += [None if summary.trial is None else f"trial {summary.trial}"]
     about += ["dry run" if summary.dry_run else None, f"wayfarer {summary.version}" if summary.version else None]

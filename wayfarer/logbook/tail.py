@@ -12,7 +12,9 @@ from typing import BinaryIO
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import run_folders
-from wayfarer.fieldlog.reader import LINE_BYTES, Record, RunReader, log_parts, parse
+from wayfarer.fieldlog.order import in_order
+from wayfarer.fieldlog.reader import LINE_BYTES, RunReader, log_parts, parse, refuse_newer
+from wayfarer.fieldlog.schema import Record
 
 RECENT_BYTES = 65_536  # where following begins: some seconds back, however long the run is
 CHUNK_BYTES = 65_536
@@ -104,12 +106,19 @@ class RunTail:
             yield first
 
     def _read(self, file: BinaryIO) -> Iterator[Record]:
+        """Give what has come, in order; the order starts again with each call, because nobody waits for more lines."""
+        yield from in_order(self._parsed(file))
+
+    def _parsed(self, file: BinaryIO) -> Iterator[Record]:
         while chunk := file.read(CHUNK_BYTES):
             *lines, self._rest = (self._rest + chunk).split(b"\n")
             if len(self._rest) > LINE_BYTES:
                 self._rest = b""  # no record is so long; the line's end will not be one either
             for line in lines:
-                if isinstance(record := parse(line + b"\n"), dict):
+                record = parse(line + b"\n")
+                if isinstance(record, dict):
+                    if record["record"] == "run":
+                        refuse_newer(record, self.run)
                     yield record
 
     def _next_part(self, file: BinaryIO) -> Path | None:

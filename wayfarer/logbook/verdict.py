@@ -52,21 +52,18 @@ class Verdict(NamedTuple):
 
 def judge(run: Path) -> Verdict:
     """Read a whole run and say what it is worth; one that still goes on has no outcome, and is repaired at best."""
-    records, first, last, told = 0, "", "", False
+    records, last = 0, ""
     try:
         reader = RunReader(run)
         for record in reader:
             records += 1
             last = record["record"]
-            first = first or last
-            told = told or last == "run"
     except BadInput as error:
         return Verdict(Worth.UNREADABLE, records, (str(error),))
     damage = _lost(reader.damage)
     if not records:
         return Verdict(Worth.UNREADABLE, records, (damage or "it is empty",))
-    headless = "" if first == "run" else "only a later part says what ran" if told else "nothing says what ran"
-    wrong = tuple(filter(None, (damage, headless, "" if last == "outcome" else NO_OUTCOME)))
+    wrong = tuple(filter(None, (damage, "" if last == "outcome" else NO_OUTCOME)))
     return Verdict(Worth.REPAIRED if wrong else Worth.WHOLE, records, wrong)
 
 

@@ -22,7 +22,7 @@ DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2
 
 
 def escape_figure(by_algorithm: Mapping[str, Sequence[Row]]) -> Figure:
-    """Return the Kaplan-Meier estimate of each algorithm: who has escaped by which path."""
+    """Return the cumulative share of each algorithm: who has escaped by which path."""
     groups = grouped(by_algorithm)
     curves = {name: escape_curve(rows) for name, rows in by_algorithm.items()}
     ends_m = [end_m for curve in curves.values() for end_m in _ends_m(curve)]
@@ -41,7 +41,7 @@ def escape_figure(by_algorithm: Mapping[str, Sequence[Row]]) -> Figure:
 
 def _ends_m(curve: Curve) -> list[float]:
     """Return the paths at which trials ended; one of no length has no place on a logarithmic axis."""
-    return [path_m for path_m in (*(step.path_m for step in curve.steps), *curve.censored_m) if path_m > 0.0]
+    return [path_m for path_m in (*(step.path_m for step in curve.steps), *curve.failed_m) if path_m > 0.0]
 
 
 def _panel(axes: Axes, group: Group, curves: Mapping[str, Curve], span_m: tuple[float, float]) -> None:
@@ -53,7 +53,7 @@ def _panel(axes: Axes, group: Group, curves: Mapping[str, Curve], span_m: tuple[
         curve = curves[name]
         label = f"{short(name)}, {100 * curve.escaped:.1f} %"
         axes.plot(*_staircase(curve, span_m[0]), color=colour, linestyle=dashes, label=label)
-        last_m = curve.censored_m[-1:]
+        last_m = curve.failed_m[-1:]
         axes.plot(last_m, [100 * curve.escaped] * len(last_m), "|", color=colour, markersize=7)
     log_distances(axes, span_m)
     axes.set_ylim(0, 102)
@@ -73,10 +73,10 @@ def _legend(beside: Axes, axes: Axes, title: str) -> None:
 
 
 def _staircase(curve: Curve, first_m: float) -> tuple[list[float], list[float]]:
-    """Return the corners of a curve, percent over metres, up to the last trial that was in sight."""
+    """Return the corners of a curve, percent over metres, up to the end of the longest trial."""
     x_m, percent = [first_m], [0.0]
     for path_m, escaped in curve.steps:
         x_m += [path_m, path_m]
         percent += [percent[-1], 100 * escaped]
-    last_m = max([*x_m, *curve.censored_m])
+    last_m = max([*x_m, *curve.failed_m])
     return [*x_m, last_m], [*percent, percent[-1]]

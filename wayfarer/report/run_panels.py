@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from wayfarer.report.drawing import BLACK, BLUE, GREY, PALE, VERMILION
 from wayfarer.report.run_data import LEVELS, Floats, RunData
 from wayfarer.report.run_marks import ANOMALY_MARKS, LEVEL_COLOURS
-from wayfarer.report.run_series import around, broken_at_gaps, spans, thin, without_unknown
+from wayfarer.report.run_series import around, broken_at_gaps, broken_beside, spans, thin, without_unknown
 
 ROW_IN = 0.16
 BOARD_SILENT_S = 10.0  # a board is asked each second or so
@@ -96,7 +97,13 @@ def _heading(axes: Axes, data: RunData) -> None:
     goals_deg = goal_deg[~np.isnan(goal_deg)]
     centre_deg = round(float(goals_deg[0])) % 360 if goals_deg.size else 0
     axes.plot(*thin(*around(*broken_at_gaps(t_s, heading_deg), centre_deg)), color=BLUE, label="heading", **LINE)
-    axes.plot(*thin(*around(t_s, goal_deg, centre_deg)), color=BLACK, linestyle=(0, (4, 2)), label="goal", **LINE)
+    axes.plot(
+        *thin(*around(*broken_at_gaps(t_s, goal_deg), centre_deg)),
+        color=BLACK,
+        linestyle=(0, (4, 2)),
+        label="goal",
+        **LINE,
+    )
     axes.set_ylim(-185.0, 185.0)
     quarters_deg = (-180, -90, 0, 90, 180)
     axes.set_yticks(quarters_deg, [f"{(centre_deg + quarter_deg) % 360}" for quarter_deg in quarters_deg])
@@ -142,7 +149,9 @@ def _battery(axes: Axes, data: RunData) -> None:
     duty.set_axis_off()
     axes.set_zorder(duty.get_zorder() + 1)
     axes.patch.set_visible(False)
-    axes.plot(*thin(*broken_at_gaps(t_s, battery_v, BOARD_SILENT_S)), color=BLUE, label="battery", **LINE)
+    axes.plot(
+        *thin(*broken_beside(data.ticks["t_s"], t_s, battery_v, BOARD_SILENT_S)), color=BLUE, label="battery", **LINE
+    )
     for name in ("low", "critical"):
         limit_v = data.setting("board", f"battery_{name}_v")
         if not isnan(limit_v):
@@ -156,12 +165,14 @@ def _period(axes: Axes, data: RunData) -> None:
     late_ms, control_hz = 1e3 * data.setting("safety", "tick_late_s"), data.setting("control_hz")
     if control_hz > 0.0:
         axes.axhline(1e3 / control_hz, color=GREY, linewidth=0.6, label=f"set {1e3 / control_hz:.0f} ms")
-    axes.plot(*thin(t_s, period_ms), color=BLUE, label="period", linewidth=0.7)
+    axes.plot(*thin(*broken_at_gaps(t_s, period_ms)), color=BLUE, label="period", linewidth=0.7)
     late = period_ms > late_ms
     if late.any():
         axes.plot(t_s[late], period_ms[late], color=VERMILION, linestyle="none", marker="x", markersize=4, label="late")
     if np.nanmax(period_ms) > LOG_FROM * np.nanmedian(period_ms):
         axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))  # matplotlib's own writes 10^2 in TeX
+        axes.yaxis.set_minor_formatter(NullFormatter())
     _finish(axes, "period, ms")
 
 

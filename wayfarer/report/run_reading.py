@@ -18,7 +18,6 @@ from wayfarer.logbook.wording import event_name
 from wayfarer.report.run_data import (
     ANOMALIES,
     GAP_S,
-    LARGEST,
     LEVELS,
     PHASES,
     Episode,
@@ -72,14 +71,13 @@ class _Reading:
         self._marks = 0
 
     def take(self, record: Record) -> None:
-        """Take the next record; one whose time cannot be is not used."""
-        if abs(record["t_s"]) < LARGEST:
-            self._account.take(record)
-            self._note_missing(record.get("n"))
-            if isnan(self._first_t_s):
-                self._first_t_s = float(record["t_s"])
-            if taker := self._takers.get(record["record"]):
-                taker(record["t_s"] - self._first_t_s, record)
+        """Take the next record."""
+        self._account.take(record)
+        self._note_missing(record.get("n"))
+        if isnan(self._first_t_s):
+            self._first_t_s = float(record["t_s"])
+        if taker := self._takers.get(record["record"]):
+            taker(record["t_s"] - self._first_t_s, record)
 
     def finish(self, damage: Damage) -> RunData:
         """Return what was read."""

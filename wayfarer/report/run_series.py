@@ -50,6 +50,12 @@ def broken_at_gaps(t_s: Floats, values: Floats, gap_s: float = GAP_S) -> tuple[F
     return _broken(t_s, values, np.diff(t_s) > gap_s)
 
 
+def broken_beside(ticks_s: Floats, t_s: Floats, values: Floats, silent_s: float) -> tuple[Floats, Floats]:
+    """Return a line of something that is told more seldom than ticks; it bridges neither their gaps nor a silence."""
+    gaps_s = ticks_s[:-1][np.diff(ticks_s) > GAP_S]
+    return _broken(t_s, values, (np.diff(np.searchsorted(gaps_s, t_s)) > 0) | (np.diff(t_s) > silent_s))
+
+
 def around(t_s: Floats, angles_deg: Floats, centre_deg: float) -> tuple[Floats, Floats]:
     """Return angles as deviations from a centre, -180 to 180 degrees, broken where they go round the back."""
     deviations_deg = (angles_deg - centre_deg + 180.0) % 360.0 - 180.0

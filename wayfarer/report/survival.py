@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from wayfarer.simhal.rows import SUCCESSES, Row
 
 
 class Step(NamedTuple):
-    """From this path on, metres, the estimated share of trials that have escaped, 0..1."""
+    """From this path on, metres, the share of all trials that have escaped, 0..1."""
 
     path_m: float
     escaped: float
 
 
 class Curve(NamedTuple):
-    """A cumulative share as the steps where it grows, and the paths at which trials were lost from sight."""
+    """A cumulative share as the steps where it grows, and the paths at which trials ended without an escape."""
 
     steps: list[Step]
-    censored_m: list[float]
+    failed_m: list[float]
 
     @property
     def escaped(self) -> float:
@@ -28,26 +28,17 @@ class Curve(NamedTuple):
         return self.steps[-1].escaped if self.steps else 0.0
 
 
-def kaplan_meier(escaped_m: Sequence[float], censored_m: Sequence[float]) -> Curve:
-    """Return the product-limit estimate of the share that has escaped (E. L. Kaplan, P. Meier, JASA 53, 1958).
-
-    A trial that is censored at a distance counts as under way up to there, that distance included.
-    """
-    escapes, ends = Counter(escaped_m), Counter([*escaped_m, *censored_m])
-    steps: list[Step] = []
-    at_risk, under_way = len(escaped_m) + len(censored_m), 1.0
-    for path_m in sorted(ends):
-        if path_m in escapes:
-            under_way *= 1.0 - escapes[path_m] / at_risk
-            steps.append(Step(path_m, 1.0 - under_way))
-        at_risk -= ends[path_m]
-    return Curve(steps, sorted(censored_m))
-
-
 def escape_curve(rows: Iterable[Row]) -> Curve:
-    """Return the curve of some trials; those of unknown path, as after a crash, say nothing of distance."""
-    known = [(row.outcome in SUCCESSES, row.path_m) for row in rows if row.path_m is not None]
-    return kaplan_meier(
-        [path_m for success, path_m in known if success],
-        [path_m for success, path_m in known if not success],
-    )
+    """Return the cumulative incidence of escape: which share of all trials has escaped by a path of that length.
+
+    A failure is an end like an escape, not a trial that was lost from sight: it counts as not escaped at any length.
+    (Kaplan-Meier would let those under way make up for it, and ends above the share of successes: J. P. Fine, R. J.
+    Gray, JASA 94, 1999, on competing risks.) So the curve ends at the success of the results' table.
+    """
+    rows = list(rows)
+    escapes = Counter(row.path_m for row in rows if row.outcome in SUCCESSES and row.path_m is not None)
+    steps, escaped = [], 0
+    for path_m in sorted(escapes):
+        escaped += escapes[path_m]
+        steps.append(Step(path_m, escaped / len(rows)))
+    return Curve(steps, sorted(row.path_m for row in rows if row.outcome not in SUCCESSES and row.path_m is not None))

@@ -17,13 +17,11 @@ LEGEND = (
     "escape too, with the distance that then remains to the line added to its path.",
     "SPL, success weighted by path length: the mean over all trials of shortest path divided by path driven, a failure "
     "counting 0.",
-    "Censoring: of a trial that ended without an escape it is only known that its path would have been longer than "
-    "what it drove, so it counts as under way up to there and is not left out.",
 )
 ESCAPE_CAPTION = (
-    "Kaplan-Meier estimate of the share of trials that have escaped by a path of that length, with entrapped, tipped "
-    "and faulty trials censored at theirs (a tick marks the last of them). The percentage is where the curve ends; "
-    "grey: the other groups."
+    "Share of all trials that have escaped by a path of that length; one that was entrapped, tipped or faulty counts "
+    "as not escaped at any length (a tick marks the longest of them). The percentage is where the curve ends, as in "
+    "the table. Grey: the other groups."
 )
 NO_SHORTEST_PATHS = (
     "The shortest paths of these forests are not known. Run the campaign again with --spl, which computes them, or "
