@@ -169,7 +169,7 @@ async def test_hanging_bus_misses_its_deadline_and_its_neighbours_do_not() -> No
         line = await asyncio.to_thread(BenchLine, path)
         await asyncio.to_thread(line.ask, "hang", bus=I2C, for_s=0.4)
         line.close()
-        with pytest.raises(NotResponding, match="no end of a transfer within 0.1 s"):
+        with pytest.raises(NotResponding, match="no end of a transfer"):
             await rover.motors.drive(STOP)
         with pytest.raises(NotResponding, match="hangs"):
             await rover.compass.read()
@@ -188,7 +188,7 @@ async def test_write_that_hung_in_the_wire_arrives_late_and_the_stop_right_behin
         bus = over.i2c(I2C)
         line = await asyncio.to_thread(BenchLine, path)
         hung_s = (await asyncio.to_thread(line.ask, "hang", bus=I2C, for_s=0.4))["t_s"]
-        with pytest.raises(NotResponding, match="no end of a transfer within 0.1 s"):
+        with pytest.raises(NotResponding, match="no end of a transfer"):
             await bus.write(0x15, b"\x0b\x79")  # the left side ahead: what the driver writes once it has asked
         motors.halt()
         await asyncio.sleep(0.5)
@@ -209,7 +209,7 @@ async def test_command_behind_a_question_that_hung_never_reaches_the_wheels() ->
         await motors.open()
         line = await asyncio.to_thread(BenchLine, path)
         hung_s = (await asyncio.to_thread(line.ask, "hang", bus=I2C, for_s=0.4))["t_s"]
-        with pytest.raises(NotResponding, match="no end of a transfer within 0.1 s"):
+        with pytest.raises(NotResponding, match="no end of a transfer"):
             await motors.drive(AHEAD)
         await asyncio.sleep(0.5)
         look = await asyncio.to_thread(line.ask, "look")
