@@ -48,6 +48,12 @@ def test_position_and_tick_may_be_written_after_what_came_later() -> None:
     assert list(in_order(stalled)) == stalled
 
 
+def test_two_ticks_may_have_the_same_time() -> None:
+    """Virtual time stands still between two ticks where the one before came late."""
+    late = [*log(50), tick(51, 1062.0), tick(52, 1062.0), tick(53, 1062.05)]
+    assert list(in_order(late)) == late
+
+
 CHANGES = st.fixed_dictionaries(
     {}, optional={"n": st.integers(0, 2**53), "t_s": st.floats(0.0, 1e9) | st.floats(900.0, 1100.0)}
 )
@@ -90,7 +96,8 @@ def test_many_bad_lines_side_by_side_cost_only_themselves(change: dict[str, Any]
         for count, record in enumerate(records[at : at + block])
     ]
     good = [*records[:at], *records[at + block :]]
-    assert lost(good, [*records[:at], *bad, *records[at + block :]]) <= 1
+    few = at if at <= block else 0  # so few lines at the beginning may as well be the wrong ones
+    assert lost(good, [*records[:at], *bad, *records[at + block :]]) <= max(1, few)
 
 
 JUNK = st.builds(
@@ -109,7 +116,7 @@ def test_what_is_given_of_any_junk_is_in_order(records: list[Record]) -> None:
     numbers = [record["n"] for record in found if "n" in record]
     assert all(before < after for before, after in pairwise(numbers))
     ticks_s = [record["t_s"] for record in found if record["record"] == "tick"]
-    assert all(before < after for before, after in pairwise(ticks_s))
+    assert ticks_s == sorted(ticks_s)
     assert all(after["t_s"] >= before["t_s"] - LATE_S for before, after in pairwise(found))
 
 

@@ -97,7 +97,7 @@ def after(record: Record, seen: Seen) -> Seen | None:
     if t_s < latest_s - LATE_S:
         return None
     if record["record"] == "tick":
-        if t_s <= tick_t_s:
+        if t_s < tick_t_s:
             return None
         tick_t_s = t_s
     if n is None:
