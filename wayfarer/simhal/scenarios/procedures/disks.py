@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from wayfarer.control.protocol import TEXT_CHARACTERS, Refused
+from wayfarer.control.protocol import Refused
 from wayfarer.fieldlog.folders import FILE_NAME, run_folders
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.simhal.scenarios.procedures.site import Site, site, wait_for
@@ -23,6 +23,7 @@ DISK_MB = 160  # of it the log leaves 100 to the computer, and a mission takes 5
 DETECT_S = 1.0 + 0.3  # a sync each second, and a computer that does other things
 PART_MB = 1  # the smallest that a rover file may ask for: 70 s of log
 AT_ONCE = 50  # requests on their way
+EVENT_BYTES = 80  # of the log that a new goal takes, at least
 
 
 @procedure(
@@ -115,11 +116,11 @@ def _is_armed(where: Site) -> bool:
 
 def _fill_a_part(where: Site) -> None:
     """Have the daemon write more than a part of its log may have, as fast as it takes requests."""
-    request = b'{"do": "mark", "text": "%s"}\n' % (b"x" * TEXT_CHARACTERS)
+    request = b'{"do": "goal", "heading_deg": 0.0}\n'  # marks are limited
     with socket.socket(socket.AF_UNIX) as line:
         line.connect(str(where.socket))
         with line.makefile("rb") as replies:
-            for _ in range(int(PART_MB * 1e6 / TEXT_CHARACTERS / AT_ONCE)):
+            for _ in range(int(PART_MB * 1e6 / EVENT_BYTES / AT_ONCE)):
                 line.sendall(request * AT_ONCE)
                 for _ in range(AT_ONCE):
                     replies.readline()
