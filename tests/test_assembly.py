@@ -157,7 +157,10 @@ def test_only_a_rover_whose_flow_was_calibrated_is_scaled(tmp_path: Path) -> Non
     config = load_rover("forestrover")
     plain, scaled = assemble(config, buses), assemble(config, buses, Calibration(flow=FLOW))
     assert isinstance(plain.motion, PMW3901)
-    assert isinstance(scaled.motion, Scaled)
+    assert isinstance(scaled.motion, PMW3901), "it judges what it can have seen by the calibrated angle"
+    assert scaled.motion._settings.rad_per_count == plain.motion._settings.rad_per_count * FLOW.scale
     assert scaled.motion.name == plain.motion.name
+    camera = assemble(load_rover("minirover"), buses, Calibration(flow=FLOW))
+    assert isinstance(camera.motion, Scaled)
     blind = assemble(loaded(tmp_path, COMPASS, MOTORS), buses, Calibration(flow=FLOW))
     assert blind.motion is None

@@ -7,7 +7,7 @@ import pytest
 from wayfarer.conditions import Condition
 from wayfarer.hal import STOP
 from wayfarer.interval import IntervalTimer
-from wayfarer.resume_warning import LONG_HOLD_S, ResumeWarning
+from wayfarer.resume_warning import FREE_S, LONG_HOLD_S, ResumeWarning
 
 TICK_S = 0.0625  # binary, so that times are exact
 WARNING_S = 1.0
@@ -59,9 +59,10 @@ def test_hold_of_a_person_needs_no_warning() -> None:
     assert rover.warns_for_s() == 0.0
 
 
-def test_hold_of_the_rover_during_that_of_a_person_does() -> None:
+def test_hold_of_the_rover_during_that_of_a_person_warns_once_the_person_lets_it_go() -> None:
     rover = Rover()
     rover.ticks(2.0, (Condition.OPERATOR_HOLD, *SILENT))
+    assert not any(rover.ticks(5.0, (Condition.OPERATOR_HOLD,))), "the light would say that it drives off"
     assert rover.warns_for_s() == pytest.approx(WARNING_S, abs=TICK_S)
 
 
@@ -79,12 +80,22 @@ def test_hold_that_comes_again_while_it_warns_begins_the_warning_again() -> None
     assert rover.warns_for_s() == pytest.approx(WARNING_S, abs=TICK_S)
 
 
-def test_short_hold_while_it_warns_does_not_lengthen_the_warning() -> None:
+def test_plug_that_makes_contact_now_and_then_is_one_long_hold() -> None:
     rover = Rover()
-    rover.ticks(2.0, SILENT)
-    rover.tick()
-    rover.tick(SILENT)
-    assert rover.warns_for_s() < WARNING_S
+    warned = False
+    for _ in range(10):
+        rover.ticks(0.9, SILENT)
+        warned = any(rover.ticks(0.125)) or warned
+    assert warned
+    rover.ticks(0.9, SILENT)
+    assert rover.warns_for_s() == pytest.approx(WARNING_S, abs=TICK_S)
+
+
+def test_short_holds_of_a_rover_that_drives_between_them_are_no_long_one() -> None:
+    rover = Rover()
+    for _ in range(10):
+        rover.ticks(0.9, SILENT)
+        assert not any(rover.ticks(FREE_S + 2 * TICK_S))
 
 
 def test_new_mission_forgets_and_no_time_to_warn_is_none() -> None:

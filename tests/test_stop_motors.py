@@ -288,9 +288,11 @@ def test_recorded_driver_that_is_gone_is_no_success(rover_file: Path, control_so
 
 def test_file_that_others_could_have_written_is_not_believed_and_that_is_told(rover_file: Path, record: Path) -> None:
     record.chmod(0o646)
-    said = stop(rover_file, BUSES + SABERTOOTH)
+    with pytest.raises(WayfarerError) as refused:
+        stop(rover_file, BUSES + SABERTOOTH)
+    assert refused.value.exit_code == 1, "what is driven may be another board than the rover file's"
     assert bench.by_i2c.commanded != STILL
-    assert said.endswith(f"; {record}: not believed: others may write to it (mode 0646); remove it")
+    assert str(refused.value).endswith(f"; {record}: not believed: others may write to it (mode 0646); remove it")
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can take another user's rights")

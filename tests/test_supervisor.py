@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
@@ -13,7 +13,9 @@ from tests.workshop import (
     AHEAD,
     PARTS,
     Contact,
+    Handler,
     Light,
+    Motors,
     Part,
     Position,
     Script,
@@ -26,6 +28,7 @@ from tests.workshop import (
 )
 from wayfarer.conditions import Condition
 from wayfarer.errors import DriverError, MissingPart, NotArmed, NotResponding, WayfarerError
+from wayfarer.escape.api import Decision, Observation
 from wayfarer.hal import (
     STOP,
     Colour,
@@ -34,6 +37,7 @@ from wayfarer.hal import (
 from wayfarer.helm import Mode
 from wayfarer.mission import RunEnd
 from wayfarer.sampling import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S
+from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.status_light import BLUE, GREEN, OFF, RED, YELLOW
 from wayfarer.supervisor import Supervisor
 
@@ -504,3 +508,42 @@ def test_run_is_fresh_without_a_position_a_light_or_a_battery() -> None:
     shop.broken = {what: NotResponding("gone") for what in ("position.read", "light.show", "motors.health")}
     parts = {"position": Position(shop, "position"), "light": Light(shop, "light")}
     assert freshness(shop, {}, (1.0, 4.0), **parts) == [True, True]
+
+
+class RecordingMotors(Motors):
+    """Motors that keep what they were told and when."""
+
+    told: ClassVar[list[tuple[float, WheelCommand]]] = []
+
+    async def drive(self, command: WheelCommand) -> WheelCommand:
+        self.told.append((asyncio.get_running_loop().time(), command))
+        return await super().drive(command)
+
+
+class SuspendedHandler(Handler):
+    """A handler amid whose decision the process is suspended for three seconds, once."""
+
+    suspended_at_s = 0.0
+
+    def decide(self, observation: Observation) -> Decision:
+        loop = asyncio.get_running_loop()
+        if self.suspended_at_s == 0.0 and loop.time() > 0.5:
+            assert isinstance(loop, VirtualLoop)
+            SuspendedHandler.suspended_at_s = loop.time()
+            loop.stall(3.0)
+        return super().decide(observation)
+
+
+def test_decision_amid_which_the_process_was_suspended_turns_no_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.workshop.Motors", RecordingMotors)
+    monkeypatch.setattr("tests.workshop.Handler", SuspendedHandler)
+    monkeypatch.setattr(RecordingMotors, "told", [])
+    monkeypatch.setattr(SuspendedHandler, "suspended_at_s", 0.0)
+    drive(Workshop(), for_s=6.0)
+    woken_s = SuspendedHandler.suspended_at_s + 3.0
+    before = [command for t_s, command in RecordingMotors.told if t_s < woken_s]
+    warned = [command for t_s, command in RecordingMotors.told if woken_s <= t_s < woken_s + 1.0]
+    after = [command for t_s, command in RecordingMotors.told if t_s > woken_s + 1.2]
+    assert before[-1] == AHEAD
+    assert set(warned) == {STOP}
+    assert after[0] == AHEAD

@@ -54,7 +54,7 @@ def assemble(config: RoverConfig, buses: Buses, calibration: Calibration = UNCAL
             )
     rover = Rover(**{part: make_part(part, table, buses) for part, table in config.parts.items()})
     if calibration.flow is not None and rover.motion is not None:
-        rover = replace(rover, motion=Scaled(rover.motion, calibration.flow.scale))
+        rover = replace(rover, motion=_scaled(config.parts["motion"], rover.motion, buses, calibration.flow.scale))
     return rover
 
 
@@ -62,6 +62,15 @@ def make_part(part: str, table: dict[str, Any], buses: Buses) -> Any:
     """Return the driver of one part, from its table in a rover file."""
     driver, settings = part_settings(part, table)
     return driver(settings, buses)
+
+
+def _scaled(table: dict[str, Any], sensor: MotionSensor, buses: Buses, scale: float) -> MotionSensor:
+    """Return a calibrated motion sensor; one that knows the angle of a count judges by it what it can have seen."""
+    driver, settings = part_settings("motion", table)
+    if not hasattr(settings, "rad_per_count"):
+        return Scaled(sensor, scale)
+    calibrated: MotionSensor = driver(replace(settings, rad_per_count=settings.rad_per_count * scale), buses)
+    return calibrated
 
 
 class Scaled:

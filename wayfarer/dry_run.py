@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand, can_be_asked, troubles_of
+from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand, troubles_of
 
 
 class DryMotors:
@@ -14,7 +14,6 @@ class DryMotors:
         self._motors = motors
         self.name = f"{motors.name} (dry run)"
         self.deadman_s = motors.deadman_s
-        self.can_be_asked = can_be_asked(motors)
 
     @property
     def troubles(self) -> Mapping[str, int]:

@@ -173,8 +173,7 @@ class DriveMotors(Driver, Protocol):
 
     ``deadman_s`` is how long after the last command the board itself stops the wheels; None where it cannot. ``open``
     arms that deadman and verifies it as far as the board can be asked; the helm opens the motors anew at each arming,
-    because a board that lost its power for a moment has forgotten it. A driver of a board that answers nothing has
-    ``can_be_asked = False`` besides: see there.
+    because a board that lost its power for a moment has forgotten it.
     """
 
     deadman_s: float | None
@@ -184,6 +183,7 @@ class DriveMotors(Driver, Protocol):
 
         Raises:
             NotResponding: the board did not acknowledge; the wheels may still turn until its deadman trips.
+            PowerLost: the board has forgotten its deadman; the wheels stand, and it wants to be opened again.
         """
 
     async def stop(self) -> None:
@@ -250,13 +250,15 @@ def troubles_of(part: Driver) -> Mapping[str, int]:
     return part.troubles if isinstance(part, Counting) else {}
 
 
-def can_be_asked(motors: DriveMotors) -> bool:
-    """Return whether a motor board answers, so that opening it proves that it is there and its deadman armed.
+async def can_be_asked(motors: DriveMotors) -> bool:
+    """Return whether an open motor board answers, so that opening it proved that it is there and its deadman armed.
 
-    A driver says so by an attribute of this name; one that has none counts as one that can. Of a board that cannot,
-    nothing is believed that no person has seen.
+    Of a board that does not, nothing is believed that no person has seen.
+
+    Raises:
+        DriverError: it can be asked, and did not answer well.
     """
-    return bool(getattr(motors, "can_be_asked", True))
+    return await motors.read_back() is not None
 
 
 @dataclass(frozen=True, slots=True)

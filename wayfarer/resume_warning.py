@@ -14,6 +14,7 @@ from wayfarer.conditions import LEVELS, Condition, Level
 from wayfarer.interval import Interval
 
 LONG_HOLD_S = 1.0  # nobody steps up to a rover that stops for less
+FREE_S = 0.5  # wheels that turn for less, between two holds, do not drive off: the rover still stands
 
 
 class ResumeWarning:
@@ -25,19 +26,36 @@ class ResumeWarning:
 
     def reset(self) -> None:
         """Forget: a mission begins, and its start delay has warned already."""
-        self._stands_since_s = inf
+        self._stands_since_s: float | None = None
+        self._free_since_s: float | None = None
+        self._due = False
         self._until_s = -inf
 
     def update(self, interval: Interval, conditions: Sequence[Condition]) -> bool:
         """Take a tick with what is wrong at it; return whether it is time to warn."""
-        if not conditions or not _holds(conditions):
-            self._stands_since_s = inf
-            return interval.t_s < self._until_s
-        # In an interval that was late the wheels stood as well: the motor board's deadman had stopped them.
-        self._stands_since_s = min(self._stands_since_s, interval.t_s - interval.dt_s)
-        if interval.t_s - self._stands_since_s > LONG_HOLD_S:
-            self._until_s = interval.t_s + self._warning_s
+        if self._stands_since_s is None and not conditions:
+            return False  # as nearly always, 20 times a second
+        t_s = interval.t_s
+        if _holds(conditions):
+            self._stand(interval)
+            return False
+        if self._stands_since_s is None or Condition.OPERATOR_HOLD in conditions:
+            return False  # a warning that is due waits for the person
+        if self._due:
+            self._due, self._until_s = False, t_s + self._warning_s
+        if t_s < self._until_s:
+            return True
+        self._free_since_s = t_s if self._free_since_s is None else self._free_since_s
+        if t_s - self._free_since_s >= FREE_S:
+            self._stands_since_s = None
         return False
+
+    def _stand(self, interval: Interval) -> None:
+        """Note that the rover holds its wheels; in an interval that was late the board's deadman had stopped them."""
+        if self._stands_since_s is None:
+            self._stands_since_s = interval.t_s - interval.dt_s
+        self._free_since_s = None
+        self._due = interval.t_s - self._stands_since_s > LONG_HOLD_S
 
 
 def _holds(conditions: Sequence[Condition]) -> bool:

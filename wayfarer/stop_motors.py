@@ -33,7 +33,7 @@ class Board(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of one source; exit code 0: stopped, 1: a board that may turn on, 2: nothing that could be used."""
+    """What came of one source; exit code 0: stopped, 1: a board may turn on, 2: a rover file that cannot be used."""
 
     said: str
     exit_code: int
@@ -57,10 +57,11 @@ def stop_motors(name_or_path: str) -> str:
             unusable.append(found)
         else:
             _add(boards, found)
-    stopped = [_stopped(board) for board in boards]
+    # Those first that need no process of another user: that one may take its time.
+    stopped = [_stopped(board) for board in sorted(boards, key=lambda board: not _is_trusted(board.owner))]
     said = "; ".join(outcome.said for outcome in stopped + unusable)
     codes = {outcome.exit_code for outcome in stopped}
-    if 1 in codes:
+    if 1 in codes | {outcome.exit_code for outcome in unusable}:
         raise WayfarerError(said)
     if 0 not in codes:
         raise BadInput(said)
@@ -76,7 +77,7 @@ def _sources(name_or_path: str) -> Iterator[Board | Outcome]:
         try:
             found = read_record(record)
         except BadInput as error:
-            yield Outcome(str(error), error.exit_code)
+            yield Outcome(str(error), 1)  # it may be of another board than the rover file's
         else:
             if found is not None:
                 yield Board(f"the daemon's {record}", *found, recorded=True)
@@ -100,18 +101,20 @@ def _add(boards: list[Board], new: Board) -> None:
 # -- stopping ----------------------------------------------------------------------------------------------------------
 
 
+def _is_trusted(owner: int) -> bool:
+    """Tell whether what this user wrote may be done with the rights of this process."""
+    return owner in {0, os.geteuid()}
+
+
 def _stopped(board: Board) -> Outcome:
     try:
-        if board.owner in {0, os.geteuid()}:
-            said = stop_board(board.driven)
-        else:
-            said = _stop_with_rights_of(board.owner, board.driven)
+        said = stop_board(board.driven) if _is_trusted(board.owner) else _stop_as(board.owner, board.driven)
     except WayfarerError as error:
         return Outcome(f"{board.where}: {error}", 1 if board.recorded else error.exit_code)
     return Outcome(f"{board.where}: {said}", 0)
 
 
-def _stop_with_rights_of(owner: int, driven: Driven) -> str:
+def _stop_as(owner: int, driven: Driven) -> str:
     """Stop a board in a process of the user who chose its driver: to import that as root would make them root.
 
     Raises:

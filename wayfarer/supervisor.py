@@ -31,7 +31,6 @@ from wayfarer.stop_path import StopPath, unhindered
 from wayfarer.troubles import NOTE_HZ, TroubleNotes
 
 FRESH_S = 1.0  # a control tick older than this feeds no watchdog
-FIRST_READINGS_S = 0.25  # as long as a compass may be silent before that is a condition
 STALE = frozenset(
     {
         Condition.COMPASS_STALE,
@@ -63,6 +62,7 @@ class Supervisor:
         self._wheels = FreshWheels(rover.motors, config.safety.tick_late_s)
         self.helm = Helm(self._wheels, self.cells, config, detector, handler, log)
         self._health_hz = config.board.health_hz
+        self._patience_s = config.detector.compass_stale_s  # then a silent compass is a condition
         self._disarms = 0
         self.ticked = asyncio.Event()  # is set by the first control tick: the parts are open
         self.tasks = sensor_tasks(rover, self.cells, config.rates, needs, self.helm.position)
@@ -193,7 +193,7 @@ class Supervisor:
         """
         waits = [row.spoke.wait() for row in self.tasks if row.part is not self._rover.position]
         with suppress(TimeoutError):
-            async with asyncio.timeout(FIRST_READINGS_S):
+            async with asyncio.timeout(self._patience_s):
                 await asyncio.gather(*waits)
 
     async def _control(self) -> RunEnd:

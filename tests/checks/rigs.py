@@ -83,9 +83,10 @@ class Board(SimMotors):
         await super().stop()
 
     async def read_back(self) -> WheelCommand | None:  # type: ignore[override]
-        if self.trips and self.deadman_s is not None and self._time() > self._heard_s + self.deadman_s:
+        now_s = asyncio.get_running_loop().time()
+        if self.trips and self.deadman_s is not None and now_s > self._heard_s + self.deadman_s:
             self._world.command(0.0, 0.0)
-        return await super().read_back() if self.tells else None
+        return WheelCommand(*self._world.commanded) if self.tells else None
 
     async def health(self) -> MotorHealth:
         return self.health_now

@@ -17,9 +17,8 @@ from wayfarer.checks.deadman import board_settings, keep_proof, proved
 from wayfarer.checks.motion import deadman_trips
 from wayfarer.checks.standalone import Standalone
 from wayfarer.config import load_rover, part_settings
-from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
+from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.dry_run import DryMotors
-from wayfarer.hal import can_be_asked
 
 FOREST_ROVER = load_rover("forestrover")
 
@@ -164,14 +163,12 @@ def test_reason_in_the_rover_file_arms_without_a_proof_and_is_told(
     assert because in found.found
 
 
-def test_drivers_that_do_not_say_count_as_boards_that_can_be_asked(tmp_path: Path) -> None:
-    """A third party's driver is armed as before; a dry run says what its motors say."""
-    rig, silent = Rig(tmp_path), Sabertooth(SabertoothSettings(), Watched(tmp_path).buses)
-    assert can_be_asked(rig.motors)
-    assert can_be_asked(DryMotors(rig.motors))
-    assert not can_be_asked(silent)
-    assert not can_be_asked(DryMotors(silent))
-    assert run(proved(Standalone(rig.config, rig.rover, rig.place))).verdict is Verdict.SKIPPED
+def test_board_of_any_driver_that_reads_nothing_back_wants_a_proof_and_another_none(tmp_path: Path) -> None:
+    rig = Rig(tmp_path)
+    for motors in (rig.motors, DryMotors(rig.motors)):
+        rig.rover = replace(rig.rover, motors=motors)
+        for rig.motors.tells, verdict in ((True, Verdict.SKIPPED), (False, Verdict.FAIL)):
+            assert run(proved(Standalone(rig.config, rig.rover, rig.place))).verdict is verdict
 
 
 def test_board_without_a_deadman_is_judged_elsewhere(tmp_path: Path) -> None:

@@ -323,7 +323,7 @@ def test_board_that_cannot_be_asked_is_armed_with_a_proof_or_a_reason_that_is_to
     play: Play, tmp_path: Path, because: str
 ) -> None:
     rig = Rig(tmp_path)
-    rig.motors.can_be_asked = False  # type: ignore[attr-defined]
+    rig.motors.tells = False
     safety = dataclasses.replace(rig.config.safety, deadman_unproved_because=because)
     rig.config = rig.config.model_copy(update={"safety": safety})
 

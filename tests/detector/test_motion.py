@@ -35,6 +35,13 @@ def test_rover_that_the_deadman_stopped_in_a_gap_without_ticks_is_not_immobilise
     assert rover.drive(4, moved_m=STEP_M) == [False] * 4
 
 
+def test_rover_that_had_just_begun_to_drive_when_the_ticks_stopped_is_not_immobilised() -> None:
+    """It covered little before the deadman stopped it, and was driven for less than the window."""
+    rover = started()
+    rover.tick(STOP)
+    assert rover.tick(FULL, moved_m=0.03, dt_s=0.5).anomalies == ()
+
+
 @pytest.mark.parametrize("gap_s", [0.3, 1.5, 60.0])
 def test_reading_from_before_a_gap_is_no_evidence_of_a_stall(gap_s: float) -> None:
     """The sensor was read just before the loop stood still; the tick came afterwards, the next reading later still."""

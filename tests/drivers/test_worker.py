@@ -276,3 +276,17 @@ async def test_worker_that_was_never_used_has_no_thread_and_nothing_to_release(b
     await unused.close(bus.job("release"))
     assert threading.active_count() == threads
     assert bus.done == []
+
+
+async def test_job_that_waited_longer_than_its_deadline_is_not_begun_while_the_loop_stands_still(bus: Bus) -> None:
+    """The loop stands still, as in a process that is suspended: only the thread can see that the time is over."""
+    calls = [asyncio.create_task(bus.worker.call(job)) for job in (bus.hang, bus.job("old command"))]
+    await asyncio.sleep(0)
+    assert bus.hangs.wait(LONG_S)
+    threading.Event().wait(2 * DEADLINE_S)
+    bus.freed.set()
+    threading.Event().wait(DEADLINE_S)
+    assert bus.done == ["hung"]
+    results = await asyncio.gather(*calls, return_exceptions=True)
+    assert isinstance(results[1], NotResponding)
+    assert await bus.worker.call(bus.job("new command")) == "new command"

@@ -16,9 +16,10 @@ async def motor_board(inspection: Inspection) -> Finding:
     name, motors = "motor board", inspection.rover.motors
     try:
         await inspection.open("motors")
+        answers = await can_be_asked(motors)
     except DriverError as error:
         return silent(inspection, name, "motors", error)
-    if motors.deadman_s is not None and not can_be_asked(motors):
+    if motors.deadman_s is not None and not answers:
         return ok(
             name, f"its port opens; it cannot answer, and its deadman of {motors.deadman_s:g} s is not proved by this"
         )
@@ -49,9 +50,9 @@ async def battery(inspection: Inspection) -> Finding:
 
 async def motor_faults(inspection: Inspection) -> Finding:
     """Check that the motor board reports no fault."""
-    if not can_be_asked(inspection.rover.motors):
-        return skipped("motor faults", "the motor board cannot be asked")
     try:
+        if not await can_be_asked(inspection.rover.motors):
+            return skipped("motor faults", "the motor board cannot be asked")
         _, faults = await heard(inspection.motor_health())
     except DriverError:
         return skipped("motor faults", "the motor board does not answer")

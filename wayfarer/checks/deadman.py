@@ -7,6 +7,7 @@ file. It counts for the very board and settings that it was given with.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -15,18 +16,24 @@ from pydantic_core import to_jsonable_python
 from wayfarer.calibration import STALE_S, DeadmanEntry, load, save, stamp
 from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped, warn
 from wayfarer.config import RoverConfig, part_settings
-from wayfarer.errors import BadInput
-from wayfarer.hal import can_be_asked
+from wayfarer.errors import BadInput, DriverError
+from wayfarer.hal import DriveMotors, can_be_asked
 
 NAME = "deadman proved"
 PROVE = "stop the service, put the rover on blocks, wayfarer check at a terminal"
 
 
+# How the wheels are wired, and how fast they may turn, says nothing of the deadman; ``wayfarer check`` itself may have
+# somebody correct it right after the proof.
+OF_THE_WHEELS = {"left", "reverse_left", "reverse_right", "duty_limit"}
+
+
 def board_settings(config: RoverConfig) -> dict[str, Any]:
-    """Return what a proof counts for: the buses, the driver and all settings of the motors, defaults included."""
+    """Return what a proof counts for: the buses, the driver and the settings of the motors, defaults included."""
     table = config.parts.get("motors", {"driver": None})
     settings = to_jsonable_python(part_settings("motors", table)[1], fallback=str) if table["driver"] else {}
-    return {"buses": config.buses, "driver": table["driver"], **settings}
+    kept = {key: value for key, value in settings.items() if key not in OF_THE_WHEELS}
+    return {"buses": config.buses, "driver": table["driver"], **kept}
 
 
 def keep_proof(inspection: Inspection, *, tripped: bool) -> None:
@@ -44,7 +51,7 @@ def keep_proof(inspection: Inspection, *, tripped: bool) -> None:
 async def proved(inspection: Inspection) -> Finding:
     """Check that the deadman of a board that cannot be asked was seen to stop the wheels, with today's settings."""
     motors, path = inspection.rover.motors, inspection.place.calibration_file
-    if motors.deadman_s is None or can_be_asked(motors):
+    if not await _only_seen(motors):
         return skipped(NAME, "only of a board that has one and cannot be asked")
     try:
         proof = load(path).deadman
@@ -57,6 +64,13 @@ async def proved(inspection: Inspection) -> Finding:
     if inspection.place.t_wall - proof.t_wall > STALE_S:
         return warn(NAME, f"seen on {proof.date}, more than half a year ago", "rovers change", PROVE)
     return ok(NAME, f"the wheels were seen to stop by themselves on {proof.date}")
+
+
+async def _only_seen(motors: DriveMotors) -> bool:
+    """Tell whether only a person can see that these motors have a deadman; one that answers badly can be asked."""
+    with suppress(DriverError):
+        return motors.deadman_s is not None and not await can_be_asked(motors)
+    return False
 
 
 def _unproved(inspection: Inspection, found: str) -> Finding:

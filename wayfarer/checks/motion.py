@@ -20,7 +20,7 @@ from wayfarer.checks.deadman import keep_proof
 from wayfarer.checks.parts import heard, silent
 from wayfarer.detector import Stall
 from wayfarer.errors import DriverError, WayfarerError
-from wayfarer.hal import STOP, DriveMotors, WheelCommand
+from wayfarer.hal import STOP, DriveMotors, WheelCommand, can_be_asked
 from wayfarer.pace import Pace
 
 Ask = Callable[[str], Awaitable[bool]]
@@ -91,7 +91,7 @@ async def _silence_s(motors: DriveMotors) -> float:
     """Return how long the deadman is given, 0 where there is none; longer for an eye that has to see it."""
     if motors.deadman_s is None:
         return 0.0
-    watch_s = WATCH_S if await motors.read_back() is None else 0.0
+    watch_s = 0.0 if await can_be_asked(motors) else WATCH_S
     return motors.deadman_s + DEADMAN_MARGIN_S + watch_s
 
 
@@ -111,7 +111,7 @@ async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
     if silence_s > SILENCE_MAX_S:
         long = f"with a deadman of {motors.deadman_s:g} s, wheels that nobody commands would turn for {silence_s:.1f} s"
         return skipped(name, f"{long}; set a shorter timeout under [parts.motors]")
-    if await motors.read_back() is None:
+    if not await can_be_asked(motors):
         return await _deadman_seen(name, ask, inspection, motors.deadman_s, silence_s, duty)
     before, after = await _fall_silent(motors, silence_s, duty)
     if before == STOP:

@@ -2,8 +2,8 @@
 
 Immobilised means: over a window of commanded driving, the ground moved by less than a share of what was commanded.
 Sums over a window, not single samples, so that one noise count cannot hide a stall and one zero cannot fake one.
-Nothing is claimed while the rover turns on the spot, while the command has just changed direction, or while the
-motion sensor's quality is low: **low quality means unknown, never still**.
+Nothing is claimed while the rover turns on the spot, or while the command has just changed direction. A reading of low
+quality counts as driven: **low quality means unknown, never still**.
 """
 
 from __future__ import annotations

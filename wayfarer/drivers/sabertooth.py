@@ -90,13 +90,12 @@ class Sabertooth:
 
     The deadman is the board's serial timeout: off by default, forgotten at each loss of power, and it cannot be read
     back. So it goes out behind each command to move; at 2400 baud, each second. That it trips, only a person who
-    watches the wheels can tell; ``wayfarer check`` asks one, and no rover is armed without. Nor can anything here
-    notice that there is no board at the other end of the wire.
+    watches the wheels can tell; ``wayfarer check`` asks one, and without the answer no rover is armed whose
+    file does not say why. Nor can anything here notice that there is no board at the other end of the wire.
     """
 
     part: ClassVar[str] = "motors"
     Settings = SabertoothSettings
-    can_be_asked: ClassVar[bool] = False
 
     def __init__(self, settings: SabertoothSettings, buses: Buses) -> None:
         self._port = buses.serial(settings.port, baud=settings.baud)

@@ -97,20 +97,19 @@ class Board:
     async def _insist(self, transfer: Callable[[], Awaitable[T]]) -> T:
         clock = asyncio.get_running_loop().time
         ends_s = clock() + _RETRY_WITHIN_S
-        for retries_left in reversed(range(_RETRIES + 1)):
-            try:
+        for _ in range(_RETRIES):
+            with suppress(DriverError):
                 return await transfer()
-            except DriverError as error:
-                if retries_left and clock() <= ends_s:
-                    self.retries += 1
-                    continue
-                if not isinstance(error, NotResponding):
-                    raise
-                raise NotResponding(
-                    f"{self.where}: no answer ({error}); battery off or flat, or a loose plug: check the board's power "
-                    "switch and its I2C cable"
-                ) from error
-        raise AssertionError("the last try returns or raises")
+            if clock() > ends_s:
+                raise NotResponding(f"{self.where}: no answer in time; a device holds the bus, check power and wiring")
+            self.retries += 1
+        try:
+            return await transfer()
+        except NotResponding as error:
+            raise NotResponding(
+                f"{self.where}: no answer ({error}); battery off or flat, or a loose plug: check the board's power "
+                "switch and its I2C cable"
+            ) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +208,7 @@ class ThunderBorg:
 
         Raises:
             NotResponding: not acknowledged three times.
-            PowerLost: the board had lost its power since it was opened. Its failsafe is on again by then.
+            PowerLost: the board had lost its power since it was opened. Its failsafe was switched on again.
         """
         left, right = self._levels.of(command)
         halts, retries = self._halts, self._board.retries
@@ -259,9 +258,9 @@ class ThunderBorg:
             BadReading: three answers to something else, or a voltage beyond the board's scale.
         """
         battery_v = await self._battery_v()
-        faults = await self._drive_faults() if len(self._driven) == 2 else []
-        if not await self._keep_failsafe():
-            faults.append(_DOES_NOT_ARM)
+        faults = [] if await self._keep_failsafe() else [_DOES_NOT_ARM]
+        if len(self._driven) == 2:
+            faults += await self._drive_faults()
         return MotorHealth(battery_v, tuple(faults))
 
     async def _refuse_without_failsafe(self) -> None:
@@ -274,8 +273,11 @@ class ThunderBorg:
             raise PowerLost(self.name)
 
     async def _keep_failsafe(self) -> bool:
-        """Ask the board for its failsafe, and switch it on where it is off; return whether it is on now."""
-        if await self._failsafe_is_on():
+        """Ask the board for its failsafe, and switch it on where it is off; return whether it is on now.
+
+        Off is believed when it was said twice: a byte may be wrong although its echo is right.
+        """
+        if await self._failsafe_is_on() or await self._failsafe_is_on():
             return True
         self._forgot = True
         self._power_losses += 1
