@@ -312,7 +312,18 @@ def test_limit_of_a_device_s_name_is_said(tmp_path: Path) -> None:
     compass = '[parts.compass]\ndriver = "cmps14"\nbus = "/dev/{}"'
     assert load(tmp_path, rover_toml(rest=compass.format("x" * 250))).parts["compass"]["bus"] == "/dev/" + "x" * 250
     said = complaint(tmp_path, rover_toml(rest=compass.format("x" * 251)))
-    assert ": 256 characters; allowed are at most 255 (line 10)" in said
+    assert ": 256 bytes; allowed are at most 255 (line 10)" in said
+    assert ": 505 bytes; " in complaint(tmp_path, rover_toml(rest=compass.format("ü" * 250)))
+
+
+def test_name_with_a_zero_byte_is_refused(tmp_path: Path) -> None:
+    said = complaint(tmp_path, rover_toml(rest='[parts.compass]\ndriver = "cmps14"\nbus = "/dev/i2c\\u0000"'))
+    assert said.endswith("key 'parts.compass.bus' = '/dev/i2c\\x00': a zero byte, which no name can have (line 10)")
+
+
+@pytest.mark.parametrize("text", [f"{'k' * 6000} = 1\n", f'name = "test"\n[parts.{"p" * 6000}]\ndriver = "cmps14"\n'])
+def test_key_of_6000_characters_is_not_printed(tmp_path: Path, text: str) -> None:
+    assert len(complaint(tmp_path, text).removeprefix(str(tmp_path))) < 300
 
 
 BOM = b"\xef\xbb\xbf"

@@ -583,6 +583,8 @@ async def test_hold_of_the_mission_before_is_not_warned_of_in_the_next() -> None
     bench.helm.disarm(bench.t_s, "by a person")
     await bench.tick(4)
     await bench.armed()
+    await bench.tick()
+    assert bench.wheels == AHEAD
 
 
 async def test_lost_compass_is_a_fault_that_disarms() -> None:

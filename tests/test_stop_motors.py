@@ -23,6 +23,7 @@ from wayfarer.control.motors_lock import MotorsLock
 from wayfarer.control.protocol import Refused
 from wayfarer.errors import BadInput, NotResponding, WayfarerError
 from wayfarer.escape.api import Vehicle
+from wayfarer.registry import find_driver
 from wayfarer.salvage import SHIPPED
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
@@ -307,11 +308,13 @@ def test_root_stops_what_another_user_recorded_with_that_user_s_rights(
     for each in (record, record.parent):
         os.chown(each, NOBODY, -1)
     monkeypatch.setattr("sys.executable", str(asked))
-    monkeypatch.setattr("wayfarer.stop_board.find_driver", lambda name: pytest.fail("imported as root"))
-    said = stop_motors(str(rover_file))
+    only_ours = {"sabertooth": find_driver("sabertooth")}  # the other one is not imported as root
+    monkeypatch.setattr("wayfarer.stop_board.find_driver", only_ours.__getitem__)
+    said = stop(rover_file, BUSES + SABERTOOTH)
     account = pwd.getpwuid(NOBODY)
     groups = " ".join(map(str, sorted(os.getgrouplist(account.pw_name, account.pw_gid))))
     assert f"{record}: I am {NOBODY} of {groups}, and was given " in said
+    assert said.startswith(str(rover_file)), "what needs nobody else's process is stopped first"
     assert '{"motors": {"driver": "thunderborg"}, "buses": "tests.test_stop_motors:buses"}' in said
     assert "by -P -m wayfarer.stop_board (stopped as user" in said
     monkeypatch.setattr("sys.executable", str(tmp_path / "none"))

@@ -73,6 +73,16 @@ def test_one_device_for_two_kinds_of_bus_is_refused_for_any_buses(tmp_path: Path
     )
 
 
+def test_one_device_that_is_written_in_two_ways_is_refused(tmp_path: Path) -> None:
+    said = complaint(tmp_path, COMPASS, SABERTOOTH.format("/dev/../dev//i2c-1"))
+    assert said.startswith("key 'parts.motors.port' = '/dev/../dev//i2c-1': a serial port here and an I2C bus for")
+
+
+def test_part_without_a_device_is_refused(tmp_path: Path) -> None:
+    said = complaint(tmp_path, SABERTOOTH.format(""))
+    assert said == "key 'parts.motors.port' = '': names no device; it needs a serial port, such as /dev/... (line 9)"
+
+
 def test_flow_sensor_on_the_serial_port_of_the_motors_is_refused(tmp_path: Path) -> None:
     said = complaint(tmp_path, SABERTOOTH.format("/dev/serial0"), FLOW.format("/dev/serial0"))
     assert said.startswith("key 'parts.motion.bus' = '/dev/serial0': an SPI device here and a serial port for")

@@ -29,7 +29,7 @@ from pydantic import (
 from wayfarer.board import BoardSettings
 from wayfarer.bounds import Hertz
 from wayfarer.chassis import Chassis
-from wayfarer.config_errors import at_line, explain, line_of, most_telling, one_line, shown
+from wayfarer.config_errors import at_line, explain, line_of, most_telling, one_line, shown, with_short_keys
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import EscapeSettings, Vehicle
@@ -43,7 +43,7 @@ from wayfarer.wiring import clash
 _STRICT = ConfigDict(extra="forbid", frozen=True)
 _STALL_MARGIN = 1.5  # the stall guard waits for so many control periods at least
 _COMMANDS_PER_DEADMAN = 2  # one command may be lost or late, and a healthy rover drives on
-_TEXT_MAX = 255  # characters of a text; Linux allows as many bytes in a file's name (NAME_MAX)
+_TEXT_MAX = 255  # bytes of a text, as Linux allows in a file's name (NAME_MAX)
 _TEXT = "utf-8-sig"  # some editors begin a file with a byte order mark
 
 
@@ -148,10 +148,12 @@ def part_settings(part: str, table: Mapping[str, Any]) -> tuple[Any, Any]:
     key = f"parts.{part}"
     settings = dict(table)
     for setting, value in settings.items():
-        if isinstance(value, str) and len(value) > _TEXT_MAX:
+        if isinstance(value, str) and len(value.encode()) > _TEXT_MAX:
             raise ValueError(
-                f"key '{key}.{setting}' = {shown(value)}: {len(value)} characters; allowed are at most {_TEXT_MAX}"
+                f"key '{key}.{setting}' = {shown(value)}: {len(value.encode())} bytes; allowed are at most {_TEXT_MAX}"
             )
+        if isinstance(value, str) and "\0" in value:
+            raise ValueError(f"key '{key}.{setting}' = {shown(value)}: a zero byte, which no name can have")
     name = settings.pop("driver", None)
     if not isinstance(name, str):
         found = "is missing" if name is None else f"= {shown(name)}: input should be a text"
@@ -161,7 +163,7 @@ def part_settings(part: str, table: Mapping[str, Any]) -> tuple[Any, Any]:
     except BadInput as error:
         raise ValueError(f"key '{key}.driver': {error}") from None
     if getattr(driver, "part", None) != part:
-        raise ValueError(f"key '{key}.driver': '{name}' is no {part}, but a {getattr(driver, 'part', 'stranger')}")
+        raise ValueError(f"key '{key}.driver': '{name}' is no driver of a {part} part")
     try:
         return driver, _adapter(driver.Settings).validate_json(json.dumps(settings), strict=True)
     except ValidationError as error:
@@ -201,7 +203,7 @@ def line_in(name_or_path: str, key: str) -> int | None:
 
 def with_place(name_or_path: str, said: str) -> str:
     """Return what is wrong with a key, found after the file was read, with the file before it and the line after."""
-    return f"{name_or_path}: {said}{at_line(_text_of(name_or_path), said)}"
+    return f"{name_or_path}: {with_short_keys(said)}{at_line(_text_of(name_or_path), said)}"
 
 
 def _text_of(name_or_path: str) -> str:
@@ -232,6 +234,6 @@ def _parse(where: str, text: str) -> RoverConfig:
         return RoverConfig.model_validate_json(json.dumps(table, default=str), strict=True)
     except ValidationError as error:
         said = explain(most_telling(error), RoverConfig)
-        raise BadConfig(one_line(f"{where}: {said}{at_line(text, said)}")) from None
+        raise BadConfig(one_line(f"{where}: {with_short_keys(said)}{at_line(text, said)}")) from None
     except (ValueError, RecursionError) as error:  # tomllib: syntax, endless numbers, brackets without end
         raise BadConfig(one_line(f"{where}: not valid TOML: {error}")) from None

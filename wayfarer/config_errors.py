@@ -17,7 +17,8 @@ _OUT_OF_RANGE = {"greater_than", "greater_than_equal", "less_than", "less_than_e
 _SECTION = re.compile(r"(\[+)\s*([^\]]+?)\s*\]")
 _KEY = re.compile(r"[\"']?([\w-]+)[\"']?\s*=")
 _NAMED = re.compile(r"(?:unknown )?key '([^']+)'")
-_SHOWN = 80  # characters of a value that is quoted
+_SHOWN = 80  # characters of a value, or a key, that is quoted
+_LONG_KEY = re.compile(rf"'([^']{{{_SHOWN},}})'")
 
 
 def most_telling(error: ValidationError) -> ErrorDetails:
@@ -45,6 +46,11 @@ def explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
     if isinstance(problem["input"], float) and not isfinite(problem["input"]):
         wanted = "input should be a finite number"
     return f"key '{dotted}' = {shown(problem['input'])}: {wanted}{allowed}"
+
+
+def with_short_keys(said: str) -> str:
+    """Return an explanation in which the middle of each long quoted key is left out."""
+    return _LONG_KEY.sub(lambda quoted: f"'{quoted[1][: _SHOWN // 2]}...{quoted[1][-_SHOWN // 4 :]}'", said)
 
 
 def shown(value: object) -> str:

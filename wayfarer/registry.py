@@ -12,7 +12,7 @@ from dataclasses import replace
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from wayfarer.errors import BadInput, UnknownName, WayfarerError
+from wayfarer.errors import BadInput, UnknownName, WayfarerError, in_one_line
 from wayfarer.escape.catalogue import BUILT_IN, Algorithm
 
 ALGORITHM_GROUP = "wayfarer.algorithms"
@@ -96,9 +96,8 @@ def make_buses(name: str) -> Any:
         buses = make()
     except WayfarerError:
         raise
-    except Exception as error:  # a third party's may raise anything, and what is no function cannot be called
-        reason = " ".join(str(error).split())
-        raise BadInput(f"buses '{name}': {path} gives no buses: {type(error).__name__}: {reason}") from error
+    except (Exception, SystemExit) as error:  # a third party's may raise anything; what is no function cannot be called
+        raise BadInput(f"buses '{name}': {path} gives no buses: {in_one_line(error)}") from error
     if not all(callable(getattr(buses, kind, None)) for kind in ("i2c", "spi", "serial", "camera", "close")):
         raise BadInput(f"buses '{name}': {path} gives no wayfarer.drivers.buses.Buses")
     return buses
@@ -122,8 +121,8 @@ def _load_path(kind: str, path: str) -> Any:
     module_name, _, attribute = path.partition(":")
     try:
         module = importlib.import_module(module_name)
-    except Exception as error:  # a third party's module may raise anything while it is imported
-        reason = " ".join(str(error).split())
+    except (Exception, SystemExit) as error:  # a third party's module may raise anything while it is imported
+        reason = " ".join(str(error).split()) or type(error).__name__
         raise BadInput(f"{kind} '{path}': cannot import {module_name} ({reason}); is it installed?") from error
     try:
         return getattr(module, attribute)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
+from posixpath import normpath
 from typing import Any, NamedTuple
 
 I2C, SPI, SERIAL = "an I2C bus", "an SPI device", "a serial port"
@@ -71,6 +72,8 @@ def clash(parts: Iterable[tuple[str, Any, Any]]) -> str | None:
     placed: list[_Place] = []
     for part, driver, settings in parts:
         for place in _places(part, driver, settings):
+            if not place.wire.name:
+                return f"key '{place.key}' = '': names no device; it needs {place.wire.kind}, such as /dev/..."
             for other in placed:
                 if why := _quarrel(place, other):
                     return why
@@ -99,7 +102,7 @@ def _key(part: str, settings: Any, wire: Wire) -> str:
 def _quarrel(place: _Place, other: _Place) -> str | None:
     """Say why two places cannot be, None where they can."""
     (kind, name), there = place.wire, f"parts.{other.part} ({other.chip})"
-    if name != other.wire.name:
+    if normpath(name) != normpath(other.wire.name):
         return None
     if kind != other.wire.kind:
         return f"key '{place.key}' = '{name}': {kind} here and {other.wire.kind} for '{other.key}'; correct one of them"
