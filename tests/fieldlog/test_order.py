@@ -54,6 +54,44 @@ def test_two_ticks_may_have_the_same_time() -> None:
     assert list(in_order(late)) == late
 
 
+def test_tick_may_stand_still_for_any_time() -> None:
+    """An event is written meanwhile, and the motor board's answer is written by the next tick."""
+    stalled = [*log(50), {"record": "event", "n": 51, "t_s": 1602.0}, tick(52, 1002.55)]
+    stalled += [{"record": "board", "n": 53, "t_s": 1002.6}, tick(54, 1602.1), tick(55, 1602.15)]
+    assert list(in_order(stalled)) == stalled
+
+
+@pytest.mark.parametrize("kind", ["event", "board", "computer", "fault", "position"])
+@pytest.mark.parametrize("late_s", [0.9, 50.0, 99.0, 1e6])
+def test_record_that_is_later_than_the_ticks_after_it_is_dropped_alone(kind: str, late_s: float) -> None:
+    records = log(600)
+    at = 333
+    wrong: Record = {"record": kind, "n": records[at]["n"], "t_s": records[at]["t_s"] + late_s}
+    assert list(in_order([*records[:at], wrong, *records[at + 1 :]])) == [*records[:at], *records[at + 1 :]]
+
+
+@pytest.mark.parametrize("kind", ["event", "board", "computer", "fault", "truth"])
+def test_record_that_is_earlier_than_the_tick_before_it_is_dropped(kind: str) -> None:
+    records = log(600)
+    wrong: Record = {"record": kind, "n": 601, "t_s": records[-1]["t_s"] - 6.0}
+    assert list(in_order([*records, wrong])) == records
+
+
+@pytest.mark.parametrize("by_s", [1e6, 50.0, -50.0])
+def test_outcome_and_truth_have_the_time_of_the_record_before_them(by_s: float) -> None:
+    records = log(300)
+    for kind in ("outcome", "truth"):
+        last: Record = {"record": kind, "n": 301, "t_s": records[-1]["t_s"]}
+        assert list(in_order([*records, last])) == [*records, last]
+        assert list(in_order([*records, last | {"t_s": last["t_s"] + by_s}])) == records
+
+
+def test_header_that_is_later_than_its_log_is_dropped() -> None:
+    records = log(300)
+    late = records[0] | {"t_s": records[0]["t_s"] + 50.0}
+    assert list(in_order([late, *records[1:]])) == records[1:]
+
+
 CHANGES = st.fixed_dictionaries(
     {}, optional={"n": st.none() | st.integers(0, 2**53), "t_s": st.floats(0.0, 1e9) | st.floats(900.0, 1100.0)}
 )

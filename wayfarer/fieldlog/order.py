@@ -22,15 +22,16 @@ READ_EARLIER_S = 100.0
 NOTED_EARLIER_S = 5.0  # all else is from after the beginning of the last tick, or has the time of a fresh position
 
 
-READ_EARLIER = ("position", "outcome")
+AS_BEFORE = ("outcome", "truth")  # has the time of the record before it: truth that of its tick
 
 
 class Seen(NamedTuple):
     """What was believed so far: the highest number, the latest time, and what the next times depend on.
 
-    ``tick_t_s`` is when the last tick began. A tick is written when it has ended, so that the next one begins later
-    than ``settled_s``, the latest time up to there. ``last_t_s`` is the time of the last record with a number.
-    ``bare`` is the last record without one, as the header of each part is; such a line twice is one too many.
+    ``tick_t_s`` is when the last tick began, and before the first one the log. A tick is written when it has ended, so
+    that the next one begins later than ``settled_s``, the latest time up to there. ``last_t_s`` is the time of the last
+    record with a number. ``bare`` is the last record without one, as the header of each part is; such a line twice is
+    one too many.
     """
 
     n: int = 0
@@ -115,6 +116,8 @@ def after(record: Record, seen: Seen) -> Seen | None:
     latest_s = t_s if t_s > latest_s else latest_s
     if record["record"] == "tick":
         tick_t_s, settled_s = t_s, latest_s
+    elif tick_t_s < 0.0 and record["record"] == "run":
+        tick_t_s = t_s
     return Seen(n, latest_s, tick_t_s, settled_s, last_t_s, bare)
 
 
@@ -123,9 +126,9 @@ def _in_time(record: Record, seen: Seen) -> bool:
     kind, t_s = record["record"], record["t_s"]
     if kind == "tick":
         return bool(t_s >= seen.settled_s)
-    if kind == "outcome" and record.get("n") == seen.n + 1:  # it has the time of the record before it
+    if kind in AS_BEFORE and record.get("n") == seen.n + 1:
         return bool(abs(t_s - seen.last_t_s) <= SMOOTH_S)
-    earlier_s = READ_EARLIER_S if kind in READ_EARLIER or record.get("n") is None else NOTED_EARLIER_S
+    earlier_s = READ_EARLIER_S if kind == "position" or record.get("n") is None else NOTED_EARLIER_S
     return bool(t_s >= seen.tick_t_s - earlier_s)
 
 
@@ -134,7 +137,7 @@ def _smoothly_after(record: Record, seen: Seen) -> Seen | None:
     t_s = record["t_s"]
     if t_s > seen.t_s + SMOOTH_S or (record.get("n") or 0) > seen.n + 1:
         return None
-    if record["record"] == "tick" and t_s < seen.t_s:  # the next tick tells whether the record before it is too late
+    if t_s < seen.t_s and record["record"] != "position":  # ticks will tell which is wrong
         return None
     return after(record, seen)
 
