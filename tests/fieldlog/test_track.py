@@ -57,7 +57,7 @@ def test_wheels_count_where_the_sensor_says_more_than_any_rover_can_do(wrong: di
 
 
 def test_way_of_a_long_silence_is_believed_as_far_as_the_rover_can_have_gone() -> None:
-    ticks = [{"motion": motion(0.0)}, {"t_s": 60.0, "motion": motion(80.0)}]
+    ticks: list[dict[str, Any]] = [{"motion": motion(0.0)}, {"t_s": 60.0, "motion": motion(80.0)}]
     assert at(drive(*ticks))[0] == pytest.approx(80.0)
 
 

@@ -20,8 +20,6 @@ SMOOTH_S = 1.0  # from a record to the next, where nothing was lost and nothing 
 # catalogue's longest stall is 60 s. A header or a ``log_gap`` has the time of the record after it, which may be one.
 READ_EARLIER_S = 100.0
 NOTED_EARLIER_S = 5.0  # all else is from after the beginning of the last tick, or has the time of a fresh position
-
-
 AS_BEFORE = ("outcome", "truth")  # has the time of the record before it: truth that of its tick
 
 
