@@ -86,6 +86,11 @@ def test_outcome_and_truth_have_the_time_of_the_record_before_them(by_s: float) 
         assert list(in_order([*records, last | {"t_s": last["t_s"] + by_s}])) == records
 
 
+def test_outcome_of_a_run_in_which_nothing_happened_is_given() -> None:
+    header, outcome = {"record": "run", "t_s": 1000.0}, {"record": "outcome", "n": 1, "t_s": 1000.0}
+    assert list(in_order([header, outcome])) == [header, outcome]
+
+
 def test_header_that_is_later_than_its_log_is_dropped() -> None:
     records = log(300)
     late = records[0] | {"t_s": records[0]["t_s"] + 50.0}

@@ -115,7 +115,7 @@ def after(record: Record, seen: Seen) -> Seen | None:
     if record["record"] == "tick":
         tick_t_s, settled_s = t_s, latest_s
     elif tick_t_s < 0.0 and record["record"] == "run":
-        tick_t_s = t_s
+        tick_t_s = last_t_s = t_s
     return Seen(n, latest_s, tick_t_s, settled_s, last_t_s, bare)
 
 
