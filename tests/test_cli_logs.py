@@ -138,7 +138,7 @@ def test_summary_of_a_log_without_its_header_claims_nothing(run: Run, tmp_path: 
     headless = write(tmp_path / "logs" / "00003-20261121T081405Z", numbered([*drive(0.0, 1.0), outcome(1.0)]))
     said = run("summary", 3)[1]
     assert "nothing says what ran, nor whether it was simulated" in said
-    assert said.splitlines()[-1] == "log        the log does not begin with its header"
+    assert said.splitlines()[-1] == "log        1 part of the log does not begin with its header"
     found = json.loads(run("summary", headless, "--json")[1])
     assert (found["simulated"], found["dry_run"], found["damage"]["headless"]) == (None, None, 1)
     code, verdict, _ = run("check", 3)

@@ -121,6 +121,9 @@ SPOILT = {
     "stride did not end": Spoilt(lambda decision, _: decision._replace(phase=Phase.STRIDE)),
     "halt did not end": Spoilt(lambda decision, _: decision._replace(wheels=STOP, phase=Phase.HALT)),
     "follow did not end": Spoilt(lambda decision, _: decision._replace(phase=Phase.FOLLOW)),
+    r"memory\(\) has level, n: these keys are the log's own": Spoilt(
+        lambda decision, _: decision, {"counter_deg": 0.0, "episodes": 0, "level": 2.0, "n": 1}
+    ),
     r"memory\(\) has no 'episodes'": Spoilt(lambda decision, _: decision, {"counter_deg": 0.0}),
     "not a finite number": Spoilt(lambda decision, _: decision, {"counter_deg": nan, "episodes": 0}),
 }

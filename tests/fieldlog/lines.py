@@ -17,7 +17,7 @@ SMALL = LogSettings(part_mb=0.001, run_mb=1.0, free_mb=0.0)  # about ten ticks a
 
 def header(part: int) -> bytes:
     """Return the first line of a part."""
-    return orjson.dumps({"record": "run", "t_s": 0.0, "t_wall": 0.0, "part": part, "rover": "Wühlmaus"})
+    return orjson.dumps({"record": "run", "t_s": 0.0, "t_wall": 0.0, "schema": 2, "part": part, "rover": "Wühlmaus"})
 
 
 def tick(number: int) -> bytes:

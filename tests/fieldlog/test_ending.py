@@ -30,7 +30,7 @@ def test_first_run_of_all_has_none_before_it(tmp_path: Path) -> None:
 
 
 def test_run_with_an_outcome_was_ended_in_order(tmp_path: Path) -> None:
-    assert left(tmp_path, event("armed", 1.0), tick(2.0), outcome(3.0)) is None
+    assert left(tmp_path, event("armed", 1.0), tick(2.0), outcome(0.0)) is None
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_run_that_was_cut_off_tells_when_and_what_it_was_doing(
 
 def test_only_the_newest_run_counts(tmp_path: Path) -> None:
     write(tmp_path / "00016-20261120T061405Z", numbered([HEADER, tick(1.0)]))
-    assert left(tmp_path, outcome(3.0)) is None
+    assert left(tmp_path, tick(3.0), outcome(3.0)) is None
 
 
 def test_only_the_end_of_a_long_log_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

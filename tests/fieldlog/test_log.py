@@ -14,6 +14,7 @@ from wayfarer.errors import BadInput
 from wayfarer.escape.api import Decision, Phase
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog, Record
+from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.hal import STOP
 from wayfarer.latest import Snapshot
 from wayfarer.records import TickRecord
@@ -89,3 +90,19 @@ def test_every_viewer_sees_every_record_in_order_and_one_that_fails_costs_nobody
     assert sorted(shown, key=lambda record: record.get("n", 0)) == records(tmp_path)
     names = [record.get("name") for record in records(tmp_path)]
     assert names.count("viewer_failed") == 1
+
+
+def test_memory_with_keys_of_the_log_costs_no_record(tmp_path: Path) -> None:
+    """A third party's algorithm may remember anything; what it calls as the log calls its own is left out."""
+
+    def memory() -> Mapping[str, float | str]:
+        return {"record": "x", "n": "x", "t_s": "x", "t_wall": "x", "level": 2.0, "cause": 1.0, "why": 3.0, "mood": "x"}
+
+    log = FieldLog(RunFiles(tmp_path), {})
+    snapshot, decision = Snapshot(1.0, None, None, None), Decision(STOP, Phase.HALT, "halt")
+    log.tick(TickRecord(1.0, snapshot, None, decision, STOP, Level.WELL, None, memory))
+    log.close("requested", "enough")
+    reader = RunReader(tmp_path)
+    _, tick, _ = reader
+    assert reader.damage == Damage()
+    assert (tick["n"], tick["level"], tick["cause"], tick["why"], tick["mood"]) == (1, "well", None, "halt", "x")

@@ -50,6 +50,17 @@ def test_wheels_count_where_the_sensor_cannot_tell(quality: float | None) -> Non
     assert at(track)[0] == pytest.approx(10 * DT_S * 0.5 * SPEED_M_S)
 
 
+@pytest.mark.parametrize("wrong", [motion(50.0), motion(0.0, 40.0), motion(-50.0), motion(1e308)])
+def test_wheels_count_where_the_sensor_says_more_than_any_rover_can_do(wrong: dict[str, Any]) -> None:
+    track = drive(*[{"motion": motion(0.0)}] * 5, {"motion": wrong}, *[{"motion": motion(0.0)}] * 5, duty=0.5)
+    assert at(track) == pytest.approx((DT_S * 0.5 * SPEED_M_S, 0.0))
+
+
+def test_way_of_a_long_silence_is_believed_as_far_as_the_rover_can_have_gone() -> None:
+    ticks: list[dict[str, Any]] = [{"motion": motion(0.0)}, {"t_s": 60.0, "motion": motion(80.0)}]
+    assert at(drive(*ticks))[0] == pytest.approx(80.0)
+
+
 def test_rover_without_a_motion_sensor_goes_by_its_wheels() -> None:
     assert at(drive(*[{}] * 11, duty=-1.0))[0] == pytest.approx(-10 * DT_S * SPEED_M_S)
 

@@ -13,6 +13,7 @@ HEADER: Record = {
     "record": "run",
     "t_s": 100.0,
     "t_wall": 1000.0,
+    "schema": 2,
     "part": 1,
     "version": "1",
     "algorithm": "forest-pledge",

@@ -155,7 +155,8 @@ def test_well_known_schemas_are_used_where_panels_know_them(exported: Exported) 
 
 
 def test_number_of_messages_is_returned_and_the_bytes_are_the_same_each_time(run: Path, tmp_path: Path) -> None:
-    assert export(run, tmp_path / "a.mcap") == export(run, tmp_path / "b.mcap") == len(read(tmp_path / "a.mcap").all)
+    first, second = export(run, tmp_path / "a.mcap"), export(run, tmp_path / "b.mcap")
+    assert first.messages == second.messages == len(read(tmp_path / "a.mcap").all)
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
 
 
@@ -314,7 +315,7 @@ def test_pipe_is_refused_and_a_symlink_is_written_through(run: Path, tmp_path: P
     with pytest.raises(BadInput, match="is no ordinary file"):
         export(run, pipe)
     assert pipe.is_fifo()
-    assert export(run, link) > 0
+    assert export(run, link).messages > 0
     assert link.is_symlink()
     assert read(target).messages["/pose"]
 

@@ -14,17 +14,19 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from tests.logbook.records import HEADER, SAMPLE_LOGS, drive, event, numbered, outcome, record, tick, write
+from wayfarer import cli
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run
-from wayfarer.fieldlog.reader import Damage, Record, RunReader
+from wayfarer.fieldlog.reader import Damage, Record, RunReader, read_header
 from wayfarer.fieldlog.schema import KINDS
 from wayfarer.logbook.account import summarise
-from wayfarer.logbook.export import write_table
+from wayfarer.logbook.export import export, write_table
 from wayfarer.logbook.listing import lines, rows
 from wayfarer.logbook.story import Story
 from wayfarer.logbook.summary_text import summary_text
 from wayfarer.logbook.tail import RunTail
-from wayfarer.logbook.verdict import Worth, judge, readable
+from wayfarer.logbook.verdict import NO_OUTCOME, Worth, judge, readable
+from wayfarer.logbook.whereabouts import Offset
 from wayfarer.report.run_reading import read_run
 
 RUN = "00017-20261121T061405Z"
@@ -111,11 +113,14 @@ def changed(record: Record, **values: Any) -> list[Record]:
         (changed(LONG[MIDDLE], travelled_m="far"), Damage(wrong=1, missing=1)),
         (changed(LONG[MIDDLE], applied_left=True), Damage(wrong=1, missing=1)),
         (changed(LONG[MIDDLE], motion={"t_s": 1.0, "forward_m": "2", "quality": 1.0}), Damage(wrong=1, missing=1)),
+        (changed(LONG[MIDDLE], n=None), Damage(wrong=1, missing=1)),
+        (changed(LONG[MIDDLE], t_wall=None), Damage(wrong=1, missing=1)),
+        ([*LONG[:MIDDLE], HEADER | {"part": 2, "schema": 0}, *LONG[MIDDLE:]], Damage(wrong=1)),
         ([*LONG[:MIDDLE], HEADER | {"part": 2, "schema": 99}, *LONG[MIDDLE:]], Damage(wrong=1)),
     ],
 )
 def test_what_cannot_be_is_dropped_and_counted_once_for_every_tool(
-    tmp_path: Path, records: list[Record], damage: Damage
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], records: list[Record], damage: Damage
 ) -> None:
     run, whole = write(tmp_path / RUN, records), write(tmp_path / "whole", LONG)
     verdict = judge(run)
@@ -135,9 +140,64 @@ def test_what_cannot_be_is_dropped_and_counted_once_for_every_tool(
 
     assert read_run(run).damage == damage
     table = io.StringIO()
-    write_table(run, "csv", table)
+    assert write_table(run, "csv", table) == damage
+    assert write_table(run, "tsv", io.StringIO()) == damage
+    assert export(run, "mcap", tmp_path / "run.mcap", overwrite=False) == damage
+    capsys.readouterr()
+    for command in (["export", "--out", "-"], ["follow"]):
+        assert cli.run(["logs", command[0], str(run), *command[1:]]) == 0
+        assert capsys.readouterr().err.splitlines()[-1] == str(damage)
     ticks = [each for each in RunReader(run) if each["record"] == "tick"]
     assert len(table.getvalue().splitlines()) == 1 + len(ticks) + 1  # titles, and what came after the last tick
+
+
+@pytest.mark.parametrize("forward_m", [50.0, -50.0, 1e308])
+def test_reading_that_cannot_be_sends_nobody_elsewhere(tmp_path: Path, forward_m: float) -> None:
+    """A sensor may say anything, so that the log is whole."""
+    still = {"t_s": 1.0, "forward_m": 0.025, "right_m": 0.0, "quality": 1.0, "signed": True}
+    read = [{**each, "motion": still} if each["record"] == "tick" else each for each in LONG]
+    lying = [*read[:MIDDLE], read[MIDDLE] | {"motion": {**still, "forward_m": forward_m}}, *read[MIDDLE + 1 :]]
+    runs = [write(tmp_path / name, records) for name, records in (("17", read), ("18", lying))]
+    expected, found = (summarise(RunReader(run)).where.by_reckoning for run in runs)
+    assert judge(runs[1]).worth is Worth.WHOLE
+    assert expected is not None
+    assert found == Offset(
+        pytest.approx(expected.distance_m, abs=0.1),  # type: ignore[arg-type]
+        pytest.approx(expected.bearing_deg, abs=0.5),  # type: ignore[arg-type]
+    )
+
+
+@pytest.mark.parametrize("schema", [0, 99, None])
+def test_one_damaged_header_costs_that_header_only(tmp_path: Path, schema: int | None) -> None:
+    run = write(tmp_path / RUN, [HEADER | {"schema": schema}, *LONG[1:400]], "run.00001.jsonl")
+    write(run, [HEADER | {"part": 2, "t_s": LONG[400]["t_s"]}, *LONG[400:]])
+    verdict = judge(run)
+    assert (verdict.worth, verdict.records) == (Worth.REPAIRED, len(LONG))
+    assert "1 record holds a value that cannot be" in str(verdict)
+    tail = RunTail(run)
+    assert list(tail.take())
+    tail.close()
+    assert read_header(run)["part"] == 2
+
+
+def test_part_without_its_header_is_counted(tmp_path: Path) -> None:
+    run = write(tmp_path / RUN, LONG[:400], "run.00001.jsonl")
+    write(run, LONG[400:])
+    reader = RunReader(run)
+    assert list(reader) == LONG
+    assert reader.damage == Damage(headless=1)
+
+
+@pytest.mark.parametrize("records", [WHOLE[:1], WHOLE[:-1]])
+def test_summary_calls_no_log_whole_that_check_does_not(tmp_path: Path, records: list[Record]) -> None:
+    reader = RunReader(write(tmp_path / RUN, records))
+    assert judge(reader.run).worth is Worth.REPAIRED
+    said = summary_text("17", summarise(reader), reader.damage).splitlines()[-1]
+    assert said == f"log        {NO_OUTCOME}"
+
+
+def test_one_record_is_counted_in_the_singular(tmp_path: Path) -> None:
+    assert str(judge(write(tmp_path, WHOLE[:1]))) == f"repaired, 1 record; {NO_OUTCOME}"
 
 
 def test_log_of_a_newer_wayfarer_is_refused_in_one_line(tmp_path: Path) -> None:

@@ -341,8 +341,9 @@ def test_log_with_one_tick_makes_a_page(tmp_path: Path) -> None:
 
 def test_ticks_that_say_nothing_make_a_page(tmp_path: Path) -> None:
     bare = [{"record": "tick", "t_s": 100.0 + step} for step in range(3)]
-    assert run_words.NO_TICKS in text_of(page_of(tmp_path / "even", {"record": "run", "t_s": 100.0}, *bare))
-    check_page(page_of(tmp_path / "uneven", {"record": "run", "t_s": 100.0}, *bare, tick(3.01)))
+    header = {"record": "run", "t_s": 100.0, "schema": 2}
+    assert run_words.NO_TICKS in text_of(page_of(tmp_path / "even", header, *bare))
+    check_page(page_of(tmp_path / "uneven", header, *bare, tick(3.01)))
 
 
 def test_time_without_ticks_is_labelled_and_not_bridged(tmp_path: Path) -> None:

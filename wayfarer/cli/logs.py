@@ -19,6 +19,7 @@ from wayfarer.cli.rover import Logs, log_folder
 from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
+    from wayfarer.fieldlog.reader import Damage
     from wayfarer.logbook.story import Line
 
 POLL_S = 0.3  # how long a line waits until it is shown, at most
@@ -100,6 +101,8 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
                 told, story = path, Story()
                 print(_titled(path), flush=True)
             _tell(story.take(record), flush=True)
+        if chosen is not None:
+            _tell_damage(_damage_of(chosen))
 
 
 @app.command()
@@ -211,11 +214,12 @@ def export(
         require("Foxglove")
     if out == STDOUT:
         with _whoever_reads():
-            write_table(found, form.value, sys.stdout)
+            _tell_damage(write_table(found, form.value, sys.stdout))
         return
     file = out or Path(f"{_titled(found)}.{form.value}")
-    export_run(found, form.value, file, overwrite=force)
+    damage = export_run(found, form.value, file, overwrite=force)
     print(f"the run is in {file}")
+    _tell_damage(damage)
 
 
 def _form(wanted: Form | None, out: Path | None) -> Form:
@@ -238,6 +242,24 @@ def _titled(run: Path) -> str:
     from wayfarer.lines import clean
 
     return clean(run.resolve().name)
+
+
+def _damage_of(run: Path) -> Damage:
+    """Return what of a run cannot be read, from its first record to its last."""
+    from wayfarer.fieldlog.reader import RunReader
+
+    reader = RunReader(run)
+    for _ in reader:
+        pass
+    return reader.damage
+
+
+def _tell_damage(damage: Damage) -> None:
+    """Say what of a log could not be read, where that is anything; stdout is for the run itself."""
+    from wayfarer.fieldlog.reader import Damage
+
+    if damage != Damage():
+        print(damage, file=sys.stderr)
 
 
 def _tell(lines: Iterable[Line], *, flush: bool = False) -> None:

@@ -135,7 +135,7 @@ class FieldLog:
         """Put kind and times first, for the person who tails the file; times are whole, for replay."""
         t_s = event["t_s"]
         stamp = {"record": event["event"], "n": self._number, "t_s": t_s, "t_wall": round(self._wall(t_s), 3)}
-        self._newest = {**stamp, **event["fields"], "t_s": t_s}
+        self._newest = {**stamp, **event["fields"], **stamp}
         return self._newest
 
     def _show(self, record: Record) -> None:
@@ -149,9 +149,9 @@ class FieldLog:
 
 
 def tick_fields(record: TickRecord) -> dict[str, Any]:
-    """Return what the log keeps of a control tick."""
+    """Return what the log keeps of a control tick; where an algorithm remembers one of its keys, the log's counts."""
     wanted, applied, decision = record.decision.wheels, record.applied, record.decision
-    return {
+    fields = {
         **_read(record.snapshot),
         **_seen(record.observation),
         "phase": decision.phase.value,
@@ -162,8 +162,8 @@ def tick_fields(record: TickRecord) -> dict[str, Any]:
         "applied_right": applied.right,
         "level": record.level.name.lower(),
         "cause": record.cause.value if record.cause is not None else None,
-        **record.memory(),
     }
+    return {**fields, **record.memory(), **fields}
 
 
 def _read(snapshot: Snapshot) -> dict[str, Any]:

@@ -16,20 +16,27 @@ from wayfarer.fieldlog.schema import Record
 WINDOW = 256  # records that are looked at together, at most
 RECORDS_A_SECOND = 3000  # more than any run writes: its ticks come at 1,000 Hz at most
 SMOOTH_S = 1.0  # from a record to the next, where nothing was lost and nothing stood still
-# An event may come so late: it is written at once, and a tick that stood still meanwhile has the time of its beginning.
-# The catalogue's longest stall is 60 s. A position has the time of its reading, which is 3 s old at most.
-LATE_S = 100.0
+# A position has the time of its reading: gpsd's may be 3 s old, and older where the loop stood still meanwhile; the
+# catalogue's longest stall is 60 s. A header or a ``log_gap`` has the time of the record after it, which may be one.
+READ_EARLIER_S = 100.0
+NOTED_EARLIER_S = 5.0  # all else is from after the beginning of the last tick, or has the time of a fresh position
+AS_BEFORE = ("outcome", "truth")  # has the time of the record before it: truth that of its tick
 
 
 class Seen(NamedTuple):
-    """What was believed so far: the highest number, the latest time, that of the latest tick.
+    """What was believed so far: the highest number, the latest time, and what the next times depend on.
 
-    ``bare`` is the last record without a number, as the header of each part is; such a line twice is one too many.
+    ``tick_t_s`` is when the last tick began, and before the first one the log. A tick is written when it has ended, so
+    that the next one begins later than ``settled_s``, the latest time up to there. ``last_t_s`` is the time of the last
+    record with a number. ``bare`` is the last record without one, as the header of each part is; such a line twice is
+    one too many.
     """
 
     n: int = 0
     t_s: float = 0.0
     tick_t_s: float = -1.0
+    settled_s: float = -1.0
+    last_t_s: float = 0.0
     bare: Record | None = None
 
 
@@ -92,26 +99,43 @@ def in_order(records: Iterable[Record]) -> Iterator[Record]:
 
 def after(record: Record, seen: Seen) -> Seen | None:
     """Return what has been seen after a record; None where it cannot follow."""
-    seen_n, latest_s, tick_t_s, bare = seen
+    seen_n, latest_s, tick_t_s, settled_s, last_t_s, bare = seen
     n, t_s = record.get("n"), record["t_s"]
-    if t_s < latest_s - LATE_S:
+    if not _in_time(record, seen):
         return None
-    if record["record"] == "tick":
-        if t_s < tick_t_s:
-            return None
-        tick_t_s = t_s
     if n is None:
         if record == bare:
             return None
         n, bare = seen_n, record
     elif n <= seen_n or (n - seen_n > RECORDS_A_SECOND and n - seen_n > RECORDS_A_SECOND * (t_s - latest_s)):
         return None
-    return Seen(n, t_s if t_s > latest_s else latest_s, tick_t_s, bare)
+    else:
+        last_t_s = t_s
+    latest_s = t_s if t_s > latest_s else latest_s
+    if record["record"] == "tick":
+        tick_t_s, settled_s = t_s, latest_s
+    elif tick_t_s < 0.0 and record["record"] == "run":
+        tick_t_s = last_t_s = t_s
+    return Seen(n, latest_s, tick_t_s, settled_s, last_t_s, bare)
+
+
+def _in_time(record: Record, seen: Seen) -> bool:
+    """Return whether a record's time can be, after what was seen; how late it may be is no question."""
+    kind, t_s = record["record"], record["t_s"]
+    if kind == "tick":
+        return bool(t_s >= seen.settled_s)
+    if kind in AS_BEFORE and record.get("n") == seen.n + 1:
+        return bool(abs(t_s - seen.last_t_s) <= SMOOTH_S)
+    earlier_s = READ_EARLIER_S if kind == "position" or record.get("n") is None else NOTED_EARLIER_S
+    return bool(t_s >= seen.tick_t_s - earlier_s)
 
 
 def _smoothly_after(record: Record, seen: Seen) -> Seen | None:
     """Return what has been seen after a record that follows with nothing missing in between; None for any other."""
-    if record["t_s"] > seen.t_s + SMOOTH_S or record.get("n", 0) > seen.n + 1:
+    t_s = record["t_s"]
+    if t_s > seen.t_s + SMOOTH_S or (record.get("n") or 0) > seen.n + 1:
+        return None
+    if t_s < seen.t_s and record["record"] != "position":  # ticks will tell which is wrong
         return None
     return after(record, seen)
 
@@ -129,10 +153,13 @@ def _longest_row(window: list[Record], seen: Seen) -> dict[int, Seen]:
     """Return the longest row of records that can follow each other, by their places; of two the one that ends first."""
     rows = [_Row(0, seen, -1, None)]  # the longest first
     for index, record in enumerate(window):
-        for row in rows:
-            if (following := after(record, row.seen)) is not None:
+        behind = False
+        for row in tuple(rows):
+            if (following := after(record, row.seen)) is not None and (not behind or record["t_s"] >= row.seen.t_s):
                 _insert(rows, _Row(row.length + 1, following, index, row))
-                break
+                behind = record["t_s"] < row.seen.t_s  # then what is before it may be too late: a row without that, too
+                if not behind:
+                    break
     believed, last = {}, rows[0]
     while last.before is not None:
         believed[last.place], last = last.seen, last.before

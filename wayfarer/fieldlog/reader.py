@@ -1,14 +1,15 @@
 """Reading a log back, through whatever cut it short: a power cut, a full disk, a card that forgets.
 
-Damage is judged here and nowhere else. Every record that is whole, holds what its kind may hold (``schema``) and is in
-order (``order``) is given; what is not is skipped, and counted by what is wrong with it. A line that was being written
-when the power went has no end, or is filled with NUL bytes; nothing after it is lost, because the next part and the
-next run have files of their own. Memory does not grow with the log, nor with what is broken in it.
+What a line is worth is judged here (``parse``), for the ends of logs and following as well; only here is it counted.
+Every record that is whole, holds what its kind may hold (``schema``) and is in order (``order``) is given; what is not
+is skipped, and counted by what is wrong with it. A line that was being written when the power went has no end, or is
+filled with NUL bytes; nothing after it is lost, because the next part and the next run have files of their own. Memory
+does not grow with the log, nor with what is broken in it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -34,7 +35,7 @@ class Damage:
     Lines: ``torn`` has no end, ``nul`` holds NUL bytes where the disk had nothing yet, ``oversized`` has more than
     ``LINE_BYTES``, ``garbled`` is no JSON object with a known ``record``, ``wrong`` holds a value that cannot be, and
     ``disordered`` breaks the order of numbers and times, as a line that is there twice does. ``unreadable`` parts could
-    not be read to their end. ``headless`` is 1 where the first record does not say what ran. ``missing`` counts the
+    not be read to their end. ``headless`` parts do not begin with what ran. ``missing`` counts the
     records that are not there, by their numbers: those in skipped lines, those that the disk could not take, and those
     in parts that were deleted.
     """
@@ -67,7 +68,7 @@ SAID = {
     "wrong": ("1 record holds a value that cannot be", "records hold values that cannot be"),
     "disordered": ("1 record is out of order", "records are out of order"),
     "unreadable": ("1 part of the log cannot be read", "parts of the log cannot be read"),
-    "headless": ("the log does not begin with its header", ""),
+    "headless": ("1 part of the log does not begin with its header", "parts of the log do not begin with their header"),
     "missing": ("1 record is missing", "records are missing"),
 }
 
@@ -96,7 +97,7 @@ class RunReader:
         records = self._ordered()
         first = next(records, None)
         if first is not None:
-            self.damage.headless = int(first["record"] != "run")
+            self.damage.headless = max(self.damage.headless, int(first["record"] != "run"))
             yield first
             yield from records
 
@@ -122,11 +123,14 @@ class RunReader:
         """Give the records of all parts that are whole, in whatever order they stand."""
         readable = False
         for part in self.parts:
+            begun = False
             try:
                 with part.open("rb", buffering=READ_BYTES) as file:
                     for line in _lines(file):
                         if (record := self._record(line, part)) is not None:
-                            readable = True
+                            if not begun:
+                                readable = begun = True
+                                self.damage.headless += record["record"] != "run"
                             yield record
             except OSError as error:
                 self.damage.unreadable += 1
@@ -143,13 +147,14 @@ class RunReader:
         return after if isinstance(after, dict) else None
 
     def _header(self, header: Record, part: Path) -> Record | None:
-        """Return a header; after one of a known schema, one of another is damage."""
-        if self._knows_schema and schema.is_newer(header):
-            self._skip("wrong")
-            return None
-        refuse_newer(header, part)
-        self._knows_schema = True
-        return header
+        """Return a header; where another one has a known schema, one of a newer schema is damage."""
+        if not schema.is_newer(header):
+            self._knows_schema = True
+            return header
+        if not self._knows_schema:
+            refuse_newer(header, part, self.parts)
+        self._skip("wrong")
+        return None
 
     def _skip(self, kind: str) -> None:
         setattr(self.damage, kind, getattr(self.damage, kind) + 1)
@@ -170,13 +175,13 @@ def parse(line: bytes) -> Record | str:
     return record if schema.wrong_key(record) is None else "wrong"
 
 
-def refuse_newer(header: Record, part: Path) -> None:
+def refuse_newer(header: Record, part: Path, parts: Sequence[Path]) -> None:
     """Refuse a log that a newer wayfarer has written: its keys may mean something else.
 
     Raises:
-        BadInput: its header says so.
+        BadInput: a header says so, and no part of the log begins with one of a known schema.
     """
-    if schema.is_newer(header):
+    if schema.is_newer(header) and all(schema.is_newer(each) for _, each in _headers(parts)):
         known = f"wayfarer {__version__} knows up to {schema.SCHEMA}"
         raise BadInput(f"{part}: this log has schema {header['schema']}, {known}: update wayfarer to read it")
 
@@ -187,13 +192,21 @@ def read_header(run: Path) -> Record:
     Raises:
         BadInput: there is no log, or no part of it begins with such a record.
     """
-    for part in log_parts(run):
+    parts = log_parts(run)
+    for part, header in _headers(parts):
+        refuse_newer(header, part, parts)
+        if not schema.is_newer(header):
+            return header
+    raise BadInput(f"{run / FILE_NAME} is no field log: its first record does not say what ran")
+
+
+def _headers(parts: Sequence[Path]) -> Iterator[tuple[Path, Record]]:
+    """Give the headers with which parts of a log begin."""
+    for part in parts:
         with suppress(OSError), part.open("rb") as file:
             first = parse(file.readline(LINE_BYTES))
             if isinstance(first, dict) and first["record"] == "run":
-                refuse_newer(first, part)
-                return first
-    raise BadInput(f"{run / FILE_NAME} is no field log: its first record does not say what ran")
+                yield part, first
 
 
 def log_parts(run: Path) -> list[Path]:

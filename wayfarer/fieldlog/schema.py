@@ -17,7 +17,7 @@ NUMBER = (float, int)  # exactly: in Python a bool is an int, in a log it is not
 
 
 class Values(NamedTuple):
-    """The types that a value may have, and for numbers the range. None stands for "not known" and always may be."""
+    """The types that a value may have, and for numbers the range. None, for "not known", may be but in ``STAMP``."""
 
     types: tuple[type, ...]
     least: float | None = None
@@ -38,10 +38,10 @@ CLOCK_STEP = Values(NUMBER, -1e10, 1e10)  # seconds: from any clock to any other
 STAMP = {"n": COUNT, "t_s": SINCE_BOOT, "t_wall": SINCE_1970}
 KEYS: Mapping[str, Mapping[str, Values]] = {
     "run": {
-        "schema": COUNT, "part": COUNT, "version": TEXT, "rover": TEXT, "algorithm": TEXT, "config": TABLE,
-        "config_hash": TEXT, "parts": TABLE, "simulated": FLAG, "dry_run": FLAG, "log": TEXT, "start_delay_s": LASTING,
-        "time_scale": Values(NUMBER, 1e-3, 1e6), "boot_id": TEXT, "trial": COUNT, "forest": COUNT, "noise": COUNT,
-        "slip_mean_m": METRES, "budget_m": METRES,
+        "schema": Values((int,), 1, 2**53), "part": COUNT, "version": TEXT, "rover": TEXT, "algorithm": TEXT,
+        "config": TABLE, "config_hash": TEXT, "parts": TABLE, "simulated": FLAG, "dry_run": FLAG, "log": TEXT,
+        "start_delay_s": LASTING, "time_scale": Values(NUMBER, 1e-3, 1e6), "boot_id": TEXT,
+        "trial": COUNT, "forest": COUNT, "noise": COUNT, "slip_mean_m": METRES, "budget_m": METRES,
     },
     "tick": {
         "compass": TABLE, "motion": TABLE, "contact": TABLE, "decision_t_s": SINCE_BOOT, "heading_deg": ANGLE,
@@ -110,6 +110,8 @@ def is_newer(header: Record) -> bool:
 def wrong_key(record: Record) -> str | None:
     """Return the first key of a record whose value cannot be, None where all can."""
     kind = record["record"]
+    if (unsaid := _unsaid(record)) is not None:
+        return unsaid
     wrong = _wrong(record, _OF_KIND[kind])
     if wrong is None and kind == "tick":
         for name, rows in _OF_READING.items():
@@ -117,6 +119,14 @@ def wrong_key(record: Record) -> str | None:
             if reading is not None and (key := _wrong(reading, rows)) is not None:
                 return f"{name}.{key}"
     return wrong
+
+
+def _unsaid(record: Record) -> str | None:
+    """Return a key without a value that every log writes with one."""
+    for key in STAMP:
+        if record.get(key, 0) is None:
+            return key
+    return "schema" if record["record"] == "run" and record.get("schema") is None else None
 
 
 def _wrong(values: Mapping[str, Any], rows: Rows) -> str | None:

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 QUALITY_MIN = 0.2  # as ``DetectorSettings.quality_min``: below it the sensor cannot tell
 GAP_S = 1.0  # no tick is that late: records are missing, and nobody knows what the wheels did meanwhile
 SILENT_S = 0.5  # a motion sensor that has said nothing for so long says nothing of the distance either
+READING_MAX_M = 1.0  # no rover goes so far from one reading to the next: the sensor is wrong
+TOO_FAST = 2.0  # times the speed at full duty, after a silence: nor does one that slides go faster
 
 
 class Place(NamedTuple):
@@ -66,14 +68,22 @@ class DeadReckoning:
             if t_s - self._spoke_t_s <= SILENT_S:
                 return 0.0, 0.0  # it comes with the next reading
             return self._taken(), 0.0
-        self._spoke_t_s = t_s
+        silent_s, self._spoke_t_s = t_s - self._spoke_t_s, t_s
         commanded_m = self._taken()
         forward_m, right_m, quality = motion["forward_m"], motion["right_m"], motion["quality"]
         if forward_m is None or right_m is None or quality is None or quality < QUALITY_MIN:
             return commanded_m, 0.0
+        if max(abs(forward_m), abs(right_m)) > self._most_m(silent_s):
+            return commanded_m, 0.0
         if not motion.get("signed", True) and commanded_m < 0.0:
             forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
         return forward_m, right_m
+
+    def _most_m(self, silent_s: float) -> float:
+        """Return how far the rover can have gone since the last answer."""
+        if silent_s == float("inf"):
+            return READING_MAX_M
+        return max(READING_MAX_M, TOO_FAST * 2.0 * self._half_speed_m_s * silent_s)
 
     def _taken(self) -> float:
         commanded_m, self._commanded_m = self._commanded_m, 0.0

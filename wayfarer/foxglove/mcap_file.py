@@ -5,19 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from foxglove import Context, open_mcap
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.reader import Record, RunReader
+from wayfarer.fieldlog.reader import Damage, Record, RunReader
 from wayfarer.foxglove.channels import Channels
 from wayfarer.logbook.fields import clock_zero_s
 from wayfarer.whole_file import whole_file
 
 
-def export(run: Path, out: Path) -> int:
-    """Write a run's log as an MCAP file and return how many messages are in it.
+class Exported(NamedTuple):
+    """How many messages a file has, and what of the log could not be read."""
+
+    messages: int
+    damage: Damage
+
+
+def export(run: Path, out: Path) -> Exported:
+    """Write a run's log as an MCAP file.
 
     The same log gives the same bytes. The file appears whole or not at all, in the place of one that is there.
 
@@ -28,29 +35,30 @@ def export(run: Path, out: Path) -> int:
     Raises:
         BadInput: there is no log, nothing in it can be read, or the file cannot be written or is no ordinary one.
     """
-    zero_s = _clock_zero_s(run)
+    reader = RunReader(run)
+    zero_s = _clock_zero_s(reader)
     try:
         with whole_file(out) as draft, draft.open("wb") as file:
-            return _write(run, zero_s, file)
+            return Exported(_write(run, zero_s, file), reader.damage)
     except OSError as error:
         raise BadInput(
             f"{out}: cannot be written ({error.strerror}); check the folder, its rights and the disk"
         ) from None
 
 
-def _clock_zero_s(run: Path) -> float:
+def _clock_zero_s(reader: RunReader) -> float:
     """Return the time since 1970 at which the log's own clock was zero, as every tool tells it."""
     header: Record = {}
     first: Record = {}
     last: Record = {}
-    for record in RunReader(run):
+    for record in reader:
         if record["record"] == "run":
             header = header or record
         if record.get("t_wall") is not None:
             first, last = first or record, record
     zero_s = clock_zero_s(header, first, last)
     if zero_s is None:
-        raise BadInput(f"{run}: nothing in this log can be read (see wayfarer logs check)")
+        raise BadInput(f"{reader.run}: nothing in this log can be read (see wayfarer logs check)")
     return zero_s
 
 

@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import TextIO
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.logbook.tables import csv_rows, further_columns, tsv_rows
 from wayfarer.logbook.verdict import readable
 from wayfarer.whole_file import whole_file
 
 
-def export(run: Path, form: str, out: Path, *, overwrite: bool) -> None:
-    """Write a run as ``csv``, ``tsv`` or ``mcap`` to a file, which appears whole or not at all.
+def export(run: Path, form: str, out: Path, *, overwrite: bool) -> Damage:
+    """Write a run as ``csv``, ``tsv`` or ``mcap`` to a file, which appears whole or not at all; return what it lacks.
 
     Raises:
         BadInput: there is such a file already, it cannot be written or is no ordinary file, or the run cannot be read.
@@ -25,24 +25,25 @@ def export(run: Path, form: str, out: Path, *, overwrite: bool) -> None:
         if form == "mcap":
             from wayfarer.foxglove.mcap_file import export as export_mcap
 
-            export_mcap(run, out)
-            return
+            return export_mcap(run, out).damage
         with whole_file(out) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-            write_table(run, form, file)
+            return write_table(run, form, file)
     except OSError as error:
         raise BadInput(
             f"{out} cannot be written: {error.strerror}; check the folder, its rights and the disk"
         ) from None
 
 
-def write_table(run: Path, form: str, file: TextIO) -> None:
-    """Write a run as ``csv`` or ``tsv`` to an open file.
+def write_table(run: Path, form: str, file: TextIO) -> Damage:
+    """Write a run as ``csv`` or ``tsv`` to an open file, and return what of it could not be read.
 
     Raises:
         BadInput: the run cannot be read.
     """
+    reader = RunReader(run)
     if form == "tsv":
-        csv.writer(file, delimiter="\t", lineterminator="\n").writerows(tsv_rows(readable(RunReader(run))))
+        csv.writer(file, delimiter="\t", lineterminator="\n").writerows(tsv_rows(readable(reader)))
     else:
-        further = further_columns(readable(RunReader(run)))
+        further = further_columns(readable(reader))
         csv.writer(file, lineterminator="\n").writerows(csv_rows(RunReader(run), further))
+    return reader.damage

@@ -131,8 +131,11 @@ def _ticks(summary: Summary) -> str:
 
 
 def _log(summary: Summary, damage: Damage) -> str:
-    if not summary.dropped:
-        return str(damage)
-    if damage.missing:
-        return f"{damage}, {min(summary.dropped, damage.missing)} of them could not be written"
-    return f"{damage}; {summary.dropped} records could not be written"
+    told = [] if damage == Damage() else [str(damage)]
+    if summary.dropped and damage.missing:
+        told = [f"{damage}, {min(summary.dropped, damage.missing)} of them could not be written"]
+    elif summary.dropped:
+        told.append(f"{summary.dropped} records could not be written")
+    if summary.reason is None:
+        told.append(NO_OUTCOME)
+    return "; ".join(told) or "whole"

@@ -14,7 +14,7 @@ from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.order import in_order
 from wayfarer.fieldlog.reader import LINE_BYTES, RunReader, log_parts, parse, refuse_newer
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.schema import Record, is_newer
 
 RECENT_BYTES = 65_536  # where following begins: some seconds back, however long the run is
 CHUNK_BYTES = 65_536
@@ -117,9 +117,10 @@ class RunTail:
             for line in lines:
                 record = parse(line + b"\n")
                 if isinstance(record, dict):
-                    if record["record"] == "run":
-                        refuse_newer(record, self.run)
-                    yield record
+                    if is_newer(record):
+                        refuse_newer(record, self.run, self._parts())
+                    else:
+                        yield record
 
     def _next_part(self, file: BinaryIO) -> Path | None:
         """Return the part of the log that follows the open one, if it has begun."""

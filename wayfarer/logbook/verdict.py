@@ -47,23 +47,23 @@ class Verdict(NamedTuple):
     wrong: tuple[str, ...]
 
     def __str__(self) -> str:
-        return "; ".join([f"{self.worth.name.lower()}, {self.records} records", *self.wrong])
+        records = "1 record" if self.records == 1 else f"{self.records} records"
+        return "; ".join([f"{self.worth.name.lower()}, {records}", *self.wrong])
 
 
 def judge(run: Path) -> Verdict:
     """Read a whole run and say what it is worth; one that still goes on has no outcome, and is repaired at best."""
-    records, last = 0, ""
+    records, ended = 0, False
     try:
         reader = RunReader(run)
         for record in reader:
             records += 1
-            last = record["record"]
+            ended = ended or record["record"] == "outcome"
     except BadInput as error:
         return Verdict(Worth.UNREADABLE, records, (str(error),))
-    damage = _lost(reader.damage)
     if not records:
-        return Verdict(Worth.UNREADABLE, records, (damage or "it is empty",))
-    wrong = tuple(filter(None, (damage, "" if last == "outcome" else NO_OUTCOME)))
+        return Verdict(Worth.UNREADABLE, records, (_lost(reader.damage) or "it is empty",))
+    wrong = tuple(filter(None, (_lost(reader.damage), "" if ended else NO_OUTCOME)))
     return Verdict(Worth.REPAIRED if wrong else Worth.WHOLE, records, wrong)
 
 
