@@ -162,8 +162,8 @@ def part_settings(part: str, table: Mapping[str, Any]) -> tuple[Any, Any]:
         driver = find_driver(name)
     except BadInput as error:
         raise ValueError(f"key '{key}.driver': {error}") from None
-    if getattr(driver, "part", None) != part:
-        raise ValueError(f"key '{key}.driver': '{name}' is no driver of a {part} part")
+    if (other := getattr(driver, "part", None)) != part:
+        raise ValueError(f"key '{key}.driver': '{name}' is no {part}" + (f", but a {other}" if other else ""))
     try:
         return driver, _adapter(driver.Settings).validate_json(json.dumps(settings), strict=True)
     except ValidationError as error:

@@ -98,10 +98,11 @@ class Board:
         clock = asyncio.get_running_loop().time
         ends_s = clock() + _RETRY_WITHIN_S
         for _ in range(_RETRIES):
-            with suppress(DriverError):
+            try:
                 return await transfer()
-            if clock() > ends_s:
-                raise NotResponding(f"{self.where}: no answer in time; a device holds the bus, check power and wiring")
+            except DriverError as error:
+                if clock() > ends_s:
+                    raise NotResponding(f"{self.where}: no answer in time ({error})") from error
             self.retries += 1
         try:
             return await transfer()

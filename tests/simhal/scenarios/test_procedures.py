@@ -21,7 +21,7 @@ from wayfarer.simhal.scenarios.scenario import Reached
 
 QUICK = (motor_field, flow_swapped, side_reversed)
 SLOW = [each for each in catalogue() if isinstance(each, Procedure) and each not in QUICK]
-HEADER = '{"record":"run","t_s":0.0}\n'
+HEADER = '{"record":"run","t_s":0.0,"schema":2}\n'
 TICKS = "".join(f'{{"record":"tick","n":{n},"t_s":{n / 20}}}\n' for n in range(1, 5))
 OUTCOME = '{"record":"outcome","n":5,"t_s":0.25,"reason":"requested"}\n'
 
