@@ -21,8 +21,6 @@ from wayfarer.hal import DriveMotors, can_be_asked
 
 NAME = "deadman proved"
 PROVE = "stop the service, put the rover on blocks, wayfarer check at a terminal"
-
-
 # How the wheels are wired, and how fast they may turn, says nothing of the deadman; ``wayfarer check`` itself may have
 # somebody correct it right after the proof.
 OF_THE_WHEELS = {"left", "reverse_left", "reverse_right", "duty_limit"}

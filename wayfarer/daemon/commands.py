@@ -68,7 +68,7 @@ class RoverCommands:
         self._log_dropped = log_dropped
         self._checking = False
         self._warnings: list[str] = []
-        self._marks = Allowance()  # for all together: who connects anew is another client
+        self._marks = Allowance()  # for all clients together: one that connects again is another client
 
     async def status(self) -> Details:
         """Tell how things are."""
