@@ -115,7 +115,7 @@ def test_body_never_overlaps_an_obstacle(
     forest = with_room_to_start(forest, hypot(vehicle.length_m, vehicle.width_m) / 2)
     world = World(forest, vehicle, Physics(), Streams(seed))
     overlaps_m: list[float] = []
-    world.after_step = lambda world: overlaps_m.append(deepest_overlap_m(world, forest, vehicle))
+    world.after_step = lambda _: overlaps_m.append(deepest_overlap_m(world, forest, vehicle))
     for (left, right), steps in course:
         drive(world, left, right, steps * 0.05)
     assert max(overlaps_m) <= 1e-9
@@ -397,7 +397,7 @@ def test_rounded_times_on_the_grid_take_each_step_once() -> None:
 def test_watcher_sees_every_step_once_and_in_order() -> None:
     world = exact_world(forest_of())
     seen: list[int] = []
-    world.after_step = lambda world: seen.append(world.steps)
+    world.after_step = lambda _: seen.append(world.steps)
     for t_s in (0.2, 0.2, 1.0):
         world.advance_to(t_s)
     assert seen == list(range(1, 21))
