@@ -8,7 +8,7 @@ from math import degrees
 
 import pytest
 
-from wayfarer.chassis import Chassis
+from wayfarer.chassis import AT_A_BRANCH, Chassis
 from wayfarer.config import load_rover
 from wayfarer.simhal.attendant import Attendant
 from wayfarer.simhal.climbing import Climbing

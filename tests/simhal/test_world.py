@@ -20,6 +20,7 @@ from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.obstacles import Obstacle
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.referee import Referee
+from wayfarer.simhal.senses import FlowSense, HeadingSense
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
 
@@ -407,3 +408,21 @@ def test_world_goes_on_beyond_its_edges() -> None:
     world = exact_world(forest_of(start_m=(1.0, 25.0), heading_deg=270.0))
     drive(world, 1.0, 1.0, 60.0)
     assert world.x_m == pytest.approx(1.0 - 84.0)
+
+
+def test_light_world_and_its_senses_are_to_the_last_bit_what_they_were() -> None:
+    """Version 0.1's figures: published tables and recorded campaigns rest on them."""
+    forest = Forest(
+        0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (Trunk(22.0, 15.0, 28.0, 16.0, "across"),), ((26.0, 13.5),)
+    )
+    streams = Streams(7)
+    world = World(forest, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(slip_mean_m=1.0), streams)
+    flow, heading = FlowSense(world, streams), HeadingSense(world, streams)
+    samples = []
+    course = [(0.7, 0.7), (-0.4, -0.4), (0.4, -0.4), (0.6, 0.3), (-0.3, 0.5), (0.7, 0.7)] * 5
+    for second, (left, right) in enumerate(course, 1):
+        world.command(left, right)
+        samples.append((*heading.sample(float(second)), *flow.sample(float(second))))
+    assert (world.x_m, world.y_m, world.heading_rad) == (24.398693147586364, 11.10263490539099, 7.747271962966911)
+    assert (world.forward_m, world.reverse_m) == (8.188051821033264, 2.7554805701234946)
+    assert [sum(column) for column in zip(*samples, strict=True)] == [43792, -1, 3, 25714, -4]

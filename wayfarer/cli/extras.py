@@ -5,14 +5,18 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import NamedTuple
 
-from wayfarer.errors import WayfarerError
+from wayfarer.errors import BadInput, WayfarerError
 
 
 class Need(NamedTuple):
-    """An extra of the installation, and which packages of it something imports, by module and by the index's name."""
+    """An extra of the installation, and which packages of it something imports, by module and by the index's name.
+
+    Where an option asks for it, what is wrong without it is the option: exit code 2.
+    """
 
     extra: str
     packages: dict[str, str]
+    by_option: bool = False
 
 
 NEEDS = {
@@ -20,7 +24,7 @@ NEEDS = {
     "keeping results": Need("sim", {"pyarrow": "pyarrow"}),
     "a cluster": Need("cluster", {"distributed": "distributed"}),
     "sweeping": Need("sim", {"numpy": "numpy", "skfmm": "scikit-fmm", "pyarrow": "pyarrow"}),
-    "--physics mujoco": Need("physics", {"mujoco": "mujoco"}),
+    "--physics mujoco": Need("physics", {"mujoco": "mujoco"}, by_option=True),
     "a report": Need("sim", {"matplotlib": "matplotlib", "numpy": "numpy"}),
     "the live page": Need("live", {"aiohttp": "aiohttp"}),
     "Foxglove": Need("foxglove", {"foxglove": "foxglove-sdk"}),
@@ -31,10 +35,12 @@ def require(what: str) -> None:
     """Refuse to go on without what one of ``NEEDS`` needs; called before anything of it is imported.
 
     Raises:
-        WayfarerError: a package is missing; the text says how to install it.
+        WayfarerError: a package is missing, ``BadInput`` where an option asked for it; the text says
+            how to install it.
     """
-    extra, packages = NEEDS[what]
+    extra, packages, by_option = NEEDS[what]
     for module, package in packages.items():
         if find_spec(module) is None:
             remedy = f"pip install '.[{extra}]' in wayfarer's checkout"
-            raise WayfarerError(f"{what} needs {package}, which is not installed: {remedy}")
+            error = BadInput if by_option else WayfarerError
+            raise error(f"{what} needs {package}, which is not installed: {remedy}")

@@ -15,7 +15,7 @@ from wayfarer.simhal.streams import Streams
 # The height field covers the world and this much around it, so that a rover leaves the world first.
 MARGIN_M = 2.0
 CELL_M = 0.1  # about a wheel's diameter; each halving makes a step of the engine dearer by half
-BUMP_M = 0.25  # how far heights are alike (Gaussian correlation); from no source: about half a rover
+BUMP_M = 0.25  # heights so far apart are hardly alike (correlation 1/e); from no source: about half a rover
 
 # Mud comes in round patches. From no source, chosen to be plain: about the length of a rover each, and so slippery that
 # wheels spin at half of full duty.
