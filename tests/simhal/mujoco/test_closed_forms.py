@@ -133,7 +133,7 @@ def climbs(friction: float, diameter_m: float) -> bool:
     """Whether the front axle gets over, at a crawl and with motors that do not stall."""
     world = rover_on(friction, 20.0, trunk_across(13.0, diameter_m))
     drive(world, 0.06, 0.06, 8.0)
-    return world.y_m > 13.0 - A_M + 0.02
+    return bool(world.y_m > 13.0 - A_M + 0.02)
 
 
 @pytest.mark.parametrize("friction", [0.3, 0.5])
