@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import degrees, exp, sqrt
+from math import degrees, exp, inf, sqrt
 
 import pytest
 
 from tests.simhal.mujoco.fields import BODY, CLEARING, EXACT, drive, rover_on, speed_m_s, tree_at, trunk_across
 from wayfarer.hal import Side
+from wayfarer.simhal.faults import KINDS, Drive, Fault, Layer, Slope
+from wayfarer.simhal.injection.world_layer import world_fault
 from wayfarer.simhal.mujoco.ground import BUMP_M, CELL_M, Mud, rough_ground
 from wayfarer.simhal.mujoco.world import LOOK_EVERY, MujocoWorld, Unstable
+from wayfarer.simhal.senses import FLOW_M_PER_COUNT, FlowSense, HeadingSense
 from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.streams import Streams
 
@@ -216,3 +219,42 @@ def test_no_mud_where_the_rover_starts() -> None:
     mud = Mud(CLEARING, replace(EXACT, slip_mean_m=0.5), BODY.width_m, Streams(0))
     assert mud.anywhere
     assert not any(mud.lies_at(25.0 + east / 10.0, 12.5 + north / 10.0) for east in range(-5, 6) for north in range(6))
+
+
+@pytest.mark.parametrize("kind", [kind for kind, row in KINDS.items() if row.layer is Layer.WORLD])
+async def test_every_fault_of_the_world_begins_and_ends(kind: str) -> None:
+    world = rover_on(0.3)
+    neutral = (world.mishaps, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v)
+    drive(world, 0.5, 0.5, 1.0)
+    params = {"slope": Slope(pitch_deg=10.0), "drive": Drive(left_gain=0.5)}.get(kind, KINDS[kind].params())
+    with world_fault(Fault(0.0, inf, "world", kind, params), world):
+        drive(world, 0.5, 0.5, 1.0)
+        lasting = (world.mishaps, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v)
+        assert lasting != neutral or kind == "slip"
+    drive(world, 0.5, 0.5, 3.0)
+    assert neutral == (
+        world.mishaps, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v
+    )  # fmt: skip
+    assert speed_m_s(world) > 0.4
+
+
+def test_slope_pulls_the_body_down_and_is_felt() -> None:
+    world = rover_on(0.5)
+    with world_fault(Fault(0.0, inf, "world", "slope", Slope(pitch_deg=15.0)), world):
+        world.advance_to(2.0)
+        assert world.reverse_m > 0.2, "nose up: it rolls backwards against its motors' brake"
+        _, pitch, _ = HeadingSense(world, Streams(0)).sample(world.t_s)
+        assert pitch / 10.0 == pytest.approx(15.0, abs=4.0)
+    drive(world, 0.0, 0.0, 1.0)
+    assert speed_m_s(world) == pytest.approx(0.0, abs=0.01)
+
+
+def test_flow_sensor_sees_the_ground_pass_sideways() -> None:
+    world = rover_on(0.3)
+    flow = FlowSense(world, Streams(0))
+    flow.sample(0.0)
+    world.ground_roll_deg = 25.0  # right side down, steeper than the grip
+    forward, right = flow.sample(2.0)
+    assert world.right_m > 0.5
+    assert right * FLOW_M_PER_COUNT == pytest.approx(world.right_m, abs=0.005)
+    assert abs(forward * FLOW_M_PER_COUNT) < 0.05
