@@ -15,6 +15,7 @@ import pytest
 from wayfarer import cli
 from wayfarer.config import load_rover
 from wayfarer.report.reading import read_results
+from wayfarer.report.words import facts
 from wayfarer.simhal.mujoco.terrain import BOUNDS, Range, Terrains, parse_range
 from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.plan import Campaign, Task
@@ -79,7 +80,11 @@ def test_campaign_says_what_it_ran_on_and_can_be_rebuilt(run: Run, tmp_path: Pat
     assert settings["mujoco"] == {"friction": [0.2, 0.6], "roughness_m": [0.0, 0.0], "torque_scale": [1.0, 1.0]}
     code, _, err = run(*SIM, "--friction", "0.2:0.6", "--out", tmp_path / "out", "--resume")
     assert code == 0, err
-    assert read_results(tmp_path / "out").rebuild().terrains == Terrains(friction=Range(0.2, 0.6))
+    results = read_results(tmp_path / "out")
+    assert results.rebuild().terrains == Terrains(friction=Range(0.2, 0.6))
+    said = dict(facts(results.settings))
+    assert said["MuJoCo, friction"] == "0.2 to 0.6, drawn for each trial"
+    assert said["MuJoCo, torque_scale"] == "1"
 
 
 def test_light_campaign_says_nothing_of_it_and_loads_no_engine() -> None:
