@@ -13,8 +13,8 @@ from math import asin, atan2, cos, degrees, inf, radians, sin
 
 import mujoco
 
-from wayfarer.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.mujoco.forces import gravity_m_s2, shove_n
 from wayfarer.simhal.mujoco.ground import MUD_FRICTION, Mud, rough_ground
 from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Body, build
 from wayfarer.simhal.mujoco.terrain import Terrain
@@ -40,7 +40,6 @@ SLIPS_BELOW_SHARE, SLIPS_ABOVE_M_S = 0.5, 0.1
 # A rover hangs when its belly is on something and no more than two wheels touch anything, for so long; from no source.
 HANGS_AFTER_S = 5.0
 WHEELS_TO_DRIVE = 3
-SHOVE_S = 0.1  # in which a shove brings the body to its speed, with no more than twice its weight
 PULLED_BY_M = 0.01
 
 
@@ -261,19 +260,12 @@ class MujocoWorld:
 
     def _shove(self, speed_m_s: float) -> None:
         """Push the body along until it goes at the speed of the shove."""
-        most_n = 2.0 * self.body.weight_kg * STANDARD_GRAVITY_M_S2
-        force_n = self.body.weight_kg * (self.mishaps.shove_m_s - speed_m_s) / SHOVE_S
-        force_n = max(-most_n, min(most_n, force_n))
+        force_n = shove_n(self.body.weight_kg, self.mishaps.shove_m_s, speed_m_s)
         self.data.xfrc_applied[self._rover, :2] = force_n * sin(self.heading_rad), force_n * cos(self.heading_rad)
 
     def _tilt_ground(self) -> None:
         """Let gravity pull as it does on ground that slopes so under the body; the senses add the angles."""
-        pitch_rad, roll_rad = radians(self.ground_pitch_deg), radians(self.ground_roll_deg)
-        sin_h, cos_h = sin(self.heading_rad), cos(self.heading_rad)
-        ahead, right = -sin(pitch_rad), sin(roll_rad) * cos(pitch_rad)
-        down = cos(pitch_rad) * cos(roll_rad)
-        pull = (ahead * sin_h + right * cos_h, ahead * cos_h - right * sin_h, -down)
-        self.model.opt.gravity[:] = [STANDARD_GRAVITY_M_S2 * share for share in pull]
+        self.model.opt.gravity[:] = gravity_m_s2(self.ground_pitch_deg, self.ground_roll_deg, self.heading_rad)
         self._tilts = bool(self.ground_pitch_deg or self.ground_roll_deg)
 
     def _lift_to(self, x_m: float, y_m: float, heading_rad: float) -> None:
