@@ -1,7 +1,11 @@
-"""What a rover file tells of the body that no decision needs: how it meets a branch. Only the simulator reads it."""
+"""What a rover file tells of the body that no decision needs: how it meets a branch, how its wheels grip.
+
+Only the simulator reads it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -20,14 +24,20 @@ class Chassis:
     """Weight, motors and belly of a rover; None where its file does not say.
 
     A branch that is no thicker than ``ground_clearance_m`` passes under the belly. ``motors_n_m`` is the torque of all
-    motors together.
+    motors together. ``wheel_radius_m`` and ``height_m``, from the ground to the top of the body, are asked for by
+    ``--physics mujoco`` only.
     """
 
     ground_clearance_m: Metres | None = None
     weight_kg: Kilograms | None = None
     motors_n_m: NewtonMetres | None = None
+    wheel_radius_m: Metres | None = None
+    height_m: Metres | None = None
 
-    @property
-    def missing(self) -> tuple[str, ...]:
-        """The keys that the file does not give."""
-        return tuple(key for key in self.__slots__ if getattr(self, key) is None)
+    def missing(self, asked: Sequence[str]) -> tuple[str, ...]:
+        """Return which of the keys that are asked for the file does not give."""
+        return tuple(key for key in asked if getattr(self, key) is None)
+
+
+AT_A_BRANCH = ("ground_clearance_m", "weight_kg", "motors_n_m")  # what climbing one asks for
+ON_WHEELS = (*AT_A_BRANCH, "wheel_radius_m", "height_m")  # what a body with wheels is made of

@@ -7,6 +7,7 @@ import asyncio
 import re
 from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -26,10 +27,12 @@ from wayfarer.hal import PositionFix
 from wayfarer.logbook import account, wording
 from wayfarer.simhal.faults import Fault, Slope
 from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.rig import device_depth
 from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.trial import run_trial
+from wayfarer.simhal.trial import field_log, run_trial
 from wayfarer.simhal.witness import Witness
 from wayfarer.simhal.world import World
 
@@ -82,13 +85,17 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Record]]:
     world = World(trial.forest, trial.rover.vehicle, Physics(), Streams(0))
     Witness(harmed, world).note(1.0, Fault(1.0, 2.0, "world", "slope", Slope(pitch_deg=20.0)), begins=True)
     harmed.close("requested", "enough")
+    rigid, _ = field_log(
+        replace(trial, terrains=Terrains()), folder / "mujoco", world, device_depth(world, Streams(0), trial.rover)
+    )
+    rigid.close("requested", "enough")
     files = RunFiles(folder / "full disk")
     files.open(lines.header)
     files.lose(3)
     files.urgent(lines.event(4))
     files.close()
     places = {"daemon": run_folders(folder / "logs")[0]} | {
-        name: folder / name for name in ("trial", "receiver", "harmed", "full disk")
+        name: folder / name for name in ("trial", "receiver", "harmed", "mujoco", "full disk")
     }
     return {name: list(RunReader(place)) for name, place in places.items()}
 
@@ -122,7 +129,7 @@ def constants(node: ast.AST) -> Iterator[str]:
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "event"])
 def test_keys_that_runs_write_are_those_of_the_table(runs: dict[str, list[Record]], kind: str) -> None:
-    names = ("daemon", "trial", "receiver", "harmed")
+    names = ("daemon", "trial", "receiver", "harmed", "mujoco")
     real = [record for name in names for record in runs[name] if record["record"] == kind]
     assert {key for record in real for key in record} - documented("Every record") == documented(kind)
 

@@ -8,7 +8,7 @@ from math import degrees
 
 import pytest
 
-from wayfarer.chassis import Chassis
+from wayfarer.chassis import AT_A_BRANCH, Chassis
 from wayfarer.config import load_rover
 from wayfarer.simhal.attendant import Attendant
 from wayfarer.simhal.climbing import Climbing
@@ -74,7 +74,7 @@ def test_strength_follows_from_the_papers_table(rover: str, strength: float) -> 
 
 
 def test_chassis_with_a_gap_says_which() -> None:
-    assert Chassis(ground_clearance_m=0.1).missing == ("weight_kg", "motors_n_m")
+    assert Chassis(ground_clearance_m=0.1).missing(AT_A_BRANCH) == ("weight_kg", "motors_n_m")
     with pytest.raises(ValueError, match="weight_kg, motors_n_m"):
         Climbing(ROVER.vehicle, Chassis(ground_clearance_m=0.1), STEADY, Streams(0))
 

@@ -20,6 +20,7 @@ from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.obstacles import Obstacle
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.referee import Referee
+from wayfarer.simhal.senses import FlowSense, HeadingSense
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
 
@@ -115,7 +116,7 @@ def test_body_never_overlaps_an_obstacle(
     forest = with_room_to_start(forest, hypot(vehicle.length_m, vehicle.width_m) / 2)
     world = World(forest, vehicle, Physics(), Streams(seed))
     overlaps_m: list[float] = []
-    world.after_step = lambda world: overlaps_m.append(deepest_overlap_m(world, forest, vehicle))
+    world.after_step = lambda _: overlaps_m.append(deepest_overlap_m(world, forest, vehicle))
     for (left, right), steps in course:
         drive(world, left, right, steps * 0.05)
     assert max(overlaps_m) <= 1e-9
@@ -397,7 +398,7 @@ def test_rounded_times_on_the_grid_take_each_step_once() -> None:
 def test_watcher_sees_every_step_once_and_in_order() -> None:
     world = exact_world(forest_of())
     seen: list[int] = []
-    world.after_step = lambda world: seen.append(world.steps)
+    world.after_step = lambda _: seen.append(world.steps)
     for t_s in (0.2, 0.2, 1.0):
         world.advance_to(t_s)
     assert seen == list(range(1, 21))
@@ -407,3 +408,21 @@ def test_world_goes_on_beyond_its_edges() -> None:
     world = exact_world(forest_of(start_m=(1.0, 25.0), heading_deg=270.0))
     drive(world, 1.0, 1.0, 60.0)
     assert world.x_m == pytest.approx(1.0 - 84.0)
+
+
+def test_light_world_and_its_senses_are_to_the_last_bit_what_they_were() -> None:
+    """Version 0.1's figures: published tables and recorded campaigns rest on them."""
+    forest = Forest(
+        0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (Trunk(22.0, 15.0, 28.0, 16.0, "across"),), ((26.0, 13.5),)
+    )
+    streams = Streams(7)
+    world = World(forest, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(slip_mean_m=1.0), streams)
+    flow, heading = FlowSense(world, streams), HeadingSense(world, streams)
+    samples = []
+    course = [(0.7, 0.7), (-0.4, -0.4), (0.4, -0.4), (0.6, 0.3), (-0.3, 0.5), (0.7, 0.7)] * 5
+    for second, (left, right) in enumerate(course, 1):
+        world.command(left, right)
+        samples.append((*heading.sample(float(second)), *flow.sample(float(second))))
+    assert (world.x_m, world.y_m, world.heading_rad) == (24.398693147586364, 11.10263490539099, 7.747271962966911)
+    assert (world.forward_m, world.reverse_m) == (8.188051821033264, 2.7554805701234946)
+    assert [sum(column) for column in zip(*samples, strict=True)] == [43792, -1, 3, 25714, -4]

@@ -20,6 +20,7 @@ NEEDS = {
     "keeping results": Need("sim", {"pyarrow": "pyarrow"}),
     "a cluster": Need("cluster", {"distributed": "distributed"}),
     "sweeping": Need("sim", {"numpy": "numpy", "skfmm": "scikit-fmm", "pyarrow": "pyarrow"}),
+    "--physics mujoco": Need("physics", {"mujoco": "mujoco"}),
     "a report": Need("sim", {"matplotlib": "matplotlib", "numpy": "numpy"}),
     "the live page": Need("live", {"aiohttp": "aiohttp"}),
     "Foxglove": Need("foxglove", {"foxglove": "foxglove-sdk"}),

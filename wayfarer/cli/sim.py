@@ -30,10 +30,13 @@ wayfarer sim --trials 100 --rover minirover --depth bus
 
 wayfarer sim --scenario extended-maze --rover forestrover --algorithm forest-pledge,levy-walk --trials 200
 
+wayfarer sim --physics mujoco --friction 0.3:0.8 --rover forestrover --trials 20
+
 wayfarer sim --trials 1000000 --out results --cluster tcp://10.0.0.7:8786
 """
 RUNNING = "Running"
 ONE_TRIAL = "One trial again"
+MUJOCO = "Physics mujoco"
 
 
 class Scenario(StrEnum):
@@ -56,6 +59,13 @@ class Depth(StrEnum):
 
     device = "device"
     bus = "bus"
+
+
+class PhysicsName(StrEnum):
+    """What moves the body."""
+
+    light = "light"
+    mujoco = "mujoco"
 
 
 def _positive(value: float) -> float:
@@ -110,6 +120,34 @@ def sim(
     depth: Annotated[
         Depth, typer.Option(help="Simulated parts, or the real drivers over simulated chips; slower.")
     ] = Depth.device,
+    physics: Annotated[
+        PhysicsName,
+        typer.Option(help="What moves the body: physics-light, or wheels that grip and slip in MuJoCo; slower."),
+    ] = PhysicsName.light,
+    friction: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MU|MIN:MAX",
+            help="Friction of tyres on ground and bark, fixed or drawn for each trial. (default: 0.5)",
+            rich_help_panel=MUJOCO,
+        ),
+    ] = None,
+    roughness_m: Annotated[
+        str | None,
+        typer.Option(
+            metavar="M|MIN:MAX",
+            help="Standard deviation of the ground's height; slower above 0. (default: 0)",
+            rich_help_panel=MUJOCO,
+        ),
+    ] = None,
+    torque_scale: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X|MIN:MAX",
+            help="Stall torque over the rover file's chassis.motors_n_m; 3 if that is the rated one. (default: 1)",
+            rich_help_panel=MUJOCO,
+        ),
+    ] = None,
     spl: Annotated[
         bool, typer.Option("--spl", help="Compute the shortest paths that are not known, for SPL; slower.")
     ] = False,
@@ -138,7 +176,11 @@ def sim(
     _refuse_odd_pairs(out, resume, trial, log)
     if scenario and forests:
         raise BadInput("--scenario draws its own layouts; leave out --forests, or --scenario")
+    terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
+    _refuse_without_mujoco(physics, terrain)
     require("simulating")
+    if physics is PhysicsName.mujoco:
+        require("--physics mujoco")
     if out:
         require("keeping results")
     if cluster is not None:
@@ -159,9 +201,12 @@ def sim(
         spl=spl,
         depth=depth.value,
         forests=read_forest_file(forests) if forests else None,
+        terrains=command.terrains(terrain) if physics is PhysicsName.mujoco else None,
     )
     if scenario:
         campaign = command.at_site(campaign, scenario.value)
+    if campaign.terrains is not None:
+        command.check_body(campaign.rover, rover)
     command.check_rover(campaign.rover, campaign.depth, rover)
     if trial is None:
         raise typer.Exit(
@@ -177,6 +222,12 @@ def _refuse_odd_pairs(out: Path | None, resume: bool, trial: int | None, log: Pa
         raise BadInput("--log needs every trial to run anew; leave out --resume, or --log")
     if out and trial is not None:
         raise BadInput("--trial runs one trial and prints its row; it keeps no --out, leave it out")
+
+
+def _refuse_without_mujoco(physics: PhysicsName, terrain: dict[str, str | None]) -> None:
+    given = [name for name, text in terrain.items() if text is not None]
+    if given and physics is PhysicsName.light:
+        raise BadInput(f"--{given[0].replace('_', '-')} is of another world; add --physics mujoco, or leave it out")
 
 
 def _refuse_beside_cluster(jobs: int | None, trial: int | None, log: Path | None) -> None:

@@ -41,7 +41,7 @@ KEYS: Mapping[str, Mapping[str, Values]] = {
         "schema": Values((int,), 1, 2**53), "part": COUNT, "version": TEXT, "rover": TEXT, "algorithm": TEXT,
         "config": TABLE, "config_hash": TEXT, "parts": TABLE, "simulated": FLAG, "dry_run": FLAG, "log": TEXT,
         "start_delay_s": LASTING, "time_scale": Values(NUMBER, 1e-3, 1e6), "boot_id": TEXT,
-        "trial": COUNT, "forest": COUNT, "noise": COUNT, "slip_mean_m": METRES, "budget_m": METRES,
+        "trial": COUNT, "forest": COUNT, "noise": COUNT, "slip_mean_m": METRES, "budget_m": METRES, "mujoco": TABLE,
     },
     "tick": {
         "compass": TABLE, "motion": TABLE, "contact": TABLE, "decision_t_s": SINCE_BOOT, "heading_deg": ANGLE,

@@ -18,7 +18,7 @@ from wayfarer.escape.api import Anomaly, Observation
 from wayfarer.gym.seat import AGENT_NAME, Ending, Seat
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.plan import Campaign, Task
-from wayfarer.simhal.world import World
+from wayfarer.simhal.simulated_world import SimulatedWorld
 
 Array = NDArray[np.float32]
 
@@ -130,7 +130,7 @@ class ForestEnv(gymnasium.Env[Array, Array]):
             self._seat = None
             self._leave()
 
-    def _gain(self, world: World) -> float:
+    def _gain(self, world: SimulatedWorld) -> float:
         """Return the reward for what became of the rover since the last time."""
         gained_m, took_s = world.y_m - self._y_m, world.t_s - self._t_s
         self._y_m, self._t_s = world.y_m, world.t_s

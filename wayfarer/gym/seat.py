@@ -20,9 +20,9 @@ from wayfarer.escape.catalogue import Algorithm
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.referee import Outcome
+from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.stage import Stage, TrialSpec
 from wayfarer.simhal.trial import GAVE_UP, Tally
-from wayfarer.simhal.world import World
 from wayfarer.supervisor import first_cause
 
 
@@ -42,7 +42,7 @@ class Seat:
     ``world`` is ground truth, for rewards, and may be looked at while the agent has its turn.
     """
 
-    world: World
+    world: SimulatedWorld
 
     def __init__(self, spec: TrialSpec) -> None:
         self._spec = spec

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from wayfarer.config import RoverConfig
 from wayfarer.config_errors import most_telling
 from wayfarer.errors import BadInput
+from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.plan import Campaign, ForestFile, read_forest_file
 from wayfarer.simhal.results import FORESTS, PARTIAL, SETTINGS, TRIALS, read_rows
 from wayfarer.simhal.rows import COLUMNS, Row, csv_line
@@ -42,6 +43,7 @@ class Settings(BaseModel):
     scenario: str | None = None
     forests: ForestsSettings | None
     rover: dict[str, Any]
+    mujoco: dict[str, list[float]] | None = None
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,7 @@ class Results:
             depth=settings.depth,
             scenario=settings.scenario,
             forests=self._forests(settings.forests) if settings.forests else None,
+            terrains=terrains_of(settings.mujoco) if settings.mujoco else None,
         )
 
     def _rover(self) -> RoverConfig:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from wayfarer.simhal.world import World
+from wayfarer.simhal.simulated_world import SimulatedWorld
 
 PULLED_BACK_M = 0.15  # as far as the rover itself backs off; shorter than any shipped rover, so nothing is jumped over
 
@@ -17,7 +17,7 @@ PULLED_BACK_M = 0.15  # as far as the rover itself backs off; shorter than any s
 class Attendant:
     """Looks at the world after each step, then lets the referee look."""
 
-    def __init__(self, tip_deg: float, then: Callable[[World], None]) -> None:
+    def __init__(self, tip_deg: float, then: Callable[[SimulatedWorld], None]) -> None:
         self._tip_deg = tip_deg
         self._then = then
         self.flips = 0
@@ -28,9 +28,9 @@ class Attendant:
         """How often the rover was helped: turned over, or off its wheels."""
         return self.flips + self.hangs
 
-    def watch(self, world: World) -> None:
+    def watch(self, world: SimulatedWorld) -> None:
         """Put a rover back on its wheels."""
-        flipped = abs(world.pitch_deg) >= self._tip_deg
+        flipped = abs(world.pitch_deg) >= self._tip_deg or abs(world.roll_deg) >= self._tip_deg
         if flipped or world.hangs:
             self.flips += flipped
             self.hangs += not flipped

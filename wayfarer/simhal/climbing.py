@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import asin, atan, degrees, radians, sin
 
-from wayfarer.chassis import STANDARD_GRAVITY_M_S2, Chassis
+from wayfarer.chassis import AT_A_BRANCH, STANDARD_GRAVITY_M_S2, Chassis
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.obstacles import Body, Map, Obstacle, low_trunks_of
@@ -31,7 +31,7 @@ class Climbing:
     def __init__(self, vehicle: Vehicle, chassis: Chassis, physics: Physics, streams: Streams) -> None:
         clearance_m, weight_kg, motors_n_m = chassis.ground_clearance_m, chassis.weight_kg, chassis.motors_n_m
         if clearance_m is None or weight_kg is None or motors_n_m is None:
-            raise ValueError(f"the chassis does not give {', '.join(chassis.missing)}")
+            raise ValueError(f"the chassis does not give {', '.join(chassis.missing(AT_A_BRANCH))}")
         self.clearance_m = clearance_m
         self._length_m = vehicle.length_m
         self.strength = motors_n_m / (weight_kg * STANDARD_GRAVITY_M_S2 * vehicle.length_m / 2.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from wayfarer.chassis import AT_A_BRANCH
 from wayfarer.config import RoverConfig, with_place
 from wayfarer.errors import BadConfig, BadInput, MissingPackage
 from wayfarer.escape.catalogue import CATALOGUE
@@ -26,6 +28,7 @@ from wayfarer.simhal.workers import RunTrial, TrialRunner, field_trial, logged_t
 
 if TYPE_CHECKING:
     from wayfarer.simhal.cluster import Cluster
+    from wayfarer.simhal.mujoco.terrain import Terrains
 
 PAPER = "paper"  # stands for the ten of the paper, which are the catalogue
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
@@ -48,6 +51,36 @@ def algorithms(names: str) -> tuple[str, ...]:
     for name in unfolded:
         find_algorithm(name)
     return tuple(unfolded)
+
+
+def terrains(asked: Mapping[str, str | None]) -> Terrains:
+    """Return the terrains that options ask for, by the names of their fields; the rest as by default.
+
+    Raises:
+        BadInput: an option is no number or range, or out of bounds.
+    """
+    from wayfarer.simhal.mujoco.terrain import BOUNDS, Terrains, parse_range
+
+    ranges = {
+        name: parse_range(f"--{name.replace('_', '-')}", text, getattr(BOUNDS, name))
+        for name, text in asked.items()
+        if text is not None
+    }
+    return Terrains(**ranges)
+
+
+def check_body(config: RoverConfig, where: str) -> None:
+    """Make sure that MuJoCo can have this rover's body, before the first trial; arguments as of ``check_rover``.
+
+    Raises:
+        BadConfig: its file does not say enough of the body, or says what cannot be built.
+    """
+    from wayfarer.simhal.mujoco.model import body_of
+
+    try:
+        body_of(config.name, config.vehicle, config.chassis)
+    except BadConfig as error:
+        raise BadConfig(f"{where}: {error}") from None
 
 
 def check_rover(config: RoverConfig, depth: str, where: str) -> None:
@@ -94,7 +127,7 @@ def at_site(campaign: Campaign, scenario: str) -> Campaign:
     Raises:
         BadConfig: the rover's file does not say how it meets a branch.
     """
-    if missing := campaign.rover.chassis.missing:
+    if missing := campaign.rover.chassis.missing(AT_A_BRANCH):
         raise BadConfig(
             f"rover '{campaign.rover.name}' gives no chassis.{missing[0]}, and --scenario asks how it meets a branch;"
             " take --rover forestrover or minirover, or add [chassis] to its file as theirs have it"

@@ -12,8 +12,8 @@ from math import cos, radians
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, PositionFix, WheelCommand
 from wayfarer.mission import METRES_PER_DEG
 from wayfarer.simhal.senses import FLOW_M_PER_COUNT, FlowSense, HeadingSense
+from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
 
 FLOW_QUALITY = 0.8
 DEADMAN_S = 0.3  # as forestrover.toml sets its Sabertooth's
@@ -26,7 +26,7 @@ class SimPart:
 
     name = "simulated part"
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: SimulatedWorld) -> None:
         self._world = world
 
     async def open(self) -> None:
@@ -45,7 +45,7 @@ class SimCompass(SimPart):
 
     name = "simulated compass"
 
-    def __init__(self, world: World, streams: Streams, opens_s: float = 0.0) -> None:
+    def __init__(self, world: SimulatedWorld, streams: Streams, opens_s: float = 0.0) -> None:
         super().__init__(world)
         self._sample = HeadingSense(world, streams).sample
         self._opens_s = opens_s
@@ -69,7 +69,7 @@ class SimFlow(SimPart):
     name = "simulated optical flow"
 
     def __init__(
-        self, world: World, streams: Streams, m_per_count: float = FLOW_M_PER_COUNT, opens_s: float = 0.0
+        self, world: SimulatedWorld, streams: Streams, m_per_count: float = FLOW_M_PER_COUNT, opens_s: float = 0.0
     ) -> None:
         super().__init__(world)
         self._sample = FlowSense(world, streams, m_per_count).sample
@@ -111,7 +111,7 @@ class SimReceiver(SimPart):
 
     name = "simulated receiver"
 
-    def __init__(self, world: World, streams: Streams) -> None:
+    def __init__(self, world: SimulatedWorld, streams: Streams) -> None:
         super().__init__(world)
         self._error_m = streams.normal("receiver", FIX_ERROR_M)
 
@@ -139,7 +139,7 @@ class SimMotors(SimPart):
     name = "simulated motors"
     deadman_s: float | None = DEADMAN_S
 
-    def __init__(self, world: World, steps: float = 127.0) -> None:
+    def __init__(self, world: SimulatedWorld, steps: float = 127.0) -> None:
         super().__init__(world)
         self._steps = steps
 

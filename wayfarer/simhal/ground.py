@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.drivers.buses import Frame
+from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
 
 TILE_PX = 512  # a power of two, so that wrapping is a mask
 GREY_MEAN, GREY_SD = 110.0, 35.0
@@ -28,7 +28,7 @@ class GroundCamera:
     metres, and also the finest detail of the ground: finer detail would be nothing but noise.
     """
 
-    def __init__(self, world: World, streams: Streams, m_per_pixel: float) -> None:
+    def __init__(self, world: SimulatedWorld, streams: Streams, m_per_pixel: float) -> None:
         self._world = world
         self._px_per_m = 1.0 / m_per_pixel
         self._noise = streams.generator("camera.noise")

@@ -18,6 +18,7 @@ from wayfarer.simhal.physics import PHYSICS, Physics
 
 if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
     from wayfarer.config import RoverConfig
+    from wayfarer.simhal.mujoco.terrain import Terrains
     from wayfarer.simhal.sites.site import Site
     from wayfarer.simhal.stage import TrialSpec
 
@@ -87,7 +88,7 @@ class Campaign:
     but for its ``slip_mean_m``, and the ``trees_per_ha`` of generated layouts are what a sweep may change beside the
     rover.
     ``scenario`` names the site (``simhal.sites``) that layouts are drawn of in place of the abstract forests, one a
-    trial.
+    trial. With ``terrains`` the body moves in MuJoCo and not in physics-light.
     """
 
     algorithms: tuple[str, ...]
@@ -102,6 +103,7 @@ class Campaign:
     physics: Physics = PHYSICS
     trees_per_ha: float = TREES_PER_HA
     scenario: str | None = None
+    terrains: Terrains | None = None
 
     @property
     def site(self) -> Site | None:
@@ -152,12 +154,12 @@ class Campaign:
         seed, depth = self.trial_seed(task.trial), Depth(self.depth)
         return TrialSpec(
             task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m, depth,
-            physics=self.physics, site=self.site,
+            physics=self.physics, site=self.site, terrains=self.terrains,
         )  # fmt: skip
 
     def settings(self) -> dict[str, Any]:
         """Return the settings as JSON can hold them: what makes two campaigns the same one."""
-        return {
+        settings = {
             "version": __version__,
             "algorithms": list(self.algorithms),
             "trials": self.trials,
@@ -170,6 +172,7 @@ class Campaign:
             "forests": self.forests and {"file": self.forests.name, "blake2b": self.forests.blake2b},
             "rover": self.rover.model_dump(mode="json"),
         }
+        return settings if self.terrains is None else {**settings, "mujoco": self.terrains.as_json()}
 
     def _with_shortest_path(self, forest: Forest) -> Forest:
         from wayfarer.simhal.geodesic import shortest_path_m

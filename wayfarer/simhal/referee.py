@@ -7,7 +7,7 @@ from math import inf
 from typing import Literal
 
 from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
-from wayfarer.simhal.world import World
+from wayfarer.simhal.simulated_world import SimulatedWorld
 
 Outcome = Literal["escaped", "left_bounds", "entrapped", "tipped", "fault"]
 
@@ -37,7 +37,7 @@ class Referee:
         self._call_off = call_off
         self.outcome: Outcome | None = None
 
-    def watch(self, world: World) -> None:
+    def watch(self, world: SimulatedWorld) -> None:
         """Look at the world after a step."""
         x_m, y_m = world.x_m, world.y_m
         if (
@@ -46,20 +46,22 @@ class Referee:
             and world.forward_m + world.reverse_m < self._budget_m
             and world.t_s < self._budget_s
             and abs(world.pitch_deg) < self._tip_deg
+            and abs(world.roll_deg) < self._tip_deg
         ):
             return
         if self.outcome is None:
             self.outcome = self._judge(world)
             self._call_off(self.outcome, "the referee's call")
 
-    def _judge(self, world: World) -> Outcome:
+    def _judge(self, world: SimulatedWorld) -> Outcome:
         if world.y_m >= self._goal_y_m:
             return "escaped"
         if not (0.0 <= world.x_m <= WORLD_SIZE_M and world.y_m >= 0.0):
             return "left_bounds"
-        return "tipped" if abs(world.pitch_deg) >= self._tip_deg else "entrapped"
+        tilt_deg = max(abs(world.pitch_deg), abs(world.roll_deg))
+        return "tipped" if tilt_deg >= self._tip_deg else "entrapped"
 
-    def path_m(self, world: World) -> float:
+    def path_m(self, world: SimulatedWorld) -> float:
         """Return the path: what was driven, reversing included, and for ``left_bounds`` the way that remains north."""
         remaining_m = max(0.0, self._goal_y_m - world.y_m) if self.outcome == "left_bounds" else 0.0
         return world.path_m + remaining_m

@@ -30,8 +30,8 @@ from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.devices import SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.senses import FlowSense, HeadingSense
+from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
 
 GROUND_M_PER_PIXEL = 0.0015  # of the simulated camera, where the rover file gives none
 
@@ -46,7 +46,12 @@ class Depth(StrEnum):
 
 
 def build(
-    depth: Depth, world: World, streams: Streams, config: RoverConfig, clock: Clock, buses: FakeBuses | None = None
+    depth: Depth,
+    world: SimulatedWorld,
+    streams: Streams,
+    config: RoverConfig,
+    clock: Clock,
+    buses: FakeBuses | None = None,
 ) -> Rover:
     """Return a simulated rover; at bus depth on these buses, or else on new ones.
 
@@ -58,7 +63,7 @@ def build(
     return device_depth(world, streams, config)
 
 
-def device_depth(world: World, streams: Streams, config: RoverConfig) -> Rover:
+def device_depth(world: SimulatedWorld, streams: Streams, config: RoverConfig) -> Rover:
     """Return a rover whose parts implement the driver protocols directly; parts in the file give their quanta."""
     settings = {part: part_settings(part, table)[1] for part, table in config.parts.items()}
     compass, flow = settings.get("compass"), settings.get("motion")
@@ -73,7 +78,7 @@ def device_depth(world: World, streams: Streams, config: RoverConfig) -> Rover:
     )
 
 
-def bus_depth(world: World, streams: Streams, config: RoverConfig, clock: Clock, buses: FakeBuses) -> Rover:
+def bus_depth(world: SimulatedWorld, streams: Streams, config: RoverConfig, clock: Clock, buses: FakeBuses) -> Rover:
     """Return the rover of the file with its real drivers, each over a simulated chip.
 
     A bumper is a switch, not a chip, and a receiver speaks through a socket: both are simulated as at device depth, and
@@ -121,7 +126,7 @@ class Solder:
     call it first; the senses' clock does.
     """
 
-    def __init__(self, world: World, streams: Streams, clock: Clock, buses: FakeBuses) -> None:
+    def __init__(self, world: SimulatedWorld, streams: Streams, clock: Clock, buses: FakeBuses) -> None:
         self._world, self._streams, self._clock, self._buses = world, streams, clock, buses
         self._boards: list[ThunderBorgChip | SabertoothChip] = []
         self.chips: dict[Any, Callable[[Any], None]] = {
@@ -185,7 +190,7 @@ class Solder:
 class MountedCompass(HeadingSense):
     """What a compass feels that is mounted as the rover file says: the driver's settings, undone."""
 
-    def __init__(self, world: World, streams: Streams, settings: CMPS14Settings) -> None:
+    def __init__(self, world: SimulatedWorld, streams: Streams, settings: CMPS14Settings) -> None:
         super().__init__(world, streams)
         self._settings = settings
 
@@ -221,7 +226,7 @@ def _steps(settings: Any) -> float:
     return float(sabertooth.FULL_LEVEL)
 
 
-def _receiver(world: World, streams: Streams, config: RoverConfig) -> SimReceiver | None:
+def _receiver(world: SimulatedWorld, streams: Streams, config: RoverConfig) -> SimReceiver | None:
     return SimReceiver(world, streams) if "position" in config.parts else None
 
 

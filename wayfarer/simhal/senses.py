@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from math import degrees
 
+from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
 
 # PMW3901 at 0.1 m above ground: 0.213 mm a count (hardware.md 8.2).
 FLOW_M_PER_COUNT = 0.00213195 * 0.1
@@ -18,7 +18,7 @@ TENTHS_PER_RAD = degrees(10.0)
 class HeadingSense:
     """Heading and tilt with noise, in tenths of a degree as in a CMPS14's 16-bit registers."""
 
-    def __init__(self, world: World, streams: Streams) -> None:
+    def __init__(self, world: SimulatedWorld, streams: Streams) -> None:
         self._world = world
         self._bias_deg = world.physics.compass_bias_deg
         self._noise_tenths = streams.normal("compass.heading", world.physics.compass_noise_deg * 10.0)
@@ -39,13 +39,13 @@ class HeadingSense:
 class FlowSense:
     """Displacement over ground since the previous sample, in counts of a PMW3901."""
 
-    def __init__(self, world: World, streams: Streams, m_per_count: float = FLOW_M_PER_COUNT) -> None:
+    def __init__(self, world: SimulatedWorld, streams: Streams, m_per_count: float = FLOW_M_PER_COUNT) -> None:
         self._world = world
         self._m_per_count = m_per_count
         self._noise_counts = world.physics.flow_noise_counts
         self._noise_share = world.physics.flow_noise_share
         self._noise = streams.normal("flow", 1.0)
-        self._last_m = 0.0
+        self._last_m = self._last_right_m = 0.0
 
     def sample(self, t_s: float) -> tuple[int, int]:
         """Return forward and right displacement in counts."""
@@ -54,4 +54,6 @@ class FlowSense:
         signed_m = world.forward_m - world.reverse_m
         counts, self._last_m = (signed_m - self._last_m) / self._m_per_count, signed_m
         forward = round(counts + (self._noise_counts + self._noise_share * abs(counts)) * noise())
-        return forward, round(self._noise_counts * noise())
+        right_m = world.right_m
+        right, self._last_right_m = (right_m - self._last_right_m) / self._m_per_count, right_m
+        return forward, round(right + self._noise_counts * noise())

@@ -18,14 +18,16 @@ from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.physics import PHYSICS, Physics
 from wayfarer.simhal.referee import Referee
 from wayfarer.simhal.rig import Depth, build
+from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
 from wayfarer.supervisor import Supervisor
 
 if TYPE_CHECKING:
+    from wayfarer.simhal.mujoco.terrain import Terrains
     from wayfarer.simhal.sites.site import Site
 
-MakeLog = Callable[[World, Rover], RunLog]
+MakeLog = Callable[[SimulatedWorld, Rover], RunLog]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,8 @@ class TrialSpec:
     """Everything that decides a trial: the same spec gives the same result, on any worker.
 
     ``sense_noise`` multiplies the noise of compass, tilt and flow; ``slip_mean_m`` counts, not that of ``physics``. At
-    a ``site`` somebody walks beside the rover, and its time is limited.
+    a ``site`` somebody walks beside the rover, and its time is limited. With ``terrains`` the body moves in MuJoCo and
+    not in physics-light; of ``physics`` then count the noise of the senses, unequal sides, slips (as mud) and tipping.
     """
 
     trial: int
@@ -48,6 +51,7 @@ class TrialSpec:
     sense_noise: float = 1.0
     physics: Physics = PHYSICS
     site: Site | None = None
+    terrains: Terrains | None = None
 
 
 class Stage:
@@ -64,8 +68,7 @@ class Stage:
         algorithm = find_algorithm(spec.algorithm)
         handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
         physics = replace(spec.physics, slip_mean_m=spec.slip_mean_m)
-        chassis = spec.rover.chassis if spec.site else None
-        self.world = World(spec.forest, spec.rover.vehicle, physics, streams, chassis=chassis)
+        self.world = _world(spec, physics, streams)
         if spec.faults:
             from wayfarer.simhal.injection import Injector  # a trial without faults need not know them
 
@@ -80,3 +83,20 @@ class Stage:
         self.referee = Referee(spec.forest, spec.budget_m, physics.tip_deg, self.supervisor.finish, limit_s)
         self.attendant = Attendant(physics.tip_deg, self.referee.watch) if spec.site else None
         self.world.after_step = self.attendant.watch if self.attendant else self.referee.watch
+
+
+def _world(spec: TrialSpec, physics: Physics, streams: Streams) -> SimulatedWorld:
+    """Return the world that a trial asks for.
+
+    Raises:
+        BadConfig: MuJoCo needs more of the body than the rover file gives.
+    """
+    rover = spec.rover
+    if spec.terrains is None:
+        chassis = rover.chassis if spec.site else None
+        return World(spec.forest, rover.vehicle, physics, streams, chassis=chassis)
+    from wayfarer.simhal.mujoco.model import body_of  # physics-light needs no engine
+    from wayfarer.simhal.mujoco.world import MujocoWorld
+
+    body = body_of(rover.name, rover.vehicle, rover.chassis)
+    return MujocoWorld(spec.forest, body, physics, spec.terrains.draw(streams), streams)

@@ -12,9 +12,9 @@ from typing import NamedTuple
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Rover
 from wayfarer.records import PartialLog, TickRecord
+from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.trial import TrialResult, run_watched
-from wayfarer.simhal.world import World
 
 KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius of 1.15 m
 
@@ -40,7 +40,7 @@ class TraceLog(PartialLog):
     Between two changes a point is kept when it is ``KEPT_EVERY_M`` from the one before.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: SimulatedWorld) -> None:
         self.trace = Trace([], [])
         self._world = world
         self._slipping = False
@@ -73,7 +73,7 @@ def run_traced(spec: TrialSpec) -> tuple[TrialResult, Trace]:
     """
     logs: list[TraceLog] = []
 
-    def make_log(world: World, _: Rover) -> TraceLog:
+    def make_log(world: SimulatedWorld, _: Rover) -> TraceLog:
         logs.append(TraceLog(world))
         return logs[0]
 

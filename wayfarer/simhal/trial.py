@@ -13,9 +13,9 @@ from wayfarer.mission import RunEnd
 from wayfarer.records import PartialLog, Tee, TickRecord
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.referee import Outcome, Referee
+from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.stage import MakeLog, Stage, TrialSpec
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.log import FieldLog
@@ -112,7 +112,7 @@ def _outcome(referee: Referee, tally: Tally, end: RunEnd) -> Outcome:
     return referee.outcome or ("entrapped" if end.reason.startswith("mission_") else "fault")
 
 
-def field_log(spec: TrialSpec, folder: Path, world: World, rover: Rover) -> tuple[FieldLog, Witness]:
+def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover) -> tuple[FieldLog, Witness]:
     """Return the log that a rover in the field writes, and who writes the truth beside it.
 
     Its wall clock is the trial's, and it is written as it comes, without a thread: the same trial gives the same bytes.
@@ -138,11 +138,13 @@ def field_log(spec: TrialSpec, folder: Path, world: World, rover: Rover) -> tupl
         "slip_mean_m": spec.slip_mean_m,
         "budget_m": spec.budget_m,
     }
+    if spec.terrains is not None:
+        details["mujoco"] = spec.terrains.draw(Streams(spec.seed))._asdict()
     log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s)
     return log, Witness(log, world)
 
 
-def _result(spec: TrialSpec, outcome: Outcome, referee: Referee, world: World, tally: Tally) -> TrialResult:
+def _result(spec: TrialSpec, outcome: Outcome, referee: Referee, world: SimulatedWorld, tally: Tally) -> TrialResult:
     forest = spec.forest
     path_m = referee.path_m(world)
     shortest_m = forest.shortest_path_m

@@ -8,7 +8,7 @@ from math import degrees, inf
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.records import PartialLog, TickRecord
 from wayfarer.simhal.faults import Fault
-from wayfarer.simhal.world import World
+from wayfarer.simhal.simulated_world import SimulatedWorld
 
 TICKS_A_RECORD = 4  # a fifth of a second at 20 Hz: plenty to draw a path
 
@@ -19,7 +19,7 @@ class Witness(PartialLog):
     Injected faults are ground truth too: ``note`` writes ``fault`` when one begins or ends.
     """
 
-    def __init__(self, log: FieldLog, world: World) -> None:
+    def __init__(self, log: FieldLog, world: SimulatedWorld) -> None:
         self._log = log
         self._world = world
         self._ticks = 0
@@ -41,7 +41,7 @@ class Witness(PartialLog):
         self._log.note("fault", t_s, {**about, "for_s": lasting_s, "params": asdict(fault.params)})
 
 
-def _truth(world: World) -> dict[str, float | bool]:
+def _truth(world: SimulatedWorld) -> dict[str, float | bool]:
     """Return the pose in the forest's own metres, x east and y north, and what holds the rover."""
     return {
         "x_m": round(world.x_m, 4),

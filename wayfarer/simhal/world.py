@@ -1,4 +1,4 @@
-"""The one world that all simulated parts share: where the rover is, what it touches, how far it has gone.
+"""Physics-light, the default world: where the rover is, what it touches, how far it has gone.
 
 The world has no task of its own. A part calls ``advance_to`` with the time on the loop before it reads or commands, and
 the world takes whole steps of ``Physics.step_s`` up to there. What happens is therefore independent of the order and
@@ -10,17 +10,25 @@ Positions are metres east (x) and north (y); headings degrees clockwise from nor
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from math import atan2, ceil, copysign, cos, degrees, exp, hypot, inf, radians, sin, sqrt
-from typing import NamedTuple
+from dataclasses import replace
+from math import ceil, copysign, cos, degrees, exp, hypot, inf, radians, sin, sqrt
 
 from wayfarer.chassis import Chassis
 from wayfarer.escape.api import Vehicle
-from wayfarer.hal import Side
 from wayfarer.simhal.climbing import Climbing, Underfoot
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.obstacles import CELL_M, Body, Map, Obstacle, obstacles_of
 from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.simulated_world import (
+    FULL_BATTERY_V,
+    ROUNDING_S,
+    UNHARMED,
+    SimulatedWorld,
+    Touch,
+    nobody_watches,
+    nothing_acts,
+    side_of,
+)
 from wayfarer.simhal.streams import Streams
 
 # No move is tested in pieces longer than this, so that nothing is jumped over: half a trunk, half a right angle.
@@ -33,46 +41,10 @@ SEEN_BEYOND_BODY_M = 1.2
 CLUTTER_BEYOND_BODY_M, CLUTTER_CELL_M = 0.3, 0.5
 # A blocked move is halved this often to find where it touches: 2 mm of 0.1 m.
 HALVINGS = 5
-# A task that wakes on the grid of steps may read a clock that is a rounding error short of it.
-ROUNDING_S = 1e-9
 # Below this a move is none: it takes no noise.
 STILL_M = 1e-6
 # Less pitch than this is level.
 LEVEL_DEG = 0.01
-FULL_BATTERY_V = 12.6  # three lithium cells, charged
-# Contacts within this angle of straight ahead are head-on.
-HEAD_ON_DEG = 10.0
-
-
-class Touch(NamedTuple):
-    """What the body ran into: the obstacle and the sides of the body that touch it."""
-
-    obstacle: Obstacle
-    sides: tuple[Side, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Mishaps:
-    """What is wrong with the body.
-
-    Each side turns ``gain`` times as fast as it is told to (0 is dead, -1 wired the wrong way), and not at all below a
-    duty of ``dead_band``. A ``snagged`` body cannot move, ``shove_m_s`` moves it ahead whatever its wheels do.
-    """
-
-    left_gain: float = 1.0
-    right_gain: float = 1.0
-    dead_band: float = 0.0
-    snagged: bool = False
-    shove_m_s: float = 0.0
-
-    def wheels(self, left: float, right: float) -> tuple[float, float]:
-        """Return the duties that the sides turn with."""
-        left = left if abs(left) >= self.dead_band else 0.0
-        right = right if abs(right) >= self.dead_band else 0.0
-        return left * self.left_gain, right * self.right_gain
-
-
-UNHARMED = Mishaps()
 
 
 class World:
@@ -109,6 +81,7 @@ class World:
         self.roll_deg = 0.0
         self.forward_m = 0.0
         self.reverse_m = 0.0
+        self.right_m = 0.0  # this body never slides sideways
         self.touch: Touch | None = None
         self.slipping = False
         self.hangs = False
@@ -116,14 +89,14 @@ class World:
         self.ground_pitch_deg = self.ground_roll_deg = 0.0
         self.battery_v = FULL_BATTERY_V
         self.deadman_at_s = inf
-        self.chips_act: Callable[[], None] = _nothing_acts
+        self.chips_act: Callable[[], None] = nothing_acts
         self.mishaps = UNHARMED
         self.steps = 0
         self.t_s = self._starts_s = starts_s
         self._step_s = physics.step_s
         self._half_step_s = physics.step_s / 2
         self._next_step_s = starts_s + physics.step_s - ROUNDING_S
-        self.after_step: Callable[[World], None] = _nobody_watches
+        self.after_step: Callable[[SimulatedWorld], None] = nobody_watches
         self._body = Body(vehicle.length_m, vehicle.width_m)
         beyond_m, cell_m = (CLUTTER_BEYOND_BODY_M, CLUTTER_CELL_M) if chassis else (SEEN_BEYOND_BODY_M, CELL_M)
         self._seen_m = self._body.reach_m + beyond_m
@@ -318,7 +291,7 @@ class World:
 
     def _press(self, hit: Obstacle, *, anew: bool) -> None:
         """Stall at an obstacle; the body rears up on a trunk while its wheels push."""
-        self.touch = Touch(hit, self._sides(hit))
+        self.touch = Touch(hit, side_of(hit, self.x_m, self.y_m, self.heading_rad))
         if hit.axis_deg is not None:
             duty = (self._left_target_m_s + self._right_target_m_s) / (2.0 * self._full_left_m_s)
             pitch_deg = self.pitch_deg / self._settling
@@ -333,22 +306,3 @@ class World:
         """Return by how many degrees a step of pushing lifts the nose, or from behind the tail."""
         at_once_deg = copysign(climbing.meet((self._left_m_s + self._right_m_s) / 2.0), duty) if anew else 0.0
         return at_once_deg + climbing.rate_deg_s(duty) * self._step_s
-
-    def _sides(self, hit: Obstacle) -> tuple[Side, ...]:
-        """Return the side of the body at which an obstacle lies, by the bearing of its nearest point."""
-        near_x, near_y = hit.nearest(self.x_m, self.y_m)
-        bearing_rad = atan2(near_x - self.x_m, near_y - self.y_m) - self.heading_rad
-        off_deg = (degrees(bearing_rad) + 180.0) % 360.0 - 180.0
-        if abs(off_deg) <= HEAD_ON_DEG:
-            return (Side.FRONT,)
-        if abs(off_deg) >= 135.0:
-            return (Side.REAR,)
-        return (Side.RIGHT,) if off_deg > 0.0 else (Side.LEFT,)
-
-
-def _nobody_watches(_world: World) -> None:
-    """Stand in for the referee."""
-
-
-def _nothing_acts() -> None:
-    """Stand in for the chips."""

@@ -11,7 +11,7 @@ from math import inf
 from typing import Literal, NamedTuple
 
 from wayfarer.simhal.fakebus import ChipMisuse
-from wayfarer.simhal.world import World
+from wayfarer.simhal.simulated_world import SimulatedWorld
 
 ADDRESS = 128
 FULL_LEVEL = 127.0  # the level that is duty 1 in the world
@@ -91,7 +91,8 @@ class SabertoothChip:
     """
 
     def __init__(
-        self, world: World, clock: Callable[[], float], *, address: int = ADDRESS, full_level: float = FULL_LEVEL,
+        self, world: SimulatedWorld, clock: Callable[[], float], *,
+        address: int = ADDRESS, full_level: float = FULL_LEVEL,
         left: Literal[1, 2] = 1, reverse_left: bool = False, reverse_right: bool = False,
     ) -> None:  # fmt: skip
         self.settings: dict[int, int] = {}

@@ -14,7 +14,7 @@ from math import inf
 from typing import Literal
 
 from wayfarer.simhal.fakebus import ChipMisuse
-from wayfarer.simhal.world import World
+from wayfarer.simhal.simulated_world import SimulatedWorld
 
 ADDRESS = 0x15
 FULL_LEVEL = 255 * 0.95  # the level that is duty 1 in the world: 12 V motors behind a limit of 95 %
@@ -48,7 +48,8 @@ class ThunderBorgChip:
     """
 
     def __init__(
-        self, world: World, clock: Callable[[], float], volts: float | None = None, *, full_level: float = FULL_LEVEL,
+        self, world: SimulatedWorld, clock: Callable[[], float], volts: float | None = None, *,
+        full_level: float = FULL_LEVEL,
         left: Literal["A", "B"] = "B", reverse_left: bool = False, reverse_right: bool = False,
     ) -> None:  # fmt: skip
         self.volts = volts

@@ -18,8 +18,8 @@ from wayfarer.simhal.injection.process_layer import TakePower, process_fault
 from wayfarer.simhal.injection.reading_layer import TamperedPart, crashed, reading_fault
 from wayfarer.simhal.injection.wires import TamperedBuses
 from wayfarer.simhal.injection.world_layer import world_fault
+from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
 
 PUMP_S = 0.05
 PARTS = ("compass", "motion", "contact", "position", "motors")
@@ -83,7 +83,7 @@ class Injector:
         fitted: dict[str, Any] = dict(self._parts)
         return replace(rover, **fitted)
 
-    def start(self, world: World, take_power: TakePower, note: Note) -> None:
+    def start(self, world: SimulatedWorld, take_power: TakePower, note: Note) -> None:
         """Begin what begins at once, and the rest at its time from now on."""
         self._world, self._take_power, self._note = world, take_power, note
         loop = asyncio.get_running_loop()

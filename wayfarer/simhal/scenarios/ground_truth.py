@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from wayfarer.config import RoverConfig
 from wayfarer.escape.api import Anomaly
 from wayfarer.records import PartialLog, TickRecord
-from wayfarer.simhal.world import World
+from wayfarer.simhal.simulated_world import SimulatedWorld
 
 AFTERWARDS_S = 0.15  # three control periods: a sensor's reading, the tick, and the window that empties
 
@@ -75,11 +75,11 @@ class Truth(PartialLog):
         self._really = Timeline()
         self._claimed = Timeline()
 
-    def follow(self, world: World) -> None:
+    def follow(self, world: SimulatedWorld) -> None:
         """Watch a world."""
         watch = world.after_step
 
-        def look(moved: World) -> None:
+        def look(moved: SimulatedWorld) -> None:
             self._really.sample(world.t_s, self._there(world))
             watch(moved)
 
@@ -95,7 +95,7 @@ class Truth(PartialLog):
         self._claimed.end()
         return {anomaly: self._score(anomaly) for anomaly in Anomaly}
 
-    def _there(self, world: World) -> list[Any]:
+    def _there(self, world: SimulatedWorld) -> list[Any]:
         """Return what is really wrong; being held has a direction, because turning round begins another episode."""
         config, (left, right) = self._config, world.commanded
         there: list[Any] = []

@@ -26,9 +26,9 @@ from wayfarer.simhal.scenarios.invariants import Invariants
 from wayfarer.simhal.scenarios.monitor import Monitor
 from wayfarer.simhal.scenarios.rovers import rover_of
 from wayfarer.simhal.scenarios.scenario import Command, Scenario
+from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.stage import Stage, TrialSpec
 from wayfarer.simhal.trial import field_log
-from wayfarer.simhal.world import World
 from wayfarer.supervisor import first_cause
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
@@ -77,7 +77,7 @@ async def _play(scenario: Scenario, log_dir: Path | None) -> Played:
     monitor, invariants = Monitor(), Invariants()
     notes: list[Note] = [monitor.note, invariants.note]
 
-    def make_log(world: World, rover: Rover) -> RunLog:
+    def make_log(world: SimulatedWorld, rover: Rover) -> RunLog:
         if log_dir is None:
             return Tee(monitor, invariants)
         log, witness = field_log(spec, log_dir, world, rover)

@@ -23,8 +23,8 @@ from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.rig import Depth, build
 from wayfarer.simhal.scenarios.runner import CLEARING
+from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
 
 ROVER = "forestrover"
 T_WALL = 1_795_000_000.0  # November 2026
@@ -54,7 +54,7 @@ class Onlooker:
         self._turned_s = 0.0
         step = world.after_step
 
-        def look(moved: World) -> None:
+        def look(moved: SimulatedWorld) -> None:
             self._look()
             step(moved)
 

@@ -1,0 +1,74 @@
+"""Rovers in MuJoCo on free ground, and the figures of ForestRover that closed forms are made of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import hypot
+
+from wayfarer.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config import load_rover
+from wayfarer.simhal.forest import Forest, Trunk
+from wayfarer.simhal.mujoco.model import (
+    ROLLING_RESISTANCE,
+    ROTOR_SHARE_OF_WEIGHT,
+    STEP_S,
+    WHEEL_SHARE_OF_WEIGHT,
+    body_of,
+)
+from wayfarer.simhal.mujoco.terrain import Terrain
+from wayfarer.simhal.mujoco.world import MujocoWorld
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.streams import Streams
+
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+EXACT = Physics(side_gain_sd=0.0, slip_mean_m=1e9)
+CONFIG = load_rover("forestrover")
+BODY = body_of("forestrover", CONFIG.vehicle, CONFIG.chassis)
+A_M, B_M, RADIUS_M = BODY.wheels
+WEIGHT_N = BODY.weight_kg * STANDARD_GRAVITY_M_S2
+STALL_N = BODY.motors_n_m / RADIUS_M  # of all motors, at the rims
+RESISTANCE_N = ROLLING_RESISTANCE * WEIGHT_N
+# What the motors move: the rover, its wheels' turning (an ellipsoid's two fifths), and the rotors.
+MOVED_KG = BODY.weight_kg * (1.0 + 4.0 * (0.4 * WHEEL_SHARE_OF_WEIGHT + ROTOR_SHARE_OF_WEIGHT))
+
+
+def rover_on(
+    friction: float,
+    torque_scale: float = 1.0,
+    forest: Forest = CLEARING,
+    roughness_m: float = 0.0,
+    physics: Physics = EXACT,
+    step_s: float = STEP_S,
+) -> MujocoWorld:
+    return MujocoWorld(forest, BODY, physics, Terrain(friction, roughness_m, torque_scale), Streams(0), step_s)
+
+
+def drive(world: MujocoWorld, left: float, right: float, for_s: float) -> None:
+    world.command(left, right)
+    world.advance_to(world.t_s + for_s)
+
+
+def speed_m_s(world: MujocoWorld) -> float:
+    """Ahead, over the next tenth of a second."""
+    before_m, before_s = world.forward_m - world.reverse_m, world.t_s
+    world.advance_to(world.t_s + 0.1)
+    return (world.forward_m - world.reverse_m - before_m) / (world.t_s - before_s)
+
+
+def trunk_across(y_m: float, diameter_m: float = 0.3) -> Forest:
+    trunk = Trunk(21.0, y_m, 29.0, y_m, "across")
+    return replace(CLEARING, trunks=(trunk,), trunk_diameter_m=diameter_m)
+
+
+def tree_at(x_m: float, y_m: float) -> Forest:
+    return replace(CLEARING, trees_m=((x_m, y_m),))
+
+
+def least_turning_duty(friction: float) -> float:
+    """The duty of both sides, opposed, from which the body turns on the spot.
+
+    Each wheel carries a quarter of the weight and slides along a circle around its own foot point: friction opposes
+    that, and the share of it that the motor must overcome is a over the wheel's distance from the middle. This is the
+    moment of friction of Mandow (2007) and Pentzer (2014) for wheels that stand on points.
+    """
+    return (friction * WEIGHT_N * A_M / hypot(A_M, B_M) + RESISTANCE_N) / STALL_N

@@ -1,0 +1,166 @@
+"""Whole trials in MuJoCo, through the command: the same bytes again, both depths, and what is refused in one line."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from statistics import fmean
+
+import pytest
+
+from wayfarer import cli
+from wayfarer.config import load_rover
+from wayfarer.report.reading import read_results
+from wayfarer.report.words import facts
+from wayfarer.simhal.mujoco.terrain import BOUNDS, Range, Terrains, parse_range
+from wayfarer.simhal.mujoco.world import MujocoWorld
+from wayfarer.simhal.plan import Campaign, Task
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.trial import run_trial
+
+Run = Callable[..., tuple[int, str, str]]
+SIM = ("sim", "--physics", "mujoco", "--jobs", "1", "--trials", "2", "--budget-m", "6")
+NO_CHASSIS = 'name = "plain"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.4\n'
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+    monkeypatch.setenv("COLUMNS", "160")
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        code = cli.run([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run
+
+
+def files_in(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def test_same_seed_gives_the_same_bytes(run: Run, tmp_path: Path) -> None:
+    drawn = ("--friction", "0.2:0.6", "--roughness-m", "0.005", "--torque-scale", "1:3")
+    for name in ("once", "again"):
+        code, _, err = run(*SIM, *drawn, "--out", tmp_path / name, "--log", tmp_path / f"{name}-log")
+        assert code == 0, err
+    assert (tmp_path / "once" / "trials.csv").read_bytes() == (tmp_path / "again" / "trials.csv").read_bytes()
+    logs = files_in(tmp_path / "once-log")
+    assert logs == files_in(tmp_path / "again-log")
+    headers = [json.loads(log.splitlines()[0]) for log in logs.values()]
+    assert len({header["mujoco"]["friction"] for header in headers}) == 2, "drawn for each trial"
+    assert all(0.2 <= header["mujoco"]["friction"] <= 0.6 for header in headers)
+
+
+@pytest.mark.parametrize("rover", ["sim", "forestrover"])
+def test_both_depths_decide_the_same(run: Run, tmp_path: Path, rover: str) -> None:
+    rows = []
+    for depth in ("device", "bus"):
+        code, _, err = run(*SIM, "--rover", rover, "--depth", depth, "--out", tmp_path / depth)
+        assert code == 0, err
+        rows.append((tmp_path / depth / "trials.csv").read_bytes())
+    assert rows[0] == rows[1]
+    assert b"fault" not in rows[0]
+
+
+@pytest.mark.parametrize("scenario", ["extended-maze", "dense-obstruction", "forest-escape"])
+def test_every_site_runs(run: Run, tmp_path: Path, scenario: str) -> None:
+    code, _, err = run(*SIM, "--rover", "minirover", "--scenario", scenario, "--out", tmp_path / "out")
+    assert code == 0, err
+    assert b"fault" not in (tmp_path / "out" / "trials.csv").read_bytes()
+
+
+def test_campaign_says_what_it_ran_on_and_can_be_rebuilt(run: Run, tmp_path: Path) -> None:
+    run(*SIM, "--friction", "0.2:0.6", "--out", tmp_path / "out")
+    settings = json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))
+    assert settings["mujoco"] == {"friction": [0.2, 0.6], "roughness_m": [0.0, 0.0], "torque_scale": [1.0, 1.0]}
+    code, _, err = run(*SIM, "--friction", "0.2:0.6", "--out", tmp_path / "out", "--resume")
+    assert code == 0, err
+    results = read_results(tmp_path / "out")
+    assert results.rebuild().terrains == Terrains(friction=Range(0.2, 0.6))
+    said = dict(facts(results.settings))
+    assert said["MuJoCo, friction"] == "0.2 to 0.6, drawn for each trial"
+    assert said["MuJoCo, torque_scale"] == "1"
+
+
+def test_light_campaign_says_nothing_of_it_and_loads_no_engine() -> None:
+    assert "mujoco" not in Campaign(("forest-pledge",), 1, load_rover("sim")).settings()
+    code = (
+        "import sys; from wayfarer import cli; cli.run(['sim', '--trials', '1', '--trial', '0', '--budget-m', '3']);"
+        "print('mujoco' in sys.modules)"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert out.splitlines()[-1] == "False"
+
+
+REFUSED = {
+    "friction without it": (("sim", "--friction", "0.5"), "--friction is of another world; add --physics mujoco"),
+    "no number": ((*SIM, "--friction", "wet"), "--friction wet: expected a number, or MIN:MAX"),
+    "not a number": ((*SIM, "--friction", "nan"), "--friction nan: expected a number, or MIN:MAX"),
+    "three numbers": ((*SIM, "--torque-scale", "1:2:3"), "--torque-scale 1:2:3: expected a number, or MIN:MAX"),
+    "too rough": ((*SIM, "--roughness-m", "0.5"), "from 0 to 0.1"),
+    "the wrong way round": ((*SIM, "--friction", "0.8:0.2"), "--friction 0.8:0.2: the smaller number comes first"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "says"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_run_is_one_line(run: Run, arguments: tuple[str, ...], says: str) -> None:
+    code, out, err = run(*arguments)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert says in err
+
+
+CHASSIS = (
+    "[chassis]\nground_clearance_m = 0.04\nweight_kg = 6.0\nmotors_n_m = 4.5\nheight_m = 0.2\nwheel_radius_m = {}\n"
+)
+UNBUILDABLE = {
+    "no chassis": ("", "rover 'plain' gives no chassis.ground_clearance_m, and --physics mujoco needs a body"),
+    "a diameter": (CHASSIS.format(0.13), "two wheels behind each other do not fit into vehicle.length_m = 0.4"),
+    "wheels that do not reach the ground": (CHASSIS.format(0.019), "below the wheels' diameter of 0.038"),
+}
+
+
+@pytest.mark.parametrize(("chassis", "says"), UNBUILDABLE.values(), ids=UNBUILDABLE)
+def test_rover_without_a_body_that_can_be_built_is_one_line(run: Run, tmp_path: Path, chassis: str, says: str) -> None:
+    file = tmp_path / "plain.toml"
+    file.write_text(NO_CHASSIS + chassis, encoding="utf-8")
+    code, out, err = run(*SIM, "--rover", file)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert says in err
+
+
+def test_missing_engine_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wayfarer.cli.extras.find_spec", lambda name: None if name == "mujoco" else object())
+    code, out, err = run(*SIM)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "--physics mujoco needs mujoco, which is not installed: pip install '.[physics]'" in err
+
+
+def test_fixed_terrain_is_what_was_asked_for_and_a_range_is_drawn_within() -> None:
+    fixed = Terrains(Range(0.3, 0.3), Range(0.01, 0.01), Range(3.0, 3.0)).draw(Streams(5))
+    assert fixed == (0.3, 0.01, 3.0)
+    terrains = Terrains(friction=parse_range("--friction", "0.2:0.4", BOUNDS.friction))
+    frictions = [terrains.draw(Streams(seed)).friction for seed in range(50)]
+    assert 0.2 <= min(frictions) < 0.22
+    assert 0.38 < max(frictions) <= 0.4
+
+
+@pytest.mark.slow
+def test_half_the_time_step_changes_outcomes_within_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On slippery ground, where the rover gets out; trials part ways in the end, as they do at any rounding."""
+    terrains = Terrains(friction=Range(0.15, 0.15))
+    campaign = Campaign(("forest-pledge",), 8, load_rover("forestrover"), budget_m=250.0, terrains=terrains)
+    paths_m = []
+    for step_s in (0.004, 0.002):
+        monkeypatch.setattr("wayfarer.simhal.mujoco.world.MujocoWorld", partial(MujocoWorld, step_s=step_s))
+        specs = [campaign.spec(Task("forest-pledge", n), campaign.make_forest(n)) for n in (0, 2, 4, 6)]
+        results = [run_trial(spec) for spec in specs]
+        assert {result.outcome for result in results} <= {"escaped", "left_bounds"}
+        paths_m.append([result.path_m for result in results])
+    coarse_m, fine_m = paths_m
+    assert coarse_m != fine_m, "the step was really another"
+    assert fmean(coarse_m) == pytest.approx(fmean(fine_m), rel=0.15)

@@ -1,0 +1,82 @@
+"""The ground under the wheels: its height where it is rough, and where mud lies."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.streams import Streams
+
+# The height field covers the world and this much around it, so that a rover leaves the world first.
+MARGIN_M = 2.0
+CELL_M = 0.1  # about a wheel's diameter; each halving makes a step of the engine dearer by half
+BUMP_M = 0.25  # heights so far apart are hardly alike (correlation 1/e); from no source: about half a rover
+
+# Mud comes in round patches. From no source, chosen to be plain: about the length of a rover each, and so slippery that
+# wheels spin at half of full duty.
+MUD_RADIUS_M = 0.5
+MUD_FRICTION = 0.1
+MUD_CELL_M = 0.1
+
+
+class HeightField(NamedTuple):
+    """Heights in metres on a square grid around the middle of the world; rows run north, columns east."""
+
+    heights_m: NDArray[np.float64]
+    half_size_m: float
+
+    def top_m(self, x_m: float, y_m: float, reach_m: float) -> float:
+        """Return the height of the highest point within reach of a place."""
+        centre_m = WORLD_SIZE_M / 2.0
+        first, last = (
+            [int((at_m + sign * reach_m - centre_m + self.half_size_m) / CELL_M) for at_m in (y_m, x_m)]
+            for sign in (-1, 1)
+        )
+        return float(self.heights_m[first[0] : last[0] + 2, first[1] : last[1] + 2].max())
+
+
+def rough_ground(roughness_m: float, streams: Streams) -> HeightField:
+    """Return ground whose height has this standard deviation: white noise, smoothed over ``BUMP_M``."""
+    half_size_m = WORLD_SIZE_M / 2.0 + MARGIN_M
+    size = round(2.0 * half_size_m / CELL_M) + 1
+    noise = streams.generator("world.heights").standard_normal((size, size))
+    per_m = np.hypot(np.fft.fftfreq(size, CELL_M)[:, None], np.fft.rfftfreq(size, CELL_M))
+    heights_m = np.fft.irfft2(np.fft.rfft2(noise) * np.exp(-((pi * BUMP_M * per_m) ** 2) / 2.0), (size, size))
+    return HeightField(heights_m * (roughness_m / heights_m.std()), half_size_m)
+
+
+class Mud:
+    """Where mud lies: as often as a straight way meets it every ``Physics.slip_mean_m``, and not at the start."""
+
+    def __init__(self, forest: Forest, physics: Physics, width_m: float, streams: Streams) -> None:
+        self._side = round(WORLD_SIZE_M / MUD_CELL_M)
+        self._cells = bytearray(self._side * self._side)
+        self.anywhere = False
+        chance = streams.generator("world.mud")
+        met_within_m = 2.0 * MUD_RADIUS_M + width_m
+        patches = chance.poisson(WORLD_SIZE_M**2 / (met_within_m * physics.slip_mean_m))
+        start_x_m, start_y_m = forest.start_m
+        for x_m, y_m in chance.uniform(0.0, WORLD_SIZE_M, (patches, 2)).tolist():
+            if (x_m - start_x_m) ** 2 + (y_m - start_y_m) ** 2 > (physics.slip_free_m + met_within_m) ** 2:
+                self.spill(x_m, y_m)
+
+    def spill(self, x_m: float, y_m: float) -> None:
+        """Add a patch."""
+        self.anywhere = True
+        first_x, first_y = (int((at_m - MUD_RADIUS_M) / MUD_CELL_M) for at_m in (x_m, y_m))
+        count = round(2.0 * MUD_RADIUS_M / MUD_CELL_M) + 1
+        for row in range(max(first_y, 0), min(first_y + count, self._side)):
+            for column in range(max(first_x, 0), min(first_x + count, self._side)):
+                off_x_m, off_y_m = (column + 0.5) * MUD_CELL_M - x_m, (row + 0.5) * MUD_CELL_M - y_m
+                if off_x_m**2 + off_y_m**2 <= MUD_RADIUS_M**2:
+                    self._cells[row * self._side + column] = 1
+
+    def lies_at(self, x_m: float, y_m: float) -> bool:
+        """Tell whether there is mud at a point."""
+        column, row = int(x_m / MUD_CELL_M), int(y_m / MUD_CELL_M)
+        return 0 <= column < self._side and 0 <= row < self._side and bool(self._cells[row * self._side + column])

@@ -1,0 +1,77 @@
+"""What decides a trial in MuJoCo beside its forest and its rover: fixed, or drawn for each trial."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import NamedTuple
+
+from wayfarer.errors import BadInput
+from wayfarer.simhal.streams import Streams
+
+
+class Terrain(NamedTuple):
+    """The ground of one trial, and how strong its motors are.
+
+    ``friction`` is that of a tyre on the ground and on bark: dry soil 0.5 to 0.8, leaf litter 0.3 to 0.5, mud 0.1 to
+    0.2; no source measured these tyres. ``roughness_m`` is the standard deviation of the ground's height. The stall
+    torque is ``torque_scale`` times the rover file's ``chassis.motors_n_m``: the paper's "11.5 kg cm" may be the stall
+    torque (1) or the rated one, of which stall is about three times (3).
+    """
+
+    friction: float
+    roughness_m: float
+    torque_scale: float
+
+
+class Range(NamedTuple):
+    """A number, or where both ends differ the bounds that it is drawn between for each trial."""
+
+    low: float
+    high: float
+
+
+class Terrains(NamedTuple):
+    """The terrain of each trial of a campaign."""
+
+    friction: Range = Range(0.5, 0.5)
+    roughness_m: Range = Range(0.0, 0.0)
+    torque_scale: Range = Range(1.0, 1.0)
+
+    def draw(self, streams: Streams) -> Terrain:
+        """Return one trial's terrain."""
+        uniform = streams.generator("world.terrain").uniform
+        return Terrain(*(float(uniform(low, high)) for low, high in self))
+
+    def as_json(self) -> dict[str, list[float]]:
+        """Return the bounds as JSON can hold them."""
+        return {name: list(bounds) for name, bounds in self._asdict().items()}
+
+
+def terrains_of(bounds: Mapping[str, Sequence[float]]) -> Terrains:
+    """Return what ``Terrains.as_json`` gave."""
+    return Terrains(**{name: Range(low, high) for name, (low, high) in bounds.items()})
+
+
+# Beyond these bounds the model says nothing: a height field that no wheel of 5 cm can follow, a motor of no rover.
+BOUNDS = Terrains(friction=Range(0.02, 2.0), roughness_m=Range(0.0, 0.1), torque_scale=Range(0.1, 20.0))
+
+
+def parse_range(option: str, text: str, bounds: Range) -> Range:
+    """Read ``0.5`` or ``0.3:0.8``.
+
+    Raises:
+        BadInput: not one number or two, not within the bounds, or the wrong way round; the text names the option.
+    """
+    try:
+        ends = [float(end) for end in text.split(":")]
+    except ValueError:
+        ends = []
+    if not (1 <= len(ends) <= 2 and all(isfinite(end) and bounds.low <= end <= bounds.high for end in ends)):
+        raise BadInput(
+            f"{option} {text}: expected a number, or MIN:MAX to draw one for each trial, "
+            f"from {bounds.low:g} to {bounds.high:g}"
+        )
+    if ends[0] > ends[-1]:
+        raise BadInput(f"{option} {text}: the smaller number comes first")
+    return Range(ends[0], ends[-1])
