@@ -24,6 +24,7 @@ from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.interval import IntervalTimer
 from wayfarer.latest import Cells, Snapshot
 from wayfarer.mission import Mission, RunEnd
+from wayfarer.odometer import Odometer
 from wayfarer.progress import Progress
 from wayfarer.records import RunLog, TickRecord
 from wayfarer.resume_warning import ResumeWarning
@@ -77,6 +78,7 @@ class Helm:
         self._log = log
         self._gate = Gate(config.safety, config.control_hz)
         self._resume_warning = ResumeWarning(config.safety.resume_warning_s)
+        self._odometer = Odometer(config.detector.quality_min)
         self._progress = Progress(config.progress, config.detector.quality_min)
         self.electrics = Electrics(config.board, log)
         self.board = self.electrics.board
@@ -153,6 +155,7 @@ class Helm:
         dt_s = interval.dt_s
         self._travelled_m += abs(interval.forward_m)
         snapshot = self._cells.snapshot(t_s)
+        self._odometer.update(interval, snapshot.motion)
         anomalies, conditions = self._detector.update(interval, snapshot)
         if self.mode is _ARMED and self._progress.ends(interval, bool(anomalies), snapshot.motion):
             conditions += (Condition.ENTRAPPED,)
@@ -205,6 +208,7 @@ class Helm:
             self._detector.contact,
             self.goal_heading_deg,
             self._travelled_m,
+            self._odometer.covered_m,
         )
 
     def _own_conditions(self, conditions: tuple[Condition, ...], t_s: float, dt_s: float) -> tuple[Condition, ...]:

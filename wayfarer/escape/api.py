@@ -10,7 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
+
+from annotated_types import Interval
 
 from wayfarer.bounds import Degrees, DegreesPerSecond, Gain, Metres, MetresPerSecond
 from wayfarer.hal import ContactReading, WheelCommand
@@ -41,8 +43,9 @@ class Phase(Enum):
 class Observation(NamedTuple):
     """What an algorithm sees in one control tick.
 
-    ``travelled_m`` is the distance commanded so far, forwards and backwards both counted up: dead reckoning from
-    commands, not a measurement. ``contact`` is None on a rover without a contact sensor.
+    ``travelled_m`` is the distance commanded so far, forwards and backwards both counted up. ``measured_m`` is the same
+    as the motion sensor saw it, and as commanded where it cannot be believed; None where nothing measures it. ``contact``
+    is None on a rover without a contact sensor.
     """
 
     t_s: float
@@ -53,6 +56,12 @@ class Observation(NamedTuple):
     contact: ContactReading | None
     goal_heading_deg: float
     travelled_m: float
+    measured_m: float | None = None
+
+    @property
+    def covered_m(self) -> float:
+        """The distance covered so far, as well as it is known."""
+        return self.travelled_m if self.measured_m is None else self.measured_m
 
 
 class Decision(NamedTuple):
@@ -81,13 +90,15 @@ class Vehicle:
     """What the decision logic knows of the body.
 
     ``track_m`` is the effective track for turning, as found by calibration: a skid-steered rover slips sideways and
-    turns as if its wheels stood further apart than they do.
+    turns as if its wheels stood further apart than they do. ``turn_from_duty`` is half the difference of the two sides'
+    duties from which the body begins to turn on the spot, as calibrate measured it; 0 = not measured.
     """
 
     length_m: Metres
     width_m: Metres
     track_m: Metres
     max_speed_m_s: MetresPerSecond
+    turn_from_duty: Annotated[float, Interval(ge=0, lt=1)] = 0.0
 
     def mix(self, speed_m_s: float, turn_rad_s: float) -> WheelCommand:
         """Return the wheel duties for a forward speed and a clockwise turn rate.

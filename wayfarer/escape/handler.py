@@ -14,6 +14,7 @@ from wayfarer.escape.manoeuvres import MANOEUVRES, Course
 from wayfarer.escape.phases import WHY, Event, Transitions
 from wayfarer.escape.reckoning import Reckoning
 from wayfarer.escape.tactics import Met, Tactic
+from wayfarer.escape.turn_control import TurnController
 
 # After this many blocked turns in a row they alternate between the sides, beginning with the other one: a body that is
 # wedged can still turn back the way it came, and repeating what does not work is how mowers dig themselves in.
@@ -52,7 +53,8 @@ class PhasedHandler:
         self._settings = settings
         self._rng = rng
         self._course = Course(resets=recipe.resets)
-        self._manoeuvres = {kind.phase: kind(settings, vehicle, self._course) for kind in MANOEUVRES}
+        self._turns = TurnController(vehicle)
+        self._manoeuvres = {kind.phase: kind(settings, self._turns, self._course) for kind in MANOEUVRES}
         self._tactics = tuple(make() for make in recipe.tactics)
         self._reckoning = Reckoning(settings.cruise_m_s)
         self._level = Level()
@@ -68,6 +70,7 @@ class PhasedHandler:
         self._followed_from_m = 0.0
         self._episodes = 0
         self._blocked_turns = 0
+        self._turns.reset()
         self._reckoning.reset()
         self._level.reset()
         for tactic in self._tactics:
@@ -75,6 +78,7 @@ class PhasedHandler:
 
     def decide(self, observation: Observation) -> Decision:
         """Return the decision for this tick; see ``EscapeHandler``."""
+        self._turns.observe(observation.t_s, observation.heading_deg)
         self._count_turn(observation)
         manoeuvre = self._manoeuvre
         if self._tactics:
@@ -96,6 +100,7 @@ class PhasedHandler:
             "turn_deg": round(course.turn_deg, 3),
             "episodes": self._episodes,
             "blocked_turns": self._blocked_turns,
+            "turn_from_duty": round(self._turns.dead_zone, 3),
         }
 
     def _count_turn(self, observation: Observation) -> None:

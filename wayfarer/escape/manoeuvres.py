@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from math import inf, radians
+from math import degrees, inf, radians
 from typing import ClassVar
 
 from wayfarer.angles import wrap180
-from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Phase, Vehicle
+from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Phase
 from wayfarer.escape.phases import Event
 from wayfarer.escape.steering import HeadingHold
-from wayfarer.escape.turning import TurnWatch, push_rad_s
+from wayfarer.escape.turn_control import TurnController
+from wayfarer.escape.turning import TurnWatch
 from wayfarer.hal import Side, WheelCommand
 
 # A manoeuvre may take this much longer, in time and in distance, than its plan before it counts as failed: lag, mud
@@ -49,9 +50,9 @@ class Manoeuvre(ABC):
 
     phase: ClassVar[Phase]
 
-    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
+    def __init__(self, settings: EscapeSettings, turns: TurnController, course: Course) -> None:
         self._settings = settings
-        self._vehicle = vehicle
+        self._turns = turns
         self._course = course
         self._limit_t_s = inf
         self._limit_m = inf
@@ -103,12 +104,13 @@ class Follow(Manoeuvre):
 
     phase = Phase.FOLLOW
 
-    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
-        super().__init__(settings, vehicle, course)
-        self._hold = HeadingHold(settings, vehicle)
+    def __init__(self, settings: EscapeSettings, turns: TurnController, course: Course) -> None:
+        super().__init__(settings, turns, course)
+        self._hold = HeadingHold(settings, turns)
         self._pivot_s = 180.0 / settings.turn_deg_s
 
     def begin(self, observation: Observation) -> None:
+        self._turns.rest()
         self._hold.reset()
         self._bound(observation, self._pivot_s)
 
@@ -138,26 +140,23 @@ class BackOff(Manoeuvre):
 
     phase = Phase.BACK_OFF
 
-    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
-        super().__init__(settings, vehicle, course)
-        self._reverse = vehicle.mix(-settings.reverse_m_s, 0.0)
-
     def begin(self, observation: Observation) -> None:
         distance_m = self._course.back_off_m
+        self._turns.rest()
         self._known = frozenset(observation.anomalies)
-        self._until_m = observation.travelled_m + distance_m
+        self._until_m = observation.covered_m + distance_m
         self._bound(observation, distance_m / self._settings.reverse_m_s, distance_m)
         self._limit_t_s = min(self._limit_t_s, observation.t_s + BACK_OFF_MAX_S)
 
     def event(self, observation: Observation) -> Event | None:
-        if observation.travelled_m >= self._until_m:
+        if observation.covered_m >= self._until_m:
             return Event.DONE
         if self._blocked_behind(observation):
             return Event.ANOMALY
         return Event.EXHAUSTED if self._exhausted(observation) else None
 
     def wheels(self, _observation: Observation) -> WheelCommand:
-        return self._reverse
+        return self._turns.wheels(-self._settings.reverse_m_s, 0.0)
 
     def _blocked_behind(self, observation: Observation) -> bool:
         """Tell whether reversing met something; a touch counts only behind, the front may still be clearing."""
@@ -169,21 +168,20 @@ class BackOff(Manoeuvre):
 class TurnAway(Manoeuvre):
     """Turn on the spot by the course's angle to its side. Being blocked shows as running out of time.
 
-    The rate falls with the angle that is left, because a skid-steered body does not stop turning at once; it does not
-    fall below what surely turns a body once it was found to stand.
+    The rate falls with the angle that is left, because a skid-steered body does not stop turning at once.
     """
 
     phase = Phase.TURN_AWAY
 
-    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
-        super().__init__(settings, vehicle, course)
+    def __init__(self, settings: EscapeSettings, turns: TurnController, course: Course) -> None:
+        super().__init__(settings, turns, course)
         self._watch = TurnWatch()
-        self._push_rad_s = push_rad_s(vehicle)
 
     def begin(self, observation: Observation) -> None:
         course = self._course
         self._known = frozenset(observation.anomalies)
         self._until_deg = course.counter_deg + course.side * course.turn_deg
+        self._turns.rest()
         self._watch.rest()
         self._bound(observation, course.turn_deg / self._settings.turn_deg_s)
 
@@ -200,10 +198,7 @@ class TurnAway(Manoeuvre):
     def wheels(self, _observation: Observation) -> WheelCommand:
         settings = self._settings
         rate_deg_s = min(max(self._left_deg * settings.turn_p, settings.turn_min_deg_s), settings.turn_deg_s)
-        rate_rad_s = radians(rate_deg_s)
-        if self._watch.pushes:
-            rate_rad_s = max(rate_rad_s, self._push_rad_s)
-        return self._vehicle.mix(0.0, self._course.side * rate_rad_s)
+        return self._turns.wheels(0.0, self._course.side * rate_deg_s)
 
     @property
     def _left_deg(self) -> float:
@@ -211,21 +206,20 @@ class TurnAway(Manoeuvre):
 
 
 class Probe(Manoeuvre):
-    """Drive straight for a body length or so, then curve back against the turn until the counter is unwound."""
+    """Drive straight for a body length or so, then curve back against the turn until the counter is unwound.
+
+    The heading to be held is a function of the distance covered, so that the curve has its radius on any ground.
+    """
 
     phase = Phase.PROBE
 
-    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
-        super().__init__(settings, vehicle, course)
-        self._cruise_m_s = settings.cruise_m_s
-        self._ahead = vehicle.mix(self._cruise_m_s, 0.0)
-
     def begin(self, observation: Observation) -> None:
-        course, cruise_m_s = self._course, self._cruise_m_s
+        course = self._course
+        self._turns.rest()
+        self._heading_deg = observation.heading_deg
+        self._curve_from_m = observation.covered_m + course.straight_m
         distance_m = course.straight_m + radians(abs(course.counter_deg)) * course.radius_m
-        self._curve = self._vehicle.mix(cruise_m_s, -course.side * cruise_m_s / course.radius_m)
-        self._curve_from_m = observation.travelled_m + course.straight_m
-        self._bound(observation, distance_m / cruise_m_s, distance_m)
+        self._bound(observation, distance_m / self._curve_speed_m_s(), distance_m)
 
     def event(self, observation: Observation) -> Event | None:
         if observation.anomalies and _ahead(observation):
@@ -238,9 +232,20 @@ class Probe(Manoeuvre):
         return Event.EXHAUSTED if self._exhausted(observation) else None
 
     def wheels(self, observation: Observation) -> WheelCommand:
-        if observation.travelled_m < self._curve_from_m:
-            return self._ahead
-        return self._curve
+        settings, course = self._settings, self._course
+        speed_m_s, curve_deg, curve_deg_s = settings.cruise_m_s, 0.0, 0.0
+        curved_m = observation.covered_m - self._curve_from_m
+        if curved_m > 0.0:
+            speed_m_s = self._curve_speed_m_s()
+            deg_per_m = degrees(course.side / course.radius_m)
+            curve_deg, curve_deg_s = curved_m * deg_per_m, speed_m_s * deg_per_m
+        error_deg = (self._heading_deg - curve_deg - observation.heading_deg + 180.0) % 360.0 - 180.0
+        turn_deg_s = settings.heading_p * error_deg - curve_deg_s
+        limit_deg_s = settings.turn_deg_s
+        return self._turns.wheels(speed_m_s, min(max(turn_deg_s, -limit_deg_s), limit_deg_s))
+
+    def _curve_speed_m_s(self) -> float:
+        return self._turns.curve_speed_m_s(self._settings.cruise_m_s, self._course.radius_m)
 
     def _realigned(self, observation: Observation) -> bool:
         error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
@@ -252,21 +257,22 @@ class Stride(Manoeuvre):
 
     phase = Phase.STRIDE
 
-    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, course: Course) -> None:
-        super().__init__(settings, vehicle, course)
-        self._hold = HeadingHold(settings, vehicle)
+    def __init__(self, settings: EscapeSettings, turns: TurnController, course: Course) -> None:
+        super().__init__(settings, turns, course)
+        self._hold = HeadingHold(settings, turns)
 
     def begin(self, observation: Observation) -> None:
         stride_m = self._course.stride_m
         self._hold.reset()
         self._heading_deg = observation.heading_deg
-        self._until_m = observation.travelled_m + stride_m
+        self._turns.rest()
+        self._until_m = observation.covered_m + stride_m
         self._bound(observation, stride_m / self._settings.cruise_m_s, stride_m)
 
     def event(self, observation: Observation) -> Event | None:
         if observation.anomalies and _ahead(observation):
             return Event.ANOMALY
-        if observation.travelled_m >= self._until_m:
+        if observation.covered_m >= self._until_m:
             return Event.DONE
         return Event.EXHAUSTED if self._hold.stands or self._exhausted(observation) else None
 

@@ -1,4 +1,4 @@
-"""Dead reckoning from commands: where the rover would be if its wheels never slipped, for short horizons only."""
+"""Dead reckoning: where the rover would be if nothing moved it sideways, for short horizons only."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ STALL_S = 0.3
 
 
 class Reckoning:
-    """Where the commands have led since ``reset``: metres ``ahead_m`` along the goal heading and ``right_m`` of it."""
+    """Where the rover has come since ``reset``: metres ``ahead_m`` along the goal heading and ``right_m`` of it."""
 
     def __init__(self, cruise_m_s: float) -> None:
         self._stall_m = STALL_S * cruise_m_s
@@ -24,14 +24,14 @@ class Reckoning:
 
     def follow(self, observation: Observation, phase: Phase) -> None:
         """Take one tick, which ended a period of this phase: only ``BACK_OFF`` goes backwards, a turn goes nowhere."""
-        last_m, self._last_m = self._last_m, observation.travelled_m
+        last_m, self._last_m = self._last_m, observation.covered_m
         if last_m is not None and phase is not Phase.TURN_AWAY:
-            forward_m = observation.travelled_m - last_m
+            forward_m = observation.covered_m - last_m
             self._move(observation, -forward_m if phase is Phase.BACK_OFF else forward_m)
 
     def take_back_stall(self, observation: Observation) -> None:
-        """Take back what was commanded while driving ahead was found to move nothing."""
-        if Anomaly.IMMOBILISED in observation.anomalies:
+        """Take back what was commanded, and not measured, while driving ahead was found to move nothing."""
+        if observation.measured_m is None and Anomaly.IMMOBILISED in observation.anomalies:
             self._move(observation, -self._stall_m)
 
     def _move(self, observation: Observation, forward_m: float) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from math import copysign, cos, radians
+from math import copysign, cos, degrees, radians
 
-from wayfarer.escape.api import EscapeSettings, Vehicle
-from wayfarer.escape.turning import TurnWatch, push_rad_s
+from wayfarer.escape.api import EscapeSettings
+from wayfarer.escape.turn_control import TurnController
+from wayfarer.escape.turning import TurnWatch
 from wayfarer.hal import WheelCommand
 
 # Bound of the integral, in rad s: with the default gain it adds at most 17 degrees a second. It learns unequal sides,
@@ -19,13 +20,12 @@ class HeadingHold:
     ``stands`` says that something holds the body against that turn.
     """
 
-    def __init__(self, settings: EscapeSettings, vehicle: Vehicle) -> None:
+    def __init__(self, settings: EscapeSettings, turns: TurnController) -> None:
         self._p, self._i, self._d = settings.heading_p, settings.heading_i, settings.heading_d
         self._cruise_m_s = settings.cruise_m_s
         self._turn_limit_rad_s = radians(settings.turn_deg_s)
         self._pivot_beyond_deg = settings.pivot_beyond_deg
-        self._push_rad_s = push_rad_s(vehicle)
-        self._mix = vehicle.mix
+        self._turns = turns
         self._watch = TurnWatch()
         self.reset()
 
@@ -44,16 +44,13 @@ class HeadingHold:
     def wheels(self, t_s: float, error_deg: float) -> WheelCommand:
         """Return the wheels for a heading error in [-180, 180), positive when the goal lies clockwise."""
         error = radians(error_deg)
-        turn_rad_s = self._turn_rad_s(t_s, error)
-        watch = self._watch
+        turn_deg_s = degrees(self._turn_rad_s(t_s, error))
         if abs(error_deg) < self._pivot_beyond_deg:
-            watch.rest()
-            return self._mix(self._cruise_m_s * cos(error), turn_rad_s)
+            self._watch.rest()
+            return self._turns.wheels(self._cruise_m_s * cos(error), turn_deg_s)
         self._integral = 0.0  # a pivot is not a steady offset to be learnt
-        watch.update(t_s, abs(error_deg))
-        if watch.pushes:
-            turn_rad_s = copysign(max(abs(turn_rad_s), self._push_rad_s), error)
-        return self._mix(0.0, turn_rad_s)
+        self._watch.update(t_s, abs(error_deg))
+        return self._turns.wheels(0.0, turn_deg_s)
 
     def _turn_rad_s(self, t_s: float, error: float) -> float:
         """Return the PID controller's turn rate, limited."""

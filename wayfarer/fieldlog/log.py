@@ -188,4 +188,5 @@ def _seen(observation: Observation | None) -> dict[str, Any]:
         "anomalies": [anomaly.value for anomaly in observation.anomalies],
         "goal_heading_deg": observation.goal_heading_deg,
         "travelled_m": observation.travelled_m,
+        "covered_m": observation.covered_m,
     }

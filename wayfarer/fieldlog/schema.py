@@ -46,6 +46,7 @@ KEYS: Mapping[str, Mapping[str, Values]] = {
     "tick": {
         "compass": TABLE, "motion": TABLE, "contact": TABLE, "decision_t_s": SINCE_BOOT, "heading_deg": ANGLE,
         "pitch_deg": ANGLE, "roll_deg": ANGLE, "anomalies": LIST, "goal_heading_deg": ANGLE, "travelled_m": METRES,
+        "covered_m": METRES,
         "phase": TEXT, "why": TEXT, "wanted_left": ANY_NUMBER, "wanted_right": ANY_NUMBER, "applied_left": DUTY,
         "applied_right": DUTY, "level": TEXT, "cause": TEXT,
     },

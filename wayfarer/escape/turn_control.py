@@ -1,0 +1,100 @@
+"""Turning a skid-steered body at the rate that a manoeuvre asks for, by feedback from the compass.
+
+Tyres resist sideways. A body therefore turns only where the *turn duty* (half the difference of both sides' duties,
+clockwise positive) is more than the ground's friction takes up; that share is the *dead zone*. It depends on ground,
+tyres, weight and motors: 0 on ideal ground, a tenth on mud, and half or more on dry soil (Kozlowski and Pazderski 2004,
+Mandow 2007). It is learnt while the body turns, and only then: a body that a tree holds says nothing of the ground.
+"""
+
+from __future__ import annotations
+
+from math import degrees
+
+from wayfarer.escape.api import Vehicle
+from wayfarer.hal import WheelCommand
+
+# Rates and duties are averaged alike before they are compared: about the lag of motors and body, and enough for the
+# noise of a compass (1 degree, 20 readings a second) to count for 4 degrees a second.
+AVERAGE_S = 0.2
+# A heading that is behind is caught up with at this share of it a second. Lag and averaging are a third of a second.
+CATCH_UP_PER_S = 4.0
+# For how long a heading that fell behind is remembered: what was not caught up with by then was held.
+FORGET_S = 1.5
+# Faster than it was told by so much, a body that was held has come free.
+FREE_SHARE, FREE_DEG_S = 1.2, 15.0
+# A body that turns at less than this, or is told to, says nothing of the ground.
+LEARN_FROM_DEG_S = 10.0
+LEARN_S = 0.5
+DEAD_ZONE_MAX = 0.9
+# Up to this rate the dead zone is made up for in proportion: a noisy compass must not throw the wheels about.
+FULL_COMPENSATION_DEG_S = 20.0
+# Of the duty, for feedback in a curve; and what is left for going ahead on ground on which the body hardly turns.
+RESERVE_DUTY, LEAST_DUTY = 0.1, 0.1
+
+
+class TurnController:
+    """Works out the wheels for a forward speed and a turn rate; ``dead_zone`` is the turn duty that was learnt.
+
+    Once a tick ``observe``, then ``wheels``. Where the wheels cannot give both, turning comes before going ahead.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._max_speed_m_s = vehicle.max_speed_m_s
+        self._ideal_deg_s = degrees(2.0 * vehicle.max_speed_m_s / vehicle.track_m)  # at turn duty 1 on ideal ground
+        self._first_dead_zone = vehicle.turn_from_duty
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the ground as well."""
+        self.dead_zone = self._first_dead_zone
+        self._t_s: float | None = None
+        self._heading_deg = 0.0
+        self._told_deg_s = self._duty = 0.0
+        self._mean_told_deg_s = self._mean_duty = self._rate_deg_s = 0.0
+        self._behind_deg = 0.0
+
+    def rest(self) -> None:
+        """Begin a manoeuvre: what the last one did not reach is not caught up with."""
+        self._behind_deg = 0.0
+
+    def observe(self, t_s: float, heading_deg: float) -> None:
+        """Take the heading at a tick, and compare what the body did since the last one with what it was told."""
+        last_t_s, last_deg = self._t_s, self._heading_deg
+        self._t_s, self._heading_deg = t_s, heading_deg
+        if last_t_s is None or not t_s > last_t_s:
+            return
+        dt_s = t_s - last_t_s
+        gained_deg = (heading_deg - last_deg + 180.0) % 360.0 - 180.0
+        share = dt_s / (dt_s + AVERAGE_S)
+        told = self._mean_told_deg_s = self._mean_told_deg_s + (self._told_deg_s - self._mean_told_deg_s) * share
+        duty = self._mean_duty = self._mean_duty + (self._duty - self._mean_duty) * share
+        rate = self._rate_deg_s = self._rate_deg_s + (gained_deg / dt_s - self._rate_deg_s) * share
+        self._fall_behind(told * dt_s - gained_deg, dt_s)
+        if told < 0.0:
+            told, duty, rate = -told, -duty, -rate
+        if rate > LEARN_FROM_DEG_S and told > LEARN_FROM_DEG_S:
+            seen = min(max(duty - rate / self._ideal_deg_s, 0.0), DEAD_ZONE_MAX)
+            self.dead_zone += (seen - self.dead_zone) * dt_s / LEARN_S
+            if rate > FREE_SHARE * told + FREE_DEG_S:
+                self._behind_deg /= 2.0
+
+    def wheels(self, speed_m_s: float, turn_deg_s: float) -> WheelCommand:
+        """Return the wheels for a forward speed and a turn rate, clockwise positive."""
+        compensation = min(max(turn_deg_s / FULL_COMPENSATION_DEG_S, -1.0), 1.0) * self.dead_zone
+        duty = (turn_deg_s + CATCH_UP_PER_S * self._behind_deg) / self._ideal_deg_s + compensation
+        duty = min(max(duty, -1.0), 1.0)
+        self._told_deg_s, self._duty = turn_deg_s, duty
+        room = 1.0 - abs(duty)
+        forward = min(max(speed_m_s / self._max_speed_m_s, -room), room)
+        return WheelCommand(forward + duty, forward - duty)
+
+    def curve_speed_m_s(self, wanted_m_s: float, radius_m: float) -> float:
+        """Return the fastest speed, up to the one wanted, at which the wheels can keep to a curve on this ground."""
+        duty = max(1.0 - self.dead_zone - RESERVE_DUTY, LEAST_DUTY)
+        return min(wanted_m_s, duty / (1.0 / self._max_speed_m_s + degrees(1.0 / radius_m) / self._ideal_deg_s))
+
+    def _fall_behind(self, missing_deg: float, dt_s: float) -> None:
+        """Add what the body did not turn; more than full duty can answer is not kept."""
+        most_deg = self._ideal_deg_s / CATCH_UP_PER_S
+        behind_deg = (self._behind_deg + missing_deg) * (1.0 - min(dt_s / FORGET_S, 1.0))
+        self._behind_deg = min(max(behind_deg, -most_deg), most_deg)

@@ -1,0 +1,41 @@
+"""How far the rover has come: what the motion sensor saw, and what was commanded where that cannot be believed. Pure."""
+
+from __future__ import annotations
+
+from wayfarer.hal import MotionReading
+from wayfarer.interval import Interval
+
+# A reading counts for no more than was commanded, and a tenth for noise; see ``detector.motion``.
+MOST_SHARE = 1.1
+
+
+class Odometer:
+    """Adds up the ground covered, ``covered_m``, forwards and backwards both counted up.
+
+    Readings come less often than ticks. In between the rover is taken to go on as it did: by the share of the commanded
+    distance that the latest reading saw. Without a sensor that is all of it.
+
+    Args:
+        quality_min: of a reading that is believed, 0 to 1.
+    """
+
+    def __init__(self, quality_min: float) -> None:
+        self._quality_min = quality_min
+        self.covered_m = 0.0
+        self._read_m = self._told_m = self._told_before_m = 0.0
+        self._share = 1.0
+
+    def update(self, interval: Interval, motion: MotionReading | None) -> None:
+        """Take a tick: what was commanded since the last one, and what the sensor saw since its last reading."""
+        self._told_m += abs(interval.forward_m)
+        if motion is not None:
+            self._take(motion)
+        self.covered_m = max(self.covered_m, self._read_m + self._share * self._told_m)
+
+    def _take(self, motion: MotionReading) -> None:
+        told_m, self._told_m = self._told_m, 0.0
+        most_m, self._told_before_m = MOST_SHARE * max(told_m, self._told_before_m), told_m
+        # Written so that NaN counts as driven.
+        moved_m = min(most_m, abs(motion.forward_m)) if motion.quality >= self._quality_min else told_m
+        self._read_m += moved_m
+        self._share = min(moved_m / told_m, 1.0) if told_m > 0.0 else 1.0
