@@ -29,7 +29,8 @@ class Course:
 
     ``counter_deg`` is the paper's C: the heading gained since the episode began, clockwise positive, any number of
     turns. ``side`` is the turn direction tau (+1 clockwise), ``turn_deg`` the turn angle theta; ``straight_m`` and
-    ``radius_m`` are the two parts of the probe. ``resets`` says whether a heading back at the goal ends the episode.
+    ``radius_m`` are the two parts of the probe. ``unturned_deg`` is what a finished turn left to its probe, clockwise
+    positive. ``resets`` says whether a heading back at the goal ends the episode.
     """
 
     side: int = 1
@@ -39,6 +40,7 @@ class Course:
     straight_m: float = 0.0
     radius_m: float = 1.0
     counter_deg: float = 0.0
+    unturned_deg: float = 0.0
     resets: bool = False
 
 
@@ -181,6 +183,7 @@ class TurnAway(Manoeuvre):
         course = self._course
         self._known = frozenset(observation.anomalies)
         self._until_deg = course.counter_deg + course.side * course.turn_deg
+        course.unturned_deg = 0.0
         self._turns.rest()
         self._watch.rest()
         self._bound(observation, course.turn_deg / self._settings.turn_deg_s)
@@ -188,6 +191,7 @@ class TurnAway(Manoeuvre):
     def event(self, observation: Observation) -> Event | None:
         left_deg = self._left_deg
         if left_deg <= self._settings.turn_within_deg:
+            self._course.unturned_deg = left_deg * self._course.side
             return Event.DONE
         self._watch.update(observation.t_s, left_deg)
         if self._fresh(observation):
@@ -216,7 +220,7 @@ class Probe(Manoeuvre):
     def begin(self, observation: Observation) -> None:
         course = self._course
         self._turns.rest()
-        self._heading_deg = observation.heading_deg
+        self._heading_deg = observation.heading_deg + course.unturned_deg
         self._curve_from_m = observation.covered_m + course.straight_m
         distance_m = course.straight_m + radians(abs(course.counter_deg)) * course.radius_m
         self._bound(observation, distance_m / self._curve_speed_m_s(), distance_m)

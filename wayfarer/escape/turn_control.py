@@ -56,6 +56,7 @@ class TurnController:
     def rest(self) -> None:
         """Begin a manoeuvre: what the last one did not reach is not caught up with."""
         self._behind_deg = 0.0
+        self._mean_told_deg_s = self._rate_deg_s
 
     def observe(self, t_s: float, heading_deg: float) -> None:
         """Take the heading at a tick, and compare what the body did since the last one with what it was told."""
