@@ -10,7 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
+
+from annotated_types import Interval
 
 from wayfarer.bounds import Degrees, DegreesPerSecond, Gain, Metres, MetresPerSecond
 from wayfarer.hal import ContactReading, WheelCommand
@@ -81,13 +83,15 @@ class Vehicle:
     """What the decision logic knows of the body.
 
     ``track_m`` is the effective track for turning, as found by calibration: a skid-steered rover slips sideways and
-    turns as if its wheels stood further apart than they do.
+    turns as if its wheels stood further apart than they do. ``turn_from_duty`` is half the difference of the two sides'
+    duties from which the body begins to turn on the spot, as calibrate measured it; 0 = not measured.
     """
 
     length_m: Metres
     width_m: Metres
     track_m: Metres
     max_speed_m_s: MetresPerSecond
+    turn_from_duty: Annotated[float, Interval(ge=0, lt=1)] = 0.0
 
     def mix(self, speed_m_s: float, turn_rad_s: float) -> WheelCommand:
         """Return the wheel duties for a forward speed and a clockwise turn rate.
