@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 
 from wayfarer import cli
+from wayfarer.calibrate import STEPS
 from wayfarer.calibration import FILE_NAME, Calibration, DeadmanEntry, TurningEntry, TurnResponse, save, stamp
 from wayfarer.checks.deadman import board_settings
-from wayfarer.cli import terminal
+from wayfarer.cli import care, terminal
 from wayfarer.cli.status_text import status_text
 from wayfarer.config import load_rover, part_settings
 from wayfarer.control.motors_lock import MotorsLock
@@ -331,6 +332,10 @@ def test_rover_is_run_as_it_was_calibrated_to_turn_and_the_simulated_one_is_not(
     assert real.turn_from_duty == 0.34
     assert real.track_m == pytest.approx(2.0 * 1.4 / radians(250.0))
     assert simulated == load_rover("forestrover").vehicle
+
+
+def test_every_step_of_calibrating_can_be_named() -> None:
+    assert tuple(step.value for step in care.Step) == STEPS
 
 
 def test_calibrating_wants_a_person(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

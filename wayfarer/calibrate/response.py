@@ -14,7 +14,6 @@ from statistics import linear_regression
 from typing import NamedTuple
 
 from wayfarer.calibration import SLOPE_MIN, SpeedGain, TurnResponse
-from wayfarer.checks.bench import RATE_HZ
 
 # A compass with a noise of 1 degree, read for 0.6 s at 20 Hz, gives a rate within 1.7 deg/s (one standard deviation).
 TURNS_FROM_DEG_S = 8.0
@@ -77,6 +76,7 @@ def speed_gain(samples: Sequence[Sample], told_m_s: float) -> SpeedGain | None:
     speed_m_s, _ = linear_regression([each.t_s for each in last], [each.ahead_m for each in last])
     if speed_m_s < MOVED_MIN_SHARE * told_m_s:
         return None
-    driven_s = end_s - samples[0].t_s + 1.0 / RATE_HZ
-    takes_s = max(2.0 * (driven_s - ahead_m / speed_m_s), 1.0 / RATE_HZ)  # ticks tell no shorter time
+    tick_s = samples[1].t_s - samples[0].t_s
+    driven_s = end_s - samples[0].t_s + tick_s
+    takes_s = max(2.0 * (driven_s - ahead_m / speed_m_s), tick_s)  # ticks tell no shorter time
     return SpeedGain(speed_m_s=speed_m_s, takes_s=takes_s, gain_m_s2=speed_m_s / takes_s)

@@ -26,7 +26,7 @@ def table(entry: TurningEntry, config: RoverConfig) -> Iterator[str]:
     }
     for name, (response, duty) in rows.items():
         yield f"{name:<26}{_row(response, duty)}"
-    yield "Duties are half the difference of the two sides. It turns from where the line of its rates begins."
+    yield "Turn duty: half the difference of the two sides. It turns from where the line through its rates begins."
     if entry.speed is not None:
         speed = entry.speed
         yield f"Ahead it gains {speed.speed_m_s:.2f} m/s in {speed.takes_s:.2f} s: {speed.gain_m_s2:.2f} m/s2."
@@ -56,7 +56,7 @@ def _advice(entry: TurningEntry, config: RoverConfig) -> Iterator[str]:
     else:
         turn_deg_s = degrees(escape.cruise_m_s / escape.probe_radius_m)
         duty = entry.arc.from_duty + turn_deg_s / entry.arc.deg_s_per_duty
-        yield f"A probe's curve (radius {escape.probe_radius_m:g} m) takes half a difference of {duty:.2f}."
+        yield f"A probe's curve (radius {escape.probe_radius_m:g} m) takes a turn duty of {duty:.2f}."
     vehicle = calibrated(config, Calibration(turning=entry)).vehicle
     yield (
         f"From its next start wayfarer run takes vehicle.track_m = {vehicle.track_m:.2f} and"
