@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from math import radians
 from pathlib import Path
 
 import pytest
 
-from wayfarer.assembly import Scaled, assemble
-from wayfarer.calibration import Calibration, FlowEntry
+from wayfarer.assembly import Scaled, assemble, calibrated
+from wayfarer.calibration import Calibration, FlowEntry, TurningEntry, TurnResponse, stamp
 from wayfarer.config import RoverConfig, load_rover
 from wayfarer.drivers.bumper import Bumper
 from wayfarer.drivers.buses import Buses
@@ -150,6 +152,23 @@ def test_troubles_that_a_scaled_sensor_counts_are_those_of_the_sensor() -> None:
 async def test_error_of_a_scaled_sensor_is_its_own() -> None:
     with pytest.raises(NotResponding, match="bench flow: gone"):
         await Scaled(Flow(MotionReading(0.0, 0.0, 0.0, 0.0)), 2.0).read()
+
+
+def test_rover_turns_as_calibrated_both_ways_or_else_as_its_file_says() -> None:
+    config = load_rover("forestrover")
+    one, other = (
+        TurnResponse(stood_at_duty=0.25, from_duty=duty, deg_s_per_duty=rate)
+        for duty, rate in ((0.3, 280.0), (0.2, 240.0))
+    )
+    measured = TurningEntry(
+        **stamp("motors", 1.0), ground="grass", duty_max=1.0, clockwise=one, anticlockwise=other, arc=None, speed=None
+    )
+    vehicle = calibrated(config, Calibration(turning=measured)).vehicle
+    assert vehicle.turn_from_duty == pytest.approx(0.25)
+    # Full duty, less the dead zone, turns it at 260 deg/s times 0.75; so does the mix that asks for that rate.
+    assert vehicle.mix(0.0, radians(260.0) * 0.75) == pytest.approx((0.75, -0.75))
+    assert calibrated(config, Calibration(turning=replace(measured, clockwise=None))) is config
+    assert calibrated(config, Calibration()) is config
 
 
 def test_only_a_rover_whose_flow_was_calibrated_is_scaled(tmp_path: Path) -> None:

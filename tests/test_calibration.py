@@ -16,6 +16,9 @@ from wayfarer.calibration import (
     DeadmanEntry,
     FlowEntry,
     MotorsEntry,
+    SpeedGain,
+    TurningEntry,
+    TurnResponse,
     calibration_file,
     load,
     save,
@@ -28,6 +31,21 @@ T_WALL = 1_795_000_000.0
 angles = st.floats(0.0, 180.0)
 stamps = st.builds(stamp, st.text(max_size=40), st.floats(0.0, 4e9))
 values = st.none() | st.booleans() | st.integers(-(2**31), 2**31) | st.floats(-1e9, 1e9) | st.text()
+part_of_duty = st.floats(0.0, 1.0, exclude_max=True)
+responses = st.none() | st.builds(
+    TurnResponse, stood_at_duty=part_of_duty, from_duty=part_of_duty, deg_s_per_duty=st.floats(2.0, 1e5)
+)
+positive = st.floats(1e-9, 1e6)
+turnings = st.builds(
+    lambda s, **fields: TurningEntry(**s, **fields),
+    stamps,
+    ground=st.text(max_size=80),
+    duty_max=st.floats(0.01, 1.0),
+    clockwise=responses,
+    anticlockwise=responses,
+    arc=responses,
+    speed=st.none() | st.builds(SpeedGain, speed_m_s=positive, takes_s=positive, gain_m_s2=positive),
+)
 calibrations = st.builds(
     Calibration,
     compass=st.none()
@@ -43,6 +61,7 @@ calibrations = st.builds(
         angles,
         st.booleans(),
     ),
+    turning=st.none() | turnings,
     deadman=st.none()
     | st.builds(lambda s, settings: DeadmanEntry(**s, settings=settings), stamps, st.dictionaries(st.text(), values)),
 )
@@ -70,6 +89,12 @@ def test_an_entry_says_when_it_was_made_to_people_too() -> None:
     assert stamp("CMPS14", T_WALL) == {"part": "CMPS14", "t_wall": T_WALL, "date": "2026-11-18"}
 
 
+TURNING = (
+    '{"schema": 1, "turning": {"t_wall": 1.0, "date": "d", "part": "p", "ground": "", "duty_max": 1.0, '
+    '"clockwise": null, "anticlockwise": null, %s, "speed": null}}'
+)
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
@@ -83,6 +108,12 @@ def test_an_entry_says_when_it_was_made_to_people_too() -> None:
         ('{"schema": 1, "flow": {"t_wall": 1.0, "date": "d", "part": "p", "scale": NaN}}', "flow.scale"),
         ('{"schema": 1, "flow": {"t_wall": 1.0, "date": "d", "part": "p", "scale": "1"}}', "flow.scale"),
         ('{"schema": 1, "flow": {"t_wall": 1.0, "date": "d", "scale": 1.0}}', "flow.part"),
+        (TURNING % '"arc": {"stood_at_duty": 0.5, "from_duty": 1.0, "deg_s_per_duty": 200.0}', "turning.arc.from_duty"),
+        (
+            TURNING % '"arc": {"stood_at_duty": 0.5, "from_duty": 0.5, "deg_s_per_duty": 0.0}',
+            "turning.arc.deg_s_per_duty",
+        ),
+        (TURNING % '"arc": {"stood_at_duty": 0.5, "from_duty": 0.5}', "turning.arc.deg_s_per_duty"),
     ],
 )
 def test_a_broken_file_is_refused_with_its_name_and_the_reason(tmp_path: Path, text: str, reason: str) -> None:

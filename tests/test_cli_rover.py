@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from math import radians
 from pathlib import Path
 from time import monotonic  # noqa: TID251 - the chips of a real-time check need the loop's own clock
 from typing import Any
@@ -10,14 +11,16 @@ from typing import Any
 import pytest
 
 from wayfarer import cli
-from wayfarer.calibration import FILE_NAME, Calibration, DeadmanEntry, save, stamp
+from wayfarer.calibrate import STEPS
+from wayfarer.calibration import FILE_NAME, Calibration, DeadmanEntry, TurningEntry, TurnResponse, save, stamp
 from wayfarer.checks.deadman import board_settings
-from wayfarer.cli import terminal
+from wayfarer.cli import care, terminal
 from wayfarer.cli.status_text import status_text
 from wayfarer.config import load_rover, part_settings
 from wayfarer.control.motors_lock import MotorsLock
 from wayfarer.control.paths import SingleDaemon, daemon_socket
 from wayfarer.control.protocol import Refused
+from wayfarer.daemon.service import Service
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.forest import Forest
@@ -310,6 +313,29 @@ def test_motors_of_a_daemon_on_another_socket_are_left_alone(
     with MotorsLock("/dev/ptmx"):
         assert cli.run([*command, "--config", str(rover_file)]) == 75
     assert "drives these motors (/dev/ptmx)" in capsys.readouterr().err
+
+
+def test_rover_is_run_as_it_was_calibrated_to_turn_and_the_simulated_one_is_not(
+    rover_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    services: list[Service] = []
+    monkeypatch.setattr("wayfarer.daemon.service.serve", services.append)
+    response = TurnResponse(stood_at_duty=0.3, from_duty=0.34, deg_s_per_duty=250.0)
+    turning = TurningEntry(
+        **stamp("Sabertooth", 1.0), ground="grass", duty_max=1.0,
+        clockwise=response, anticlockwise=response, arc=None, speed=None,
+    )  # fmt: skip
+    save(tmp_path / "state" / FILE_NAME, Calibration(turning=turning))
+    for arguments in (["--config", str(rover_file)], ["--config", str(rover_file), "--sim"]):
+        assert cli.run(["run", *arguments, "--logs", str(tmp_path)]) == 0
+    real, simulated = (service.config.vehicle for service in services)
+    assert real.turn_from_duty == 0.34
+    assert real.track_m == pytest.approx(2.0 * 1.4 / radians(250.0))
+    assert simulated == load_rover("forestrover").vehicle
+
+
+def test_every_step_of_calibrating_can_be_named() -> None:
+    assert tuple(step.value for step in care.Step) == STEPS
 
 
 def test_calibrating_wants_a_person(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

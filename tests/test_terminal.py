@@ -76,12 +76,22 @@ def person(monkeypatch: pytest.MonkeyPatch) -> Terminal:
     return Terminal()
 
 
+@pytest.mark.parametrize(("typed", "noted"), [("short grass\n", "short grass"), ("\n", "")])
+async def test_note_may_be_left_out(monkeypatch: pytest.MonkeyPatch, typed: str, noted: str) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
+    assert await Terminal().note("What ground?") == noted
+
+
 async def test_end_of_the_input_is_a_no(person: Terminal) -> None:
     assert await person.ask("Does the rover stand on blocks?") is False
 
 
 async def test_end_of_the_input_is_no_number_and_no_deed(person: Terminal) -> None:
-    questions: list[Coroutine[Any, Any, object]] = [person.number("How far?", 2.0), person.wait("Push it")]
+    questions: list[Coroutine[Any, Any, object]] = [
+        person.number("How far?", 2.0),
+        person.note("What ground?"),
+        person.wait("Push it"),
+    ]
     for question in questions:
         with pytest.raises(BadInput, match="the input has ended"):
             await question

@@ -13,7 +13,16 @@ import pytest
 
 from tests.checks.rigs import T_WALL, Rig, run
 from wayfarer.board import BoardSettings
-from wayfarer.calibration import Calibration, CompassEntry, FlowEntry, MotorsEntry, save, stamp
+from wayfarer.calibration import (
+    Calibration,
+    CompassEntry,
+    FlowEntry,
+    MotorsEntry,
+    TurningEntry,
+    TurnResponse,
+    save,
+    stamp,
+)
 from wayfarer.checks import ARMING, Finding, Inspection, Verdict, board, calibrated, parts, passed, run_checks
 from wayfarer.checks.standalone import Standalone
 from wayfarer.errors import BadReading, NotResponding, WrongPart
@@ -40,11 +49,23 @@ def with_safety(rig: Rig, **changes: object) -> None:
     rig.config = rig.config.model_copy(update={"safety": replace(SafetySettings(), **changes)})  # type: ignore[arg-type]
 
 
+def turning_entry(rig: Rig, *from_duties: float | None, duty_max: float = 1.0) -> TurningEntry:
+    clockwise, anticlockwise = (
+        None if duty is None else TurnResponse(stood_at_duty=0.0, from_duty=duty, deg_s_per_duty=250.0)
+        for duty in from_duties
+    )
+    return TurningEntry(
+        **stamp(rig.motors.name, T_WALL), ground="short grass", duty_max=duty_max,
+        clockwise=clockwise, anticlockwise=anticlockwise, arc=None, speed=None,
+    )  # fmt: skip
+
+
 def whole_calibration(rig: Rig) -> Calibration:
     return Calibration(
         compass=CompassEntry(**stamp(rig.compass.name, T_WALL), level=3, residual_deg=2.0),
         flow=FlowEntry(**stamp(rig.motion.name, T_WALL), scale=1.1),
         motors=MotorsEntry(**stamp(rig.motors.name, T_WALL), shift_half_deg=1.0, shift_full_deg=3.0, passed=True),
+        turning=turning_entry(rig, 0.3, 0.3),
     )
 
 
@@ -233,13 +254,13 @@ def test_a_heading_that_swings_at_rest_fails(rig: Rig) -> None:
     assert "keys" in finding.remedy
 
 
-@pytest.mark.parametrize("kind", ["compass", "flow", "motors"])
+@pytest.mark.parametrize("kind", ["compass", "flow", "motors", "turning"])
 def test_each_entry_of_the_calibration_file_must_be_there_sound_and_of_this_part(rig: Rig, kind: str) -> None:
     def finding() -> Finding:
         return run(calibrated.calibrated(kind, Standalone(rig.config, rig.rover, rig.place)))
 
     path, whole = rig.place.calibration_file, whole_calibration(rig)
-    assert finding().verdict is Verdict.WARN
+    assert finding().verdict is (Verdict.SKIPPED if kind == "turning" else Verdict.WARN)
     save(path, whole)
     assert finding().verdict is Verdict.OK
     save(path, replace(whole, **{kind: replace(getattr(whole, kind), part="another part")}))
@@ -262,6 +283,42 @@ def test_a_compass_with_a_large_residual_is_a_warning(rig: Rig) -> None:
     save(rig.place.calibration_file, Calibration(compass=entry))
     finding = run(calibrated.calibrated("compass", Standalone(rig.config, rig.rover, rig.place)))
     assert finding.verdict is Verdict.WARN
+
+
+def test_turning_that_was_never_measured_is_a_note_with_the_command(rig: Rig) -> None:
+    finding = run(calibrated.calibrated("turning", Standalone(rig.config, rig.rover, rig.place)))
+    assert (finding.verdict, "wayfarer calibrate turning" in finding.found) == (Verdict.SKIPPED, True)
+
+
+@pytest.mark.parametrize(
+    ("from_duties", "duty_max", "verdict"),
+    [
+        ((0.0, 0.0), 1.0, Verdict.OK),
+        ((0.79, 0.79), 1.0, Verdict.OK),
+        ((0.81, 0.81), 1.0, Verdict.WARN),
+        ((0.45, 0.45), 0.5, Verdict.WARN),
+        ((None, 0.3), 1.0, Verdict.WARN),
+        ((None, None), 1.0, Verdict.WARN),
+    ],
+)
+def test_rover_that_hardly_turns_on_the_spot_is_a_warning_with_what_to_do(
+    rig: Rig, from_duties: tuple[float | None, ...], duty_max: float, verdict: Verdict
+) -> None:
+    turning = turning_entry(rig, *from_duties, duty_max=duty_max)
+    save(rig.place.calibration_file, Calibration(turning=turning))
+    finding = run(calibrated.calibrated("turning", Standalone(rig.config, rig.rover, rig.place)))
+    assert finding.verdict is verdict
+    if verdict is Verdict.WARN:
+        assert "on short grass" in finding.found
+        assert "lighter" in finding.remedy
+
+
+def test_rover_that_hardly_begins_to_turn_is_a_warning_although_it_goes_on_easily(rig: Rig) -> None:
+    easy = TurnResponse(stood_at_duty=0.0, from_duty=0.2, deg_s_per_duty=250.0)
+    turning = replace(turning_entry(rig, 0.2, 0.2), anticlockwise=replace(easy, stood_at_duty=0.85))
+    save(rig.place.calibration_file, Calibration(turning=turning))
+    finding = run(calibrated.calibrated("turning", Standalone(rig.config, rig.rover, rig.place)))
+    assert (finding.verdict, "0.85" in finding.found) == (Verdict.WARN, True)
 
 
 # -- together ------------------------------------------------------------------------------------------------------

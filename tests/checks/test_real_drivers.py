@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from math import inf, pi
+from math import degrees, inf, pi
 from pathlib import Path
 
 import pytest
@@ -162,6 +162,17 @@ def test_a_real_compass_is_taught_by_its_own_commands(bench: Bench) -> None:
 
     run(main())
     assert (bench.compass.config, bench.compass.profile, bench.compass.ignored) == (OFF, CALIBRATED, [])
+
+
+def test_a_real_board_and_compass_measure_how_the_rover_turns(bench: Bench) -> None:
+    rover = bench.inspect(ThunderBorg(ThunderBorgSettings(), bench.buses)).rover
+    found = run(calibrate(bench.config, rover, bench.place, Script(bench.world, {}), ["turning"])).turning
+    assert found is not None
+    assert found.part.startswith("ThunderBorg")
+    assert found.on_the_spot is not None
+    assert found.on_the_spot.from_duty < 0.02
+    assert found.on_the_spot.deg_s_per_duty == pytest.approx(degrees(2.0 * 1.4 / 0.5), rel=0.02)
+    assert bench.world.commanded == (0.0, 0.0)
 
 
 def test_the_device_files_of_real_settings_are_found() -> None:

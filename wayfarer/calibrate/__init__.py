@@ -1,4 +1,4 @@
-"""Guided calibration, ``wayfarer calibrate``: the compass, the motion sensor, and what the motors do to the heading.
+"""Guided calibration, ``wayfarer calibrate``: compass, motion sensor, what the motors do to the heading, and turning.
 
 What was found is kept in the calibration file (``wayfarer.calibration``) with its date and part; the compass keeps its
 own profile besides.
@@ -14,6 +14,7 @@ from wayfarer.calibrate.compass import calibrate_compass
 from wayfarer.calibrate.flow import calibrate_flow
 from wayfarer.calibrate.motors import calibrate_motors
 from wayfarer.calibrate.person import Person
+from wayfarer.calibrate.turning import calibrate_turning
 from wayfarer.calibration import Calibration, load, save
 from wayfarer.checks.api import Place
 from wayfarer.checks.standalone import Standalone
@@ -22,8 +23,8 @@ from wayfarer.hal import Rover
 
 __all__ = ["STEPS", "Person", "Step", "calibrate"]
 
-Step = Literal["compass", "flow", "motors"]
-STEPS: tuple[Step, ...] = ("compass", "flow", "motors")
+Step = Literal["compass", "flow", "motors", "turning"]
+STEPS: tuple[Step, ...] = ("compass", "flow", "motors", "turning")
 
 
 async def calibrate(
@@ -68,5 +69,8 @@ async def _take(step: Step, known: Calibration, bench: Standalone, person: Perso
     if step == "compass":
         return replace(known, compass=await calibrate_compass(rover.compass, person, t_wall))
     await bench.open("motors")
+    if step == "turning":
+        turning = await calibrate_turning(known, bench, person)
+        return known if turning is None else replace(known, turning=turning)
     shift = await calibrate_motors(rover.motors, rover.compass, person, t_wall, bench.config.safety.duty_max)
     return known if shift is None else replace(known, motors=shift)

@@ -27,6 +27,7 @@ class Step(StrEnum):
     compass = "compass"
     flow = "flow"
     motors = "motors"
+    turning = "turning"
 
 
 def check(
@@ -73,7 +74,7 @@ def calibrate(
     *,
     config: Config = None,
 ) -> None:
-    """Calibrate compass and flow, and measure what the motors do to the heading; you turn and push the rover."""
+    """Calibrate compass and flow, measure what the motors do to the heading, and how it turns on its ground."""
     from wayfarer.assembly import connect
     from wayfarer.calibrate import STEPS
     from wayfarer.calibrate import calibrate as guide

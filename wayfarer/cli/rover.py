@@ -82,9 +82,10 @@ def run(
     folder = log_folder(logs)
     if seed is None:  # in the wood every run has its own luck; the log's first record says which
         seed = 0 if sim else SystemRandom().randrange(2**31)
-    make_rover, close_buses = (
-        simulated(loaded, name, depth or Depth.device, seed) if sim else _real(loaded, name, folder)
-    )
+    if sim:
+        make_rover, close_buses = simulated(loaded, name, depth or Depth.device, seed)
+    else:
+        loaded, make_rover, close_buses = _real(loaded, name, folder)
     service = Service(
         config=loaded,
         algorithm=find_algorithm(algorithm),
@@ -131,19 +132,22 @@ def log_folder(logs: Path | None) -> Path:
     return SYSTEM_LOGS if os.access(SYSTEM_LOGS.parent, os.W_OK) else OWN_LOGS
 
 
-def _real(config: RoverConfig, where: str, logs: Path) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:
-    from wayfarer.assembly import connect
+def _real(
+    config: RoverConfig, where: str, logs: Path
+) -> tuple[RoverConfig, Callable[[Any], Vessel], Callable[[], Any]]:
+    """Return the rover as calibrated, what makes it, and what closes it."""
+    from wayfarer.assembly import calibrated, connect
     from wayfarer.calibration import calibration_file, load
     from wayfarer.checks import Place
     from wayfarer.daemon.ports import refuse_missing_ports
     from wayfarer.daemon.service import Vessel
     from wayfarer.fieldlog.clock import wall_clock
 
-    calibrated = calibration_file(os.environ, Path.home())
-    calibration = load(calibrated)
+    file = calibration_file(os.environ, Path.home())
+    calibration = load(file)
     buses, rover = connect(config, where, calibration)
-    refuse_missing_ports(config, where, Place(logs, calibrated, (), wall_clock(0.0)))
-    return lambda _: Vessel(rover, calibration), buses.close
+    refuse_missing_ports(config, where, Place(logs, file, (), wall_clock(0.0)))
+    return calibrated(config, calibration), lambda _: Vessel(rover, calibration), buses.close
 
 
 def simulated(

@@ -104,6 +104,10 @@ class Onlooker:
         """Give the number that is offered."""
         return default
 
+    async def note(self, question: str) -> str:  # noqa: ARG002 - as number
+        """Note nothing."""
+        return ""
+
     async def wait(self, text: str) -> None:
         """Do nothing more."""
 

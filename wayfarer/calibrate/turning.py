@@ -1,0 +1,122 @@
+"""How the rover turns and gains speed on the ground where it stands: dead zone, turn rate, arc, time to cruising speed.
+
+On the spot the duty is raised in steps up to the highest that the rover file allows, once clockwise and once the other
+way. Arcs at cruising speed are driven ahead and back again, each with a larger difference between the sides, and so is
+a straight line, so that the rover needs little room. It is the person's to choose the ground: numbers of a smooth floor
+are of no use in a wood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil
+from statistics import fmean
+
+from wayfarer.calibrate.free_ground import REST_S, FreeGround
+from wayfarer.calibrate.person import Person
+from wayfarer.calibrate.response import TURNS_FROM_DEG_S, rate_deg_s, speed_gain, turn_response
+from wayfarer.calibrate.turning_text import arc_duty_max, table
+from wayfarer.calibration import GROUND_MAX, Calibration, SpeedGain, TurningEntry, TurnResponse, stamp
+from wayfarer.checks.standalone import Standalone
+from wayfarer.config import RoverConfig
+from wayfarer.errors import WayfarerError
+from wayfarer.hal import WheelCommand
+
+STEPS = 20  # of the duty on the spot
+ARCS = 8
+SETTLES_S, WATCHED_S = 0.3, 0.6  # of each step: motors and body follow, then the rate is taken
+ARC_SETTLES_S = 0.6  # from rest
+AHEAD_S = 3.0  # a body with a gain of 0.5 m/s2, on the most slippery ground, takes 2 s to 1 m/s
+SPARE_M = 0.5
+ON_FREE_GROUND = (
+    "The rover is going to turn on the spot both ways, up to its highest duty, and to drive to and fro, for about"
+    " {minutes:.1f} minutes. Does it stand on free, level ground of the kind that it is to drive on, with nothing and"
+    " nobody within {room_m:g} m of it? (Ctrl-C stops it at once)"
+)
+
+
+async def calibrate_turning(known: Calibration, bench: Standalone, person: Person) -> TurningEntry | None:
+    """Measure an open rover's turn response and gain of speed; None where the person declines.
+
+    Args:
+        known: what was calibrated before, for the scale of the motion sensor.
+        bench: the rover, compass and motors open.
+        person: agrees before a wheel turns, and names the ground.
+
+    Raises:
+        DriverError: a part stopped answering; the wheels were stopped.
+        WayfarerError: the motors may not drive it on the ground, it tilted, or turned the other way; the wheels
+            were stopped.
+    """
+    config = bench.config
+    motion, flow = bench.rover.motion, known.flow
+    ground = FreeGround(bench, flow.scale if flow and motion and flow.part == motion.name else 1.0)
+    await ground.refuse_unsafe()
+    drives_s = 2 * STEPS * (SETTLES_S + WATCHED_S) + 2 * ARCS * (ARC_SETTLES_S + WATCHED_S + REST_S) + 2 * AHEAD_S
+    room_m = ceil(2.0 * (config.escape.cruise_m_s * AHEAD_S + config.vehicle.length_m + SPARE_M)) / 2.0
+    if not await person.ask(ON_FREE_GROUND.format(minutes=drives_s / 60.0, room_m=room_m)):
+        return None
+    noted = (await person.note("What ground is it, in a few words?")).strip()[:GROUND_MAX]
+    entry = TurningEntry(
+        **stamp(bench.rover.motors.name, bench.place.t_wall),
+        ground=noted,
+        duty_max=config.safety.duty_max,
+        clockwise=await _on_the_spot(ground, config.safety.duty_max, 1.0),
+        anticlockwise=await _on_the_spot(ground, config.safety.duty_max, -1.0),
+        arc=await _arcs(ground, config),
+        speed=await _ahead(ground, config) if motion is not None else None,
+    )
+    for line in table(entry, config):
+        await person.say(line)
+    return entry
+
+
+async def _on_the_spot(ground: FreeGround, duty_max: float, way: float) -> TurnResponse | None:
+    """Return how the body turns on the spot; ``way`` is 1 for clockwise and -1 for the other way."""
+    points = []
+    async with ground.drives():
+        for duty in _steps(STEPS, duty_max):
+            wanted = WheelCommand(way * duty, -way * duty)
+            await ground.drive(wanted, SETTLES_S)
+            points.append((duty, way * rate_deg_s(await ground.drive(wanted, WATCHED_S))))
+            if points[-1][1] < -TURNS_FROM_DEG_S:
+                raise WayfarerError(
+                    "stopped: the rover turns the other way than it is told; a side is reversed, or left and right are"
+                    " swapped: put it on blocks, and wayfarer check tells which setting to change"
+                )
+    return turn_response(points)
+
+
+async def _arcs(ground: FreeGround, config: RoverConfig) -> TurnResponse | None:
+    """Return how the body turns while it cruises: ahead it curves clockwise, and back on the same arc.
+
+    None as well where it cruises at its highest duty, which leaves no difference.
+    """
+    cruise, most, points = _cruise_duty(config), arc_duty_max(config), []
+    for half_difference in _steps(ARCS, most) if most > 0.0 else ():
+        rates_deg_s = []
+        for way in (1.0, -1.0):
+            wanted = WheelCommand(way * (cruise + half_difference), way * (cruise - half_difference))
+            async with ground.drives():
+                await ground.drive(wanted, ARC_SETTLES_S)
+                rates_deg_s.append(way * rate_deg_s(await ground.drive(wanted, WATCHED_S)))
+        points.append((half_difference, fmean(rates_deg_s)))
+    return turn_response(points)
+
+
+async def _ahead(ground: FreeGround, config: RoverConfig) -> SpeedGain | None:
+    """Return how the body gains speed up to cruising, and drive it back; None where the ground was not seen well."""
+    cruise = _cruise_duty(config)
+    async with ground.drives():
+        samples = await ground.drive(WheelCommand(cruise, cruise), AHEAD_S)
+    async with ground.drives():
+        await ground.drive(WheelCommand(-cruise, -cruise), AHEAD_S)
+    return speed_gain(samples, cruise * config.vehicle.max_speed_m_s)
+
+
+def _cruise_duty(config: RoverConfig) -> float:
+    return min(config.vehicle.mix(config.escape.cruise_m_s, 0.0).left, config.safety.duty_max)
+
+
+def _steps(count: int, most: float) -> Sequence[float]:
+    return [most * step / count for step in range(1, count + 1)]
