@@ -1,0 +1,28 @@
+"""What the engine warns of: an error with its words, and no file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+
+# Without a hearer the engine writes its warnings to MUJOCO_LOG.TXT in the folder it runs in. Nothing is lost: each
+# world's data count its own, and ``refuse`` says them.
+if mujoco.get_mju_user_warning() is None:
+    mujoco.set_mju_user_warning(lambda _text: None)
+
+
+class Unstable(ArithmeticError):
+    """The engine could not work the motion out; the trial says nothing. The text has what the engine warned of."""
+
+
+def refuse(data: Any, t_s: float) -> None:
+    """End a trial whose motion could not be worked out up to this time.
+
+    Raises:
+        Unstable: always.
+    """
+    warned = (each for each in enumerate(data.warning) if each[1].number)
+    texts = [mujoco.mju_warningText(kind, trouble.lastinfo) for kind, trouble in warned]
+    said = " ".join(texts) or "the rover's place is not a number"
+    raise Unstable(f"MuJoCo could not work out the motion up to {t_s:.3f} s: {said}")
