@@ -16,9 +16,7 @@ from wayfarer.simhal.mujoco.placing import NoRoom
 HUNG_ON = {
     "a trunk below its middle": trunk_across(12.5, 0.06),
     "a trunk below its rear": trunk_across(12.4, 0.06),
-    "a trunk along its axis": replace(
-        CLEARING, trunks=(Trunk(25.0, 11.5, 25.0, 13.5, "along"),), trunk_diameter_m=0.06
-    ),
+    "a trunk along its axis": replace(CLEARING, trunks=(Trunk(25.0, 11.5, 25.0, 13.5, "left"),), trunk_diameter_m=0.06),
     "two trees": replace(CLEARING, trees_m=((25.0, 12.75), (25.0, 12.25))),
 }
 

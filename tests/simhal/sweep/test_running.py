@@ -142,6 +142,6 @@ def test_kept_rows_are_those_that_were_written(tmp_path: Path) -> None:
     row = TrialRunner(SMALL.base, fake_trials.quick).run(Task("pledge", 3)).row
     with SweepFolder(tmp_path, SMALL) as folder:
         folder.append(2, row)
-    kept = read_trials(tmp_path / PARTIAL, row._fields, 0)
+    kept = read_trials(tmp_path / PARTIAL, KEPT, 0)
     assert [(task.point, *task[1:]) for task in kept] == [(2, "pledge", 3)]
     assert list(kept.values()) == [row]
