@@ -14,7 +14,7 @@ from wayfarer.simhal.plan import Task
 from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.sweep import command
 from wayfarer.simhal.sweep.axes import Axis
-from wayfarer.simhal.sweep.folder import PARQUET, PARTIAL, SETTINGS, TRIALS, SweepFolder, read_trials
+from wayfarer.simhal.sweep.folder import KEPT, PARQUET, PARTIAL, SETTINGS, TRIALS, SweepFolder, read_trials
 from wayfarer.simhal.sweep.plan import Sweep, make_sweep
 from wayfarer.simhal.trial import TrialResult
 from wayfarer.simhal.workers import RunTrial, TrialRunner
