@@ -271,18 +271,22 @@ def test_what_goes_wrong_in_the_trial_is_told_to_the_agent(env: ForestEnv, monke
 
 def test_with_terrains_the_body_moves_in_mujoco_on_the_ground_of_that_trial() -> None:
     pytest.importorskip("mujoco")
+    from wayfarer.simhal.mujoco.world import MujocoWorld
+
     terrains = Terrains(friction=Range(0.2, 0.8))
     env = gymnasium.make(ENV_ID, terrains=terrains).unwrapped
     assert isinstance(env, ForestEnv)
     gained_m = []
     for trial in (0, 2, 0):
         env.reset(options={"trial": trial})
-        world = env._seat.world  # type: ignore[union-attr]
+        assert env._seat is not None
+        world = env._seat.world
+        assert isinstance(world, MujocoWorld)
         friction = terrains.draw(Streams(spec_of("forest-pledge", trial).seed)).friction
-        assert world.terrain.friction == friction  # type: ignore[attr-defined]
+        assert world.terrain.friction == friction
         began_m = world.y_m
         for _ in range(10):
-            env.step(AHEAD)
+            env.step(duties(AHEAD))
         gained_m.append(world.y_m - began_m)
     env.close()
     assert min(gained_m) > 0.02

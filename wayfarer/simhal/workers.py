@@ -261,6 +261,9 @@ def _end_with_parent() -> None:
 
 
 def _fault(error: Exception) -> Fault:
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    text = " ".join(f"{type(error).__name__}: {error}".split())
+    from wayfarer.supervisor import first_cause  # the simulator is imported only where trials run
+
+    cause = first_cause(error)
+    frame = traceback.extract_tb(cause.__traceback__)[-1]
+    text = " ".join(f"{type(cause).__name__}: {cause}".split())
     return Fault(f"{text} ({Path(frame.filename).name}:{frame.lineno})", "".join(traceback.format_exception(error)))

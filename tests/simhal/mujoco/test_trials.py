@@ -239,6 +239,18 @@ def test_rover_without_a_body_that_can_be_built_is_one_line(run: Run, tmp_path: 
     assert says in err
 
 
+def test_fault_of_the_engine_is_told_in_its_own_words_and_leaves_no_file(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("feather.toml").write_text(rover_file({**CHASSIS, "weight_kg": 1e-9, "motors_n_m": 1000.0}), encoding="utf-8")
+    code, _, err = run(*SIM, "--rover", "feather.toml", "--trial", "0")
+    assert (code, err.count("\n")) == (1, 1)
+    assert "Unstable: MuJoCo could not work out the motion up to " in err
+    assert "The simulation is unstable." in err
+    assert [path.name for path in tmp_path.iterdir()] == ["feather.toml"]
+
+
 def test_missing_engine_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wayfarer.cli.extras.find_spec", lambda name: None if name == "mujoco" else object())
     code, out, err = run(*SIM)

@@ -46,6 +46,11 @@ GROUND_BIT, ROVER_BIT = 2, 1  # the rover meets the ground and what stands on it
 
 ROVER = "rover"
 
+# Without a hearer the engine writes its warnings to MUJOCO_LOG.TXT in the folder it runs in. Nothing is lost: each
+# world's data count its own, and ``unstable.refuse`` says them.
+if mujoco.get_mju_user_warning() is None:
+    mujoco.set_mju_user_warning(lambda _text: None)
+
 
 class Wheels(NamedTuple):
     """Where the four wheels stand: half the wheelbase, half the distance between left and right, and their radius."""

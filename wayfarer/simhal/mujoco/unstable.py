@@ -1,15 +1,10 @@
-"""What the engine warns of: an error with its words, and no file."""
+"""What the engine warns of is an error with its words."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import mujoco
-
-# Without a hearer the engine writes its warnings to MUJOCO_LOG.TXT in the folder it runs in. Nothing is lost: each
-# world's data count its own, and ``refuse`` says them.
-if mujoco.get_mju_user_warning() is None:
-    mujoco.set_mju_user_warning(lambda _text: None)
 
 
 class Unstable(ArithmeticError):
