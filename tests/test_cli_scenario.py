@@ -31,6 +31,12 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
 
 REFUSED = {
     "forests as well": ((*MAZE, "--forests", "x.jsonl"), "leave out --forests, or --scenario"),
+    "a rover of unknown clearance": (
+        ("sim", "--scenario", "extended-maze"), "rover 'sim' gives no chassis.ground_clear"
+    ),
+    "the same in MuJoCo": (
+        ("sim", "--scenario", "extended-maze", "--physics", "mujoco"), "rover 'sim' gives no chassis.ground_clear"
+    ),
     "no such scenario": (("sim", "--scenario", "swamp"), "'extended-maze', 'dense-obstruction', 'forest-escape'"),
 }  # fmt: skip
 

@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from math import cos, radians, sin
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -17,13 +18,14 @@ from gymnasium.utils.env_checker import check_env
 
 from tests.gym.agents import AHEAD, ahead, duties, play
 from wayfarer.config import load_rover
-from wayfarer.errors import BadInput, UnknownName
+from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import Anomaly, EscapeHandler
 from wayfarer.gym import ENV_ID
 from wayfarer.gym.env import HELD_BACK, ForestEnv
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.registry import find_algorithm
 from wayfarer.safety import Gate
+from wayfarer.simhal.mujoco.terrain import Range, Terrains
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.streams import Streams
@@ -262,3 +264,42 @@ def test_what_goes_wrong_in_the_trial_is_told_to_the_agent(env: ForestEnv, monke
     monkeypatch.undo()
     env.reset(seed=1)
     env.step(duties(AHEAD))
+
+
+# -- in MuJoCo -------------------------------------------------------------------------------------------------------
+
+
+def test_with_terrains_the_body_moves_in_mujoco_on_the_ground_of_that_trial() -> None:
+    pytest.importorskip("mujoco")
+    from wayfarer.simhal.mujoco.world import MujocoWorld
+
+    terrains = Terrains(friction=Range(0.2, 0.8))
+    env = gymnasium.make(ENV_ID, terrains=terrains).unwrapped
+    assert isinstance(env, ForestEnv)
+    gained_m = []
+    for trial in (0, 2, 0):
+        env.reset(options={"trial": trial})
+        assert env._seat is not None
+        world = env._seat.world
+        assert isinstance(world, MujocoWorld)
+        friction = terrains.draw(Streams(spec_of("forest-pledge", trial).seed)).friction
+        assert world.terrain.friction == friction
+        began_m = world.y_m
+        for _ in range(10):
+            env.step(duties(AHEAD))
+        gained_m.append(world.y_m - began_m)
+    env.close()
+    assert min(gained_m) > 0.02
+    assert gained_m[0] == gained_m[2] != gained_m[1]
+
+
+def test_rover_without_a_body_is_refused_for_mujoco_before_the_first_episode(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    file = tmp_path / "plain.toml"
+    file.write_text(
+        'name = "plain"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.4\n',
+        encoding="utf-8",
+    )
+    ForestEnv(str(file)).close()
+    with pytest.raises(BadConfig, match=r"rover 'plain' gives no chassis\.weight_kg"):
+        ForestEnv(str(file), terrains=Terrains())

@@ -53,7 +53,7 @@ def test_rows_come_back_in_order_and_what_is_missing_is_the_rest(finished: list[
 @pytest.mark.parametrize("stranger", [Task("oo-react", 0), Task("pledge", TRIALS_OF_EACH), Task("pledge", -1)])
 def test_trial_that_the_campaign_does_not_have_is_damage(stranger: Task) -> None:
     with TemporaryFile() as file:
-        file.write((csv_line(Row._fields) + csv_line(row(stranger))).encode())
+        file.write((csv_line(Row._fields) + csv_line(Row._fields, row(stranger))).encode())
         with pytest.raises(BadInput, match=rf"trials\.csv is damaged: .* no trial {stranger.trial} of '{stranger[0]}'"):
             Kept(file, TASKS, "trials.csv", Row._fields)
 

@@ -12,9 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wayfarer.config import load_rover
 from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.simhal.mujoco.terrain import Terrains
+from wayfarer.simhal.plan import Campaign
 from wayfarer.simhal.results import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder
-from wayfarer.simhal.rows import COLUMNS, OUTCOMES, Row, csv_line, parse_row, row_of
+from wayfarer.simhal.rows import COLUMNS, OUTCOMES, TERRAIN, Row, csv_line, parse_row, row_of
 from wayfarer.simhal.trial import TrialResult
 
 SETTINGS_HERE: dict[str, Any] = {
@@ -24,6 +27,7 @@ SETTINGS_HERE: dict[str, Any] = {
     "rover": {"name": "sim", "rates": {"compass_hz": 20.0}},
 }
 ROWS = [Row(n, "pledge", n // 2, n % 2, 77 + n, "escaped", 80.125, 1.5, 90.0, 3, 2, ticks=9) for n in range(3)]
+KEPT = (*COLUMNS, "ticks")
 numbers = st.floats(-1e6, 1e6)
 maybe = st.none() | numbers
 
@@ -34,16 +38,17 @@ def results(draw: st.DrawFn) -> TrialResult:
     outcome: Any = draw(st.sampled_from(OUTCOMES))
     return TrialResult(
         counts[0], "pkg.rules:spiral", counts[1], counts[2], draw(st.integers(0, 2**63 - 1)), outcome,
-        draw(numbers), draw(numbers), draw(numbers), counts[3], 4, draw(maybe), draw(maybe), 5,
+        draw(numbers), draw(numbers), draw(numbers), counts[3], 4, draw(maybe), draw(maybe), 5, 0,
+        *(draw(maybe) for _ in TERRAIN),
     )  # fmt: skip
 
 
 @given(results())
 def test_row_holds_what_its_line_holds(result: TrialResult) -> None:
     row = row_of(result)
-    again = parse_row(csv_line(row), Row._fields, "here")
+    again = parse_row(csv_line(Row._fields, row), Row._fields, "here")
     assert again == row
-    assert csv_line(again) == csv_line(row)
+    assert csv_line(Row._fields, again) == csv_line(Row._fields, row)
 
 
 def test_row_reads_as_the_issue_asks() -> None:
@@ -52,13 +57,13 @@ def test_row_reads_as_the_issue_asks() -> None:
         "interventions\n"
     )
     result = TrialResult(7, "pledge", 3, 1, 99, "escaped", 81.3, 4.25, 95.05, 12, 5, 39.9, 0.49077, 1900)
-    assert csv_line(row_of(result)[:-1]) == "7,pledge,3,1,99,escaped,81.300,4.250,95.050,12,5,39.900,0.4908,\n"
-    assert csv_line(Row(7, "pledge", 3, 1, 99, "fault")[:-1]) == "7,pledge,3,1,99,fault,,,,,,,,\n"
+    assert csv_line(COLUMNS, row_of(result)) == "7,pledge,3,1,99,escaped,81.300,4.250,95.050,12,5,39.900,0.4908,\n"
+    assert csv_line(COLUMNS, Row(7, "pledge", 3, 1, 99, "fault")) == "7,pledge,3,1,99,fault,,,,,,,,\n"
 
 
 def test_row_never_holds_nan_or_a_negative_zero() -> None:
     result = TrialResult(0, "pledge", 0, 0, 1, "tipped", float("nan"), -0.0, -1e-9, 0, 0, float("inf"), None, 0)
-    assert csv_line(row_of(result)[:-1]) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,,\n"
+    assert csv_line(COLUMNS, row_of(result)) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,,\n"
 
 
 def finish(folder: ResultsFolder, summary: dict[str, Any]) -> None:
@@ -66,7 +71,7 @@ def finish(folder: ResultsFolder, summary: dict[str, Any]) -> None:
     folder.finish(summary)
 
 
-WHOLE = csv_line(ROWS[0])
+WHOLE = csv_line(KEPT, ROWS[0])
 
 
 @pytest.mark.parametrize(
@@ -83,7 +88,7 @@ WHOLE = csv_line(ROWS[0])
 )
 def test_line_that_is_no_row_is_refused_with_its_place(line: str) -> None:
     with pytest.raises(BadInput, match=r"^trials.csv, line 9 is not a row"):
-        parse_row(line, Row._fields, "trials.csv, line 9")
+        parse_row(line, KEPT, "trials.csv, line 9")
 
 
 def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
@@ -93,14 +98,14 @@ def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
         finish(folder, {"ticks": 27})
         assert folder.complete
     assert {path.name for path in folder.path.iterdir()} == {SETTINGS, TRIALS, PARQUET, SUMMARY}
-    assert (folder.path / TRIALS).read_text() == csv_line(COLUMNS) + "".join(csv_line(row[:-1]) for row in ROWS)
+    assert (folder.path / TRIALS).read_text() == csv_line(COLUMNS) + "".join(csv_line(COLUMNS, row) for row in ROWS)
     assert json.loads((folder.path / SUMMARY).read_text()) == {"ticks": 27}
 
 
 def test_row_is_on_disk_as_soon_as_it_is_kept(tmp_path: Path) -> None:
     with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
         folder.append(ROWS[1])
-        assert (tmp_path / PARTIAL).read_text() == csv_line(Row._fields) + csv_line(ROWS[1])
+        assert (tmp_path / PARTIAL).read_text() == csv_line(KEPT) + csv_line(KEPT, ROWS[1])
 
 
 def test_resuming_after_a_cut_anywhere_keeps_exactly_the_whole_lines(tmp_path: Path) -> None:
@@ -161,6 +166,46 @@ def test_another_campaigns_folder_is_refused_by_its_first_difference(tmp_path: P
     faster = {**SETTINGS_HERE, "rover": {"name": "sim", "rates": {"compass_hz": 50.0}}}
     with pytest.raises(BadInput, match=r"rover\.rates\.compass_hz is 20\.0 there and 50\.0 here"):
         ResultsFolder(tmp_path, faster, resume=True)
+
+
+def settings_of(rover: str, scenario: str | None, chassis: dict[str, float], terrains: Any = None) -> dict[str, Any]:
+    """The settings of a campaign whose rover file has this chassis and no more of it."""
+    campaign = Campaign(("pledge",), 3, load_rover(rover), scenario=scenario, terrains=terrains)
+    settings: dict[str, Any] = json.loads(json.dumps(campaign.settings()))
+    return {**settings, "rover": {**settings["rover"], "chassis": chassis}}
+
+
+VERSION_0_1 = {"ground_clearance_m": 0.041, "weight_kg": 6.1, "motors_n_m": 4.51}  # what there was then
+NOW = {**VERSION_0_1, "wheel_radius_m": 0.065, "height_m": 0.228}
+
+
+@pytest.mark.parametrize(
+    ("rover", "scenario", "then"),
+    [
+        ("sim", None, dict.fromkeys(VERSION_0_1)),
+        ("forestrover", None, {}),
+        ("forestrover", "extended-maze", VERSION_0_1),
+    ],
+)
+def test_older_versions_campaign_goes_on_where_it_reads_nothing_of_what_is_new(
+    tmp_path: Path, rover: str, scenario: str | None, then: dict[str, Any]
+) -> None:
+    with ResultsFolder(tmp_path, settings_of(rover, scenario, then)) as folder:
+        folder.append(ROWS[0])
+    with ResultsFolder(tmp_path, settings_of(rover, scenario, NOW), resume=True) as folder:
+        assert list(folder.kept) == ROWS[:1]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "terrains", "key"),
+    [("extended-maze", None, "weight_kg"), (None, Terrains(), "weight_kg"), (None, Terrains(), "wheel_radius_m")],
+)
+def test_campaign_that_reads_another_chassis_is_another_one(
+    tmp_path: Path, scenario: str | None, terrains: Terrains | None, key: str
+) -> None:
+    ResultsFolder(tmp_path, settings_of("forestrover", scenario, {**NOW, key: 0.05}, terrains)).close()
+    with pytest.raises(BadInput, match=rf"rover\.chassis\.{key} is 0\.05 there"):
+        ResultsFolder(tmp_path, settings_of("forestrover", scenario, NOW, terrains), resume=True)
 
 
 def test_folder_that_is_in_use_is_refused(tmp_path: Path) -> None:

@@ -227,7 +227,7 @@ def _refuse_odd_pairs(out: Path | None, resume: bool, trial: int | None, log: Pa
 def _refuse_without_mujoco(physics: PhysicsName, terrain: dict[str, str | None]) -> None:
     given = [name for name, text in terrain.items() if text is not None]
     if given and physics is PhysicsName.light:
-        raise BadInput(f"--{given[0].replace('_', '-')} is of another world; add --physics mujoco, or leave it out")
+        raise BadInput(f"--{given[0].replace('_', '-')} counts only with --physics mujoco; add that, or leave it out")
 
 
 def _refuse_beside_cluster(jobs: int | None, trial: int | None, log: Path | None) -> None:

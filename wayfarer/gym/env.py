@@ -17,6 +17,8 @@ from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.escape.api import Anomaly, Observation
 from wayfarer.gym.seat import AGENT_NAME, Ending, Seat
 from wayfarer.hal import WheelCommand
+from wayfarer.simhal.command import check_body
+from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.simulated_world import SimulatedWorld
 
@@ -60,20 +62,33 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         slip_mean_m: mean distance between slip events, metres.
         budget_m: path after which a rover counts as entrapped, metres.
         render_mode: None; there is nothing to see.
+        terrains: with it the body moves in MuJoCo (extra ``physics``), as with ``wayfarer sim --physics mujoco``, on
+            ground drawn for each trial: ``Terrains(friction=Range(0.3, 0.8))``.
 
     Raises:
-        BadConfig: no such rover, or its file cannot be used.
+        BadConfig: no such rover, its file cannot be used, or does not say of the body what MuJoCo needs.
+        ModuleNotFoundError: ``terrains`` without mujoco installed.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 (gymnasium's own declaration)
 
     def __init__(
-        self, rover: str = "sim", slip_mean_m: float = 10.0, budget_m: float = 1000.0, render_mode: None = None
+        self,
+        rover: str = "sim",
+        slip_mean_m: float = 10.0,
+        budget_m: float = 1000.0,
+        render_mode: None = None,
+        terrains: Terrains | None = None,
     ) -> None:
         self.render_mode = render_mode
         self.observation_space = Box(-1.0, 1.0, (SIZE,), np.float32)
         self.action_space = Box(-1.0, 1.0, (2,), np.float32)
-        self._campaign = Campaign((AGENT_NAME,), TRIALS, load_rover(rover), slip_mean_m=slip_mean_m, budget_m=budget_m)
+        config = load_rover(rover)
+        if terrains is not None:
+            check_body(config, rover)
+        self._campaign = Campaign(
+            (AGENT_NAME,), TRIALS, config, slip_mean_m=slip_mean_m, budget_m=budget_m, terrains=terrains
+        )
         self._seat: Seat | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from wayfarer.errors import WayfarerError
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.progress import Progress
-from wayfarer.simhal.rows import COLUMNS, SUCCESSES, Row
+from wayfarer.simhal.rows import SUCCESSES, Row
 from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.trace import Trace, run_traced
 from wayfarer.simhal.trial import TrialResult
@@ -92,7 +92,7 @@ def _difference(row: Row, again: Row) -> str:
     """Say how two runs of a trial differ: by their ends, or by the first column that is not the same."""
     if ending(row) != ending(again):
         return f"{ending(row)} in the table, {ending(again)} now"
-    name = next(name for name in COLUMNS if getattr(row, name) != getattr(again, name))
+    name = next(name for name in Row._fields if name != "ticks" and getattr(row, name) != getattr(again, name))
     return f"{name} is {getattr(row, name)} in the table and {getattr(again, name)} now"
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from wayfarer.config import RoverConfig
 from wayfarer.config_errors import most_telling
@@ -16,7 +16,7 @@ from wayfarer.errors import BadInput
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.plan import Campaign, ForestFile, read_forest_file
 from wayfarer.simhal.results import FORESTS, PARTIAL, SETTINGS, TRIALS, read_rows
-from wayfarer.simhal.rows import COLUMNS, Row, csv_line
+from wayfarer.simhal.rows import Row, columns_of, csv_line
 from wayfarer.simhal.statistics import Summary, summarise
 
 
@@ -44,6 +44,13 @@ class Settings(BaseModel):
     forests: ForestsSettings | None
     rover: dict[str, Any]
     mujoco: dict[str, list[float]] | None = None
+
+    @field_validator("mujoco")
+    @classmethod
+    def _are_terrains(cls, bounds: dict[str, list[float]] | None) -> dict[str, list[float]] | None:
+        if bounds is not None:
+            terrains_of(bounds)
+        return bounds
 
 
 @dataclass(frozen=True)
@@ -148,8 +155,8 @@ def _read_settings(folder: Path) -> Settings:
 
 def _read_trials(path: Path, settings: Settings) -> list[Row]:
     try:
-        header = path.read_text(encoding="utf-8").partition("\n")[0] + "\n"
-        rows = read_rows(path, COLUMNS) if header == csv_line(COLUMNS) else []
+        header, columns = path.read_text(encoding="utf-8").partition("\n")[0] + "\n", columns_of(settings.model_dump())
+        rows = read_rows(path, columns) if header == csv_line(columns) else []
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"{path}: cannot be read: {error}") from None
     expected = [(algorithm, trial) for algorithm in settings.algorithms for trial in range(settings.trials)]

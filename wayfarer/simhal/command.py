@@ -23,7 +23,7 @@ from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.progress import fault_line, say, shown_progress
 from wayfarer.simhal.report_table import FORESTS, Layout, print_table
 from wayfarer.simhal.results import ResultsFolder
-from wayfarer.simhal.rows import COLUMNS, csv_line
+from wayfarer.simhal.rows import columns_of, csv_line
 from wayfarer.simhal.workers import RunTrial, TrialRunner, field_trial, logged_trial
 
 if TYPE_CHECKING:
@@ -75,12 +75,16 @@ def check_body(config: RoverConfig, where: str) -> None:
     Raises:
         BadConfig: its file does not say enough of the body, or says what cannot be built.
     """
-    from wayfarer.simhal.mujoco.model import body_of
+    from wayfarer.simhal.mujoco.model import body_of, build
+    from wayfarer.simhal.mujoco.terrain import Terrain
 
     try:
-        body_of(config.name, config.vehicle, config.chassis)
+        build(body_of(config.name, config.vehicle, config.chassis), Terrain(0.5, 0.0, 1.0), None, [])
     except BadConfig as error:
         raise BadConfig(f"{where}: {error}") from None
+    except ValueError as error:
+        what = " ".join(str(error).split())
+        raise BadConfig(f"{where}: MuJoCo cannot build this rover ({what}); correct its vehicle or chassis") from None
 
 
 def check_rover(config: RoverConfig, depth: str, where: str) -> None:
@@ -209,7 +213,8 @@ def run_alone(campaign: Campaign, trial: int, log: Path | None, run_trial: RunTr
     if log:
         make_empty_folder(log, "the log")
     done = TrialRunner(campaign, run_trial).run(Task(campaign.algorithms[0], trial), log)
-    print(csv_line(COLUMNS) + csv_line(done.row[:-1]), end="")
+    columns = columns_of(campaign.settings())
+    print(csv_line(columns) + csv_line(columns, done.row), end="")
     if done.fault is None:
         return 0
     say(Console(stderr=True), fault_line(done))

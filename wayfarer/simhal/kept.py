@@ -68,7 +68,7 @@ class Kept(Iterable[Row]):
         Raises:
             OSError: the file takes no more.
         """
-        line = csv_line(row).encode()
+        line = csv_line(self._fields, row).encode()
         self._file.seek(self._end)
         self._file.write(line)
         self._file.flush()

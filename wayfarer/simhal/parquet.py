@@ -17,7 +17,7 @@ ROW_GROUP = 1000  # rows; waiting to be written they take a kilobyte each
 ARROW = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
 
-def columns_of(row: type[Any], names: Sequence[str]) -> dict[str, type]:
+def types_of(row: type[Any], names: Sequence[str]) -> dict[str, type]:
     """Return the type of each of these fields of a typed row; ``X | None`` counts as ``X``."""
     hints = get_type_hints(row)
     return {name: next((each for each in get_args(hints[name]) if each is not NoneType), hints[name]) for name in names}

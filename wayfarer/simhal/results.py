@@ -14,13 +14,15 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, Self
 
+from wayfarer.chassis import AT_A_BRANCH, Chassis
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.simhal.kept import Kept, rows_in
 from wayfarer.simhal.plan import Tasks
-from wayfarer.simhal.rows import COLUMNS, Row, csv_line
+from wayfarer.simhal.rows import Row, columns_of, csv_line
 from wayfarer.whole_file import whole_file
 
 SETTINGS = "campaign.json"
@@ -29,6 +31,7 @@ PARTIAL = "trials.partial.csv"
 TRIALS = "trials.csv"
 PARQUET = "trials.parquet"
 SUMMARY = "summary.json"
+CHASSIS = "rover.chassis"  # where its keys stand in the settings
 
 
 class ResultsFolder:
@@ -43,6 +46,7 @@ class ResultsFolder:
 
     def __init__(self, path: Path, settings: Mapping[str, Any], *, resume: bool = False) -> None:
         self.path = path
+        self._columns = columns_of(settings)
         with _one_line_errors(path), _removed_on_failure(path):
             path.mkdir(parents=True, exist_ok=True)
             self._open = ExitStack()
@@ -90,19 +94,19 @@ class ResultsFolder:
         Raises:
             WayfarerError: the folder cannot be written any more.
         """
-        from wayfarer.simhal.parquet import ParquetRows, columns_of
+        from wayfarer.simhal.parquet import ParquetRows, types_of
 
         with (
             self._writing(),
             whole_file(self.path / TRIALS) as text_draft,
             whole_file(self.path / PARQUET) as parquet_draft,
             text_draft.open("w", encoding="utf-8") as text,
-            ParquetRows(parquet_draft, columns_of(Row, COLUMNS)) as parquet,
+            ParquetRows(parquet_draft, types_of(Row, self._columns)) as parquet,
         ):
-            text.write(csv_line(COLUMNS))
+            text.write(csv_line(self._columns))
             for row in rows:
-                text.write(csv_line(row[:-1]))
-                parquet.append(row[:-1])
+                text.write(csv_line(self._columns, row))
+                parquet.append([getattr(row, name) for name in self._columns])
                 yield row
 
     def finish(self, summary: Mapping[str, Any]) -> None:
@@ -126,10 +130,10 @@ class ResultsFolder:
         tasks = Tasks(settings["algorithms"], settings["trials"])
         if self.complete:
             path = self.path / TRIALS
-            return Kept(self._open.enter_context(path.open("rb")), tasks, str(path), COLUMNS)
-        path = self.path / PARTIAL
-        _drop_torn_line(path)
-        return Kept(self._open.enter_context(path.open("r+b")), tasks, str(path), Row._fields)
+            return Kept(self._open.enter_context(path.open("rb")), tasks, str(path), self._columns)
+        path, columns = self.path / PARTIAL, (*self._columns, "ticks")
+        _drop_torn_line(path, columns)
+        return Kept(self._open.enter_context(path.open("r+b")), tasks, str(path), columns)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -175,16 +179,34 @@ def _locked(path: Path) -> int:
 
 def _refuse_another_campaign(path: Path, settings: Mapping[str, Any]) -> None:
     try:
-        there = _flat(json.loads((path / SETTINGS).read_text(encoding="utf-8")))
+        kept = json.loads((path / SETTINGS).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         raise BadInput(f"{path} cannot be resumed: it holds no campaign ({SETTINGS} is missing or damaged)") from None
-    here = _flat(json.loads(_json(settings)))
-    for name in [*here, *there]:
-        if here.get(name) != there.get(name):
-            raise BadInput(
-                f"{path} belongs to another campaign: {name} is {there.get(name)!r} there and "
-                f"{here.get(name)!r} here; repeat its settings, or give another folder"
-            )
+    for name, here, there in differences(json.loads(_json(settings)), kept):
+        raise BadInput(
+            f"{path} belongs to another campaign: {name} is {there!r} there and "
+            f"{here!r} here; repeat its settings, or give another folder"
+        )
+
+
+def differences(here: Mapping[str, Any], there: Any) -> Iterator[tuple[str, Any, Any]]:
+    """Yield the dotted name and both values of each setting that makes two campaigns differ.
+
+    What a rover file says of its chassis decides only where this campaign reads it. Files of older versions say less,
+    and their campaigns can be gone on with.
+    """
+    ours, theirs = _flat(here), _flat(there)
+    unread = {f"{CHASSIS}.{field.name}" for field in fields(Chassis)} - {f"{CHASSIS}.{key}" for key in _read(here)}
+    for name in dict.fromkeys((*ours, *theirs)):
+        if name not in unread and ours.get(name) != theirs.get(name):
+            yield name, ours.get(name), theirs.get(name)
+
+
+def _read(settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return which keys of the chassis a campaign with these settings reads."""
+    if settings.get("mujoco"):
+        return tuple(field.name for field in fields(Chassis))
+    return AT_A_BRANCH if settings.get("scenario") else ()
 
 
 def _flat(value: Any, name: str = "") -> dict[str, Any]:
@@ -194,14 +216,14 @@ def _flat(value: Any, name: str = "") -> dict[str, Any]:
     return {key: leaf for k, v in value.items() for key, leaf in _flat(v, f"{name}.{k}" if name else k).items()}
 
 
-def _drop_torn_line(path: Path) -> None:
+def _drop_torn_line(path: Path, columns: tuple[str, ...]) -> None:
     """Leave whole lines only, under a header."""
     with path.open("a+b") as file:
         file.seek(0)
         whole = sum(len(line) for line in file if line.endswith(b"\n"))
         file.truncate(whole)
         if not whole:
-            file.write(csv_line(Row._fields).encode())
+            file.write(csv_line(columns).encode())
 
 
 def read_rows(path: Path, fields: tuple[str, ...]) -> list[Row]:

@@ -7,7 +7,7 @@ from rows are the figures that anyone gets from the file, and a row that was rea
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wayfarer.errors import BadInput
@@ -19,13 +19,17 @@ SUCCESSES = ("escaped", "left_bounds")  # paper, section IV-B: leaving by anothe
 OUTCOMES = (*SUCCESSES, "entrapped", "tipped", "fault")
 
 TEXT_COLUMNS = ("algorithm", "outcome")
-DECIMALS: Mapping[str, int] = {"path_m": 3, "reverse_m": 3, "time_s": 3, "shortest_path_m": 3, "spl": 4}
+DECIMALS: Mapping[str, int] = {
+    "path_m": 3, "reverse_m": 3, "time_s": 3, "shortest_path_m": 3, "spl": 4,
+    "friction": 4, "roughness_m": 5, "torque_scale": 4,
+}  # fmt: skip
 
 
 class Row(NamedTuple):
     """What is kept of one trial; None where a value is not known, as in a trial that ended in a fault.
 
-    ``interventions`` are counted in scenarios only. ``ticks``, the control ticks, has no column in ``trials.csv``.
+    ``interventions`` are counted in scenarios only; ``friction`` and what follows was drawn for a trial in MuJoCo.
+    ``ticks``, the control ticks, has no column in ``trials.csv``.
     """
 
     trial: int
@@ -42,6 +46,9 @@ class Row(NamedTuple):
     shortest_path_m: float | None = None
     spl: float | None = None
     interventions: int | None = None
+    friction: float | None = None
+    roughness_m: float | None = None
+    torque_scale: float | None = None
     ticks: int | None = None
 
     @property
@@ -50,17 +57,28 @@ class Row(NamedTuple):
         return self.algorithm, self.trial
 
 
-COLUMNS = Row._fields[:-1]
+TERRAIN = ("friction", "roughness_m", "torque_scale")
+COLUMNS = tuple(name for name in Row._fields if name not in (*TERRAIN, "ticks"))
+
+
+def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the columns of ``trials.csv`` in a campaign with these settings; in MuJoCo it has the terrain as well."""
+    return (*COLUMNS, *TERRAIN) if settings.get("mujoco") else COLUMNS
 
 
 def row_of(result: TrialResult) -> Row:
     """Return a trial's result as its row."""
-    return Row(**{name: _kept(name, value) for name, value in result._asdict().items()})
+    return rounded_row(**result._asdict())
 
 
-def csv_line(values: tuple[Any, ...]) -> str:
-    """Return a line of CSV for a row, for ``row[:-1]`` without its ticks, or for the column names."""
-    return ",".join(map(_text, Row._fields, values)) + "\n"
+def rounded_row(**values: Any) -> Row:
+    """Return a row of these values."""
+    return Row(**{name: _kept(name, value) for name, value in values.items()})
+
+
+def csv_line(columns: Sequence[str], row: Row | None = None) -> str:
+    """Return these columns of a row as a line of CSV; without a row their names."""
+    return ",".join(columns if row is None else (_text(name, getattr(row, name)) for name in columns)) + "\n"
 
 
 def parse_row(line: str, fields: tuple[str, ...], where: str) -> Row:

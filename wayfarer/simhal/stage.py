@@ -24,7 +24,7 @@ from wayfarer.simhal.world import World
 from wayfarer.supervisor import Supervisor
 
 if TYPE_CHECKING:
-    from wayfarer.simhal.mujoco.terrain import Terrains
+    from wayfarer.simhal.mujoco.terrain import Terrain, Terrains
     from wayfarer.simhal.sites.site import Site
 
 MakeLog = Callable[[SimulatedWorld, Rover], RunLog]
@@ -68,7 +68,8 @@ class Stage:
         algorithm = find_algorithm(spec.algorithm)
         handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
         physics = replace(spec.physics, slip_mean_m=spec.slip_mean_m)
-        self.world = _world(spec, physics, streams)
+        self.terrain = spec.terrains.draw(streams) if spec.terrains else None
+        self.world = _world(spec, physics, self.terrain, streams)
         if spec.faults:
             from wayfarer.simhal.injection import Injector  # a trial without faults need not know them
 
@@ -85,18 +86,18 @@ class Stage:
         self.world.after_step = self.attendant.watch if self.attendant else self.referee.watch
 
 
-def _world(spec: TrialSpec, physics: Physics, streams: Streams) -> SimulatedWorld:
+def _world(spec: TrialSpec, physics: Physics, terrain: Terrain | None, streams: Streams) -> SimulatedWorld:
     """Return the world that a trial asks for.
 
     Raises:
         BadConfig: MuJoCo needs more of the body than the rover file gives.
     """
     rover = spec.rover
-    if spec.terrains is None:
+    if terrain is None:
         chassis = rover.chassis if spec.site else None
         return World(spec.forest, rover.vehicle, physics, streams, chassis=chassis)
     from wayfarer.simhal.mujoco.model import body_of  # physics-light needs no engine
     from wayfarer.simhal.mujoco.world import MujocoWorld
 
     body = body_of(rover.name, rover.vehicle, rover.chassis)
-    return MujocoWorld(spec.forest, body, physics, spec.terrains.draw(streams), streams)
+    return MujocoWorld(spec.forest, body, physics, terrain, streams)

@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 
 
 class TrialResult(NamedTuple):
-    """What the referee says of one trial; ``interventions`` where an attendant walked beside the rover."""
+    """What the referee says of one trial.
+
+    ``interventions`` where an attendant walked beside the rover, ``friction`` and what follows where it was in MuJoCo.
+    """
 
     trial: int
     algorithm: str
@@ -40,6 +43,9 @@ class TrialResult(NamedTuple):
     spl: float | None
     ticks: int
     interventions: int | None = None
+    friction: float | None = None
+    roughness_m: float | None = None
+    torque_scale: float | None = None
 
 
 GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the helm's reason of disarming
@@ -102,7 +108,9 @@ async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
     await stage.supervisor.arm(spec.forest.heading_deg)
     end = await stage.supervisor.run()
     result = _result(spec, _outcome(stage.referee, tally, end), stage.referee, stage.world, tally)
-    return result._replace(interventions=stage.attendant.interventions) if stage.attendant else result
+    if stage.attendant:
+        result = result._replace(interventions=stage.attendant.interventions)
+    return result._replace(**stage.terrain._asdict()) if stage.terrain else result
 
 
 def _outcome(referee: Referee, tally: Tally, end: RunEnd) -> Outcome:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeVar
 from uuid import uuid4
 
 from wayfarer.simhal.plan import Campaign, Task
-from wayfarer.simhal.rows import Row, row_of
+from wayfarer.simhal.rows import Row, rounded_row, row_of
 
 if TYPE_CHECKING:
     from wayfarer.simhal.forest import Forest
@@ -113,8 +113,14 @@ class TrialRunner:
         return latest[1]
 
     def _fault_row(self, task: Task) -> Row:
-        forest, noise = self._campaign.forest_and_noise(task.trial)
-        return Row(task.trial, task.algorithm, forest, noise, self._campaign.trial_seed(task.trial), "fault")
+        campaign = self._campaign
+        forest, noise = campaign.forest_and_noise(task.trial)
+        row = Row(task.trial, task.algorithm, forest, noise, campaign.trial_seed(task.trial), "fault")
+        if campaign.terrains is None:
+            return row
+        from wayfarer.simhal.streams import Streams  # wants numpy, as what follows a campaign need not
+
+        return rounded_row(**{**row._asdict(), **campaign.terrains.draw(Streams(row.seed))._asdict()})
 
 
 class MakeExecutor(Protocol):
@@ -255,6 +261,9 @@ def _end_with_parent() -> None:
 
 
 def _fault(error: Exception) -> Fault:
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    text = " ".join(f"{type(error).__name__}: {error}".split())
+    from wayfarer.supervisor import first_cause  # the simulator is imported only where trials run
+
+    cause = first_cause(error)
+    frame = traceback.extract_tb(cause.__traceback__)[-1]
+    text = " ".join(f"{type(cause).__name__}: {cause}".split())
     return Fault(f"{text} ({Path(frame.filename).name}:{frame.lineno})", "".join(traceback.format_exception(error)))

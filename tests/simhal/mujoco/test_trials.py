@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,20 +13,23 @@ from pathlib import Path
 from statistics import fmean
 
 import pytest
+from pyarrow import parquet
 
+from tests.simhal import fake_trials
 from wayfarer import cli
 from wayfarer.config import load_rover
 from wayfarer.report.reading import read_results
 from wayfarer.report.words import facts
-from wayfarer.simhal.mujoco.terrain import BOUNDS, Range, Terrains, parse_range
+from wayfarer.simhal.mujoco.terrain import BOUNDS, Range, Terrain, Terrains, parse_range
 from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.plan import Campaign, Task
+from wayfarer.simhal.rows import TERRAIN
+from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.trial import run_trial
+from wayfarer.simhal.trial import TrialResult, run_trial
 
 Run = Callable[..., tuple[int, str, str]]
 SIM = ("sim", "--physics", "mujoco", "--jobs", "1", "--trials", "2", "--budget-m", "6")
-NO_CHASSIS = 'name = "plain"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.4\n'
 
 
 @pytest.fixture
@@ -87,6 +92,82 @@ def test_campaign_says_what_it_ran_on_and_can_be_rebuilt(run: Run, tmp_path: Pat
     assert said["MuJoCo, torque_scale"] == "1"
 
 
+def test_table_has_what_was_drawn_for_each_trial_a_fault_too(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert Terrain._fields == TERRAIN
+    out, ran = tmp_path / "out", []
+
+    def fails_once(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
+        ran.append(spec.trial)
+        if spec.trial == 1:
+            raise OSError("out of wood")
+        return run_trial(spec, log_dir)
+
+    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", fails_once)
+    drawn = (*SIM, "--trials", "3", "--friction", "0.2:0.6")
+    code, _, err = run(*drawn, "--out", out)
+    assert code == 0, err
+    with (out / "trials.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0])[-4:] == ["interventions", *TERRAIN]
+    assert [row["outcome"] == "fault" for row in rows] == [False, True, False]
+    assert len({row["friction"] for row in rows}) == 3
+    assert all(0.2 <= float(row["friction"]) <= 0.6 and row["torque_scale"] == "1.0000" for row in rows)
+    assert parquet.read_table(out / "trials.parquet").column("friction").to_pylist() == [
+        float(row["friction"]) for row in rows
+    ]
+
+    kept = read_results(out).rows
+    assert [f"{row.friction:.4f}" for row in kept] == [row["friction"] for row in rows]
+
+    complete = (out / "trials.csv").read_text(encoding="utf-8")
+    header, first, *_ = complete.splitlines()
+    (again := tmp_path / "again").mkdir()
+    shutil.copy(out / "campaign.json", again)
+    (again / "trials.partial.csv").write_text(f"{header},ticks\n{first},9\n", encoding="utf-8")
+    ran.clear()
+    assert run(*drawn, "--out", again, "--resume")[0] == 0
+    assert ran == [1, 2]
+    assert (again / "trials.csv").read_text(encoding="utf-8") == complete
+
+
+def test_report_of_a_campaign_in_mujoco_draws_its_trials(run: Run, tmp_path: Path) -> None:
+    assert run(*SIM, "--friction", "0.2:0.6", "--out", tmp_path / "out")[0] == 0
+    code, _, err = run("report", tmp_path / "out", "--gallery", "1", "--jobs", "1")
+    assert code == 0, err
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "0.2 to 0.6, drawn for each trial" in page
+    assert "Not drawn" not in page
+    assert list((tmp_path / "out" / "figures").glob("forest-forest-pledge-*"))
+
+
+SPOILT = {
+    "one end": ({"friction": [0.2]}, "friction = [0.2]: expected two numbers from 0.02 to 2 in order"),
+    "the wrong way round": ({"friction": [0.6, 0.2]}, "friction = [0.6, 0.2]: expected two numbers"),
+    "negative": ({"friction": [-0.6, 0.2]}, "friction = [-0.6, 0.2]: expected two numbers"),
+    "not a number": ({"friction": [float("nan"), 0.2]}, "friction = [nan, 0.2]: expected two numbers"),
+    "a text": ({"friction": "slippery"}, "mujoco.friction: Input should be a valid array"),
+    "another key": ({"wind_m_s": [0.0, 1.0]}, "expected friction, roughness_m, torque_scale, found friction, "),
+}
+
+
+@pytest.mark.parametrize(("change", "says"), SPOILT.values(), ids=SPOILT)
+def test_spoilt_terrain_in_a_folder_is_one_line(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: dict[str, object], says: str
+) -> None:
+    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", fake_trials.quick)
+    assert run(*SIM, "--out", tmp_path / "out")[0] == 0
+    file = tmp_path / "out" / "campaign.json"
+    settings = json.loads(file.read_text(encoding="utf-8"))
+    settings["mujoco"].update(change)
+    file.write_text(json.dumps(settings), encoding="utf-8")
+    code, out, err = run("report", tmp_path / "out")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "campaign.json is damaged: mujoco" in err
+    assert says in err
+
+
 def test_light_campaign_says_nothing_of_it_and_loads_no_engine() -> None:
     assert "mujoco" not in Campaign(("forest-pledge",), 1, load_rover("sim")).settings()
     code = (
@@ -98,7 +179,11 @@ def test_light_campaign_says_nothing_of_it_and_loads_no_engine() -> None:
 
 
 REFUSED = {
-    "friction without it": (("sim", "--friction", "0.5"), "--friction is of another world; add --physics mujoco"),
+    "friction without it": (("sim", "--friction", "0.5"), "--friction counts only with --physics mujoco; add that"),
+    "negative friction": ((*SIM, "--friction=-0.5"), "--friction -0.5: expected a number, or MIN:MAX"),
+    "no friction": ((*SIM, "--friction", "0"), "from 0.02 to 2"),
+    "no end of a range": ((*SIM, "--friction", "0.5:"), "--friction 0.5:: expected a number, or MIN:MAX"),
+    "torques the wrong way round": ((*SIM, "--torque-scale", "3:1"), "--torque-scale 3:1: the smaller number comes"),
     "no number": ((*SIM, "--friction", "wet"), "--friction wet: expected a number, or MIN:MAX"),
     "not a number": ((*SIM, "--friction", "nan"), "--friction nan: expected a number, or MIN:MAX"),
     "three numbers": ((*SIM, "--torque-scale", "1:2:3"), "--torque-scale 1:2:3: expected a number, or MIN:MAX"),
@@ -114,23 +199,56 @@ def test_what_cannot_be_run_is_one_line(run: Run, arguments: tuple[str, ...], sa
     assert says in err
 
 
-CHASSIS = (
-    "[chassis]\nground_clearance_m = 0.04\nweight_kg = 6.0\nmotors_n_m = 4.5\nheight_m = 0.2\nwheel_radius_m = {}\n"
-)
+CHASSIS = {"ground_clearance_m": 0.04, "weight_kg": 6.0, "motors_n_m": 4.5, "height_m": 0.2, "wheel_radius_m": 0.05}
+
+
+def rover_file(chassis: dict[str, float], width_m: float = 0.4) -> str:
+    vehicle = f"[vehicle]\nlength_m = 0.4\nwidth_m = {width_m}\ntrack_m = 0.5\nmax_speed_m_s = 1.4\n"
+    return (
+        'name = "plain"\n' + vehicle + "[chassis]\n" + "".join(f"{key} = {value}\n" for key, value in chassis.items())
+    )
+
+
 UNBUILDABLE = {
-    "no chassis": ("", "rover 'plain' gives no chassis.ground_clearance_m, and --physics mujoco needs a body"),
-    "a diameter": (CHASSIS.format(0.13), "two wheels behind each other do not fit into vehicle.length_m = 0.4"),
-    "wheels that do not reach the ground": (CHASSIS.format(0.019), "below the wheels' diameter of 0.038"),
+    "no chassis": (rover_file({}), "rover 'plain' gives no chassis.weight_kg, and --physics mujoco needs a body"),
+    "a gap": (rover_file({"weight_kg": 6.0, "motors_n_m": 4.5}), "rover 'plain' gives no chassis.wheel_radius_m"),
+    "a diameter": (
+        rover_file({**CHASSIS, "wheel_radius_m": 0.13}),
+        "two wheels behind each other do not fit into vehicle.length_m = 0.4",
+    ),
+    "wheels that do not reach the ground": (
+        rover_file({**CHASSIS, "wheel_radius_m": 0.019}),
+        "below the wheels' diameter of 0.038",
+    ),
+    "a belly above its top": (rover_file({**CHASSIS, "height_m": 0.03}), "must be below chassis.height_m = 0.03"),
+    "no room between the wheels": (rover_file(CHASSIS, width_m=0.1), "leaves no room between wheels"),
+    "no weight": (rover_file({**CHASSIS, "weight_kg": 0.0}), "key 'chassis.weight_kg' = 0.0: "),
+    "less weight than the engine takes": (
+        rover_file({**CHASSIS, "weight_kg": 1e-15}),
+        "MuJoCo cannot build this rover (Error: mass and inertia",
+    ),
 }
 
 
-@pytest.mark.parametrize(("chassis", "says"), UNBUILDABLE.values(), ids=UNBUILDABLE)
-def test_rover_without_a_body_that_can_be_built_is_one_line(run: Run, tmp_path: Path, chassis: str, says: str) -> None:
+@pytest.mark.parametrize(("text", "says"), UNBUILDABLE.values(), ids=UNBUILDABLE)
+def test_rover_without_a_body_that_can_be_built_is_one_line(run: Run, tmp_path: Path, text: str, says: str) -> None:
     file = tmp_path / "plain.toml"
-    file.write_text(NO_CHASSIS + chassis, encoding="utf-8")
+    file.write_text(text, encoding="utf-8")
     code, out, err = run(*SIM, "--rover", file)
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert says in err
+
+
+def test_fault_of_the_engine_is_told_in_its_own_words_and_leaves_no_file(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("feather.toml").write_text(rover_file({**CHASSIS, "weight_kg": 1e-9, "motors_n_m": 1000.0}), encoding="utf-8")
+    code, _, err = run(*SIM, "--rover", "feather.toml", "--trial", "0")
+    assert (code, err.count("\n")) == (1, 1)
+    assert "Unstable: MuJoCo could not work out the motion up to " in err
+    assert "The simulation is unstable." in err
+    assert [path.name for path in tmp_path.iterdir()] == ["feather.toml"]
 
 
 def test_missing_engine_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from wayfarer.simhal.plan import Task
 from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.sweep import command
 from wayfarer.simhal.sweep.axes import Axis
-from wayfarer.simhal.sweep.folder import PARQUET, PARTIAL, SETTINGS, TRIALS, SweepFolder, read_trials
+from wayfarer.simhal.sweep.folder import KEPT, PARQUET, PARTIAL, SETTINGS, TRIALS, SweepFolder, read_trials
 from wayfarer.simhal.sweep.plan import Sweep, make_sweep
 from wayfarer.simhal.trial import TrialResult
 from wayfarer.simhal.workers import RunTrial, TrialRunner
@@ -142,6 +142,6 @@ def test_kept_rows_are_those_that_were_written(tmp_path: Path) -> None:
     row = TrialRunner(SMALL.base, fake_trials.quick).run(Task("pledge", 3)).row
     with SweepFolder(tmp_path, SMALL) as folder:
         folder.append(2, row)
-    kept = read_trials(tmp_path / PARTIAL, row._fields, 0)
+    kept = read_trials(tmp_path / PARTIAL, KEPT, 0)
     assert [(task.point, *task[1:]) for task in kept] == [(2, "pledge", 3)]
     assert list(kept.values()) == [row]

@@ -34,6 +34,8 @@ WHEEL_SHARE_OF_WEIGHT = 0.03  # each; the rest is spread evenly over the body
 ROTOR_SHARE_OF_WEIGHT = 0.1
 ROLLING_RESISTANCE = 0.05  # of the load: small tyres on firm soil; on leaf litter up to twice that
 TREE_HEIGHT_M = 2.0
+# Where a file gives no ground clearance, as that of the abstract rover: ForestRover's 41 mm over its 65 mm.
+CLEARANCE_PER_RADIUS = 0.041 / 0.065
 
 # Contacts. A time constant of 5 steps is stiff and has room to spare. The tyre's impedance rises from 0.2 to 0.8 over
 # 5 mm. ``IMPRATIO`` makes friction that much stiffer than the tyre, so that a wheel that holds does not creep.
@@ -43,6 +45,11 @@ IMPRATIO = 100.0
 GROUND_BIT, ROVER_BIT = 2, 1  # the rover meets the ground and what stands on it, and nothing of the rest
 
 ROVER = "rover"
+
+# Without a hearer the engine writes its warnings to MUJOCO_LOG.TXT in the folder it runs in. Nothing is lost: each
+# world's data count its own, and ``unstable.refuse`` says them.
+if mujoco.get_mju_user_warning() is None:
+    mujoco.set_mju_user_warning(lambda _text: None)
 
 
 class Wheels(NamedTuple):
@@ -97,7 +104,9 @@ def body_of(name: str, vehicle: Vehicle, chassis: Chassis) -> Body:
             f"rover '{name}' gives no chassis.{missing[0]}, and --physics mujoco needs a body with wheels;"
             " take --rover sim, forestrover or minirover, or add [chassis] to its file as theirs have it"
         )
-    clearance_m, weight_kg, motors_n_m, radius_m, height_m = (getattr(chassis, key) for key in ON_WHEELS)
+    weight_kg, motors_n_m, radius_m, height_m = (getattr(chassis, key) for key in ON_WHEELS)
+    given_m = chassis.ground_clearance_m
+    clearance_m = CLEARANCE_PER_RADIUS * radius_m if given_m is None else given_m
     if not 4.0 * radius_m < vehicle.length_m:
         raise BadConfig(
             f"rover '{name}': chassis.wheel_radius_m = {radius_m:g}: two wheels behind each other do not fit into"
@@ -105,7 +114,7 @@ def body_of(name: str, vehicle: Vehicle, chassis: Chassis) -> Body:
         )
     if not clearance_m < min(height_m, 2.0 * radius_m):
         raise BadConfig(
-            f"rover '{name}': chassis.ground_clearance_m = {clearance_m:g} must be below chassis.height_m"
+            f"rover '{name}': a ground clearance of {clearance_m:g} m must be below chassis.height_m"
             f" = {height_m:g} and below the wheels' diameter of {2.0 * radius_m:g}"
         )
     if not vehicle.width_m > 2.5 * TYRE_WIDTH_PER_RADIUS * radius_m:

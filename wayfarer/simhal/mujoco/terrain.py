@@ -48,13 +48,23 @@ class Terrains(NamedTuple):
         return {name: list(bounds) for name, bounds in self._asdict().items()}
 
 
-def terrains_of(bounds: Mapping[str, Sequence[float]]) -> Terrains:
-    """Return what ``Terrains.as_json`` gave."""
-    return Terrains(**{name: Range(low, high) for name, (low, high) in bounds.items()})
-
-
 # Beyond these bounds the model says nothing: a height field that no wheel of 5 cm can follow, a motor of no rover.
 BOUNDS = Terrains(friction=Range(0.02, 2.0), roughness_m=Range(0.0, 0.1), torque_scale=Range(0.1, 20.0))
+
+
+def terrains_of(bounds: Mapping[str, Sequence[float]]) -> Terrains:
+    """Return what ``Terrains.as_json`` gave.
+
+    Raises:
+        ValueError: it did not give this; the text says which number is missing or out of bounds.
+    """
+    if set(bounds) != set(Terrains._fields):
+        raise ValueError(f"expected {', '.join(Terrains._fields)}, found {', '.join(bounds) or 'nothing'}")
+    for name, ends in bounds.items():
+        lowest, highest = getattr(BOUNDS, name)
+        if not (len(ends) == 2 and lowest <= ends[0] <= ends[1] <= highest):
+            raise ValueError(f"{name} = {list(ends)}: expected two numbers from {lowest:g} to {highest:g} in order")
+    return Terrains(**{name: Range(*ends) for name, ends in bounds.items()})
 
 
 def parse_range(option: str, text: str, bounds: Range) -> Range:

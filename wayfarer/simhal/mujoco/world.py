@@ -9,15 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import asin, atan2, cos, degrees, inf, radians, sin
+from math import cos, inf, radians, sin
 
 import mujoco
 
 from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.mujoco.contacts import Contacts
 from wayfarer.simhal.mujoco.forces import gravity_m_s2, shove_n
-from wayfarer.simhal.mujoco.ground import MUD_FRICTION, Mud, rough_ground
+from wayfarer.simhal.mujoco.ground import Footing, Mud, rough_ground
 from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Body, build
+from wayfarer.simhal.mujoco.motion import Odometer, pose_of
+from wayfarer.simhal.mujoco.placing import Placing
 from wayfarer.simhal.mujoco.terrain import Terrain
+from wayfarer.simhal.mujoco.unstable import refuse
 from wayfarer.simhal.obstacles import low_trunks_of, obstacles_of
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.simulated_world import (
@@ -34,17 +38,9 @@ from wayfarer.simhal.streams import Streams
 
 LOOK_EVERY = 5  # steps: 20 ms, well within a control tick
 SETTLES_S = 0.5  # for which a rover that is put down comes to rest on its tyres before anything counts
-PUT_DOWN_FROM_M = 0.005
 # Wheels slip when the ground passes less than half as fast as their rims, and not by a rounding error.
 SLIPS_BELOW_SHARE, SLIPS_ABOVE_M_S = 0.5, 0.1
-# A rover hangs when its belly is on something and no more than two wheels touch anything, for so long; from no source.
-HANGS_AFTER_S = 5.0
-WHEELS_TO_DRIVE = 3
-PULLED_BY_M = 0.01
-
-
-class Unstable(ArithmeticError):
-    """The engine could not work the motion out; the trial says nothing."""
+HANGS_AFTER_S = 5.0  # on its belly, with too few wheels to drive off; from no source
 
 
 class MujocoWorld:
@@ -71,30 +67,29 @@ class MujocoWorld:
         self.physics, self.terrain, self.body = physics, terrain, body
         self.touch: Touch | None = None
         self.hangs = False
-        self.field_deg = 0.0
-        self.ground_pitch_deg = self.ground_roll_deg = 0.0
+        self.field_deg = self.ground_pitch_deg = self.ground_roll_deg = 0.0
         self.battery_v = FULL_BATTERY_V
         self.deadman_at_s = inf
         self.chips_act: Callable[[], None] = nothing_acts
         self.after_step: Callable[[SimulatedWorld], None] = nobody_watches
         self.mishaps = UNHARMED
-        self.steps = 0
-        self.t_s = 0.0
+        self.steps, self.t_s = 0, 0.0
         self._step_s = step_s
-        self._field = rough_ground(terrain.roughness_m, streams) if terrain.roughness_m else None
+        field = rough_ground(terrain.roughness_m, streams) if terrain.roughness_m else None
         self._mud = Mud(forest, physics, body.width_m, streams)
         # What passes under the belly is there for the wheels, but nothing that a bumper feels.
         felt = obstacles_of(forest, body.clearance_m)
-        self._obstacles = felt + low_trunks_of(forest, body.clearance_m)
-        self._felt = len(felt)
-        self.model = build(body, terrain, self._field, self._obstacles, step_s)
+        obstacles = felt + low_trunks_of(forest, body.clearance_m)
+        self.model = build(body, terrain, field, obstacles, step_s)
         self.data = mujoco.MjData(self.model)
+        self._warned = self.data.warning.number  # how often the engine has warned of each trouble
         self._rover = self.model.body(ROVER).id
-        self._belly = 1 + len(self._obstacles)
-        self._muddy = [False] * 4
+        self._contacts = Contacts(self.data, obstacles, len(felt))
+        self._footing = Footing(self.model, self.data, self._mud, self._contacts.belly + 1, terrain.friction)
+        self._placing = Placing(self.model, self.data, body, field, self._contacts)
         self._slips = self._tilts = False
         self._hanging_s = 0.0
-        self._forward_m = self._reverse_m = self._right_m = 0.0
+        self._odometer = Odometer()
         self._sides = streams.generator("world.rover").normal(1.0, physics.side_gain_sd, 2).tolist()
         self._put_down(*forest.start_m, radians(forest.heading_deg))
         self.command(0.0, 0.0)
@@ -109,17 +104,17 @@ class MujocoWorld:
     @property
     def forward_m(self) -> float:
         """Distance driven ahead."""
-        return self._forward_m + max(self._since_look_m()[0], 0.0)
+        return self._odometer.forward_m + max(self._odometer.since_look_m(self._pose)[0], 0.0)
 
     @property
     def reverse_m(self) -> float:
         """Distance driven backwards."""
-        return self._reverse_m + max(-self._since_look_m()[0], 0.0)
+        return self._odometer.reverse_m + max(-self._odometer.since_look_m(self._pose)[0], 0.0)
 
     @property
     def right_m(self) -> float:
         """Sideways displacement, to the right."""
-        return self._right_m + self._since_look_m()[1]
+        return self._odometer.right_m + self._odometer.since_look_m(self._pose)[1]
 
     @property
     def path_m(self) -> float:
@@ -135,6 +130,7 @@ class MujocoWorld:
     def slipping(self, slips: bool) -> None:
         if slips:
             self._mud.spill(self.x_m, self.y_m)
+            self._footing.update()
 
     # -- what is done to it ----------------------------------------------------------------------------------------
 
@@ -148,25 +144,24 @@ class MujocoWorld:
     def harm(self, **mishaps: float | bool) -> None:
         """Change what is wrong with the body, from the next step on."""
         self.mishaps = replace(self.mishaps, **mishaps)  # type: ignore[arg-type]
-        if self.mishaps.snagged and not self.data.eq_active[0]:
-            self.model.eq_data[0, 3:10] = self.data.qpos[:7]  # the weld holds the body where it is now
-        self.data.eq_active[0] = self.mishaps.snagged
+        self._hold(self.mishaps.snagged)
         if not self.mishaps.shove_m_s:
             self.data.xfrc_applied[self._rover] = 0.0
         self.command(*self.commanded)
 
     def pull_back(self, distance_m: float) -> None:
-        """Put the body level on the ground, as far behind where it is as is free up to that distance."""
+        """Put the body level on the ground, as far behind where it is as is free up to that distance.
+
+        Where it is in contact with an obstacle as it stands level, it is put to the nearest place where it is not.
+
+        Raises:
+            NoRoom: there is no such place within some lengths of the body.
+        """
         x_m, y_m, heading_rad = self.x_m, self.y_m, self.heading_rad
-        behind_m = 0.0
-        while behind_m < distance_m:
-            further_m = behind_m + PULLED_BY_M
-            self._lift_to(x_m - further_m * sin(heading_rad), y_m - further_m * cos(heading_rad), heading_rad)
-            mujoco.mj_fwdPosition(self.model, self.data)
-            if any(0 < geom < self._belly for pair in self.data.contact.geom.tolist() for geom in pair):
+        for place in self._placing.free_places(x_m, y_m, heading_rad, distance_m):
+            self._put_down(*place, heading_rad)
+            if not self._contacts.with_obstacles():  # rough ground may tilt it against one
                 break
-            behind_m = further_m
-        self._put_down(x_m - behind_m * sin(heading_rad), y_m - behind_m * cos(heading_rad), heading_rad)
         self.command(*self.commanded)
 
     def advance_to(self, t_s: float) -> None:
@@ -195,33 +190,18 @@ class MujocoWorld:
                 self.after_step(self)
 
     def _read_pose(self) -> None:
-        """Take the pose from the engine: the body's axis ahead, and how it is turned about that."""
-        self.x_m, self.y_m, _, w, x, y, z = self.data.qpos[:7].tolist()
-        self.heading_rad = atan2(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z))
-        self.pitch_deg = degrees(asin(max(-1.0, min(1.0, 2.0 * (x * z - w * y)))))
-        self.roll_deg = degrees(atan2(2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)))
-
-    def _since_look_m(self) -> tuple[float, float]:
-        """Return how far the body has moved ahead and to the right since the world looked round."""
-        east_m, north_m = self.x_m - self._seen_x_m, self.y_m - self._seen_y_m
-        sin_h, cos_h = sin(self.heading_rad), cos(self.heading_rad)
-        return east_m * sin_h + north_m * cos_h, east_m * cos_h - north_m * sin_h
+        self._pose = pose_of(self.data.qpos[:7].tolist())
+        self.x_m, self.y_m, self.heading_rad, self.pitch_deg, self.roll_deg = self._pose
 
     def _look(self) -> None:
-        if self.x_m != self.x_m:  # NaN
-            raise Unstable(f"MuJoCo's state is not finite at {self.t_s:.3f} s")
-        ahead_m, right_m = self._since_look_m()
-        self._seen_x_m, self._seen_y_m = self.x_m, self.y_m
-        self._right_m += right_m
-        if ahead_m < 0.0:
-            self._reverse_m -= ahead_m
-        else:
-            self._forward_m += ahead_m
+        if self._warned.any() or self.x_m != self.x_m:  # NaN
+            refuse(self.data, self.t_s)
+        ahead_m = self._odometer.look(self._pose)
         speed_m_s = ahead_m / (LOOK_EVERY * self._step_s)
         self._feel_contacts()
         self._feel_slip(speed_m_s)
         if self._mud.anywhere:
-            self._wade()
+            self._footing.update()
         if self.mishaps.shove_m_s:
             self._shove(speed_m_s)
         if self._tilts or self.ground_pitch_deg or self.ground_roll_deg:
@@ -229,17 +209,8 @@ class MujocoWorld:
 
     def _feel_contacts(self) -> None:
         """Note what the body touches, and whether it lies on its belly."""
-        touched, on_belly, wheels = None, False, set()
-        for pair in self.data.contact.geom.tolist():
-            other, own = min(pair), max(pair)
-            if own == self._belly:
-                on_belly = True
-            else:
-                wheels.add(own)
-            if 0 < other <= self._felt and touched is None:
-                touched = self._obstacles[other - 1]
+        touched, hanging = self._contacts.feel()
         self.touch = touched and Touch(touched, side_of(touched, self.x_m, self.y_m, self.heading_rad))
-        hanging = on_belly and len(wheels) < WHEELS_TO_DRIVE
         self._hanging_s = self._hanging_s + LOOK_EVERY * self._step_s if hanging else 0.0
         self.hangs = self._hanging_s >= HANGS_AFTER_S
 
@@ -247,16 +218,6 @@ class MujocoWorld:
         rims_m_s = sum(self.data.qvel[6:10].tolist()) / 4.0 * self.body.wheel_radius_m
         slip_m_s = abs(rims_m_s - speed_m_s)
         self._slips = slip_m_s > SLIPS_ABOVE_M_S and slip_m_s > SLIPS_BELOW_SHARE * abs(rims_m_s)
-
-    def _wade(self) -> None:
-        """Give each wheel the friction of what is under it."""
-        first = self._belly + 1
-        for wheel, (x_m, y_m, _) in enumerate(self.data.geom_xpos[first : first + 4].tolist()):
-            muddy = self._mud.lies_at(x_m, y_m)
-            if muddy is not self._muddy[wheel]:
-                self._muddy[wheel] = muddy
-                friction = min(MUD_FRICTION, self.terrain.friction) if muddy else self.terrain.friction
-                self.model.geom_friction[first + wheel, 0] = friction
 
     def _shove(self, speed_m_s: float) -> None:
         """Push the body along until it goes at the speed of the shove."""
@@ -268,22 +229,22 @@ class MujocoWorld:
         self.model.opt.gravity[:] = gravity_m_s2(self.ground_pitch_deg, self.ground_roll_deg, self.heading_rad)
         self._tilts = bool(self.ground_pitch_deg or self.ground_roll_deg)
 
-    def _lift_to(self, x_m: float, y_m: float, heading_rad: float) -> None:
-        """Hold the body level just above the ground, at rest."""
-        data, body = self.data, self.body
-        reach_m = max(body.length_m, body.width_m) / 2.0
-        ground_m = self._field.top_m(x_m, y_m, reach_m) if self._field else 0.0
-        half_rad = (radians(90.0) - heading_rad) / 2.0  # the body's x axis is ahead, and 0 is north
-        data.qpos[:3] = x_m, y_m, ground_m + body.wheel_radius_m + PUT_DOWN_FROM_M
-        data.qpos[3:7] = cos(half_rad), 0.0, 0.0, sin(half_rad)
-        data.qvel[:] = 0.0
+    def _hold(self, snagged: bool) -> None:
+        """Weld the body to where it is now, unless it is held already; or let it go."""
+        if snagged and not self.data.eq_active[0]:
+            self.model.eq_data[0, :10] = 0.0, 0.0, 0.0, *self.data.qpos[:7]  # the body's middle, and where that is
+        self.data.eq_active[0] = snagged
 
     def _put_down(self, x_m: float, y_m: float, heading_rad: float) -> None:
         """Put the body down and let it come to rest, with its wheels at rest as well."""
-        self._lift_to(x_m, y_m, heading_rad)
+        self._hold(False)
+        self._placing.lift_to(x_m, y_m, heading_rad)
         self.data.ctrl[:] = 0.0
+        self.data.xfrc_applied[self._rover] = 0.0
+        self.model.opt.gravity[:] = gravity_m_s2(0.0, 0.0, heading_rad)  # a slope pulls again from the next look on
         mujoco.mj_step(self.model, self.data, round(SETTLES_S / self._step_s))
         self.data.qvel[:] = 0.0
+        self._hold(self.mishaps.snagged)
         self.touch, self.hangs, self._hanging_s = None, False, 0.0
         self._read_pose()
-        self._seen_x_m, self._seen_y_m = self.x_m, self.y_m
+        self._odometer.start_at(self._pose)

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, Self
 
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.simhal.parquet import ParquetRows, columns_of
-from wayfarer.simhal.results import write_whole
+from wayfarer.simhal.parquet import ParquetRows, types_of
+from wayfarer.simhal.results import differences, write_whole
 from wayfarer.simhal.rows import COLUMNS, Row, csv_line, parse_row
 from wayfarer.simhal.sweep.axes import Axis
 from wayfarer.simhal.sweep.plan import PointTask, Sweep
@@ -27,6 +27,7 @@ SETTINGS = "sweep.json"
 PARTIAL = "trials.partial.csv"
 TRIALS = "trials.csv"
 PARQUET = "trials.parquet"
+KEPT = (*COLUMNS, "ticks")  # of the partial file, after the point
 
 
 class SweepFolder:
@@ -68,7 +69,7 @@ class SweepFolder:
             WayfarerError: the folder cannot be written any more.
         """
         with self._writing(), (self.path / PARTIAL).open("a", encoding="utf-8") as partial:
-            partial.write(f"{point},{csv_line(row)}")
+            partial.write(f"{point},{csv_line(KEPT, row)}")
 
     def finish(self, sweep: Sweep, rows: Mapping[PointTask, Row]) -> None:
         """Write the final files; ``rows`` are all there are, in their final order.
@@ -80,12 +81,12 @@ class SweepFolder:
             return
         values = [point.values for point in sweep.points]
         swept = {axis.key: _kind(axis) for axis in sweep.axes}
-        columns = {"point": int, **swept, **columns_of(Row, COLUMNS)}
+        columns = {"point": int, **swept, **types_of(Row, COLUMNS)}
         with self._writing():
             with whole_file(self.path / PARQUET) as draft, ParquetRows(draft, columns) as file:
                 for task, row in rows.items():
-                    file.append((task.point, *values[task.point], *row[:-1]))
-            lines = (_csv_line(task.point, values[task.point]) + csv_line(row[:-1]) for task, row in rows.items())
+                    file.append((task.point, *values[task.point], *(getattr(row, name) for name in COLUMNS)))
+            lines = (_csv_line(task.point, values[task.point]) + csv_line(COLUMNS, row) for task, row in rows.items())
             write_whole(
                 self.path / TRIALS, (_csv_line("point", tuple(swept)) + csv_line(COLUMNS) + "".join(lines)).encode()
             )
@@ -110,7 +111,7 @@ class SweepFolder:
         if (self.path / TRIALS).exists():
             return read_trials(self.path / TRIALS, COLUMNS, len(sweep.axes))
         _drop_torn_line(self.path / PARTIAL)
-        return read_trials(self.path / PARTIAL, Row._fields, 0)
+        return read_trials(self.path / PARTIAL, KEPT, 0)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -164,7 +165,7 @@ def _drop_torn_line(path: Path) -> None:
     text = path.read_bytes() if path.exists() else b""
     whole = text[: text.rfind(b"\n") + 1]
     if not whole:
-        path.write_text("point," + csv_line(Row._fields), encoding="utf-8")
+        path.write_text("point," + csv_line(KEPT), encoding="utf-8")
     elif whole != text:
         os.truncate(path, len(whole))
 
@@ -179,7 +180,7 @@ def _refuse_another_sweep(path: Path, here: Mapping[str, Any]) -> None:
         raise BadInput(
             f"{path} belongs to another sweep: its keys or values differ; repeat them, or give another folder"
         )
-    differing = [name for name in here["campaign"] if there["campaign"].get(name) != here["campaign"][name]]
+    differing = [name for name, *_ in differences(here["campaign"], there["campaign"])]
     if differing:
         raise BadInput(
             f"{path} belongs to another sweep: {', '.join(differing)} differ; repeat its settings, "

@@ -1,0 +1,57 @@
+"""Where a body is by the engine's state, and how far the ground has passed under its middle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import asin, atan2, cos, degrees, sin
+from typing import NamedTuple
+
+
+class Pose(NamedTuple):
+    """Of the middle between the wheels: metres east and north, radians clockwise from north, nose up, right down."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    pitch_deg: float
+    roll_deg: float
+
+
+def pose_of(qpos: Sequence[float]) -> Pose:
+    """Return the pose of a free body: from its axis ahead, and how it is turned about that."""
+    x_m, y_m, _, w, x, y, z = qpos
+    return Pose(
+        x_m,
+        y_m,
+        atan2(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)),
+        degrees(asin(max(-1.0, min(1.0, 2.0 * (x * z - w * y))))),
+        degrees(atan2(2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))),
+    )
+
+
+class Odometer:
+    """Adds up, look by look, how far the body has moved along its own axes; ``start_at`` comes first."""
+
+    def __init__(self) -> None:
+        self.forward_m = self.reverse_m = self.right_m = 0.0
+
+    def start_at(self, pose: Pose) -> None:
+        """Count from here on, as after the body was carried."""
+        self._x_m, self._y_m = pose.x_m, pose.y_m
+
+    def since_look_m(self, pose: Pose) -> tuple[float, float]:
+        """Return how far the body has moved ahead and to the right since the latest look."""
+        east_m, north_m = pose.x_m - self._x_m, pose.y_m - self._y_m
+        sin_h, cos_h = sin(pose.heading_rad), cos(pose.heading_rad)
+        return east_m * sin_h + north_m * cos_h, east_m * cos_h - north_m * sin_h
+
+    def look(self, pose: Pose) -> float:
+        """Add what has been moved since the latest look; return how much of it was ahead, negative backwards."""
+        ahead_m, right_m = self.since_look_m(pose)
+        self.start_at(pose)
+        self.right_m += right_m
+        if ahead_m < 0.0:
+            self.reverse_m -= ahead_m
+        else:
+            self.forward_m += ahead_m
+        return ahead_m
