@@ -25,7 +25,7 @@ LAYERS = [
     ["escape", "conditions", "interval", "latest", "lines"],
     ["detector", "resume_warning", "safety", "records", "watchdog"],
     [
-        "arming", "board", "power", "electrics", "mission", "progress", "fieldlog.settings", "config", "config_errors",
+        "arming", "board", "power", "electrics", "mission", "odometer", "progress", "fieldlog.settings", "config", "config_errors",
         "registry", "pace", "calibration", "chassis", "wiring",
     ],
     ["helm", "fieldlog", "console_log", "status_light"],
@@ -36,7 +36,7 @@ LAYERS = [
 ]  # fmt: skip
 PURE = [
     "angles", "bounds", "conditions", "hal", "escape", "detector", "interval", "latest", "safety", "arming", "board",
-    "power", "electrics", "mission", "progress", "resume_warning", "status_light",
+    "power", "electrics", "mission", "odometer", "progress", "resume_warning", "status_light",
 ]  # fmt: skip
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
 BUS_LIBRARIES = {"cv2", "smbus2", "spidev", "serial", "gpiozero", "picamera2"}

@@ -89,11 +89,11 @@ def test_pivot_to_the_goal_below_the_motors_dead_band_is_pushed(rover: str) -> N
 
 @pytest.mark.parametrize("rover", ROVERS)
 def test_turn_that_gets_on_is_not_pushed(rover: str) -> None:
-    """The push is for what stands: a healthy turn ends as slowly as ever, so that it does not overshoot."""
+    """More duty is for what falls behind: a healthy turn ends slowly, so that it does not overshoot."""
     body = Body(rover, "pledge")
     body.reach(Phase.TURN_AWAY)
     duties = [abs(decision.wheels.left) for decision in body.while_in(Phase.TURN_AWAY)]
-    assert duties == sorted(duties, reverse=True)
+    assert max(duties) == duties[0]
     assert duties[-1] < 0.2
 
 

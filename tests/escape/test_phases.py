@@ -192,14 +192,13 @@ def test_forest_pledge_unwinds_too_when_the_goal_lies_elsewhere() -> None:
 
 @pytest.mark.parametrize("radius_m", [0.6, 1.15, 2.5])
 def test_probe_curves_back_in_an_arc_of_the_radius_that_is_set(radius_m: float) -> None:
-    walk = Walk("pledge", settings=replace(SETTINGS, probe_radius_m=radius_m))
+    walk = Walk("pledge", settings=replace(SETTINGS, probe_radius_m=radius_m, turn_angle_deg=90.0))
     walk.to(Phase.PROBE)
-    walk.go_on(lambda decision: decision.wheels.left < decision.wheels.right)  # the straight is over
+    walk.go_on(lambda _: walk.counter_deg < 60.0)  # the straight is over, and the curve is steady
     from_deg, from_m = walk.counter_deg, walk.seen.travelled_m
-    for _ in range(5):
-        walk.tick()
+    walk.go_on(lambda _: walk.counter_deg < 15.0)
     arc_m = walk.seen.travelled_m - from_m
-    assert radians(from_deg - walk.counter_deg) == pytest.approx(arc_m / radius_m, rel=1e-3)
+    assert radians(from_deg - walk.counter_deg) == pytest.approx(arc_m / radius_m, rel=0.1)
 
 
 def longest_s(phase: Phase) -> float:

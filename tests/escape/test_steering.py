@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from tests.escape.walk import SETTINGS, VEHICLE
 from wayfarer.escape.steering import HeadingHold
+from wayfarer.escape.turn_control import TurnController
 
 
 @given(st.floats(-10.0, 10.0), st.floats(-20.0, 20.0))
@@ -32,19 +33,19 @@ def test_full_speed_ahead_is_full_duty() -> None:
 
 @pytest.mark.parametrize("error_deg", [5.0, 40.0, 59.0, 61.0, 179.0])
 def test_wheels_turn_towards_the_goal(error_deg: float) -> None:
-    left, right = HeadingHold(SETTINGS, VEHICLE).wheels(0.0, error_deg)
+    left, right = HeadingHold(SETTINGS, TurnController(VEHICLE)).wheels(0.0, error_deg)
     assert left > right, "a goal that lies clockwise needs the left wheels to be faster"
-    assert HeadingHold(SETTINGS, VEHICLE).wheels(0.0, -error_deg) == (right, left)
+    assert HeadingHold(SETTINGS, TurnController(VEHICLE)).wheels(0.0, -error_deg) == (right, left)
 
 
 @pytest.mark.parametrize(("error_deg", "pivots"), [(59.5, False), (60.0, True), (120.0, True), (-180.0, True)])
 def test_beyond_60_degrees_it_turns_on_the_spot(error_deg: float, pivots: bool) -> None:
-    left, right = HeadingHold(SETTINGS, VEHICLE).wheels(0.0, error_deg)
+    left, right = HeadingHold(SETTINGS, TurnController(VEHICLE)).wheels(0.0, error_deg)
     assert (left == -right) is pivots
 
 
 def test_speed_falls_with_the_cosine_of_the_error() -> None:
-    left, right = HeadingHold(SETTINGS, VEHICLE).wheels(0.0, 20.0)
+    left, right = HeadingHold(SETTINGS, TurnController(VEHICLE)).wheels(0.0, 20.0)
     assert (left + right) / 2 * VEHICLE.max_speed_m_s == pytest.approx(SETTINGS.cruise_m_s * cos(radians(20.0)))
 
 
@@ -53,7 +54,7 @@ def turn(wheels: tuple[float, float]) -> float:
 
 
 def test_steady_error_is_learnt_and_forgotten_by_a_reset() -> None:
-    hold = HeadingHold(SETTINGS, VEHICLE)
+    hold = HeadingHold(SETTINGS, TurnController(VEHICLE))
     first = turn(hold.wheels(0.0, 5.0))
     for tick in range(1, 41):
         learnt = turn(hold.wheels(tick * 0.05, 5.0))
@@ -64,7 +65,7 @@ def test_steady_error_is_learnt_and_forgotten_by_a_reset() -> None:
 
 
 def test_pivot_is_not_learnt() -> None:
-    hold = HeadingHold(SETTINGS, VEHICLE)
+    hold = HeadingHold(SETTINGS, TurnController(VEHICLE))
     for tick in range(40):
         hold.wheels(tick * 0.05, 90.0)
     assert turn(hold.wheels(2.0, 0.0)) == 0.0
@@ -72,12 +73,12 @@ def test_pivot_is_not_learnt() -> None:
 
 def test_turn_rate_is_limited() -> None:
     slow = replace(SETTINGS, turn_deg_s=45.0)
-    left, right = HeadingHold(slow, VEHICLE).wheels(0.0, 179.0)
+    left, right = HeadingHold(slow, TurnController(VEHICLE)).wheels(0.0, 179.0)
     assert (left - right) * VEHICLE.max_speed_m_s / VEHICLE.track_m == pytest.approx(pi / 4)
 
 
 def test_derivative_damps_a_closing_error() -> None:
-    damped = HeadingHold(replace(SETTINGS, heading_i=0.0, heading_d=0.5), VEHICLE)
+    damped = HeadingHold(replace(SETTINGS, heading_i=0.0, heading_d=0.5), TurnController(VEHICLE))
     damped.wheels(0.0, 20.0)
-    plain = HeadingHold(replace(SETTINGS, heading_i=0.0), VEHICLE)
+    plain = HeadingHold(replace(SETTINGS, heading_i=0.0), TurnController(VEHICLE))
     assert turn(damped.wheels(0.05, 19.0)) < turn(plain.wheels(0.05, 19.0))

@@ -13,17 +13,19 @@ from math import degrees
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import WheelCommand
 
-# Rates and duties are averaged alike before they are compared: about the lag of motors and body, and enough for the
-# noise of a compass (1 degree, 20 readings a second) to count for 4 degrees a second.
+# A body follows its wheels with about this lag (``simhal.Physics``: 0.1 s; ForestRover's mass and motors: 0.12 s).
+LAG_S = 0.1
+# Rates and duties are averaged alike before they are compared, so that the noise of a compass (1 degree, 20 readings a
+# second) counts for 4 degrees a second.
 AVERAGE_S = 0.2
-# A heading that is behind is caught up with at this share of it a second. Lag and averaging are a third of a second.
+# A heading that is behind is caught up with at this share of it a second: slow beside lag and tick together.
 CATCH_UP_PER_S = 4.0
 # For how long a heading that fell behind is remembered: what was not caught up with by then was held.
 FORGET_S = 1.5
-# Faster than it was told by so much, a body that was held has come free.
-FREE_SHARE, FREE_DEG_S = 1.2, 15.0
-# A body that turns at less than this, or is told to, says nothing of the ground.
-LEARN_FROM_DEG_S = 10.0
+# Faster than it was told by so much, a body that was held has come free: twice the noise of the latest rate.
+FREE_SHARE, FREE_DEG_S = 1.2, 30.0
+# A body that is held says nothing of the ground: one that turns at less than this, or this share of what it is told.
+LEARN_FROM_DEG_S, LEARN_FROM_SHARE = 10.0, 0.25
 LEARN_S = 0.5
 DEAD_ZONE_MAX = 0.9
 # Up to this rate the dead zone is made up for in proportion: a noisy compass must not throw the wheels about.
@@ -50,13 +52,14 @@ class TurnController:
         self._t_s: float | None = None
         self._heading_deg = 0.0
         self._told_deg_s = self._duty = 0.0
-        self._mean_told_deg_s = self._mean_duty = self._rate_deg_s = 0.0
+        self._expected_deg_s = self._latest_deg_s = 0.0
+        self._mean_duty = self._mean_rate_deg_s = 0.0
         self._behind_deg = 0.0
 
     def rest(self) -> None:
         """Begin a manoeuvre: what the last one did not reach is not caught up with."""
         self._behind_deg = 0.0
-        self._mean_told_deg_s = self._rate_deg_s
+        self._expected_deg_s = self._latest_deg_s
 
     def observe(self, t_s: float, heading_deg: float) -> None:
         """Take the heading at a tick, and compare what the body did since the last one with what it was told."""
@@ -66,18 +69,14 @@ class TurnController:
             return
         dt_s = t_s - last_t_s
         gained_deg = (heading_deg - last_deg + 180.0) % 360.0 - 180.0
+        rate_deg_s = gained_deg / dt_s
+        self._latest_deg_s = (self._latest_deg_s + rate_deg_s) / 2.0
+        self._expected_deg_s += (self._told_deg_s - self._expected_deg_s) * dt_s / (dt_s + LAG_S)
+        self._fall_behind(self._expected_deg_s * dt_s - gained_deg, dt_s)
         share = dt_s / (dt_s + AVERAGE_S)
-        told = self._mean_told_deg_s = self._mean_told_deg_s + (self._told_deg_s - self._mean_told_deg_s) * share
-        duty = self._mean_duty = self._mean_duty + (self._duty - self._mean_duty) * share
-        rate = self._rate_deg_s = self._rate_deg_s + (gained_deg / dt_s - self._rate_deg_s) * share
-        self._fall_behind(told * dt_s - gained_deg, dt_s)
-        if told < 0.0:
-            told, duty, rate = -told, -duty, -rate
-        if rate > LEARN_FROM_DEG_S and told > LEARN_FROM_DEG_S:
-            seen = min(max(duty - rate / self._ideal_deg_s, 0.0), DEAD_ZONE_MAX)
-            self.dead_zone += (seen - self.dead_zone) * dt_s / LEARN_S
-            if rate > FREE_SHARE * told + FREE_DEG_S:
-                self._behind_deg /= 2.0
+        self._mean_duty += (self._duty - self._mean_duty) * share
+        self._mean_rate_deg_s += (rate_deg_s - self._mean_rate_deg_s) * share
+        self._learn(dt_s)
 
     def wheels(self, speed_m_s: float, turn_deg_s: float) -> WheelCommand:
         """Return the wheels for a forward speed and a turn rate, clockwise positive."""
@@ -99,3 +98,14 @@ class TurnController:
         most_deg = self._ideal_deg_s / CATCH_UP_PER_S
         behind_deg = (self._behind_deg + missing_deg) * (1.0 - min(dt_s / FORGET_S, 1.0))
         self._behind_deg = min(max(behind_deg, -most_deg), most_deg)
+
+    def _learn(self, dt_s: float) -> None:
+        """Take what the turn duty has beyond the turn rate for the ground's; let go where a body has come free."""
+        told, duty, rate, latest = self._expected_deg_s, self._mean_duty, self._mean_rate_deg_s, self._latest_deg_s
+        if told < 0.0:
+            told, duty, rate, latest = -told, -duty, -rate, -latest
+        if told > LEARN_FROM_DEG_S and min(rate, latest) > max(LEARN_FROM_DEG_S, LEARN_FROM_SHARE * told):
+            seen = min(max(duty - rate / self._ideal_deg_s, 0.0), DEAD_ZONE_MAX)
+            self.dead_zone += (seen - self.dead_zone) * dt_s / LEARN_S
+            if latest > FREE_SHARE * told + FREE_DEG_S:
+                self._behind_deg /= 2.0

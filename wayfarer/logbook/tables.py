@@ -29,7 +29,7 @@ COLUMNS = (
     "phase", "why", "anomalies", "heading_deg", "goal_heading_deg", "pitch_deg", "roll_deg", "travelled_m",
     "reckoned_north_m", "reckoned_east_m",
     "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
-    "counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "decision_t_s",
+    "counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty", "decision_t_s",
     "compass_t_s", "compass_heading_deg", "compass_pitch_deg", "compass_roll_deg", "compass_calibration",
     "motion_t_s", "motion_forward_m", "motion_right_m", "motion_quality", "motion_signed",
     "contact_t_s", "contact_sides", "contact_obstacle_bearing_deg",
