@@ -25,8 +25,8 @@ LAYERS = [
     ["escape", "conditions", "interval", "latest", "lines"],
     ["detector", "resume_warning", "safety", "records", "watchdog"],
     [
-        "arming", "board", "power", "electrics", "mission", "odometer", "progress", "fieldlog.settings", "config", "config_errors",
-        "registry", "pace", "calibration", "chassis", "wiring",
+        "arming", "board", "power", "electrics", "mission", "odometer", "progress", "fieldlog.settings", "config",
+        "config_errors", "registry", "pace", "calibration", "chassis", "wiring",
     ],
     ["helm", "fieldlog", "console_log", "status_light"],
     ["supervisor", "fresh_wheels", "sampling", "stop_path", "troubles"],

@@ -1,4 +1,4 @@
-"""How far the rover has come: what the motion sensor saw, and what was commanded where that cannot be believed. Pure."""
+"""How far the rover has come, as the motion sensor saw it, or as commanded where that cannot be believed. Pure."""
 
 from __future__ import annotations
 

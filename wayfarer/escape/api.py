@@ -44,8 +44,8 @@ class Observation(NamedTuple):
     """What an algorithm sees in one control tick.
 
     ``travelled_m`` is the distance commanded so far, forwards and backwards both counted up. ``measured_m`` is the same
-    as the motion sensor saw it, and as commanded where it cannot be believed; None where nothing measures it. ``contact``
-    is None on a rover without a contact sensor.
+    as the motion sensor saw it, and as commanded where it cannot be believed; None where nothing measures it.
+    ``contact`` is None on a rover without a contact sensor.
     """
 
     t_s: float
