@@ -19,6 +19,7 @@ from wayfarer.interval import Interval
 
 # What a window shows: the side that lags behind, or wheels that go the wrong way.
 LEFT, RIGHT, REVERSED = -1, 1, 0
+ALONE = 2  # times a side: it was told to push nearly alone, and an anomaly followed
 # What a window is of: driving ahead or back, or turning on the spot.
 AHEAD, BACK, CLOCKWISE, ANTICLOCKWISE = 1, -1, 2, -2
 
@@ -102,7 +103,8 @@ class DriveWatch:
     def _confirm(self, t_s: float, applied: WheelCommand, *, trusted: bool) -> None:
         """Tell of the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.
 
-        Where hardly any side but that one was told to push, the anomaly is that side's as well.
+        Where hardly any side but that one was told to push, the anomaly may be that side's as well. A controller asks
+        for that beside a trunk too, so it takes twice as often to be a fault.
         """
         if self._suspect is None:
             return
@@ -112,8 +114,11 @@ class DriveWatch:
         if trusted and t_s < at_s:
             return
         self._suspect = None
-        if trusted or alone:
-            self._tell(t_s, side, self._settings.drive_uneven_windows)
+        limit = self._settings.drive_uneven_windows
+        if trusted:
+            self._tell(t_s, side, limit)
+        elif alone:
+            self._tell(t_s, side * ALONE, limit * 2)
 
     def _coast_deg(self, t_s: float, gained_deg: float) -> float:
         """Return how far the body may turn on from the rate that it had before this tick."""

@@ -8,15 +8,31 @@ compass shows, up to full duty of one side against the other, as a controller do
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import asyncio
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import copysign
 from random import Random
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.angles import wrap180
+from wayfarer.config import RoverConfig
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.hal import WheelCommand
+from wayfarer.records import PartialLog, TickRecord
+from wayfarer.simhal.faults import Fault
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.stage import Stage, TrialSpec
+
+if TYPE_CHECKING:
+    from wayfarer.simhal.mujoco.terrain import Terrains
+
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+NEVER_S = 86_400.0
+NO_MUD_M = 1e9
 
 # The loop from turn rate to duty: full duty of one side against the other after a second of 100 degrees a second that
 # are asked for and not there. From no source; quicker than a loop that is tuned not to overshoot.
@@ -105,3 +121,58 @@ class FreeDriving:
 
 
 FREE_DRIVING = Algorithm("free-driving", "test", "drives a programme of legs on free ground", FreeDriving)
+
+
+class _Claims(PartialLog):
+    """Keeps what the detector says, each time that it begins to say so."""
+
+    def __init__(self) -> None:
+        self.said: list[tuple[float, str]] = []
+        self._last: set[str] = set()
+
+    def tick(self, record: TickRecord) -> None:
+        """Take anomalies, and the condition that counts for the gate."""
+        now = {anomaly.value for anomaly in (record.observation.anomalies if record.observation else ())}
+        if record.cause is not None:
+            now.add(record.cause.value)
+        self.said += [(record.t_s, name) for name in sorted(now - self._last)]
+        self._last = now
+
+
+def drive_freely(
+    rover: RoverConfig, terrains: Terrains | None, for_s: float, seed: int, faults: Sequence[Fault] = ()
+) -> list[tuple[float, str]]:
+    """Drive the programme on free ground and return what the detector said, and when: nothing, if it is right.
+
+    Args:
+        rover: the rover; whether it gets anywhere is not asked.
+        terrains: the ground in MuJoCo, None for physics-light.
+        for_s: how long.
+        seed: of the programme and of all noise.
+        faults: what goes wrong meanwhile.
+    """
+    nowhere = replace(rover.progress, give_up_s=NEVER_S, anomalies_max=int(NEVER_S))
+    spec = TrialSpec(
+        0, f"{__name__}:FREE_DRIVING", CLEARING, seed, rover.model_copy(update={"progress": nowhere}),
+        slip_mean_m=NO_MUD_M, terrains=terrains, faults=faults,
+    )  # fmt: skip
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(_drive(spec, for_s))
+
+
+async def _drive(spec: TrialSpec, for_s: float) -> list[tuple[float, str]]:
+    claims = _Claims()
+    stage = Stage(spec, lambda *_: claims)
+
+    def end(world: SimulatedWorld) -> None:
+        if world.t_s >= for_s:
+            stage.supervisor.finish("driven", "the programme is over")
+
+    stage.world.after_step = end
+    if stage.injector is not None:
+        stage.injector.start(stage.world, stage.supervisor.helm.power, lambda *_, **__: None)
+    await stage.supervisor.arm(CLEARING.heading_deg)
+    await stage.supervisor.run()
+    if stage.injector is not None:
+        stage.injector.end()
+    return claims.said
