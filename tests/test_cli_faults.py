@@ -272,6 +272,20 @@ def test_detector_is_measured_and_kept(tmp_path: Path, capsys: pytest.CaptureFix
     assert sum(row["found"] for row in rows if row["anomaly"] == "immobilised") > 5
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--physics", "mujoco"], "--physics is for the detector's table; add --detector, or leave it out"),
+        (["--detector", "--friction", "0.3"], "--friction is of another world; add --physics mujoco, or leave it out"),
+    ],
+)
+def test_options_of_the_detectors_table_where_they_mean_nothing_are_refused(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run(["faults", *arguments]) == 2
+    assert said in capsys.readouterr().err
+
+
 def test_detector_beside_what_it_has_no_use_for_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["faults", "--detector", "--only", "37"]) == 2
     assert "--detector has its own trials; leave out --only" in capsys.readouterr().err

@@ -189,6 +189,22 @@ def test_blocked_rover_of_which_the_compass_jitters_by_its_last_digit_is_not_sus
     assert {rover.tick(PIVOT, heading_deg=7.7 + n % 2 / 10).conditions for n in range(100)} == {()}
 
 
+@pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(0.1, 0.0), (0.0, 0.1)])
+def test_rover_that_the_ground_holds_repeats_its_heading_and_is_not_suspect(pitch_deg: float, roll_deg: float) -> None:
+    """Wheels that push shake the body: its other angles show that the part is alive."""
+    rover = started()
+    for n in range(100):
+        shaken = n % 2
+        found = rover.tick(PIVOT, heading_deg=7.7, pitch_deg=shaken * pitch_deg, roll_deg=shaken * roll_deg)
+        assert found.conditions == ()
+
+
+def test_heading_that_stays_through_a_turn_on_the_move_is_frozen_whatever_the_other_angles_do() -> None:
+    rover, curve = started(), WheelCommand(0.8, 0.2)
+    found = [rover.tick(curve, 0.5 * TICK_S, heading_deg=7.7, pitch_deg=n % 2 / 10).conditions for n in range(20)]
+    assert found[-1] == (Condition.COMPASS_FROZEN,)
+
+
 # -- calibration -------------------------------------------------------------------------------------------------
 
 

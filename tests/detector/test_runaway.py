@@ -76,14 +76,14 @@ def test_sense_without_a_direction_sees_a_runaway_too() -> None:
 
 @given(
     speed_m_s=st.floats(0.05, 1.4),
-    friction=st.floats(0.3, 0.8),
+    friction=st.floats(0.06, 0.8),
     offset_s=st.floats(0.0, PERIOD_S),
     way=st.sampled_from([1, -1]),
 )
 def test_rover_that_slides_to_a_stop_on_leaves_is_not_running_away(
     speed_m_s: float, friction: float, offset_s: float, way: int
 ) -> None:
-    """The friction of field.md, section 4, from the highest speed of a shipped rover, at any phase of the readings."""
+    """From mud to dry soil, from the highest speed of a shipped rover, at any phase of the readings."""
     rover = started()
     rover.tick(WheelCommand(float(way), float(way)), 0.0, dt_s=PERIOD_S)
     stops_s = speed_m_s / (friction * G_M_S2)
@@ -92,7 +92,7 @@ def test_rover_that_slides_to_a_stop_on_leaves_is_not_running_away(
         t_s = min(max(t_s, 0.0), stops_s)
         return speed_m_s * t_s - friction * G_M_S2 * t_s**2 / 2
 
-    for tick in range(20):
+    for tick in range(60):
         since_s = tick * PERIOD_S + offset_s
         moved_m = way * (slid_m(since_s) - slid_m(since_s - PERIOD_S))
         assert Condition.RUNAWAY not in rover.tick(STOP, moved_m, dt_s=PERIOD_S).conditions

@@ -5,6 +5,8 @@ from __future__ import annotations
 from random import Random
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.detector.rover import BACK, FULL, PIVOT, STEP_M, Rover, started
 from wayfarer.config import load_rover
@@ -24,13 +26,64 @@ def test_moving_rover_is_not_stalled(wheels: WheelCommand, way: float) -> None:
 
 
 @pytest.mark.parametrize(("share", "stalled"), [(0.28, True), (0.32, False)])
-def test_stall_means_less_than_a_share_of_what_was_commanded(share: float, stalled: bool) -> None:
-    assert started().drive(10, moved_m=share * STEP_M)[-1] is stalled
+def test_rover_that_leads_nowhere_moves_less_than_a_share_of_what_was_commanded(share: float, stalled: bool) -> None:
+    """It slides along a trunk: it does not stand, but after two seconds it is held as well."""
+    rover = started()
+    rover.drive(40, moved_m=STEP_M)
+    found = rover.drive(40, moved_m=share * STEP_M)
+    assert not any(found[8:20]), "but for the moment at which it met the trunk"
+    assert found[-1] is stalled
 
 
 @pytest.mark.parametrize(("wheels", "way"), [(FULL, -1.0), (BACK, 1.0)])
-def test_rolling_the_other_way_is_a_stall(wheels: WheelCommand, way: float) -> None:
-    assert started().drive(6, wheels, moved_m=way * STEP_M)[-1]
+def test_rolling_the_other_way_from_a_stand_is_a_stall(wheels: WheelCommand, way: float) -> None:
+    assert any(started().drive(6, wheels, moved_m=way * STEP_M))
+
+
+@pytest.mark.parametrize(("wheels", "way"), [(FULL, -1.0), (BACK, 1.0)])
+def test_rover_that_still_rolls_the_other_way_is_a_stall_when_it_leads_nowhere(
+    wheels: WheelCommand, way: float
+) -> None:
+    rover = started()
+    rover.drive(20, WheelCommand(-wheels.left, -wheels.right), moved_m=way * STEP_M)
+    found = rover.drive(80, wheels, moved_m=way * STEP_M)
+    assert not any(found[:30])
+    assert found[-1]
+
+
+@given(
+    gain_m_s2=st.floats(0.5, 8.0),
+    from_m_s=st.floats(-1.0, 1.0),
+    cruise_m_s=st.floats(0.15, 1.0),
+    backwards=st.booleans(),
+    seed=st.integers(0, 1000),
+)
+def test_healthy_body_on_any_ground_is_never_stalled(
+    gain_m_s2: float, from_m_s: float, cruise_m_s: float, backwards: bool, seed: int
+) -> None:
+    """From any speed either way, with the sensor's noise: it gains speed as the ground's grip allows."""
+    rover, chance, speed_m_s = started(), Random(seed), from_m_s
+    way, dt_s = -1.0 if backwards else 1.0, 0.1
+    for _ in range(4):
+        rover.tick(STOP, way * speed_m_s * dt_s, dt_s=dt_s)
+    for n in range(50):
+        then_m_s, speed_m_s = speed_m_s, min(cruise_m_s, speed_m_s + gain_m_s2 * dt_s)
+        seen_m = way * (then_m_s + speed_m_s) / 2 * dt_s * chance.gauss(1.0, 0.03) + chance.gauss(0.0, 0.0004)
+        wheels = WheelCommand(way * cruise_m_s, way * cruise_m_s)
+        assert rover.tick(wheels, seen_m, dt_s=dt_s, heading_deg=n % 2).anomalies == ()
+
+
+def test_body_that_gains_no_speed_from_a_stand_is_stalled() -> None:
+    """The test above can fail."""
+    assert started().drive(6, WheelCommand(0.15, 0.15), moved_m=0.0)[-1]
+
+
+def test_body_that_spins_with_its_wheels_against_each_other_is_not_judged_by_its_speed() -> None:
+    """It turns at 160 degrees a second: what it had of speed ahead becomes sideways."""
+    rover = started()
+    rover.drive(10, moved_m=STEP_M)
+    for n in range(20):
+        assert rover.tick(WheelCommand(1.0, 0.0), 0.0, heading_deg=n * 10.0).anomalies == ()
 
 
 def test_noise_that_sums_to_zero_does_not_hide_a_stall() -> None:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.sim import Depth
+from wayfarer.cli.sim import Depth, PhysicsName
 from wayfarer.errors import BadInput, MissingPackage
 
 EXAMPLES = """Examples:
@@ -25,6 +25,8 @@ wayfarer faults --scenario my-fault.toml
 wayfarer faults --trials 1000 --rover forestrover
 
 wayfarer faults --detector --trials 100
+
+wayfarer faults --detector --physics mujoco --friction 0.3 --trials 10
 """
 BY_CHANCE = "Faults by chance"
 DETECTOR = "The detector"
@@ -79,15 +81,38 @@ def faults(
             rich_help_panel=DETECTOR,
         ),
     ] = False,
+    physics: Annotated[
+        PhysicsName | None,
+        typer.Option(help="What moves the body while the detector is measured.", rich_help_panel=DETECTOR),
+    ] = None,
+    friction: Annotated[
+        float | None,
+        typer.Option(
+            min=0.02,
+            max=2.0,
+            metavar="MU",
+            help="Friction of tyres on ground and bark in MuJoCo; without it 0.1, 0.15, 0.3, 0.5 and 0.8 in turn.",
+            rich_help_panel=DETECTOR,
+        ),
+    ] = None,
+    torque_scale: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1,
+            max=20.0,
+            metavar="X",
+            help="Stall torque over the rover file's chassis.motors_n_m, in MuJoCo. (default: 1)",
+            rich_help_panel=DETECTOR,
+        ),
+    ] = None,
 ) -> None:
     """Make each fault of the field catalogue happen to a simulated rover, and show what it does within which bound."""
     given = {"only": only, "scenario": scenario, "show": show, "seed": seed, "depth": depth}
     _refuse_odd_pairs(given, by_chance=trials is not None, detector=detector)
+    _refuse_without_mujoco({"physics": physics, "friction": friction, "torque_scale": torque_scale}, detector=detector)
     require("simulating")
     if detector:
-        from wayfarer.simhal.scenarios.detector_table import run_detector
-
-        raise typer.Exit(run_detector(rover, trials, jobs, out))
+        raise typer.Exit(_measure_detector(rover, trials, jobs, out, physics, friction, torque_scale))
     if trials is not None:
         from wayfarer.simhal.rig import Depth as RigDepth
         from wayfarer.simhal.scenarios.random_trials import run_random
@@ -95,6 +120,28 @@ def faults(
         how_deep = None if depth is None else RigDepth(depth.value)
         raise typer.Exit(run_random(trials, rover, how_deep, seed or 0, jobs, out))
     raise typer.Exit(_run(only, rover, scenario, out, jobs, show=show))
+
+
+def _measure_detector(
+    rover: str | None,
+    trials: int | None,
+    jobs: int | None,
+    out: Path | None,
+    physics: PhysicsName | None,
+    friction: float | None,
+    torque_scale: float | None,
+) -> int:
+    from wayfarer.simhal.scenarios.detector_table import run_detector
+    from wayfarer.simhal.scenarios.detector_trials import CELLS, cells_in_mujoco
+
+    if physics is not PhysicsName.mujoco:
+        return run_detector(rover, trials, jobs, out, CELLS)
+    require("--physics mujoco")
+    from wayfarer.config import load_rover
+    from wayfarer.simhal.command import check_body
+
+    check_body(load_rover(rover or "sim"), rover or "sim")
+    return run_detector(rover, trials, jobs, out, cells_in_mujoco(friction, torque_scale or 1.0))
 
 
 def _run(
@@ -131,6 +178,18 @@ def _run(
     for line in skipped_lines(unequipped):  # at once, not after the minutes that the others take
         say(Console(stderr=True), line)
     return run_rows(rows, jobs=jobs, out=out, skipped=[*misfits, *unequipped], untried=untried)
+
+
+def _refuse_without_mujoco(given: Mapping[str, object], *, detector: bool) -> None:
+    """Refuse options of the detector's table without it, and those of MuJoCo without MuJoCo."""
+    for name, value in given.items():
+        if value is None:
+            continue
+        option = f"--{name.replace('_', '-')}"
+        if not detector:
+            raise BadInput(f"{option} is for the detector's table; add --detector, or leave it out")
+        if name != "physics" and given["physics"] is not PhysicsName.mujoco:
+            raise BadInput(f"{option} is of another world; add --physics mujoco, or leave it out")
 
 
 def _refuse_odd_pairs(given: Mapping[str, object], *, by_chance: bool, detector: bool) -> None:

@@ -27,8 +27,8 @@ class CompassWatch:
         self._seen: CompassReading | None = None
         self._read_t_s = -inf
         self._believed_t_s = 0.0
-        self._heading_deg = -1.0  # as it was read, believed or not
-        self._equal_s = 0.0
+        self._heading_deg = self._pitch_deg = self._roll_deg = -1.0  # as they were read, believed or not
+        self._equal_s = self._all_equal_s = 0.0  # turning on the move; turning at all
         self._frozen = False
         self._low_since_s: float | None = None
         self._rejections = 0  # a bit for each of the last readings, the newest lowest: 1 was rejected
@@ -41,9 +41,14 @@ class CompassWatch:
         """Begin the age now: what has not spoken yet is as old as the run."""
         self._believed_t_s = t_s
 
-    def update(self, t_s: float, turning_s: float, reading: CompassReading | None) -> list[Condition]:
-        """Take in a tick, in which the wheels were told to turn the rover for ``turning_s``."""
-        self._equal_s += turning_s
+    def update(self, t_s: float, turning_s: float, reading: CompassReading | None, *, moves: bool) -> list[Condition]:
+        """Take in a tick, in which the wheels were told to turn the rover for ``turning_s``.
+
+        ``moves`` says whether it is known to move: one that stands may be held, and then its heading stays.
+        """
+        self._all_equal_s += turning_s
+        if moves:
+            self._equal_s += turning_s
         if reading is not self._seen and reading is not None:
             self._take(t_s, reading)
         stale = t_s - self._believed_t_s > self._stale_s or self.reading is None
@@ -64,9 +69,11 @@ class CompassWatch:
             return
         since_s, self._read_t_s = read_t_s - self._read_t_s, read_t_s
         if heading_deg != self._heading_deg:
-            self._heading_deg, self._equal_s, self._frozen = heading_deg, 0.0, False
-        elif self._equal_s >= self._settings.frozen_s:
-            self._frozen = True
+            self._equal_s = self._all_equal_s = 0.0
+        elif pitch_deg != self._pitch_deg or roll_deg != self._roll_deg:
+            self._all_equal_s = 0.0
+        self._frozen = max(self._equal_s, self._all_equal_s) >= self._settings.frozen_s
+        self._heading_deg, self._pitch_deg, self._roll_deg = heading_deg, pitch_deg, roll_deg
         if calibration is None or calibration >= self._calibration_min:
             self._low_since_s = None
         elif self._low_since_s is None:

@@ -48,7 +48,7 @@ class Detector:
     ) -> None:
         self._turning_duty = radians(settings.frozen_turn_deg_s) * vehicle.track_m / vehicle.max_speed_m_s
         self._compass = CompassWatch(settings, calibration_min)
-        self._motion = MotionWatch(settings, watched=watches_motion)
+        self._motion = MotionWatch(settings, vehicle, watched=watches_motion)
         self._needs_contact = needs_contact or watches_contact
         self._contact = ContactWatch(settings, touch_counts=watches_contact, needed=self._needs_contact)
         self._tilt = TiltWatch(settings)
@@ -72,9 +72,10 @@ class Detector:
             self._start(t_s)
         left, right = interval.applied
         turning_s = interval.driven_s if abs(left - right) >= self._turning_duty else 0.0
-        conditions = self._compass.update(t_s, turning_s, compass)
+        gained_deg = self._compass.gained_deg
+        conditions = self._compass.update(t_s, turning_s, compass, moves=self._motion.moves)
         doubtful = bool(conditions)
-        self._motion.update(interval, motion, conditions)
+        self._motion.update(interval, self._compass.gained_deg - gained_deg, motion, conditions)
         anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found else []
         believed = self._compass.reading
         if believed is not None:

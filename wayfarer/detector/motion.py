@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from math import hypot, inf, radians
+
 from wayfarer.conditions import Condition
 from wayfarer.detector.runaway import Runaway
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.stall import Stall
+from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, MotionReading
 from wayfarer.interval import Interval
 
@@ -16,28 +19,44 @@ MOST_SHARE = 1.1
 class MotionWatch:
     """Feeds ``stall`` and ``runaway`` with what can be true, and knows how long nothing was.
 
-    ``watched`` says whether silence is a condition.
+    ``watched`` says whether silence is a condition; ``moves`` is whether the newest reading shows that the rover moves.
     """
 
-    def __init__(self, settings: DetectorSettings, *, watched: bool) -> None:
+    def __init__(self, settings: DetectorSettings, vehicle: Vehicle, *, watched: bool) -> None:
         self._settings = settings
+        self._half_speed_m_s = vehicle.max_speed_m_s / 2
+        self._m_per_deg = radians(vehicle.track_m / 2)
         self._watched = watched
         self._stale_s = settings.motion_stale_s
         self._quality_min = settings.quality_min
         self._speed_max_m_s = settings.motion_speed_max_m_s
         self.stall = Stall(settings)
         self.runaway = Runaway(settings)
+        self.moves = False
         self._commanded_m = self._before_m = self._undriven_s = 0.0
+        self._pushed_m = self._turned_deg = 0.0  # how far the sides were told to go, either way; how far it turned
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
 
     def start(self, t_s: float) -> None:
         """Begin all ages now."""
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = t_s
 
-    def update(self, interval: Interval, reading: MotionReading | None, conditions: list[Condition]) -> None:
-        """Take in a tick: what the wheels were told since the previous one, and what the sensor says, if anything."""
+    def update(
+        self, interval: Interval, turned_deg: float, reading: MotionReading | None, conditions: list[Condition]
+    ) -> None:
+        """Take in a tick.
+
+        Args:
+            interval: what the wheels were told since the previous one.
+            turned_deg: how far the rover has turned since then.
+            reading: what the sensor says, if anything.
+            conditions: takes what is found.
+        """
         t_s, tick_s, driven_s, applied, forward_m = interval
         self._commanded_m += forward_m
+        left, right = applied
+        self._pushed_m += (abs(left) + abs(right)) * self._half_speed_m_s * driven_s
+        self._turned_deg += turned_deg
         self._undriven_s += tick_s - driven_s
         if applied != STOP:
             self._driven_t_s = t_s
@@ -57,21 +76,27 @@ class MotionWatch:
         # A reading may be older than the gap that the tick saw: then nothing is known to have been driven.
         driven_s = dt_s - self._undriven_s if self._undriven_s < dt_s else 0.0
         self._undriven_s = 0.0
+        turned_deg = self._turned_deg
+        straight = abs(commanded_m) / hypot(self._pushed_m, turned_deg * self._m_per_deg) if commanded_m else 1.0
+        self._pushed_m = self._turned_deg = 0.0
         if not signed and commanded_m < 0.0:
             forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
         limit_m = self._speed_max_m_s * dt_s
         can_be = abs(forward_m) <= limit_m >= abs(right_m) and 0.0 <= quality <= 1.0
         known = can_be and quality >= self._quality_min
-        # What is not known counts as driven, and no reading for much more: garbage now and then hides no stall.
-        most_m = MOST_SHARE * max(abs(commanded_m), self._before_m)
+        # No reading counts for much more than what was driven: garbage now and then hides no stall.
+        most_m = MOST_SHARE * max(abs(commanded_m), self._before_m) if commanded_m else inf
         self._before_m = abs(commanded_m)
-        self.stall.add(driven_s, commanded_m, max(-most_m, min(forward_m, most_m)) if known else commanded_m)
+        counted_m = max(-most_m, min(forward_m, most_m)) if known else None
+        self.stall.add(driven_s, commanded_m, counted_m, turned_deg=turned_deg, straight=straight)
         if not can_be:
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
         if not known:
+            self.moves = False
             self.runaway.clear()
             return
         self._moved_t_s = read_t_s
+        self.moves = abs(forward_m) >= self._settings.immobilised_from_m_s * dt_s
         stood_s = read_t_s - self._driven_t_s
         if stood_s > 0.0 or self.runaway.found:
             self.runaway.add(dt_s, stood_s, forward_m)
@@ -80,6 +105,7 @@ class MotionWatch:
         settings = self._settings
         silent_s, unknown_s = t_s - self._spoke_t_s, t_s - self._moved_t_s
         if silent_s > settings.motion_stale_s:
+            self.moves = False
             self.stall.clear()
             self.runaway.clear()
             gone = silent_s > settings.motion_lost_s

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from math import copysign
 
 from wayfarer.detector.settings import DetectorSettings
@@ -10,30 +11,53 @@ from wayfarer.detector.settings import DetectorSettings
 class Runaway:
     """Finds motion without a command, in one direction; ``found`` says whether it has lasted.
 
-    Whether the rover is armed it does not know: a person may push one that is not.
+    A body that coasts loses speed, on the most slippery ground at ``gain_m_s2``: as long as it does, it is not running
+    away. Whether the rover is armed it does not know: a person may push one that is not.
     """
 
     def __init__(self, settings: DetectorSettings) -> None:
         self._after_s = settings.runaway_after_s - 1e-6
         self._for_s = settings.runaway_for_s - 1e-6
         self._from_m_s = settings.runaway_from_m_s
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget: nothing is known of the time before now."""
+        self._loss_m_s2 = settings.gain_m_s2
+        self._coasting: deque[tuple[float, float]] = deque()  # how long zero had been commanded, and the speed
         self._moving_s = 0.0
         self._way = 0.0
         self.found = False
+
+    def clear(self) -> None:
+        """Forget: nothing is known of the time before now."""
+        self._coasting.clear()
+        self._halt()
 
     def add(self, dt_s: float, stood_s: float, moved_m: float) -> None:
         """Add a reading of the last ``dt_s``: how far the ground went; zero had been commanded for ``stood_s`` by then.
 
         It counts when most of it is after the time for coasting.
         """
-        if stood_s - dt_s / 2 < self._after_s or abs(moved_m) < self._from_m_s * dt_s:
+        if self._coasting and stood_s <= self._coasting[-1][0]:
             self.clear()
+        speed_m_s = moved_m / dt_s
+        coasts = self._slows_down(stood_s, abs(speed_m_s))
+        if stood_s - dt_s / 2 < self._after_s or abs(speed_m_s) < self._from_m_s or coasts:
+            self._halt()
             return
         way = copysign(1.0, moved_m)
         self._moving_s = self._moving_s + dt_s if way == self._way else dt_s
         self._way = way
         self.found = self._moving_s >= self._for_s
+
+    def _halt(self) -> None:
+        """Begin to count anew: the rover stands, or may still."""
+        self._moving_s, self._way = 0.0, 0.0
+        self.found = False
+
+    def _slows_down(self, stood_s: float, speed_m_s: float) -> bool:
+        """Tell whether the speed has fallen, over as long as a motion must last, by what it loses at the least."""
+        speeds = self._coasting
+        speeds.append((stood_s, speed_m_s))
+        while len(speeds) > 1 and stood_s - speeds[1][0] >= self._for_s:
+            speeds.popleft()
+        then_s, then_m_s = speeds[0]
+        over_s = stood_s - then_s
+        return over_s >= self._for_s and then_m_s - speed_m_s >= self._loss_m_s2 * over_s

@@ -22,30 +22,41 @@ class DetectorSettings:
     pitch, here on both axes and both signs with margin for rough ground. Beyond ``overturned_deg`` for
     ``overturned_s``, which one reading with a flipped bit is not, it lies on its side.
 
+    ``gain_m_s2`` is how fast this body gains speed, and loses it, on the most slippery ground that it meets: a friction
+    of 0.05, half of that of mud; from no measurement. What starts, coasts or turns on is judged by it. Over
+    ``immobilised_s`` the rover stands when it moved by less than the share ``immobilised_below`` of what was possible
+    from its speed before; over ``nowhere_s``, which is never taken as the shorter one, it gets nowhere (ArduPilot's
+    crash check takes 2 s).
+
     A heading that is more than ``heading_jump_deg`` from the last one, and further than ``heading_rate_max_deg_s``
     (twice the fastest commanded turn) goes in the time between, is rejected; where ``implausible_rejected`` of the last
     ``implausible_of`` readings were, and before one that insists for ``implausible_s`` is believed, the rover stops
     (fault 5: 45 degrees in 50 ms, 5 of 10). One that is the same to the last digit through ``frozen_s`` of commanded
     turns, faster than ``frozen_turn_deg_s``, is frozen (fault 4): a part with steps of 1 degree passes twenty of them.
+    That counts while the rover is seen to move; one that stands may be held, so that pitch and roll must stay as well.
     A compass below the calibration that arming demands is doubted after ``uncalibrated_s``, and for as long after each
     reading that it has rejected then (fault 10).
 
     The rover runs away when, from ``runaway_after_s`` after the last command to move on, the ground goes by at
-    ``runaway_from_m_s`` or more for ``runaway_for_s``: together the 0.5 s of fault 30. Until then it may coast: sliding
-    on leaves (a friction of 0.3) stops a rover from 1.4 m/s in 0.48 s, so that no whole 0.2 s of it are left to see.
+    ``runaway_from_m_s`` or more for ``runaway_for_s``: together the 0.5 s of fault 30. Until then it may coast, and for
+    as long as it loses ``gain_m_s2`` or more of its speed, looked at over ``runaway_for_s``.
 
     Drives are watched over ``drive_window_s`` at most. The heading is to follow the commanded turn, which lags by
     ``drive_lag_s`` (as ``simhal.Physics``), but for ``drive_margin_deg`` and ``drive_margin_share`` of that turn: a
     dead side of the slowest shipped rover turns it by 51 degrees in that second, noise and unequal sides by 6 (one
-    standard deviation). ``drive_uneven_windows`` to one side in ``drive_memory_s`` are a fault (fault 27). A side that
-    is reversed turns it twice as far as a dead one, so more than ``reversed_share`` and ``reversed_margin_deg``; where
-    both are, or left and right are mixed up, a turn on the spot of ``reversed_turn_deg`` goes ``reversed_back_deg`` the
-    other way. Either of them ``reversed_turns`` times is a fault (fault 28).
+    standard deviation). A window counts when no anomaly has followed within ``drive_confirm_s``: a trunk turns a rover
+    as well, and then holds it. ``drive_uneven_windows`` to one side in ``drive_memory_s``, with no drive in between
+    that turned as told, are a fault (fault 27). A side that is reversed turns it twice as far as a dead one, so more
+    than ``reversed_share`` and ``reversed_margin_deg``; where both are, or left and right are mixed up, a turn on the
+    spot of ``reversed_turn_deg`` goes ``reversed_back_deg`` the other way. Either of them ``reversed_turns`` times is a
+    fault (fault 28).
     """
 
     immobilised_s: Seconds = 0.3
     immobilised_below: Fraction = 0.3
     immobilised_from_m_s: MetresPerSecond = 0.1
+    nowhere_s: Seconds = 2.0
+    gain_m_s2: Annotated[float, Interval(gt=0, le=20)] = 0.5
     tilt_deg: Degrees = 20.0
     tilt_s: SecondsOrNone = 0.2
     overturned_deg: Degrees = 60.0
@@ -75,6 +86,7 @@ class DetectorSettings:
     drive_lag_s: Seconds = 0.1
     drive_margin_deg: Degrees = 30.0
     drive_margin_share: Fraction = 0.5
+    drive_confirm_s: SecondsOrNone = 1.0
     drive_memory_s: Seconds = 30.0
     drive_uneven_windows: Count = 3
     reversed_turn_deg: Degrees = 25.0

@@ -1,53 +1,155 @@
-"""Driving that moves nothing.
+"""Driving that moves nothing, or leads nowhere.
 
-Immobilised means: over a window of commanded driving, the ground moved by less than a share of what was commanded.
+A body gains speed no faster than the ground's grip allows, ``gain_m_s2`` at the least, so what it moved is compared
+with what it *could* have moved, not with what was commanded:
+
+* **It stands**: over ``immobilised_s`` it moved by less than a share of what was possible from the speed that it had
+  before. What starts on mud, what was reversing a moment ago and what goes on with spinning wheels does not stand; what
+  met a wall on the move does, as soon as the window is over.
+* **It gets nowhere**: over ``nowhere_s`` it moved by less than that share of what was possible since it was told to
+  drive this way. It slides along a trunk.
+
 Sums over a window, not single samples, so that one noise count cannot hide a stall and one zero cannot fake one.
-Nothing is claimed while the rover turns on the spot, or while the command has just changed direction. A reading of low
-quality counts as driven: **low quality means unknown, never still**.
+Nothing is claimed while the rover turns on the spot, or while the command has just changed direction, or of a body that
+is still on its way in the other direction, nor where too much of a window was not seen: **low quality means unknown,
+never still**.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from typing import NamedTuple
 
 from wayfarer.detector.settings import DetectorSettings
+
+# What was possible must be well above what a sensor shows of a body that stands: 4 to 5 standard deviations of a
+# PMW3901's counts over 0.3 s, at three times its noise.
+SEEN_FROM_M = 0.01
+# A body that turns so fast through the short window does not stand, and what was its speed ahead has become sideways;
+# one that a trunk turns does so at 67 degrees a second at most (measured in MuJoCo, friction 0.3).
+TURNS_FROM_DEG_S = 70.0
+
+
+class Driven(NamedTuple):
+    """An interval of driving; distances and speeds are positive in the direction that is commanded.
+
+    ``moved_m`` is None where nothing was seen, ``gained_m_s`` is the speed that the ground's grip gives in this time,
+    ``possible_m`` the distance possible since driving began this way, and ``before_m_s`` the speed at which the ground
+    passed before.
+    """
+
+    driven_s: float
+    commanded_m: float
+    moved_m: float | None
+    turned_deg: float
+    gained_m_s: float
+    possible_m: float
+    before_m_s: float
 
 
 class Stall:
     """Finds commanded driving that does not move the ground; ``found`` says whether a whole window of it did not."""
 
     def __init__(self, settings: DetectorSettings) -> None:
-        self._window_s = settings.immobilised_s - 1e-6  # sums of periods fall a rounding error short
+        self._stands_s = settings.immobilised_s - 1e-6  # sums of periods fall a rounding error short
+        self._nowhere_s = max(settings.nowhere_s - 1e-6, self._stands_s)
         self._share = settings.immobilised_below
         self._from_m_s = settings.immobilised_from_m_s
-        self._intervals: deque[tuple[float, float, float]] = deque()
+        self._gain_m_s2 = settings.gain_m_s2
+        self._intervals: deque[Driven] = deque()
+        self._ahead = True
         self.clear()
 
     def clear(self) -> None:
         """Forget: nothing is known of the time before now."""
-        self._intervals.clear()
-        self._span_s = self._commanded_m = self._moved_m = 0.0
-        self._ahead = True
-        self.found = False
+        self._last_m_s = self._before_last_m_s = 0.0
+        self._begin()
 
-    def add(self, driven_s: float, commanded_m: float, moved_m: float) -> None:
-        """Add an interval: how long the wheels obeyed, and how far they were told to go and went (both signed)."""
-        if abs(commanded_m) < self._from_m_s * driven_s:
-            self.clear()
+    def add(
+        self,
+        driven_s: float,
+        commanded_m: float,
+        moved_m: float | None,
+        *,
+        turned_deg: float = 0.0,
+        straight: float = 1.0,
+    ) -> None:
+        """Add an interval of driving.
+
+        Args:
+            driven_s: how long the wheels obeyed.
+            commanded_m: how far they were told to go, negative in reverse.
+            moved_m: how far they went, signed as well; None where that was not seen.
+            turned_deg: how far the body turned.
+            straight: how much of the wheels' pushing is ahead or back, 0 to 1; the ground's grip is spent on turning
+                for the rest.
+        """
+        before_m_s = (self._last_m_s + self._before_last_m_s) / 2  # of two, so that noise counts for half
+        if moved_m is not None and driven_s > 0.0:
+            self._before_last_m_s, self._last_m_s = self._last_m_s, moved_m / driven_s
+        if abs(commanded_m) < self._from_m_s * driven_s or driven_s <= 0.0:
+            self._begin()
             return
         if (commanded_m > 0.0) is not self._ahead:
-            self.clear()
-            self._ahead = commanded_m > 0.0
-        self._intervals.append((driven_s, commanded_m, moved_m))
-        self._span_s += driven_s
-        self._commanded_m += commanded_m
-        self._moved_m += moved_m
-        while self._span_s - self._intervals[0][0] >= self._window_s:
-            driven_s, commanded_m, moved_m = self._intervals.popleft()
-            self._span_s -= driven_s
-            self._commanded_m -= commanded_m
-            self._moved_m -= moved_m
-        # Moving the other way (rolling back down a slope) is not moving either.
-        share_m = self._share * self._commanded_m
-        too_little = self._moved_m < share_m if self._ahead else self._moved_m > share_m
-        self.found = too_little and self._span_s >= self._window_s
+            self._ahead = not self._ahead
+            self._begin()
+        if not self._ahead:
+            commanded_m, before_m_s, moved_m = -commanded_m, -before_m_s, None if moved_m is None else -moved_m
+        if not self._intervals:
+            self._possible_m_s = before_m_s
+        gained_m_s = self._gain_m_s2 * straight * driven_s
+        possible_m, self._possible_m_s = _possible(self._possible_m_s, driven_s, commanded_m, gained_m_s)
+        self._intervals.append(Driven(driven_s, commanded_m, moved_m, turned_deg, gained_m_s, possible_m, before_m_s))
+        self._sum(self._intervals[-1], 1)
+        while self._span_s - self._intervals[0].driven_s >= self._nowhere_s:
+            self._sum(self._intervals.popleft(), -1)
+        nowhere = self._span_s >= self._nowhere_s and self._too_little(self._moved_m, self._could_m)
+        self.found = nowhere or self._stands()
+
+    def _begin(self) -> None:
+        """Begin both windows; how fast the ground passes stays known."""
+        self._intervals.clear()
+        self._span_s = self._moved_m = self._could_m = self._possible_m_s = 0.0
+        self.found = False
+
+    def _sum(self, interval: Driven, sign: int) -> None:
+        """Add an interval to the long window, or take it away; what was not seen counts as driven."""
+        moved_m, possible_m = interval.moved_m, interval.possible_m
+        self._span_s += sign * interval.driven_s
+        self._moved_m += sign * (possible_m if moved_m is None else moved_m)
+        self._could_m += sign * possible_m
+
+    def _stands(self) -> bool:
+        """Tell whether the body stands: over the newest intervals that fill the short window."""
+        count, span_s = 0, 0.0
+        while span_s < self._stands_s:
+            if count == len(self._intervals):
+                return False
+            count += 1
+            span_s += self._intervals[-count].driven_s
+        speed_m_s = self._intervals[-count].before_m_s
+        moved_m = could_m = unseen_s = turned_deg = 0.0
+        for place in range(-count, 0):
+            interval = self._intervals[place]
+            possible_m, speed_m_s = _possible(speed_m_s, interval.driven_s, interval.commanded_m, interval.gained_m_s)
+            could_m += possible_m
+            turned_deg += interval.turned_deg
+            if interval.moved_m is None:
+                unseen_s += interval.driven_s
+                moved_m += self._share * possible_m  # which speaks for neither
+            else:
+                moved_m += interval.moved_m
+        if unseen_s >= self._share * span_s or abs(turned_deg) > TURNS_FROM_DEG_S * span_s:
+            return False
+        return self._too_little(moved_m, could_m)
+
+    def _too_little(self, moved_m: float, could_m: float) -> bool:
+        return could_m > SEEN_FROM_M and moved_m < self._share * could_m
+
+
+def _possible(speed_m_s: float, driven_s: float, commanded_m: float, gained_m_s: float) -> tuple[float, float]:
+    """Return how far a body of that speed can go as commanded, and its speed then."""
+    return (
+        min(commanded_m, (speed_m_s + gained_m_s / 2) * driven_s),
+        min(commanded_m / driven_s, speed_m_s + gained_m_s),
+    )

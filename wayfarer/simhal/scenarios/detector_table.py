@@ -26,9 +26,10 @@ from wayfarer.whole_file import whole_file
 
 TRIALS = 50  # of each cell, where nobody says how many
 JSON_FILE = "detector.json"
+SLIP = "slip\nm"  # in MuJoCo the friction is in its place
 TITLES = (
-    "anomaly", "slip\nm", "\nnoise", "\nepisodes", "\nrecall", "at\nleast", "\nclaims", "preci-\nsion", "at\nleast",
-    "delay\ns", "p95\ns",
+    "anomaly", SLIP, "\nnoise", "\nepisodes", "\nrecall", "at\nleast", "\nclaims", "preci-\nsion",
+    "at\nleast", "delay\ns", "p95\ns",
 )  # fmt: skip
 LEGEND = (
     "recall: share of episodes that were noticed; precision: share of claims that were true",
@@ -38,7 +39,9 @@ LEGEND = (
 Measured = Mapping[Cell, Scores]
 
 
-def run_detector(rover: str | None, trials: int | None, jobs: int | None, out: Path | None) -> int:
+def run_detector(
+    rover: str | None, trials: int | None, jobs: int | None, out: Path | None, cells: Sequence[Cell] = CELLS
+) -> int:
     """Measure the detector against what the simulated world knows, print the table, and return 0, or 130 if stopped.
 
     Raises:
@@ -50,7 +53,7 @@ def run_detector(rover: str | None, trials: int | None, jobs: int | None, out: P
     if out is not None:
         make_empty_folder(out, "the detector's table")
     try:
-        measured = _measured(config, trials or TRIALS, jobs or cores(), aside)
+        measured = _measured(config, cells, trials or TRIALS, jobs or cores(), aside)
     except Stopped:
         say(aside, "interrupted: no table")
         return INTERRUPTED
@@ -65,8 +68,8 @@ def run_detector(rover: str | None, trials: int | None, jobs: int | None, out: P
     return 0
 
 
-def _measured(config: RoverConfig, trials: int, jobs: int, aside: Console) -> Measured:
-    tasks = [DetectorTask(cell, trial) for trial in range(trials) for cell in CELLS]
+def _measured(config: RoverConfig, cells: Sequence[Cell], trials: int, jobs: int, aside: Console) -> Measured:
+    tasks = [DetectorTask(cell, trial) for trial in range(trials) for cell in cells]
     done: list[tuple[Cell, Scores]] = []
     with (
         stop_on_signals() as stop,
@@ -74,7 +77,7 @@ def _measured(config: RoverConfig, trials: int, jobs: int, aside: Console) -> Me
         closing(stream(DetectorRunner(config), tasks, min(jobs, len(tasks)), stop)) as running,
     ):
         done.extend(shown(running, len(tasks), "trials", aside))
-    return {cell: together([scores for of, scores in done if of == cell]) for cell in CELLS}
+    return {cell: together([scores for of, scores in done if of == cell]) for cell in cells}
 
 
 def together(scores: Sequence[Scores]) -> Scores:
@@ -93,12 +96,15 @@ def rows(measured: Measured) -> Iterator[tuple[Anomaly, Cell, Score]]:
 def table(measured: Measured) -> Table:
     """Return the table for a terminal."""
     made = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    in_mujoco = any(cell.friction is not None for cell in measured)
     for title in TITLES:
-        made.add_column(title, justify="left" if title == TITLES[0] else "right")
+        shown_title = "fric-\ntion" if in_mujoco and title == SLIP else title
+        made.add_column(shown_title, justify="left" if title == TITLES[0] else "right")
     for anomaly, cell, each in rows(measured):
         delay = delay_s(each)
         made.add_row(
-            anomaly.value, f"{cell.slip_mean_m:g}", f"{cell.noise:g}x", str(each.episodes),
+            anomaly.value, f"{cell.slip_mean_m if cell.friction is None else cell.friction:g}", f"{cell.noise:g}x",
+            str(each.episodes),
             *_share(each.found, each.episodes), str(each.claims), *_share(each.right, each.claims),
             *(("-", "-") if delay is None else (f"{seconds:.2f}" for seconds in delay)),
         )  # fmt: skip

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.config import RoverConfig
 from wayfarer.escape.api import Anomaly
@@ -18,6 +18,9 @@ from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.scenarios.ground_truth import Score, Truth
 from wayfarer.simhal.stage import Stage, TrialSpec
 from wayfarer.simhal.streams import Streams
+
+if TYPE_CHECKING:
+    from wayfarer.simhal.mujoco.terrain import Terrains
 
 SLIP_MEANS_M = (2.0, 10.0)
 NOISES = (1.0, 3.0)
@@ -34,6 +37,8 @@ class Cell(NamedTuple):
     source: str
     slip_mean_m: float
     noise: float
+    friction: float | None = None  # of the ground in MuJoCo; None in physics-light
+    torque_scale: float = 1.0
 
 
 CELLS = tuple(
@@ -42,7 +47,14 @@ CELLS = tuple(
     for slip_mean_m in SLIP_MEANS_M
     for noise in NOISES
 )
+FRICTIONS = (0.1, 0.15, 0.3, 0.5, 0.8)
 Scores = dict[Anomaly, Score]
+
+
+def cells_in_mujoco(friction: float | None, torque_scale: float) -> tuple[Cell, ...]:
+    """Return the cells of a table by ground: of one friction, or of those that the documents speak of."""
+    frictions = FRICTIONS if friction is None else (friction,)
+    return tuple(Cell(source, 10.0, 1.0, each, torque_scale) for each in frictions for source in ("motion", "contact"))
 
 
 def measure(rover: RoverConfig, cell: Cell, trial: int) -> Scores:
@@ -51,14 +63,22 @@ def measure(rover: RoverConfig, cell: Cell, trial: int) -> Scores:
     faults = _slopes(trial)
     spec = TrialSpec(
         trial, "forest-pledge", generate_forest(trial, 0, trial), trial, config, cell.slip_mean_m, BUDGET_M,
-        faults=faults, sense_noise=cell.noise,
+        faults=faults, sense_noise=cell.noise, terrains=_terrains(cell),
     )  # fmt: skip
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         return runner.run(_run(spec))
 
 
+def _terrains(cell: Cell) -> Terrains | None:
+    if cell.friction is None:
+        return None
+    from wayfarer.simhal.mujoco.terrain import Range, Terrains  # physics-light needs no engine
+
+    return Terrains(Range(cell.friction, cell.friction), torque_scale=Range(cell.torque_scale, cell.torque_scale))
+
+
 async def _run(spec: TrialSpec) -> Scores:
-    truth = Truth(spec.rover)
+    truth = Truth(spec.rover, on_wheels=spec.terrains is not None)
     stage = Stage(spec, lambda *_: truth)
     truth.follow(stage.world)
     assert stage.injector is not None

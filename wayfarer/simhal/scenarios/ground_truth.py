@@ -16,6 +16,7 @@ from wayfarer.escape.api import Anomaly
 from wayfarer.records import PartialLog, TickRecord
 from wayfarer.simhal.simulated_world import SimulatedWorld
 
+SPEED_OVER_S = 0.1  # a body that rubs at a trunk jerks: its speed is a mean
 AFTERWARDS_S = 0.15  # three control periods: a sensor's reading, the tick, and the window that empties
 
 
@@ -68,10 +69,16 @@ class Timeline:
 
 
 class Truth(PartialLog):
-    """Watches a run from both sides: the world at each of its steps, the detector at each control tick."""
+    """Watches a run from both sides: the world at each of its steps, the detector at each control tick.
 
-    def __init__(self, config: RoverConfig) -> None:
+    In physics-light what slips or touches is held. A body with wheels (``on_wheels``) that slips is not, and one that
+    touches may slide along: it is held while it goes on with less than ``immobilised_below`` of what is commanded.
+    """
+
+    def __init__(self, config: RoverConfig, *, on_wheels: bool = False) -> None:
         self._config = config
+        self._on_wheels = on_wheels
+        self._seen_s = self._seen_m = self._speed_m_s = 0.0
         self._really = Timeline()
         self._claimed = Timeline()
 
@@ -100,8 +107,7 @@ class Truth(PartialLog):
         config, (left, right) = self._config, world.commanded
         there: list[Any] = []
         driven_m_s = (left + right) / 2 * config.vehicle.max_speed_m_s
-        held = world.slipping or world.touch is not None or world.mishaps.snagged
-        if held and abs(driven_m_s) >= config.detector.immobilised_from_m_s:
+        if self._held(world, driven_m_s) and abs(driven_m_s) >= config.detector.immobilised_from_m_s:
             there.append((Anomaly.IMMOBILISED, driven_m_s > 0.0))
         pitch_deg, roll_deg = world.pitch_deg + world.ground_pitch_deg, world.roll_deg + world.ground_roll_deg
         tilts = zip(_TILTS, (pitch_deg, -pitch_deg, roll_deg, -roll_deg), strict=True)
@@ -109,6 +115,18 @@ class Truth(PartialLog):
         if world.touch is not None:
             there.append((Anomaly.TOUCHED, True))
         return there
+
+    def _held(self, world: SimulatedWorld, driven_m_s: float) -> bool:
+        """Tell whether something holds the body."""
+        if not self._on_wheels:
+            return world.slipping or world.touch is not None or world.mishaps.snagged
+        if world.t_s - self._seen_s >= SPEED_OVER_S:
+            moved_m = world.forward_m - world.reverse_m
+            self._speed_m_s = (moved_m - self._seen_m) / (world.t_s - self._seen_s)
+            self._seen_s, self._seen_m = world.t_s, moved_m
+        something = world.touch is not None or world.hangs or world.mishaps.snagged
+        along_m_s = self._speed_m_s if driven_m_s > 0.0 else -self._speed_m_s
+        return something and along_m_s < self._config.detector.immobilised_below * abs(driven_m_s)
 
     def _score(self, anomaly: Anomaly) -> Score:
         waits_s = _waits_s(self._config, anomaly)
