@@ -83,7 +83,7 @@ class Detector:
         if contact is not None or self._needs_contact:
             self._contact.update(t_s, contact, anomalies, conditions)
         trusted = not (anomalies or doubtful)
-        self._drive.update(interval, self._compass.gained_deg, trusted=trusted)
+        self._drive.update(interval, self._compass.gained_deg, self._motion.ahead_m, trusted=trusted)
         if t_s < self._drive.until_t_s:
             conditions.append(self._drive.condition)
         return Detection(tuple(anomalies), tuple(conditions)) if anomalies or conditions else ALL_WELL

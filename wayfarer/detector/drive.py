@@ -19,7 +19,7 @@ from wayfarer.interval import Interval
 
 # What a window shows: the side that lags behind, or wheels that go the wrong way.
 LEFT, RIGHT, REVERSED = -1, 1, 0
-ALONE = 2  # times a side: it was told to push nearly alone, and an anomaly followed
+COASTS = 5  # the place of how far it may turn on in a ``Moment``
 # What a window is of: driving ahead or back, or turning on the spot.
 AHEAD, BACK, CLOCKWISE, ANTICLOCKWISE = 1, -1, 2, -2
 
@@ -33,8 +33,9 @@ RATE_TICKS = 2  # over which the turn rate is taken: that of one tick is mostly 
 
 # Sums since the start of the run, in degrees: what each side was told to turn the rover by itself (the left one
 # clockwise, the right one back), what both were told to turn it either way, and what it has turned clockwise; and how
-# far it may turn on from the rate at which it turns. A plain tuple, because one is made 20 times a second.
-Moment = tuple[float, float, float, float, float, float]  # t_s, left_deg, right_deg, either_deg, gained_deg, coast_deg
+# far it may turn on from the rate at which it turns, and how far it went ahead. A plain tuple, because one is made 20
+# times a second.
+Moment = tuple[float, float, float, float, float, float, float]
 
 
 class DriveWatch:
@@ -61,8 +62,8 @@ class DriveWatch:
         self.condition = Condition.DRIVE_ASYMMETRY
         self.until_t_s = -inf
 
-    def update(self, interval: Interval, gained_deg: float, *, trusted: bool) -> None:
-        """Take in a tick: what the wheels were told since the last, and the heading gained since the start of the run.
+    def update(self, interval: Interval, gained_deg: float, ahead_m: float, *, trusted: bool) -> None:
+        """Take in a tick: what the wheels were told since the last; since the start, the heading gained and the way ahead.
 
         It is ``trusted`` unless the compass is in doubt, or the forest is in the way: such windows are dropped.
         """
@@ -84,17 +85,17 @@ class DriveWatch:
             window.clear()
         self._confirm(t_s, interval.applied, trusted=trusted)
         coast_deg = self._coast_deg(t_s, gained_deg)
-        window.append((t_s, self._left_deg, self._right_deg, self._either_deg, gained_deg, coast_deg))
+        window.append((t_s, self._left_deg, self._right_deg, self._either_deg, gained_deg, coast_deg, ahead_m))
         while t_s - window[0][0] > self._window_s:
             window.popleft()
-        t_then_s, left_then_deg, right_then_deg, either_then_deg, gained_then_deg, _ = window[0]
+        t_then_s, left_then_deg, right_then_deg, either_then_deg, gained_then_deg, _, ahead_then_m = window[0]
         measured_deg = gained_deg - gained_then_deg
         still = -self._least_deg < measured_deg < self._least_deg
-        if still and not self._told:
+        if still and not self._told and way in (AHEAD, BACK):
             return  # as nearly always; a rover that is held turns no more than that
         left_deg, right_deg = self._left_deg - left_then_deg, self._right_deg - right_then_deg
         if way not in (AHEAD, BACK):
-            self._check_sense(t_s, left_deg - right_deg, measured_deg)
+            self._check_sense(t_s, left_deg - right_deg, measured_deg, ahead_m - ahead_then_m)
         elif not still:
             self._compare(t_s, left_deg, right_deg, self._either_deg - either_then_deg, measured_deg)
         elif t_s - t_then_s + 2 * driven_s > self._window_s:
@@ -103,8 +104,8 @@ class DriveWatch:
     def _confirm(self, t_s: float, applied: WheelCommand, *, trusted: bool) -> None:
         """Tell of the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.
 
-        Where hardly any side but that one was told to push, the anomaly may be that side's as well. A controller asks
-        for that beside a trunk too, so it takes twice as often to be a fault.
+        Where hardly any side but that one was told to push, the anomaly may be that side's as well: that is told, but is
+        never a fault, for a controller asks for that beside a trunk too.
         """
         if self._suspect is None:
             return
@@ -114,11 +115,10 @@ class DriveWatch:
         if trusted and t_s < at_s:
             return
         self._suspect = None
-        limit = self._settings.drive_uneven_windows
         if trusted:
-            self._tell(t_s, side, limit)
+            self._tell(t_s, side, self._settings.drive_uneven_windows)
         elif alone:
-            self._tell(t_s, side * ALONE, limit * 2)
+            self._show(t_s, Condition.DRIVE_ASYMMETRY)
 
     def _coast_deg(self, t_s: float, gained_deg: float) -> float:
         """Return how far the body may turn on from the rate that it had before this tick."""
@@ -144,7 +144,7 @@ class DriveWatch:
         if abs(excess_deg) <= settings.drive_margin_deg + settings.drive_margin_share * abs(commanded_deg):
             return
         way = copysign(1.0, excess_deg)
-        coasted_deg = max(0.0, way * self._window[0][-1])
+        coasted_deg = max(0.0, way * self._window[0][COASTS])
         that_way_deg = (either_deg + way * commanded_deg) / 2 + coasted_deg
         if way * measured_deg < that_way_deg + settings.drive_margin_deg / 2:
             return  # no more than it was told to turn that way: it was held, as by a tree or by the ground
@@ -153,12 +153,16 @@ class DriveWatch:
         if abs(excess_deg) - coasted_deg > settings.reversed_share * abs(dead_deg) + settings.reversed_margin_deg:
             self._tell(t_s, REVERSED, settings.reversed_turns)
 
-    def _check_sense(self, t_s: float, commanded_deg: float, measured_deg: float) -> None:
-        """Look for a turn on the spot that goes the other way."""
+    def _check_sense(self, t_s: float, commanded_deg: float, measured_deg: float, ahead_m: float) -> None:
+        """Look for a turn on the spot that goes the other way, or straight on."""
         settings = self._settings
         way = 1.0 if self._way == CLOCKWISE else -1.0
-        back_deg = settings.reversed_back_deg + max(0.0, -way * self._window[0][-1])
-        if way * commanded_deg >= settings.reversed_turn_deg and way * measured_deg <= -back_deg:
+        back_deg = settings.reversed_back_deg + max(0.0, -way * self._window[0][COASTS])
+        if way * commanded_deg < settings.reversed_turn_deg:
+            return
+        # A body with one side in mud goes ahead as well, but its other side turns it.
+        straight = abs(ahead_m) >= settings.reversed_straight_m and way * measured_deg < self._least_deg
+        if straight or way * measured_deg <= -back_deg:
             self._tell(t_s, REVERSED, settings.reversed_turns)
 
     def _tell(self, t_s: float, what: int, limit: int) -> None:
@@ -174,5 +178,7 @@ class DriveWatch:
         if failed:
             told.clear()  # whoever arms the rover anew has seen to it
             self._window.clear()
-        self.condition = Condition.DRIVE_FAILED if failed else Condition.DRIVE_ASYMMETRY
-        self.until_t_s = t_s + self._window_s
+        self._show(t_s, Condition.DRIVE_FAILED if failed else Condition.DRIVE_ASYMMETRY)
+
+    def _show(self, t_s: float, condition: Condition) -> None:
+        self.condition, self.until_t_s = condition, t_s + self._window_s

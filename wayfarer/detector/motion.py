@@ -20,6 +20,7 @@ class MotionWatch:
     """Feeds ``stall`` and ``runaway`` with what can be true, and knows how long nothing was.
 
     ``watched`` says whether silence is a condition; ``moves`` is whether the newest reading shows that the rover moves.
+    ``ahead_m`` is how far it was seen to go ahead since the start, less what it went back.
     """
 
     def __init__(self, settings: DetectorSettings, vehicle: Vehicle, *, watched: bool) -> None:
@@ -33,6 +34,7 @@ class MotionWatch:
         self.stall = Stall(settings)
         self.runaway = Runaway(settings)
         self.moves = False
+        self.ahead_m = 0.0
         self._commanded_m = self._before_m = self._undriven_s = 0.0
         self._pushed_m = self._turned_deg = 0.0  # how far the sides were told to go, either way; how far it turned
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
@@ -96,6 +98,7 @@ class MotionWatch:
             self.runaway.clear()
             return
         self._moved_t_s = read_t_s
+        self.ahead_m += forward_m
         self.moves = abs(forward_m) >= self._settings.immobilised_from_m_s * dt_s
         stood_s = read_t_s - self._driven_t_s
         if stood_s > 0.0 or self.runaway.found:

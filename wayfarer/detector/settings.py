@@ -7,7 +7,7 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from wayfarer.bounds import Count, Degrees, DegreesPerSecond, Fraction, MetresPerSecond, Seconds, SecondsOrNone
+from wayfarer.bounds import Count, Degrees, DegreesPerSecond, Fraction, Metres, MetresPerSecond, Seconds, SecondsOrNone
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class DetectorSettings:
     as well, and then holds it. ``drive_uneven_windows`` to one side in ``drive_memory_s``, with no drive in between
     that turned as told, are a fault (fault 27). A side that is reversed turns it twice as far as a dead one, so more
     than ``reversed_share`` and ``reversed_margin_deg``; where both are, or left and right are mixed up, a turn on the
-    spot of ``reversed_turn_deg`` goes ``reversed_back_deg`` the other way. Either of them ``reversed_turns`` times is a
+    spot of ``reversed_turn_deg`` goes ``reversed_back_deg`` the other way, or goes ``reversed_straight_m`` straight on. Either of them ``reversed_turns`` times is a
     fault (fault 28).
     """
 
@@ -94,6 +94,7 @@ class DetectorSettings:
     reversed_share: Annotated[float, Interval(ge=1, le=2)] = 1.5
     reversed_margin_deg: Degrees = 5.0
     reversed_turns: Count = 2
+    reversed_straight_m: Metres = 0.3
 
     def __post_init__(self) -> None:
         """Refuse counts that can never be reached.
