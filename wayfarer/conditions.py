@@ -38,6 +38,7 @@ class Condition(Enum):
     RUNAWAY = "runaway"
     DRIVE_ASYMMETRY = "drive_asymmetry"
     DRIVE_FAILED = "drive_failed"
+    CANNOT_TURN = "cannot_turn"
     ENTRAPPED = "entrapped"
     MOTORS_FAILED = "motors_failed"
     BOARD_FAULT = "board_fault"
@@ -69,6 +70,7 @@ LEVELS: Mapping[Condition, Level] = {
     Condition.RUNAWAY: Level.FAULT,
     Condition.DRIVE_ASYMMETRY: Level.DEGRADE,
     Condition.DRIVE_FAILED: Level.FAULT,
+    Condition.CANNOT_TURN: Level.NOTE,
     Condition.ENTRAPPED: Level.FAULT,
     Condition.MOTORS_FAILED: Level.FAULT,
     Condition.BOARD_FAULT: Level.FAULT,

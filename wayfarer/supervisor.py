@@ -274,6 +274,7 @@ def make_detector(config: RoverConfig, needs: frozenset[str], *, watches_motion:
         config.detector,
         config.vehicle,
         calibration_min=config.safety.calibration_min,
+        duty_max=config.safety.duty_max,
         watches_motion=watches_motion,
         watches_contact=config.anomaly_source == "contact",
         needs_contact="contact" in needs,

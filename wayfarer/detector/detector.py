@@ -12,6 +12,7 @@ from wayfarer.detector.drive import DriveWatch
 from wayfarer.detector.motion import MotionWatch
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.tilt import TiltWatch
+from wayfarer.detector.turnable import TurnAbility
 from wayfarer.escape.api import Anomaly, Vehicle
 from wayfarer.hal import CompassReading, ContactReading
 from wayfarer.interval import Interval
@@ -32,7 +33,7 @@ class Detector:
     """Turns snapshots and applied commands into anomalies and conditions, one control tick at a time.
 
     ``vehicle`` tells the ground speed at full duty and the turn that it makes, ``calibration_min`` (0 to 3) how well
-    the compass was calibrated when the rover was armed. ``watches_motion`` and ``needs_contact`` say whether silence of
+    the compass was calibrated when the rover was armed, ``duty_max`` what the gate lets through. ``watches_motion`` and ``needs_contact`` say whether silence of
     that sensor is a condition, ``watches_contact`` whether a touch is an anomaly as well.
     """
 
@@ -42,6 +43,7 @@ class Detector:
         vehicle: Vehicle,
         *,
         calibration_min: int = 0,
+        duty_max: float = 1.0,
         watches_motion: bool = True,
         watches_contact: bool = False,
         needs_contact: bool = False,
@@ -53,6 +55,7 @@ class Detector:
         self._contact = ContactWatch(settings, touch_counts=watches_contact, needed=self._needs_contact)
         self._tilt = TiltWatch(settings)
         self._drive = DriveWatch(settings, vehicle)
+        self._turns = TurnAbility(settings, duty_max)
         self._started = False
 
     @property
@@ -86,6 +89,7 @@ class Detector:
         self._drive.update(interval, self._compass.gained_deg, self._motion.ahead_m, trusted=trusted)
         if t_s < self._drive.until_t_s:
             conditions.append(self._drive.condition)
+        conditions += self._turns.update(interval, self._compass.gained_deg)
         return Detection(tuple(anomalies), tuple(conditions)) if anomalies or conditions else ALL_WELL
 
     def _start(self, t_s: float) -> None:

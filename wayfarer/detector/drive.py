@@ -63,7 +63,7 @@ class DriveWatch:
         self.until_t_s = -inf
 
     def update(self, interval: Interval, gained_deg: float, ahead_m: float, *, trusted: bool) -> None:
-        """Take in a tick: what the wheels were told since the last; since the start, the heading gained and the way ahead.
+        """Take in a tick: what the wheels were told since the last, and the heading and way ahead gained since the start.
 
         It is ``trusted`` unless the compass is in doubt, or the forest is in the way: such windows are dropped.
         """
@@ -104,8 +104,8 @@ class DriveWatch:
     def _confirm(self, t_s: float, applied: WheelCommand, *, trusted: bool) -> None:
         """Tell of the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.
 
-        Where hardly any side but that one was told to push, the anomaly may be that side's as well: that is told, but is
-        never a fault, for a controller asks for that beside a trunk too.
+        Where hardly any side but that one was told to push, the anomaly may be that side's as well: that is told, but
+        is never a fault, for a controller asks for that beside a trunk too.
         """
         if self._suspect is None:
             return

@@ -48,8 +48,11 @@ class DetectorSettings:
     as well, and then holds it. ``drive_uneven_windows`` to one side in ``drive_memory_s``, with no drive in between
     that turned as told, are a fault (fault 27). A side that is reversed turns it twice as far as a dead one, so more
     than ``reversed_share`` and ``reversed_margin_deg``; where both are, or left and right are mixed up, a turn on the
-    spot of ``reversed_turn_deg`` goes ``reversed_back_deg`` the other way, or goes ``reversed_straight_m`` straight on. Either of them ``reversed_turns`` times is a
-    fault (fault 28).
+    spot of ``reversed_turn_deg`` goes ``reversed_back_deg`` the other way, or the rover goes ``reversed_straight_m``
+    straight on (from no source). Either of them ``reversed_turns`` times is a fault (fault 28).
+
+    Full duty on the spot that turns nothing for ``cannot_turn_s`` is a try; ``cannot_turn_tries`` in a row are told, and
+    after ``cannot_turn_max`` the rover gives up, as after that many anomalies in the field catalogue (fault 57).
     """
 
     immobilised_s: Seconds = 0.3
@@ -95,6 +98,9 @@ class DetectorSettings:
     reversed_margin_deg: Degrees = 5.0
     reversed_turns: Count = 2
     reversed_straight_m: Metres = 0.3
+    cannot_turn_s: Seconds = 0.5
+    cannot_turn_tries: Count = 3
+    cannot_turn_max: Count = 12
 
     def __post_init__(self) -> None:
         """Refuse counts that can never be reached.

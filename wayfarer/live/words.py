@@ -77,6 +77,7 @@ CAUSES: Mapping[str, str] = {
     Condition.RUNAWAY.value: "the rover moves although its wheels were told to stand",
     Condition.DRIVE_ASYMMETRY.value: "the rover turns otherwise than its wheels were told",
     Condition.DRIVE_FAILED.value: "the rover turns again and again otherwise than its wheels were told",
+    Condition.CANNOT_TURN.value: "full duty on the spot does not turn the rover: something, or the ground, holds it",
     Condition.ENTRAPPED.value: "the rover finds no way out of this place",
     Condition.MOTORS_FAILED.value: "the motors did not answer",
     Condition.BOARD_FAULT.value: "the motor board reports a fault",

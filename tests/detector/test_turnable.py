@@ -1,0 +1,78 @@
+"""A rover that cannot turn on the spot says so, and gives up."""
+
+from __future__ import annotations
+
+import pytest
+
+from wayfarer.conditions import Condition
+from wayfarer.detector.settings import DetectorSettings
+from wayfarer.detector.turnable import TurnAbility
+from wayfarer.hal import STOP, WheelCommand
+from wayfarer.interval import Interval
+
+TICK_S = 0.05
+SETTINGS = DetectorSettings()
+FULL = WheelCommand(1.0, -1.0)
+
+
+class Turns:
+    """Feeds the watch tick by tick; the body turns at a rate of its own."""
+
+    def __init__(self, duty_max: float = 1.0) -> None:
+        self.watch = TurnAbility(SETTINGS, duty_max)
+        self.t_s = self.gained_deg = 0.0
+        self.found: tuple[Condition, ...] = ()
+
+    def go(self, seconds: float, wheels: WheelCommand, rate_deg_s: float = 0.0) -> tuple[Condition, ...]:
+        for _ in range(round(seconds / TICK_S)):
+            self.t_s += TICK_S
+            self.gained_deg += rate_deg_s * TICK_S
+            self.found = self.watch.update(Interval(self.t_s, TICK_S, TICK_S, wheels, 0.0), self.gained_deg)
+            if Condition.ENTRAPPED in self.found:
+                break
+        return self.found
+
+    def tries(self, count: int, wheels: WheelCommand = FULL, rate_deg_s: float = 0.0) -> tuple[Condition, ...]:
+        for _ in range(count):
+            self.go(1.0, STOP)
+            self.go(1.0, wheels, rate_deg_s)
+        return self.found
+
+
+def test_body_that_stands_at_full_duty_is_told_after_three_tries() -> None:
+    turns = Turns()
+    assert turns.tries(2) == ()
+    assert turns.tries(1) == (Condition.CANNOT_TURN,)
+    assert turns.go(5.0, STOP) == (Condition.CANNOT_TURN,), "until it has turned"
+
+
+def test_one_long_try_is_one() -> None:
+    assert Turns().go(30.0, FULL) == ()
+
+
+def test_rover_gives_up_after_twelve_tries_and_may_be_armed_again() -> None:
+    turns = Turns()
+    assert turns.tries(11) == (Condition.CANNOT_TURN,)
+    assert turns.tries(1) == (Condition.CANNOT_TURN, Condition.ENTRAPPED)
+    assert turns.go(1.0, STOP) == ()
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_turn_that_gets_on_forgets_the_tries(side: float) -> None:
+    turns = Turns()
+    turns.tries(5)
+    assert turns.go(1.0, WheelCommand(side * 0.3, -side * 0.3), side * 20.0) == ()
+    assert turns.tries(2) == ()
+
+
+def test_turn_the_other_way_is_none() -> None:
+    assert Turns().tries(3, rate_deg_s=-30.0) == (Condition.CANNOT_TURN,)
+
+
+@pytest.mark.parametrize("wheels", [WheelCommand(0.4, -0.4), WheelCommand(1.0, 0.2), WheelCommand(1.0, 1.0), STOP])
+def test_less_than_full_duty_and_curves_are_no_try(wheels: WheelCommand) -> None:
+    assert Turns().tries(20, wheels) == ()
+
+
+def test_full_is_what_the_gate_lets_through() -> None:
+    assert Turns(duty_max=0.5).tries(3, WheelCommand(0.5, -0.5)) == (Condition.CANNOT_TURN,)

@@ -1,0 +1,58 @@
+"""Whether the rover can turn on the spot at all: full duty that turns nothing, again and again.
+
+A tree or a branch under the belly holds a body for a while; ground that grips more than the motors can overcome holds it
+everywhere. Both look alike, and trying on is no use in either.
+"""
+
+from __future__ import annotations
+
+from math import copysign
+
+from wayfarer.conditions import Condition
+from wayfarer.detector.settings import DetectorSettings
+from wayfarer.interval import Interval
+
+# Of the duty that the gate allows; a Sabertooth knows 127 steps and an undervoltage leaves 0.7 of it.
+FULL_SHARE = 0.65
+# A turn on the spot has next to nothing in common with going ahead.
+AHEAD_SHARE = 0.2
+# A body that turned by so much can turn: three times what counts as no turn at all.
+TURNS_DEG = 9.0
+
+
+class TurnAbility:
+    """Counts the tries in a row in which full duty on the spot turned nothing.
+
+    Args:
+        settings: how long a try is, and how many of them say what.
+        duty_max: what the gate lets through, above 0 to 1.
+    """
+
+    def __init__(self, settings: DetectorSettings, duty_max: float) -> None:
+        self._settings = settings
+        self._full = FULL_SHARE * duty_max
+        self._tries = 0
+        self._way = 0.0
+        self._from_deg = self._tried_s = 0.0
+
+    def update(self, interval: Interval, gained_deg: float) -> tuple[Condition, ...]:
+        """Take in a tick: what the wheels were told, and the heading gained since the start of the run."""
+        left, right = interval.applied
+        duty = (left - right) / 2.0
+        if abs(left + right) / 2.0 > AHEAD_SHARE * abs(duty) or duty * self._way <= 0.0:
+            self._way, self._from_deg, self._tried_s = duty, gained_deg, 0.0
+        turned_deg = copysign(1.0, duty) * (gained_deg - self._from_deg)
+        if turned_deg >= TURNS_DEG:
+            self._tries, self._from_deg, self._tried_s = 0, gained_deg, 0.0
+        elif abs(duty) >= self._full:
+            before_s, self._tried_s = self._tried_s, self._tried_s + interval.driven_s
+            if before_s < self._settings.cannot_turn_s <= self._tried_s:
+                self._tries += 1
+        return self._found()
+
+    def _found(self) -> tuple[Condition, ...]:
+        settings = self._settings
+        if self._tries >= settings.cannot_turn_max:
+            self._tries = 0
+            return (Condition.CANNOT_TURN, Condition.ENTRAPPED)
+        return (Condition.CANNOT_TURN,) if self._tries >= settings.cannot_turn_tries else ()
