@@ -33,8 +33,9 @@ class Detector:
     """Turns snapshots and applied commands into anomalies and conditions, one control tick at a time.
 
     ``vehicle`` tells the ground speed at full duty and the turn that it makes, ``calibration_min`` (0 to 3) how well
-    the compass was calibrated when the rover was armed, ``duty_max`` what the gate lets through. ``watches_motion`` and ``needs_contact`` say whether silence of
-    that sensor is a condition, ``watches_contact`` whether a touch is an anomaly as well.
+    the compass was calibrated when the rover was armed, ``duty_max`` what the gate lets through.
+    ``watches_motion`` and ``needs_contact`` say whether silence of that sensor is a condition, ``watches_contact``
+    whether a touch is an anomaly as well.
     """
 
     def __init__(

@@ -63,7 +63,7 @@ class DriveWatch:
         self.until_t_s = -inf
 
     def update(self, interval: Interval, gained_deg: float, ahead_m: float, *, trusted: bool) -> None:
-        """Take in a tick: what the wheels were told since the last, and the heading and way ahead gained since the start.
+        """Take in a tick: what the wheels were told since the last, and the heading and way gained since the start.
 
         It is ``trusted`` unless the compass is in doubt, or the forest is in the way: such windows are dropped.
         """

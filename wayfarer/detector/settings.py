@@ -51,8 +51,8 @@ class DetectorSettings:
     spot of ``reversed_turn_deg`` goes ``reversed_back_deg`` the other way, or the rover goes ``reversed_straight_m``
     straight on (from no source). Either of them ``reversed_turns`` times is a fault (fault 28).
 
-    Full duty on the spot that turns nothing for ``cannot_turn_s`` is a try; ``cannot_turn_tries`` in a row are told, and
-    after ``cannot_turn_max`` the rover gives up, as after that many anomalies in the field catalogue (fault 57).
+    Full duty on the spot that turns nothing for ``cannot_turn_s`` is a try; ``cannot_turn_tries`` in a row are told,
+    and after ``cannot_turn_max`` the rover gives up, as after so many anomalies in the field catalogue (fault 57).
     """
 
     immobilised_s: Seconds = 0.3

@@ -1,7 +1,7 @@
 """Whether the rover can turn on the spot at all: full duty that turns nothing, again and again.
 
-A tree or a branch under the belly holds a body for a while; ground that grips more than the motors can overcome holds it
-everywhere. Both look alike, and trying on is no use in either.
+A tree or a branch under the belly holds a body for a while; ground that grips more than the motors can overcome holds
+it everywhere. Both look alike, and trying on is no use in either.
 """
 
 from __future__ import annotations
