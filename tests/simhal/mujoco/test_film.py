@@ -56,7 +56,7 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
 
 def pictures(path: Path) -> list[NDArray[np.uint8]]:
     with av.open(str(path)) as file:
-        return [frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)]
+        return [frame.to_ndarray(format="rgb24").astype(np.uint8) for frame in file.decode(video=0)]
 
 
 def orange_share(picture: NDArray[np.uint8]) -> float:
@@ -204,7 +204,7 @@ def test_missing_opengl_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_opengl_that_cannot_draw_off_screen_is_one_line_and_leaves_no_file(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "wayfarer.cli", *SIM, "--video", str(tmp_path / "x.mp4")]
+    command = [sys.executable, "-c", "from wayfarer.cli import main; main()", *SIM, "--video", str(tmp_path / "x.mp4")]
     done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "MUJOCO_GL": "glfw"}, check=False)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert "MUJOCO_GL=glfw cannot: unset it, or set egl or osmesa" in done.stderr

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 BESIDE_DEG = 28.0  # from straight behind, so that a side of the rover is seen
 ELEVATION_DEG, STEEPEST_DEG = 25.0, 58.0
 CLEAR_BY_DEG = 4.0  # above a trunk between camera and rover
-LENGTHS_AWAY, LEAST_AWAY_M = 5.3, 1.9  # the distance in lengths of the rover
+LENGTHS_AWAY, LEAST_AWAY_M = 5.3, 1.4  # the distance in lengths of the rover
 FOLLOWS_S, TURNS_S, RISES_S = 0.25, 1.3, 0.6
 SIGHT_M = np.linspace(0.25, 1.75, 7)  # of the line to the camera, seen from above, where a trunk may hide the rover
 

@@ -68,9 +68,15 @@ def _add_hull(rover: Any, body: Body) -> None:
             TAIL_LAMP,
             pos=(-long_m, left * 0.75 * wide_m, 0.5 * (rail_m + middle_m)),
         )
-    mast_m = 0.5 * top_m + 0.06
-    _show(rover, CYLINDER, (0.005, mast_m / 2.0, 0.0), METAL, pos=(-0.7 * long_m, 0.4 * wide_m, top_m + mast_m / 2.0))
-    _show(rover, CYLINDER, (0.022, 0.008, 0.0), NOSE, pos=(-0.7 * long_m, 0.4 * wide_m, top_m + mast_m))
+    mast_m = 0.5 * top_m + 0.3 * long_m
+    _show(
+        rover,
+        CYLINDER,
+        (0.026 * long_m, mast_m / 2.0, 0.0),
+        METAL,
+        pos=(-0.7 * long_m, 0.4 * wide_m, top_m + mast_m / 2.0),
+    )
+    _show(rover, CYLINDER, (0.115 * long_m, 0.008, 0.0), NOSE, pos=(-0.7 * long_m, 0.4 * wide_m, top_m + mast_m))
 
 
 def _add_nose(rover: Any, long_m: float, wide_m: float, rail_m: float, middle_m: float, top_m: float) -> None:
@@ -80,7 +86,7 @@ def _add_nose(rover: Any, long_m: float, wide_m: float, rail_m: float, middle_m:
         lamp = (long_m + 0.004, left * 0.7 * wide_m, (rail_m + middle_m) / 2.0 + 0.008)
         rover.add_geom(
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=(0.017, 0.0, 0.0),
+            size=(0.09 * long_m, 0.0, 0.0),
             rgba=LAMP,
             pos=lamp,
             contype=0,

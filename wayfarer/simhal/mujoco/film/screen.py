@@ -68,7 +68,7 @@ def opengl(width: int, height: int) -> Iterator[None]:
 
 
 class Screen:
-    """Draws a scenery; OpenGL must be there."""
+    """Draws a scenery; OpenGL must be there until it is closed."""
 
     def __init__(self, scenery: Scenery, width: int, height: int) -> None:
         import mujoco
@@ -109,6 +109,10 @@ class Screen:
         mujoco.mjr_render(self._rectangle, self.scene, self._context)
         mujoco.mjr_readPixels(self._pixels, None, self._rectangle, self._context)
         return self._pixels[::-1]
+
+    def close(self) -> None:
+        """Give back what OpenGL holds for it, while that is still there: freed later, it would be another film's."""
+        self._context.free()
 
     def _fade(self, trees: set[int]) -> None:
         """Let the rover be seen through trees."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
@@ -79,13 +79,13 @@ class Film:
         caption = Caption(spec.forest, words, self._kind.size[1])
         joints = np.array([shot.joints for shot in shots])
         seen_from = views(joints, obstacles_of(spec.forest), world.body.length_m, self._kind.frames_s)
-        painter = screen.Screen(scenery, *DRAWN)
-        for shot, t_s, view in zip(shots, times_s, seen_from, strict=True):
-            painter.place(shot.joints, view)
-            add_bars(painter.scene, bars, bars.until(shot.t_s, shot.joints), world.body)
-            picture = Image.fromarray(painter.draw()).resize(self._kind.size, Image.Resampling.LANCZOS)
-            caption.write(picture, shot, over=t_s > footage.ends_s)
-            yield picture
+        with closing(screen.Screen(scenery, *DRAWN)) as painter:
+            for shot, t_s, view in zip(shots, times_s, seen_from, strict=True):
+                painter.place(shot.joints, view)
+                add_bars(painter.scene, bars, bars.until(shot.t_s, shot.joints), world.body)
+                picture = Image.fromarray(painter.draw()).resize(self._kind.size, Image.Resampling.LANCZOS)
+                caption.write(picture, shot, over=t_s > footage.ends_s)
+                yield picture
 
 
 def _words(footage: Footage, speed: float) -> Words:
