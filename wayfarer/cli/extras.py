@@ -21,6 +21,7 @@ NEEDS = {
     "a cluster": Need("cluster", {"distributed": "distributed"}),
     "sweeping": Need("sim", {"numpy": "numpy", "skfmm": "scikit-fmm", "pyarrow": "pyarrow"}),
     "--physics mujoco": Need("physics", {"mujoco": "mujoco"}),
+    "--video": Need("physics", {"av": "av", "PIL": "pillow"}),
     "a report": Need("sim", {"matplotlib": "matplotlib", "numpy": "numpy"}),
     "the live page": Need("live", {"aiohttp": "aiohttp"}),
     "Foxglove": Need("foxglove", {"foxglove": "foxglove-sdk"}),

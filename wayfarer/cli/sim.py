@@ -32,6 +32,8 @@ wayfarer sim --scenario extended-maze --rover forestrover --algorithm forest-ple
 
 wayfarer sim --physics mujoco --friction 0.3:0.8 --rover forestrover --trials 20
 
+wayfarer sim --physics mujoco --friction 0.15 --rover forestrover --trial 9 --video trial.mp4
+
 wayfarer sim --trials 1000000 --out results --cluster tcp://10.0.0.7:8786
 """
 RUNNING = "Running"
@@ -171,6 +173,24 @@ def sim(
         Path | None,
         typer.Option(metavar="DIR", help="New or empty folder for the trials' full field logs; slower."),
     ] = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Film this trial, in MuJoCo: FILE.mp4, or FILE.webp; slower.",
+            rich_help_panel=ONE_TRIAL,
+        ),
+    ] = None,
+    video_speed: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1,
+            max=100.0,
+            metavar="X",
+            help="How much faster than the trial the film runs. (default: 1)",
+            rich_help_panel=ONE_TRIAL,
+        ),
+    ] = None,
 ) -> None:
     """Run the rover's own code in simulated forests, and count how often it gets out and how far it goes."""
     _refuse_odd_pairs(out, resume, trial, log)
@@ -178,9 +198,15 @@ def sim(
         raise BadInput("--scenario draws its own layouts; leave out --forests, or --scenario")
     terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
     _refuse_without_mujoco(physics, terrain)
+    _refuse_what_cannot_be_filmed(physics, trial, video, video_speed)
     require("simulating")
     if physics is PhysicsName.mujoco:
         require("--physics mujoco")
+    if video:
+        require("--video")
+        from wayfarer.simhal.mujoco.film.screen import backend
+
+        backend()  # before the engine is imported, whose own words about missing OpenGL would be a traceback
     if out:
         require("keeping results")
     if cluster is not None:
@@ -212,6 +238,8 @@ def sim(
         raise typer.Exit(
             command.run_all(campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log)
         )
+    if video:
+        raise typer.Exit(command.film_alone(campaign, trial, log, video, video_speed or 1.0))
     raise typer.Exit(command.run_alone(campaign, trial, log))
 
 
@@ -228,6 +256,18 @@ def _refuse_without_mujoco(physics: PhysicsName, terrain: dict[str, str | None])
     given = [name for name, text in terrain.items() if text is not None]
     if given and physics is PhysicsName.light:
         raise BadInput(f"--{given[0].replace('_', '-')} counts only with --physics mujoco; add that, or leave it out")
+
+
+def _refuse_what_cannot_be_filmed(
+    physics: PhysicsName, trial: int | None, video: Path | None, video_speed: float | None
+) -> None:
+    if video is None:
+        if video_speed is not None:
+            raise BadInput("--video-speed is that of a film; say where to write one with --video FILE")
+    elif physics is PhysicsName.light:
+        raise BadInput("--video films a world of rigid bodies; add --physics mujoco")
+    elif trial is None:
+        raise BadInput("--video films one trial; say which with --trial N")
 
 
 def _refuse_beside_cluster(jobs: int | None, trial: int | None, log: Path | None) -> None:

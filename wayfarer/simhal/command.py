@@ -20,7 +20,7 @@ from wayfarer.registry import find_algorithm
 from wayfarer.simhal import campaign as campaigns
 from wayfarer.simhal.campaign import Finished
 from wayfarer.simhal.plan import Campaign, Task
-from wayfarer.simhal.progress import fault_line, say, shown_progress
+from wayfarer.simhal.progress import drawing, fault_line, say, shown_progress
 from wayfarer.simhal.report_table import FORESTS, Layout, print_table
 from wayfarer.simhal.results import ResultsFolder
 from wayfarer.simhal.rows import columns_of, csv_line
@@ -221,6 +221,31 @@ def run_alone(campaign: Campaign, trial: int, log: Path | None, run_trial: RunTr
     if log:
         (log / FAULT_FILE).write_text(done.fault.traceback, encoding="utf-8")
     return 1
+
+
+def film_alone(campaign: Campaign, trial: int, log: Path | None, video: Path, speed: float) -> int:
+    """Run one trial in MuJoCo as ``run_alone`` does, film it, and return the exit code.
+
+    The film is drawn after the trial, which is the same as without it. A trial that ends before its first control tick
+    leaves no film.
+
+    Raises:
+        BadInput: as of ``run_alone``; or the film cannot be written or drawn, which is found out before the trial.
+    """
+    from wayfarer.simhal.mujoco.film.footage import Recorder
+    from wayfarer.simhal.mujoco.film.video import film
+
+    aside, recorder = Console(stderr=True), Recorder()
+    with film(video) as shown:
+        code = run_alone(campaign, trial, log, recorder)
+        if recorder.footage is None:
+            raise BadInput(
+                f"--video {video}: trial {trial} ended before its first control tick; there is nothing to film"
+            )
+        with drawing(aside) as done:
+            shown.show(recorder.footage, speed, done)
+    say(aside, f"the film is {video}")
+    return code
 
 
 def cores() -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
@@ -75,6 +75,17 @@ def shown_progress(console: Console, kept: int, total: int) -> Iterator[Progress
     count = TextColumn("{task.completed} of {task.total} trials")
     with RichProgress(BarColumn(), count, Rate(), TimeRemainingColumn(), console=console, transient=True) as bar:
         yield Bar(bar, kept, total)
+
+
+@contextmanager
+def drawing(console: Console) -> Iterator[Callable[[float], None]]:
+    """Show on a terminal which share of a film's pictures is drawn; give what is to be told it."""
+    left = TimeRemainingColumn()
+    with RichProgress(
+        BarColumn(), "pictures", left, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task("pictures", total=1.0)
+        yield lambda share: bar.update(task, completed=share)
 
 
 def fault_line(done: Done) -> str:
