@@ -19,7 +19,7 @@ from wayfarer.interval import Interval
 
 # What a window shows: the side that lags behind, or wheels that go the wrong way.
 LEFT, RIGHT, REVERSED = -1, 1, 0
-COASTS = 5  # the place of how far it may turn on in a ``Moment``
+COASTS, AHEAD_M = 5, 6  # places in a ``Moment``: how far it may turn on, and its way ahead
 # What a window is of: driving ahead or back, or turning on the spot.
 AHEAD, BACK, CLOCKWISE, ANTICLOCKWISE = 1, -1, 2, -2
 
@@ -88,14 +88,14 @@ class DriveWatch:
         window.append((t_s, self._left_deg, self._right_deg, self._either_deg, gained_deg, coast_deg, ahead_m))
         while t_s - window[0][0] > self._window_s:
             window.popleft()
-        t_then_s, left_then_deg, right_then_deg, either_then_deg, gained_then_deg, _, ahead_then_m = window[0]
+        t_then_s, left_then_deg, right_then_deg, either_then_deg, gained_then_deg, _, _ = window[0]
         measured_deg = gained_deg - gained_then_deg
         still = -self._least_deg < measured_deg < self._least_deg
         if still and not self._told and way in (AHEAD, BACK):
             return  # as nearly always; a rover that is held turns no more than that
         left_deg, right_deg = self._left_deg - left_then_deg, self._right_deg - right_then_deg
         if way not in (AHEAD, BACK):
-            self._check_sense(t_s, left_deg - right_deg, measured_deg, ahead_m - ahead_then_m)
+            self._check_sense(t_s, left_deg - right_deg, measured_deg, ahead_m)
         elif not still:
             self._compare(t_s, left_deg, right_deg, self._either_deg - either_then_deg, measured_deg)
         elif t_s - t_then_s + 2 * driven_s > self._window_s:
@@ -160,10 +160,18 @@ class DriveWatch:
         back_deg = settings.reversed_back_deg + max(0.0, -way * self._window[0][COASTS])
         if way * commanded_deg < settings.reversed_turn_deg:
             return
-        # A body with one side in mud goes ahead as well, but its other side turns it.
-        straight = abs(ahead_m) >= settings.reversed_straight_m and way * measured_deg < self._least_deg
+        straight = way * measured_deg < self._least_deg and self._goes_straight_on(ahead_m)
         if straight or way * measured_deg <= -back_deg:
             self._tell(t_s, REVERSED, settings.reversed_turns)
+
+    def _goes_straight_on(self, ahead_m: float) -> bool:
+        """Tell whether the wheels drive the body ahead or back: one that only coasts, or is shoved, gets slower.
+
+        A body with one side in mud goes ahead as well, but then its other side turns it.
+        """
+        first_m, middle_m = self._window[0][AHEAD_M], self._window[len(self._window) // 2][AHEAD_M]
+        early_m, late_m = middle_m - first_m, ahead_m - middle_m
+        return abs(early_m + late_m) >= self._settings.reversed_straight_m and early_m * late_m >= early_m * early_m
 
     def _tell(self, t_s: float, what: int, limit: int) -> None:
         """Take note of what a window shows, once in its length; so many alike within memory are a fault."""
