@@ -19,6 +19,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.registry import find_algorithm
 from wayfarer.simhal import campaign as campaigns
 from wayfarer.simhal.campaign import Finished
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.progress import fault_line, say, shown_progress
 from wayfarer.simhal.report_table import FORESTS, Layout, print_table
@@ -69,16 +70,20 @@ def terrains(asked: Mapping[str, str | None]) -> Terrains:
     return Terrains(**ranges)
 
 
-def check_body(config: RoverConfig, where: str) -> None:
-    """Make sure that MuJoCo can have this rover's body, before the first trial; arguments as of ``check_rover``.
+def check_body(campaign: Campaign, where: str) -> None:
+    """Make sure that wheels that slip can have this rover's body, before the first trial; ``where`` as ``check_rover``.
 
     Raises:
         BadConfig: its file does not say enough of the body, or says what cannot be built.
     """
-    from wayfarer.simhal.mujoco.model import body_of
+    from wayfarer.simhal.wheeled_body import body_of
 
+    if campaign.terrains is None and campaign.ground is GroundName.ideal:
+        return
+    asked_by = f"--ground {campaign.ground}" if campaign.terrains is None else "--physics mujoco"
+    rover = campaign.rover
     try:
-        body_of(config.name, config.vehicle, config.chassis)
+        body_of(rover.name, rover.vehicle, rover.chassis, asked_by)
     except BadConfig as error:
         raise BadConfig(f"{where}: {error}") from None
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.kept import Kept, rows_in
 from wayfarer.simhal.plan import Tasks
 from wayfarer.simhal.rows import COLUMNS, Row, csv_line
@@ -29,6 +30,7 @@ PARTIAL = "trials.partial.csv"
 TRIALS = "trials.csv"
 PARQUET = "trials.parquet"
 SUMMARY = "summary.json"
+UNSAID = {"ground": GroundName.ideal.value}  # what settings that do not name it stand for
 
 
 class ResultsFolder:
@@ -175,10 +177,10 @@ def _locked(path: Path) -> int:
 
 def _refuse_another_campaign(path: Path, settings: Mapping[str, Any]) -> None:
     try:
-        there = _flat(json.loads((path / SETTINGS).read_text(encoding="utf-8")))
+        there = UNSAID | _flat(json.loads((path / SETTINGS).read_text(encoding="utf-8")))
     except (OSError, ValueError):
         raise BadInput(f"{path} cannot be resumed: it holds no campaign ({SETTINGS} is missing or damaged)") from None
-    here = _flat(json.loads(_json(settings)))
+    here = UNSAID | _flat(json.loads(_json(settings)))
     for name in [*here, *there]:
         if here.get(name) != there.get(name):
             raise BadInput(

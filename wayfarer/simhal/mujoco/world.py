@@ -16,7 +16,7 @@ import mujoco
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.mujoco.forces import gravity_m_s2, shove_n
 from wayfarer.simhal.mujoco.ground import MUD_FRICTION, Mud, rough_ground
-from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Body, build
+from wayfarer.simhal.mujoco.model import ROVER, STEP_S, build
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.obstacles import low_trunks_of, obstacles_of
 from wayfarer.simhal.physics import Physics
@@ -31,6 +31,7 @@ from wayfarer.simhal.simulated_world import (
     side_of,
 )
 from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.wheeled_body import Body
 
 LOOK_EVERY = 5  # steps: 20 ms, well within a control tick
 SETTLES_S = 0.5  # for which a rover that is put down comes to rest on its tyres before anything counts
