@@ -68,6 +68,15 @@ def test_folder_of_another_ground_is_not_resumed(run: Run, tmp_path: Path, there
     assert run(*SIM, "--ground", there, "--out", tmp_path / "out", "--resume")[0] == 0
 
 
+def test_both_depths_decide_the_same(run: Run, tmp_path: Path) -> None:
+    rows = []
+    for depth in ("device", "bus"):
+        code, _, err = run(*SIM, "--ground", "mud", "--depth", depth, "--out", tmp_path / depth)
+        assert code == 0, err
+        rows.append((tmp_path / depth / "trials.csv").read_bytes())
+    assert rows[0] == rows[1]
+
+
 def test_grounds_can_be_swept(run: Run, tmp_path: Path) -> None:
     code, _, err = run(
         "sweep", "ground=ideal,mud", "--trials", "1", "--budget-m", "5", "--jobs", "1", "--out", tmp_path / "out"
