@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from wayfarer.config import load_rover
 from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.plan import Campaign
 from wayfarer.simhal.results import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder
@@ -168,9 +169,9 @@ def test_another_campaigns_folder_is_refused_by_its_first_difference(tmp_path: P
         ResultsFolder(tmp_path, faster, resume=True)
 
 
-def settings_of(rover: str, scenario: str | None, chassis: dict[str, float], terrains: Any = None) -> dict[str, Any]:
+def settings_of(rover: str, chassis: dict[str, float], **beside: Any) -> dict[str, Any]:
     """The settings of a campaign whose rover file has this chassis and no more of it."""
-    campaign = Campaign(("pledge",), 3, load_rover(rover), scenario=scenario, terrains=terrains)
+    campaign = Campaign(("pledge",), 3, load_rover(rover), **beside)
     settings: dict[str, Any] = json.loads(json.dumps(campaign.settings()))
     return {**settings, "rover": {**settings["rover"], "chassis": chassis}}
 
@@ -190,22 +191,25 @@ NOW = {**VERSION_0_1, "wheel_radius_m": 0.065, "height_m": 0.228}
 def test_older_versions_campaign_goes_on_where_it_reads_nothing_of_what_is_new(
     tmp_path: Path, rover: str, scenario: str | None, then: dict[str, Any]
 ) -> None:
-    with ResultsFolder(tmp_path, settings_of(rover, scenario, then)) as folder:
+    with ResultsFolder(tmp_path, settings_of(rover, then, scenario=scenario)) as folder:
         folder.append(ROWS[0])
-    with ResultsFolder(tmp_path, settings_of(rover, scenario, NOW), resume=True) as folder:
+    with ResultsFolder(tmp_path, settings_of(rover, NOW, scenario=scenario), resume=True) as folder:
         assert list(folder.kept) == ROWS[:1]
 
 
 @pytest.mark.parametrize(
-    ("scenario", "terrains", "key"),
-    [("extended-maze", None, "weight_kg"), (None, Terrains(), "weight_kg"), (None, Terrains(), "wheel_radius_m")],
+    ("beside", "key"),
+    [
+        ({"scenario": "extended-maze"}, "weight_kg"),
+        ({"terrains": Terrains()}, "weight_kg"),
+        ({"terrains": Terrains()}, "wheel_radius_m"),
+        ({"ground": GroundName.mud}, "wheel_radius_m"),
+    ],
 )
-def test_campaign_that_reads_another_chassis_is_another_one(
-    tmp_path: Path, scenario: str | None, terrains: Terrains | None, key: str
-) -> None:
-    ResultsFolder(tmp_path, settings_of("forestrover", scenario, {**NOW, key: 0.05}, terrains)).close()
+def test_campaign_that_reads_another_chassis_is_another_one(tmp_path: Path, beside: dict[str, Any], key: str) -> None:
+    ResultsFolder(tmp_path, settings_of("forestrover", {**NOW, key: 0.05}, **beside)).close()
     with pytest.raises(BadInput, match=rf"rover\.chassis\.{key} is 0\.05 there"):
-        ResultsFolder(tmp_path, settings_of("forestrover", scenario, NOW, terrains), resume=True)
+        ResultsFolder(tmp_path, settings_of("forestrover", NOW, **beside), resume=True)
 
 
 def test_folder_that_is_in_use_is_refused(tmp_path: Path) -> None:

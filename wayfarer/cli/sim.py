@@ -11,6 +11,7 @@ import typer
 
 from wayfarer.cli.extras import require
 from wayfarer.errors import BadInput
+from wayfarer.simhal.grounds import GroundName
 
 EXAMPLES = """Examples:
 
@@ -29,6 +30,8 @@ wayfarer sim --trials 50 --log logs
 wayfarer sim --trials 100 --rover minirover --depth bus
 
 wayfarer sim --scenario extended-maze --rover forestrover --algorithm forest-pledge,levy-walk --trials 200
+
+wayfarer sim --ground mud --trials 200
 
 wayfarer sim --physics mujoco --friction 0.3:0.8 --rover forestrover --trials 20
 
@@ -124,6 +127,10 @@ def sim(
         PhysicsName,
         typer.Option(help="What moves the body: physics-light, or wheels that grip and slip in MuJoCo; slower."),
     ] = PhysicsName.light,
+    ground: Annotated[
+        GroundName,
+        typer.Option(help="What physics-light has under the wheels: 'ideal' turns as told, others grip and slip."),
+    ] = GroundName.ideal,
     friction: Annotated[
         str | None,
         typer.Option(
@@ -178,6 +185,8 @@ def sim(
         raise BadInput("--scenario draws its own layouts; leave out --forests, or --scenario")
     terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
     _refuse_without_mujoco(physics, terrain)
+    if ground is not GroundName.ideal and physics is PhysicsName.mujoco:
+        raise BadInput(f"--ground {ground} is of physics-light; with --physics mujoco say --friction, or leave it out")
     require("simulating")
     if physics is PhysicsName.mujoco:
         require("--physics mujoco")
@@ -202,11 +211,11 @@ def sim(
         depth=depth.value,
         forests=read_forest_file(forests) if forests else None,
         terrains=command.terrains(terrain) if physics is PhysicsName.mujoco else None,
+        ground=ground,
     )
     if scenario:
         campaign = command.at_site(campaign, scenario.value)
-    if campaign.terrains is not None:
-        command.check_body(campaign.rover, rover)
+    command.check_body(campaign, rover)
     command.check_rover(campaign.rover, campaign.depth, rover)
     if trial is None:
         raise typer.Exit(

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from wayfarer.config import RoverConfig
 from wayfarer.config_errors import most_telling
 from wayfarer.errors import BadInput
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.plan import Campaign, ForestFile, read_forest_file
 from wayfarer.simhal.results import FORESTS, PARTIAL, SETTINGS, TRIALS, read_rows
@@ -44,6 +45,7 @@ class Settings(BaseModel):
     forests: ForestsSettings | None
     rover: dict[str, Any]
     mujoco: dict[str, list[float]] | None = None
+    ground: GroundName = GroundName.ideal
 
     @field_validator("mujoco")
     @classmethod
@@ -98,6 +100,7 @@ class Results:
             scenario=settings.scenario,
             forests=self._forests(settings.forests) if settings.forests else None,
             terrains=terrains_of(settings.mujoco) if settings.mujoco else None,
+            ground=settings.ground,
         )
 
     def _rover(self) -> RoverConfig:

@@ -57,6 +57,8 @@ def facts(settings: Settings) -> Iterator[tuple[str, str]]:
     yield "rover", str(rover.get("name", "unnamed"))
     yield "obstacles noticed by", str(rover.get("anomaly_source", "unknown"))
     yield "depth of the simulation", settings.depth
+    if settings.mujoco is None:
+        yield "ground", settings.ground.value
     for name, (low, high) in (settings.mujoco or {}).items():
         yield f"MuJoCo, {name}", f"{low:g}" if low == high else f"{low:g} to {high:g}, drawn for each trial"
     yield "forests", f"{forests.file}, BLAKE2b {forests.blake2b}" if forests else "generated"

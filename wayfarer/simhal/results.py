@@ -20,6 +20,7 @@ from typing import Any, Self
 
 from wayfarer.chassis import AT_A_BRANCH, Chassis
 from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.kept import Kept, rows_in
 from wayfarer.simhal.plan import Tasks
 from wayfarer.simhal.rows import Row, columns_of, csv_line
@@ -32,6 +33,7 @@ TRIALS = "trials.csv"
 PARQUET = "trials.parquet"
 SUMMARY = "summary.json"
 CHASSIS = "rover.chassis"  # where its keys stand in the settings
+UNSAID = {"ground": GroundName.ideal.value}  # what settings that do not name it stand for
 
 
 class ResultsFolder:
@@ -195,7 +197,7 @@ def differences(here: Mapping[str, Any], there: Any) -> Iterator[tuple[str, Any,
     What a rover file says of its chassis decides only where this campaign reads it. Files of older versions say less,
     and their campaigns can be gone on with.
     """
-    ours, theirs = _flat(here), _flat(there)
+    ours, theirs = UNSAID | _flat(here), UNSAID | _flat(there)
     unread = {f"{CHASSIS}.{field.name}" for field in fields(Chassis)} - {f"{CHASSIS}.{key}" for key in _read(here)}
     for name in dict.fromkeys((*ours, *theirs)):
         if name not in unread and ours.get(name) != theirs.get(name):
@@ -204,7 +206,7 @@ def differences(here: Mapping[str, Any], there: Any) -> Iterator[tuple[str, Any,
 
 def _read(settings: Mapping[str, Any]) -> tuple[str, ...]:
     """Return which keys of the chassis a campaign with these settings reads."""
-    if settings.get("mujoco"):
+    if settings.get("mujoco") or settings.get("ground"):
         return tuple(field.name for field in fields(Chassis))
     return AT_A_BRANCH if settings.get("scenario") else ()
 

@@ -11,6 +11,7 @@ from wayfarer.escape.api import Phase
 from wayfarer.hal import Rover
 from wayfarer.mission import RunEnd
 from wayfarer.records import PartialLog, Tee, TickRecord
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.referee import Outcome, Referee
 from wayfarer.simhal.simulated_world import SimulatedWorld
@@ -148,6 +149,8 @@ def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover
     }
     if spec.terrains is not None:
         details["mujoco"] = spec.terrains.draw(Streams(spec.seed))._asdict()
+    if spec.ground is not GroundName.ideal:
+        details["ground"] = spec.ground.value
     log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s)
     return log, Witness(log, world)
 

@@ -173,16 +173,23 @@ def _drop_torn_line(path: Path) -> None:
 def _refuse_another_sweep(path: Path, here: Mapping[str, Any]) -> None:
     try:
         there = json.loads((path / SETTINGS).read_text(encoding="utf-8"))
-        same = {name: there[name] == here[name] for name in here}
+        same_axes = there["axes"] == here["axes"]
+        ours, theirs = (_with_ground(settings) for settings in (here, there))
     except (OSError, ValueError, KeyError, TypeError):
         raise BadInput(f"{path} cannot be resumed: it holds no sweep ({SETTINGS} is missing or damaged)") from None
-    if not same["axes"]:
+    if not same_axes:
         raise BadInput(
             f"{path} belongs to another sweep: its keys or values differ; repeat them, or give another folder"
         )
-    differing = [name for name, *_ in differences(here["campaign"], there["campaign"])]
+    differing = [name for name, *_ in differences(ours, theirs)]
     if differing:
         raise BadInput(
             f"{path} belongs to another sweep: {', '.join(differing)} differ; repeat its settings, "
             "or give another folder"
         )
+
+
+def _with_ground(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the campaign of a sweep; where grounds are swept it says so, for its points then read the chassis."""
+    swept = {axis["key"]: axis["values"] for axis in settings["axes"] if axis["key"] == "ground"}
+    return {**settings["campaign"], **swept}
