@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.simhal.results import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder
+from wayfarer.simhal.results import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder, read_rows
 from wayfarer.simhal.rows import COLUMNS, OUTCOMES, Row, csv_line, parse_row, row_of
 from wayfarer.simhal.trial import TrialResult
 
@@ -49,16 +49,16 @@ def test_row_holds_what_its_line_holds(result: TrialResult) -> None:
 def test_row_reads_as_the_issue_asks() -> None:
     assert csv_line(COLUMNS) == (
         "trial,algorithm,forest,noise,seed,outcome,path_m,reverse_m,time_s,anomalies,episodes,shortest_path_m,spl,"
-        "interventions\n"
+        "interventions,overturned,off_wheels\n"
     )
     result = TrialResult(7, "pledge", 3, 1, 99, "escaped", 81.3, 4.25, 95.05, 12, 5, 39.9, 0.49077, 1900)
-    assert csv_line(row_of(result)[:-1]) == "7,pledge,3,1,99,escaped,81.300,4.250,95.050,12,5,39.900,0.4908,\n"
-    assert csv_line(Row(7, "pledge", 3, 1, 99, "fault")[:-1]) == "7,pledge,3,1,99,fault,,,,,,,,\n"
+    assert csv_line(row_of(result)[:-1]) == "7,pledge,3,1,99,escaped,81.300,4.250,95.050,12,5,39.900,0.4908,,,\n"
+    assert csv_line(Row(7, "pledge", 3, 1, 99, "fault")[:-1]) == "7,pledge,3,1,99,fault,,,,,,,,,,\n"
 
 
 def test_row_never_holds_nan_or_a_negative_zero() -> None:
     result = TrialResult(0, "pledge", 0, 0, 1, "tipped", float("nan"), -0.0, -1e-9, 0, 0, float("inf"), None, 0)
-    assert csv_line(row_of(result)[:-1]) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,,\n"
+    assert csv_line(row_of(result)[:-1]) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,,,,\n"
 
 
 def finish(folder: ResultsFolder, summary: dict[str, Any]) -> None:
@@ -213,3 +213,29 @@ def test_full_disk_ends_in_one_line_that_says_what_to_do(tmp_path: Path) -> None
     said = r"cannot be written any more: File too large.*--resume"
     with ResultsFolder(tmp_path, SETTINGS_HERE) as folder, full_disk(), pytest.raises(WayfarerError, match=said):
         folder.append(ROWS[0])
+
+
+def as_older(text: str, last: int) -> str:
+    """Leave out the kinds of interventions, which older versions did not tell; so many columns stand behind them."""
+    lines = [line.split(",") for line in text.splitlines()]
+    return "".join(",".join(cells[: -2 - last] + cells[len(cells) - last :]) + "\n" for cells in lines)
+
+
+def test_table_of_an_older_version_is_read(tmp_path: Path) -> None:
+    path = tmp_path / TRIALS
+    path.write_text(as_older(csv_line(COLUMNS) + "".join(csv_line(row[:-1]) for row in ROWS), last=0))
+    assert "overturned" not in path.read_text()
+    assert read_rows(path, COLUMNS) == [row._replace(ticks=None) for row in ROWS]
+
+
+def test_campaign_of_an_older_version_is_gone_on_with(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        folder.append(ROWS[0])
+    partial = tmp_path / PARTIAL
+    partial.write_text(as_older(partial.read_text(), last=1))
+    assert partial.read_text().splitlines()[0].endswith("interventions,ticks")
+    helped = ROWS[1]._replace(interventions=3, overturned=1, off_wheels=2)
+    with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
+        folder.append(helped)
+        assert [*folder.kept] == [ROWS[0], helped]
+    assert partial.read_text() == csv_line(Row._fields) + csv_line(ROWS[0]) + csv_line(helped)

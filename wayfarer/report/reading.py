@@ -16,7 +16,7 @@ from wayfarer.errors import BadInput
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.plan import Campaign, ForestFile, read_forest_file
 from wayfarer.simhal.results import FORESTS, PARTIAL, SETTINGS, TRIALS, read_rows
-from wayfarer.simhal.rows import COLUMNS, Row, csv_line
+from wayfarer.simhal.rows import COLUMNS, Row, csv_line, without_kinds
 from wayfarer.simhal.statistics import Summary, summarise
 
 
@@ -149,7 +149,7 @@ def _read_settings(folder: Path) -> Settings:
 def _read_trials(path: Path, settings: Settings) -> list[Row]:
     try:
         header = path.read_text(encoding="utf-8").partition("\n")[0] + "\n"
-        rows = read_rows(path, COLUMNS) if header == csv_line(COLUMNS) else []
+        rows = read_rows(path, COLUMNS) if header in map(csv_line, (COLUMNS, without_kinds(COLUMNS))) else []
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"{path}: cannot be read: {error}") from None
     expected = [(algorithm, trial) for algorithm in settings.algorithms for trial in range(settings.trials)]

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.simhal.kept import Kept, rows_in
+from wayfarer.simhal.kept import Kept, columns_in, rows_in
 from wayfarer.simhal.plan import Tasks
 from wayfarer.simhal.rows import COLUMNS, Row, csv_line
 from wayfarer.whole_file import whole_file
@@ -129,6 +129,7 @@ class ResultsFolder:
             return Kept(self._open.enter_context(path.open("rb")), tasks, str(path), COLUMNS)
         path = self.path / PARTIAL
         _drop_torn_line(path)
+        _add_kinds(path)
         return Kept(self._open.enter_context(path.open("r+b")), tasks, str(path), Row._fields)
 
     @contextmanager
@@ -202,6 +203,17 @@ def _drop_torn_line(path: Path) -> None:
         file.truncate(whole)
         if not whole:
             file.write(csv_line(Row._fields).encode())
+
+
+def _add_kinds(path: Path) -> None:
+    """Give a partial file of an older version the columns that it lacks, so that the trials to come fit into it."""
+    with path.open("rb") as file:
+        columns = columns_in(file, str(path), Row._fields)
+        if columns == Row._fields:
+            return
+        with whole_file(path) as draft, draft.open("w", encoding="utf-8") as text:
+            text.write(csv_line(Row._fields))
+            text.writelines(csv_line(row) for _, row in rows_in(file, str(path), columns))
 
 
 def read_rows(path: Path, fields: tuple[str, ...]) -> list[Row]:

@@ -19,13 +19,15 @@ SUCCESSES = ("escaped", "left_bounds")  # paper, section IV-B: leaving by anothe
 OUTCOMES = (*SUCCESSES, "entrapped", "tipped", "fault")
 
 TEXT_COLUMNS = ("algorithm", "outcome")
+KINDS = ("overturned", "off_wheels")  # of interventions; files of older versions do not have these columns
 DECIMALS: Mapping[str, int] = {"path_m": 3, "reverse_m": 3, "time_s": 3, "shortest_path_m": 3, "spl": 4}
 
 
 class Row(NamedTuple):
     """What is kept of one trial; None where a value is not known, as in a trial that ended in a fault.
 
-    ``interventions`` are counted in scenarios only. ``ticks``, the control ticks, has no column in ``trials.csv``.
+    ``interventions`` are counted in scenarios only: of a rover that has ``overturned``, and of one that is
+    ``off_wheels``. ``ticks``, the control ticks, has no column in ``trials.csv``.
     """
 
     trial: int
@@ -42,6 +44,8 @@ class Row(NamedTuple):
     shortest_path_m: float | None = None
     spl: float | None = None
     interventions: int | None = None
+    overturned: int | None = None
+    off_wheels: int | None = None
     ticks: int | None = None
 
     @property
@@ -51,6 +55,11 @@ class Row(NamedTuple):
 
 
 COLUMNS = Row._fields[:-1]
+
+
+def without_kinds(columns: tuple[str, ...]) -> tuple[str, ...]:
+    """Return these columns as older versions had them, which counted interventions of all kinds together."""
+    return tuple(name for name in columns if name not in KINDS)
 
 
 def row_of(result: TrialResult) -> Row:

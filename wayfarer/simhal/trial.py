@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 
 
 class TrialResult(NamedTuple):
-    """What the referee says of one trial; ``interventions`` where an attendant walked beside the rover."""
+    """What the referee says of one trial.
+
+    ``interventions``, and of which kind they were, where an attendant walked beside the rover.
+    """
 
     trial: int
     algorithm: str
@@ -40,6 +43,8 @@ class TrialResult(NamedTuple):
     spl: float | None
     ticks: int
     interventions: int | None = None
+    overturned: int | None = None
+    off_wheels: int | None = None
 
 
 GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the helm's reason of disarming
@@ -102,7 +107,10 @@ async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
     await stage.supervisor.arm(spec.forest.heading_deg)
     end = await stage.supervisor.run()
     result = _result(spec, _outcome(stage.referee, tally, end), stage.referee, stage.world, tally)
-    return result._replace(interventions=stage.attendant.interventions) if stage.attendant else result
+    if stage.attendant is None:
+        return result
+    flips, hangs = stage.attendant.flips, stage.attendant.hangs
+    return result._replace(interventions=flips + hangs, overturned=flips, off_wheels=hangs)
 
 
 def _outcome(referee: Referee, tally: Tally, end: RunEnd) -> Outcome:

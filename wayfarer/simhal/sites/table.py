@@ -30,6 +30,11 @@ PAPER: Mapping[tuple[str, str, str], FieldTrials] = {
     ("dense-obstruction", "minirover", "levy-walk"): FieldTrials(5, 46.0, 43.0, BY_MINI_ROVER),
 }
 
+
+def _in_ten(mean: float | None) -> str:
+    return number(None if mean is None else 10.0 * mean)
+
+
 OUTCOMES = (
     Column("trials", lambda s: str(s.trials), lambda _: "10"),
     Column("success %\n[95 %]", success, lambda p: number(10.0 * p.successes)),
@@ -45,9 +50,11 @@ MEASURES = (
     Column("median\ns", lambda s: number(s.escape_median_s)),
     Column(
         "interventions\nin ten trials",
-        lambda s: number(None if s.interventions_mean is None else 10.0 * s.interventions_mean),
+        lambda s: _in_ten(s.interventions_mean),
         lambda p: number(float(p.interventions)),
     ),
+    Column("over-\nturned", lambda s: _in_ten(s.overturned_mean)),
+    Column("off its\nwheels", lambda s: _in_ten(s.off_wheels_mean)),
     Column("path m\nmean ± SD", lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m)),
     Column("SPL", lambda s: number(s.spl, 3)),
     Column("anomalies", lambda s: number(s.anomalies_mean)),
