@@ -16,9 +16,9 @@ _TILTS = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.LEFT_D
 class TiltWatch:
     """Looks at pitch and roll; each side persists by itself, but one to which the body is tipping over counts at once.
 
-    The body tips over where its tilt, which grows, would soon be too much for it. It counts as growing at the rate of the
-    slower of the last two steps between readings, so that one wrong reading, or one bump, is no tipping; and nothing
-    is below half of the limit for tilt.
+    The body tips over where its tilt, which grows, would soon be too much for it. The rate is that of the slower of the
+    last two steps between readings, so that one wrong reading, or one bump, is no tipping; and nothing is below half
+    of the limit for tilt.
     """
 
     def __init__(self, settings: DetectorSettings) -> None:
