@@ -19,6 +19,9 @@ from tests.simhal import fake_trials
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
 from wayfarer.report.campaign import write_report
+from wayfarer.report.gallery import choose
+from wayfarer.report.reading import read_results
+from wayfarer.simhal.entrapment import Why
 from wayfarer.simhal.results import TRIALS as TABLE
 
 GALLERY = 2
@@ -167,6 +170,19 @@ def test_style_of_the_user_changes_nothing(folder: Path, tmp_path: Path) -> None
         assert matplotlib.rcParams["font.size"] == 20, "the user's settings are given back"
     for name in ("paths.svg", "paths.png"):
         assert (again / "figures" / name).read_bytes() == (folder / "figures" / name).read_bytes()
+
+
+def test_page_says_why_trials_were_entrapped_with_a_close_up_of_each(finished: Path, text: str) -> None:
+    rows = choose(read_results(finished).by_algorithm, GALLERY)
+    entrapped = [row for row in rows if row.outcome == "entrapped"]
+    assert entrapped
+    section = text.partition("Why trials were entrapped")[2]
+    assert section.count('class="forest"') == len(entrapped)
+    for row in entrapped:
+        assert re.search(rf"{row.algorithm}, trial {row.trial}: ({'|'.join(Why)})\. It kept to", section)
+    counts = re.search(r"<tbody>.*?</tbody>", section, re.DOTALL)
+    assert counts is not None
+    assert sum(map(int, re.findall(r"<td>(\d+)</td>", counts.group()))) == len(entrapped)
 
 
 def test_without_shortest_paths_the_page_says_how_to_get_them(tmp_path: Path) -> None:

@@ -18,12 +18,12 @@ from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.geodesic import is_closed
 from wayfarer.simhal.trace import Point, Trace
 
-PLACE_M = 0.5  # the side of the squares that count as places: about a body
+PLACE_M = 1.0  # the side of the squares that count as places: a lap beside the last one is a return
 IN_ONE_PLACE_LENGTHS = 2.0  # a way that stays within so many body lengths leads nowhere
-TURNS_BELOW_SHARE = 0.2  # of the turn that was asked for
+TURNS_BELOW_SHARE = 0.2  # of the turn that was asked for; lag and blocked turns leave 0.6 to 0.8 in physics-light
 ASKED_AT_LEAST_DEG = 180.0  # in all; less asked for says nothing
 AGAINST_FROM_SHARE = 0.1  # of the time: a rover that backs off and tries again touches nothing most of it
-NEW_BELOW_SHARE = 0.2  # of the places of the second half
+NEW_BELOW_SHARE = 1.0 / 3.0  # of the places of the second half
 
 
 class Why(StrEnum):
@@ -42,7 +42,7 @@ EXPLAINED = {
     Why.CANNOT_TURN: f"away from obstacles, under {TURNS_BELOW_SHARE:.0%} of the turn that was asked for came about",
     Why.WEDGED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body, against something",
     Why.STALLED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body and was hardly against anything",
-    Why.ORBITING: f"under {NEW_BELOW_SHARE:.0%} of the places where it was were new",
+    Why.ORBITING: f"under {NEW_BELOW_SHARE:.0%} of the places where it was were new to it",
     Why.OUT_OF_TIME: "it still came to new places when its time or path was used up",
 }
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from wayfarer.simhal.report_table import Column, Layout, mean_and_sd, number, success
+from wayfarer.simhal.statistics import Summary
 
 
 class FieldTrials(NamedTuple):
@@ -31,8 +32,14 @@ PAPER: Mapping[tuple[str, str, str], FieldTrials] = {
 }
 
 
-def _in_ten(mean: float | None) -> str:
-    return number(None if mean is None else 10.0 * mean)
+def _interventions(summary: Summary) -> str:
+    """Return how many there were in ten trials, with those of each kind where they were told apart."""
+    in_ten = [
+        number(10.0 * mean)
+        for mean in (summary.interventions_mean, summary.overturned_mean, summary.off_wheels_mean)
+        if mean is not None
+    ]
+    return in_ten[0] if len(in_ten) == 1 else "{} ({}/{})".format(*in_ten) if in_ten else ""
 
 
 OUTCOMES = (
@@ -50,11 +57,9 @@ MEASURES = (
     Column("median\ns", lambda s: number(s.escape_median_s)),
     Column(
         "interventions\nin ten trials",
-        lambda s: _in_ten(s.interventions_mean),
+        _interventions,
         lambda p: number(float(p.interventions)),
     ),
-    Column("over-\nturned", lambda s: _in_ten(s.overturned_mean)),
-    Column("off its\nwheels", lambda s: _in_ten(s.off_wheels_mean)),
     Column("path m\nmean ± SD", lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m)),
     Column("SPL", lambda s: number(s.spl, 3)),
     Column("anomalies", lambda s: number(s.anomalies_mean)),
