@@ -25,7 +25,8 @@ def causes_table(causes: Sequence[tuple[str, Why]]) -> str:
     """Return how many trials of each algorithm were entrapped for each cause; pairs of algorithm and cause."""
     counts = Counter(causes)
     rows = [
-        ("ours", [name, *(str(counts[name, why]) for why in Why)]) for name in dict.fromkeys(name for name, _ in causes)
+        ("causes", [name, *(str(counts[name, why]) for why in Why)])
+        for name in dict.fromkeys(name for name, _ in causes)
     ]
     return page.table("Entrapped trials by cause.", ["algorithm", *Why], rows)
 
