@@ -36,9 +36,7 @@ PAPER = "paper"  # stands for the ten of the paper, which are the catalogue
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
 FAULT_FILE = "fault.txt"
 LEGEND = "success: escaped or left bounds; path: of the successes; time, anomalies: mean a trial"
-SITE_LEGEND = (
-    "time: from arming to the destination line, of the successes; interventions: overturned, or off its wheels"
-)
+SITE_LEGEND = "time: from arming to the destination line, of the successes; interventions (overturned/off its wheels)"
 
 
 def algorithms(names: str) -> tuple[str, ...]:

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 class TrialResult(NamedTuple):
     """What the referee says of one trial.
 
-    ``interventions`` where an attendant walked beside the rover, ``friction`` and what follows where it was in MuJoCo.
+    ``interventions``, and of which kind they were, where an attendant walked beside the rover; ``friction`` and what
+    follows where it was in MuJoCo.
     """
 
     trial: int
@@ -44,6 +45,8 @@ class TrialResult(NamedTuple):
     spl: float | None
     ticks: int
     interventions: int | None = None
+    overturned: int | None = None
+    off_wheels: int | None = None
     friction: float | None = None
     roughness_m: float | None = None
     torque_scale: float | None = None
@@ -110,7 +113,8 @@ async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
     end = await stage.supervisor.run()
     result = _result(spec, _outcome(stage.referee, tally, end), stage.referee, stage.world, tally)
     if stage.attendant:
-        result = result._replace(interventions=stage.attendant.interventions)
+        flips, hangs = stage.attendant.flips, stage.attendant.hangs
+        result = result._replace(interventions=flips + hangs, overturned=flips, off_wheels=hangs)
     return result._replace(**stage.terrain._asdict()) if stage.terrain else result
 
 
