@@ -78,7 +78,8 @@ def test_trials_count_interventions_and_are_one_layout_each(run: Run, tmp_path: 
     with (tmp_path / "out" / "trials.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [(row["forest"], row["noise"]) for row in rows] == [("0", "0"), ("1", "0")]
-    assert all(int(row["interventions"]) >= 0 for row in rows)
+    kinds = [(int(row["interventions"]), int(row["overturned"]) + int(row["off_wheels"])) for row in rows]
+    assert all(count == of_kinds >= 0 for count, of_kinds in kinds)
     settings = json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))
     assert settings["scenario"] == "extended-maze"
 

@@ -25,7 +25,7 @@ class Chassis:
 
     A branch that is no thicker than ``ground_clearance_m`` passes under the belly. ``motors_n_m`` is the torque of all
     motors together. ``wheel_radius_m`` and ``height_m``, from the ground to the top of the body, are asked for by
-    ``--physics mujoco`` only.
+    ``--ground`` and ``--physics mujoco`` only.
     """
 
     ground_clearance_m: Metres | None = None

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from tests.detector.rover import started
+from tests.detector.rover import SETTINGS, started
 from wayfarer.conditions import Condition
 from wayfarer.detector import ALL_WELL
 from wayfarer.escape.api import Anomaly
@@ -64,3 +67,45 @@ def test_overturned_acts_soon_and_not_upon_one_reading(
     found = [Condition.OVERTURNED in rover.tick(**angle(axis, sign * angle_deg)).conditions for _ in range(4)]
     assert not found[0]
     assert found[-1] is over
+
+
+RISING_DEG = (0.0, 2.0, 7.0, 13.0, 20.0, 27.0, 36.0, 46.0, 55.0)  # a nose that rears up at a trunk in MuJoCo, 20 Hz
+
+
+@pytest.mark.parametrize(("axis", "sign", "anomaly"), TILTS)
+def test_body_that_tips_over_is_found_before_its_tilt_has_lasted(axis: str, sign: int, anomaly: Anomaly) -> None:
+    rover = started()
+    found = [rover.tick(**angle(axis, sign * angle_deg), dt_s=0.05).anomalies for angle_deg in RISING_DEG]
+    assert found.index((anomaly,)) <= RISING_DEG.index(27.0)
+    slow = started(replace(SETTINGS, tipping_deg=180.0))
+    late = [slow.tick(**angle(axis, sign * angle_deg), dt_s=0.05).anomalies for angle_deg in RISING_DEG]
+    assert not any(late)
+
+
+@pytest.mark.parametrize(("axis", "sign", "_anomaly"), TILTS)
+def test_one_reading_that_is_wrong_is_no_tipping(axis: str, sign: int, _anomaly: Anomaly) -> None:
+    for wrong_deg in (15.0, 44.9, 180.0):
+        rover = started()
+        angles_deg = (0.0, 0.0, 0.5, wrong_deg, 0.0, 0.0, 0.0)
+        found = [rover.tick(**angle(axis, sign * angle_deg)).anomalies for angle_deg in angles_deg]
+        assert not any(found), wrong_deg
+
+
+@pytest.mark.parametrize(("axis", "sign", "_anomaly"), TILTS)
+def test_body_that_falls_back_is_not_tipping(axis: str, sign: int, _anomaly: Anomaly) -> None:
+    rover = started(replace(SETTINGS, tilt_s=1.0))
+    found = [rover.tick(**angle(axis, sign * angle_deg), dt_s=0.05).anomalies for angle_deg in (44.0, 40.0, 30.0, 15.0)]
+    assert not any(found)
+
+
+@given(st.lists(st.floats(-9.9, 9.9), min_size=3, max_size=40))
+def test_nothing_tips_below_half_of_the_limit(pitches_deg: list[float]) -> None:
+    rover = started()
+    assert {rover.tick(pitch_deg=pitch_deg, dt_s=0.05) for pitch_deg in pitches_deg} == {ALL_WELL}
+
+
+def test_reading_that_is_seen_again_is_no_step() -> None:
+    rover = started()
+    for angle_deg in (0.0, 13.0, 26.0):
+        rover.tick(pitch_deg=angle_deg, dt_s=0.05)
+    assert Anomaly.NOSE_UP in rover.tick(compass=False, dt_s=0.05).anomalies

@@ -27,6 +27,7 @@ from wayfarer.hal import PositionFix
 from wayfarer.logbook import account, wording
 from wayfarer.simhal.faults import Fault, Slope
 from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.rig import device_depth
@@ -89,13 +90,14 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Record]]:
         replace(trial, terrains=Terrains()), folder / "mujoco", world, device_depth(world, Streams(0), trial.rover)
     )
     rigid.close("requested", "enough")
+    run_trial(replace(trial, budget_m=1.0, ground=GroundName.mud), folder / "mud")
     files = RunFiles(folder / "full disk")
     files.open(lines.header)
     files.lose(3)
     files.urgent(lines.event(4))
     files.close()
     places = {"daemon": run_folders(folder / "logs")[0]} | {
-        name: folder / name for name in ("trial", "receiver", "harmed", "mujoco", "full disk")
+        name: folder / name for name in ("trial", "receiver", "harmed", "mujoco", "mud", "full disk")
     }
     return {name: list(RunReader(place)) for name, place in places.items()}
 
@@ -129,7 +131,7 @@ def constants(node: ast.AST) -> Iterator[str]:
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "event"])
 def test_keys_that_runs_write_are_those_of_the_table(runs: dict[str, list[Record]], kind: str) -> None:
-    names = ("daemon", "trial", "receiver", "harmed", "mujoco")
+    names = ("daemon", "trial", "receiver", "harmed", "mujoco", "mud")
     real = [record for name in names for record in runs[name] if record["record"] == kind]
     assert {key for record in real for key in record} - documented("Every record") == documented(kind)
 

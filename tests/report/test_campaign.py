@@ -19,9 +19,13 @@ from tests.simhal import fake_trials
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
 from wayfarer.report.campaign import write_report
+from wayfarer.report.gallery import choose
+from wayfarer.report.reading import read_results
+from wayfarer.simhal.entrapment import Why
 from wayfarer.simhal.results import TRIALS as TABLE
 
 GALLERY = 2
+ENTRAPPED = 2  # of them
 VOID = {"meta", "br"}
 URL_ATTRIBUTES = {"href", "src", "srcset", "action", "data", "xlink:href"}
 
@@ -95,15 +99,16 @@ def test_page_needs_nothing_from_elsewhere(text: str, folder: Path) -> None:
 
 def test_every_figure_is_there_described_and_has_its_files(text: str, folder: Path) -> None:
     page = Page(text)
-    assert page.tags["figure"] == page.tags["svg"] == page.tags["figcaption"] == 3 + 1 + GALLERY
+    assert page.tags["figure"] == page.tags["svg"] == page.tags["figcaption"] == 3 + 1 + GALLERY + ENTRAPPED
     assert all(len(label) > 20 for label in page.labels)
     names = {path.name for path in (folder / "figures").iterdir()}
     assert {f"{name}.{kind}" for name in ("paths", "escape", "ratio") for kind in ("png", "svg")} <= names
-    assert len(names) == 2 * (3 + 1 + GALLERY)
+    assert len(names) == 2 * (3 + 1 + GALLERY + ENTRAPPED)
 
 
 def test_table_stands_beside_the_papers_numbers(text: str) -> None:
-    rows = re.findall(r'<tr class="(\w+)">(.*?)</tr>', text)
+    results = text.partition("Why trials were entrapped")[0]
+    rows = re.findall(r'<tr class="(\w+)">(.*?)</tr>', results)
     assert [kind for kind, _ in rows].count("ours") == len(ALGORITHMS)
     papers = [row for kind, row in rows if kind == "paper"]
     assert ["81.3 ± 29.3" in papers[0], "99.7" in papers[0], "247.5 ± 223.7" in papers[1]] == [True] * 3
@@ -125,7 +130,8 @@ def test_terms_are_explained(text: str) -> None:
 
 
 def test_captions_name_the_trials(text: str, folder: Path) -> None:
-    captions = re.findall(r'<figure class="forest">.*?<figcaption>(.*?) <span', text, flags=re.DOTALL)
+    gallery = text.partition("Why trials were entrapped")[0]
+    captions = re.findall(r'<figure class="forest">.*?<figcaption>(.*?) <span', gallery, flags=re.DOTALL)
     assert len(captions) == GALLERY
     for caption in captions:
         found = re.fullmatch(r"([\w-]+), trial (\d+) \(forest (\d+), noise \d+\): (\w+) after ([\d.]+) m.*", caption)
@@ -167,6 +173,19 @@ def test_style_of_the_user_changes_nothing(folder: Path, tmp_path: Path) -> None
         assert matplotlib.rcParams["font.size"] == 20, "the user's settings are given back"
     for name in ("paths.svg", "paths.png"):
         assert (again / "figures" / name).read_bytes() == (folder / "figures" / name).read_bytes()
+
+
+def test_page_says_why_trials_were_entrapped_with_a_close_up_of_each(finished: Path, text: str) -> None:
+    rows = choose(read_results(finished).by_algorithm, GALLERY)
+    entrapped = [row for row in rows if row.outcome == "entrapped"]
+    assert len(entrapped) == ENTRAPPED
+    section = text.partition("Why trials were entrapped")[2]
+    assert section.count('class="forest"') == len(entrapped)
+    for row in entrapped:
+        assert re.search(rf"{row.algorithm}, trial {row.trial}: ({'|'.join(Why)})\. It kept to", section)
+    counts = re.search(r"<tbody>.*?</tbody>", section, re.DOTALL)
+    assert counts is not None
+    assert sum(map(int, re.findall(r"<td>(\d+)</td>", counts.group()))) == len(entrapped)
 
 
 def test_without_shortest_paths_the_page_says_how_to_get_them(tmp_path: Path) -> None:

@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 
 from wayfarer.config import load_rover
 from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.plan import Campaign
-from wayfarer.simhal.results import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder
-from wayfarer.simhal.rows import COLUMNS, OUTCOMES, TERRAIN, Row, csv_line, parse_row, row_of
+from wayfarer.simhal.results import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder, read_rows
+from wayfarer.simhal.rows import COLUMNS, OUTCOMES, TERRAIN, Row, columns_of, csv_line, parse_row, row_of, without_kinds
 from wayfarer.simhal.trial import TrialResult
 
 SETTINGS_HERE: dict[str, Any] = {
@@ -38,7 +39,7 @@ def results(draw: st.DrawFn) -> TrialResult:
     outcome: Any = draw(st.sampled_from(OUTCOMES))
     return TrialResult(
         counts[0], "pkg.rules:spiral", counts[1], counts[2], draw(st.integers(0, 2**63 - 1)), outcome,
-        draw(numbers), draw(numbers), draw(numbers), counts[3], 4, draw(maybe), draw(maybe), 5, 0,
+        draw(numbers), draw(numbers), draw(numbers), counts[3], 4, draw(maybe), draw(maybe), 5, 3, 1, 2,
         *(draw(maybe) for _ in TERRAIN),
     )  # fmt: skip
 
@@ -54,16 +55,16 @@ def test_row_holds_what_its_line_holds(result: TrialResult) -> None:
 def test_row_reads_as_the_issue_asks() -> None:
     assert csv_line(COLUMNS) == (
         "trial,algorithm,forest,noise,seed,outcome,path_m,reverse_m,time_s,anomalies,episodes,shortest_path_m,spl,"
-        "interventions\n"
+        "interventions,overturned,off_wheels\n"
     )
     result = TrialResult(7, "pledge", 3, 1, 99, "escaped", 81.3, 4.25, 95.05, 12, 5, 39.9, 0.49077, 1900)
-    assert csv_line(COLUMNS, row_of(result)) == "7,pledge,3,1,99,escaped,81.300,4.250,95.050,12,5,39.900,0.4908,\n"
-    assert csv_line(COLUMNS, Row(7, "pledge", 3, 1, 99, "fault")) == "7,pledge,3,1,99,fault,,,,,,,,\n"
+    assert csv_line(COLUMNS, row_of(result)) == "7,pledge,3,1,99,escaped,81.300,4.250,95.050,12,5,39.900,0.4908,,,\n"
+    assert csv_line(COLUMNS, Row(7, "pledge", 3, 1, 99, "fault")) == "7,pledge,3,1,99,fault,,,,,,,,,,\n"
 
 
 def test_row_never_holds_nan_or_a_negative_zero() -> None:
     result = TrialResult(0, "pledge", 0, 0, 1, "tipped", float("nan"), -0.0, -1e-9, 0, 0, float("inf"), None, 0)
-    assert csv_line(COLUMNS, row_of(result)) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,,\n"
+    assert csv_line(COLUMNS, row_of(result)) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,,,,\n"
 
 
 def finish(folder: ResultsFolder, summary: dict[str, Any]) -> None:
@@ -168,9 +169,9 @@ def test_another_campaigns_folder_is_refused_by_its_first_difference(tmp_path: P
         ResultsFolder(tmp_path, faster, resume=True)
 
 
-def settings_of(rover: str, scenario: str | None, chassis: dict[str, float], terrains: Any = None) -> dict[str, Any]:
+def settings_of(rover: str, chassis: dict[str, float], **beside: Any) -> dict[str, Any]:
     """The settings of a campaign whose rover file has this chassis and no more of it."""
-    campaign = Campaign(("pledge",), 3, load_rover(rover), scenario=scenario, terrains=terrains)
+    campaign = Campaign(("pledge",), 3, load_rover(rover), **beside)
     settings: dict[str, Any] = json.loads(json.dumps(campaign.settings()))
     return {**settings, "rover": {**settings["rover"], "chassis": chassis}}
 
@@ -190,22 +191,25 @@ NOW = {**VERSION_0_1, "wheel_radius_m": 0.065, "height_m": 0.228}
 def test_older_versions_campaign_goes_on_where_it_reads_nothing_of_what_is_new(
     tmp_path: Path, rover: str, scenario: str | None, then: dict[str, Any]
 ) -> None:
-    with ResultsFolder(tmp_path, settings_of(rover, scenario, then)) as folder:
+    with ResultsFolder(tmp_path, settings_of(rover, then, scenario=scenario)) as folder:
         folder.append(ROWS[0])
-    with ResultsFolder(tmp_path, settings_of(rover, scenario, NOW), resume=True) as folder:
+    with ResultsFolder(tmp_path, settings_of(rover, NOW, scenario=scenario), resume=True) as folder:
         assert list(folder.kept) == ROWS[:1]
 
 
 @pytest.mark.parametrize(
-    ("scenario", "terrains", "key"),
-    [("extended-maze", None, "weight_kg"), (None, Terrains(), "weight_kg"), (None, Terrains(), "wheel_radius_m")],
+    ("beside", "key"),
+    [
+        ({"scenario": "extended-maze"}, "weight_kg"),
+        ({"terrains": Terrains()}, "weight_kg"),
+        ({"terrains": Terrains()}, "wheel_radius_m"),
+        ({"ground": GroundName.mud}, "wheel_radius_m"),
+    ],
 )
-def test_campaign_that_reads_another_chassis_is_another_one(
-    tmp_path: Path, scenario: str | None, terrains: Terrains | None, key: str
-) -> None:
-    ResultsFolder(tmp_path, settings_of("forestrover", scenario, {**NOW, key: 0.05}, terrains)).close()
+def test_campaign_that_reads_another_chassis_is_another_one(tmp_path: Path, beside: dict[str, Any], key: str) -> None:
+    ResultsFolder(tmp_path, settings_of("forestrover", {**NOW, key: 0.05}, **beside)).close()
     with pytest.raises(BadInput, match=rf"rover\.chassis\.{key} is 0\.05 there"):
-        ResultsFolder(tmp_path, settings_of("forestrover", scenario, NOW, terrains), resume=True)
+        ResultsFolder(tmp_path, settings_of("forestrover", NOW, **beside), resume=True)
 
 
 def test_folder_that_is_in_use_is_refused(tmp_path: Path) -> None:
@@ -258,3 +262,29 @@ def test_full_disk_ends_in_one_line_that_says_what_to_do(tmp_path: Path) -> None
     said = r"cannot be written any more: File too large.*--resume"
     with ResultsFolder(tmp_path, SETTINGS_HERE) as folder, full_disk(), pytest.raises(WayfarerError, match=said):
         folder.append(ROWS[0])
+
+
+HELPED = [ROWS[0], ROWS[1]._replace(interventions=3, overturned=1, off_wheels=2), ROWS[2]]
+IN_MUJOCO = {**SETTINGS_HERE, "mujoco": {"friction": [0.5, 0.5]}}
+SETTINGS_OF_EACH = pytest.mark.parametrize("settings", [SETTINGS_HERE, IN_MUJOCO])
+
+
+@SETTINGS_OF_EACH
+def test_table_of_an_older_version_is_read(tmp_path: Path, settings: dict[str, Any]) -> None:
+    older = without_kinds(columns := columns_of(settings))
+    path = tmp_path / TRIALS
+    path.write_text(csv_line(older) + "".join(csv_line(older, row) for row in HELPED))
+    assert "overturned" not in path.read_text()
+    assert read_rows(path, columns) == [row._replace(ticks=None, overturned=None, off_wheels=None) for row in HELPED]
+
+
+@SETTINGS_OF_EACH
+def test_campaign_of_an_older_version_is_gone_on_with(tmp_path: Path, settings: dict[str, Any]) -> None:
+    older = without_kinds(columns := (*columns_of(settings), "ticks"))
+    ResultsFolder(tmp_path, settings).close()
+    partial = tmp_path / PARTIAL
+    partial.write_text(csv_line(older) + csv_line(older, HELPED[0]))
+    with ResultsFolder(tmp_path, settings, resume=True) as folder:
+        folder.append(HELPED[1])
+        assert [*folder.kept] == HELPED[:2]
+    assert partial.read_text() == csv_line(columns) + "".join(csv_line(columns, row) for row in HELPED[:2])

@@ -139,8 +139,11 @@ def _measure_detector(
     require("--physics mujoco")
     from wayfarer.config import load_rover
     from wayfarer.simhal.command import check_body
+    from wayfarer.simhal.mujoco.terrain import Terrains
+    from wayfarer.simhal.plan import Campaign
 
-    check_body(load_rover(rover or "sim"), rover or "sim")
+    where = rover or "sim"
+    check_body(Campaign(("forest-pledge",), 1, load_rover(where), terrains=Terrains()), where)
     return run_detector(rover, trials, jobs, out, cells_in_mujoco(friction, torque_scale or 1.0))
 
 

@@ -30,6 +30,8 @@ wayfarer sim --trials 100 --rover minirover --depth bus
 
 wayfarer sim --scenario extended-maze --rover forestrover --algorithm forest-pledge,levy-walk --trials 200
 
+wayfarer sim --ground mud --trials 200
+
 wayfarer sim --physics mujoco --friction 0.3:0.8 --rover forestrover --trials 20
 
 wayfarer sim --physics mujoco --friction 0.15 --rover forestrover --trial 9 --video trial.mp4
@@ -61,6 +63,15 @@ class Depth(StrEnum):
 
     device = "device"
     bus = "bus"
+
+
+class Ground(StrEnum):
+    """What the wheels stand on in physics-light; the names of ``simhal.grounds``."""
+
+    ideal = "ideal"
+    leaf_litter = "leaf-litter"
+    dry_soil = "dry-soil"
+    mud = "mud"
 
 
 class PhysicsName(StrEnum):
@@ -126,6 +137,10 @@ def sim(
         PhysicsName,
         typer.Option(help="What moves the body: physics-light, or wheels that grip and slip in MuJoCo; slower."),
     ] = PhysicsName.light,
+    ground: Annotated[
+        Ground,
+        typer.Option(help="What physics-light has under the wheels: 'ideal' turns as told, others grip and slip."),
+    ] = Ground.ideal,
     friction: Annotated[
         str | None,
         typer.Option(
@@ -199,6 +214,8 @@ def sim(
     terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
     _refuse_without_mujoco(physics, terrain)
     _refuse_what_cannot_be_filmed(physics, trial, video, video_speed)
+    if ground is not Ground.ideal and physics is PhysicsName.mujoco:
+        raise BadInput(f"--ground {ground} is of physics-light; with --physics mujoco say --friction, or leave it out")
     require("simulating")
     if physics is PhysicsName.mujoco:
         require("--physics mujoco")
@@ -214,6 +231,7 @@ def sim(
         require("a cluster")
     from wayfarer.config import load_rover
     from wayfarer.simhal import command
+    from wayfarer.simhal.grounds import GroundName
     from wayfarer.simhal.plan import Campaign, read_forest_file
 
     config = load_rover(rover)
@@ -228,11 +246,11 @@ def sim(
         depth=depth.value,
         forests=read_forest_file(forests) if forests else None,
         terrains=command.terrains(terrain) if physics is PhysicsName.mujoco else None,
+        ground=GroundName(ground.value),
     )
     if scenario:
         campaign = command.at_site(campaign, scenario.value)
-    if campaign.terrains is not None:
-        command.check_body(campaign.rover, rover)
+    command.check_body(campaign, rover)
     command.check_rover(campaign.rover, campaign.depth, rover)
     if trial is None:
         raise typer.Exit(

@@ -16,6 +16,8 @@ wayfarer sweep escape.turn_angle_deg=10:180:10 --trials 200 --out angles
 
 wayfarer sweep footprint_m=0.2,0.4,0.6,0.8 slip_mean_m=2,5,10 --spl --out body
 
+wayfarer sweep ground=ideal,leaf-litter,dry-soil,mud --out grounds
+
 wayfarer sweep sim.compass_noise_deg=0:20:2 --algorithm paper --forests forests.jsonl --out noise
 
 wayfarer report angles
@@ -28,7 +30,7 @@ def sweep(
         typer.Argument(
             metavar="KEY=VALUES...",
             help="One key or two, each FIRST:LAST:STEP or a list. Any key of a rover file by its dotted name; "
-            "footprint_m, length and width together; slip_mean_m; budget_m; sim.trees_per_ha; "
+            "footprint_m, length and width together; slip_mean_m; budget_m; ground; sim.trees_per_ha; "
             "sim. and any number of the simulated world.",
         ),
     ],
@@ -73,7 +75,7 @@ def sweep(
     """Run the same trials at each point of a grid of settings, and see what that changes."""
     require("sweeping")
     from wayfarer.config import load_rover
-    from wayfarer.simhal.command import algorithms, check_rover, cores
+    from wayfarer.simhal.command import algorithms, check_body, check_rover, cores
     from wayfarer.simhal.plan import Campaign, read_forest_file
     from wayfarer.simhal.sweep.axes import parse_axis
     from wayfarer.simhal.sweep.command import run_all
@@ -93,5 +95,6 @@ def sweep(
     )
     plan = make_sweep(campaign, [parse_axis(text) for text in keys])
     for point in plan.points:
+        check_body(point.campaign, rover)
         check_rover(point.campaign.rover, point.campaign.depth, rover)
     raise typer.Exit(run_all(plan, out, resume=resume, jobs=jobs or cores()))

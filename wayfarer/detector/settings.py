@@ -19,8 +19,11 @@ class DetectorSettings:
     that speaks and sees nothing is unknown and then lost; one that is silent for ``motion_lost_s`` is gone (faults 15
     and 22).
     Tilt persists 0.2 s as PX4's attitude trigger persists 0.3 s; the released field code stops beyond 15 degrees of
-    pitch, here on both axes and both signs with margin for rough ground. Beyond ``overturned_deg`` for
-    ``overturned_s``, which one reading with a flipped bit is not, it lies on its side.
+    pitch, here on both axes and both signs with margin for rough ground. A body that climbs fast tips over within those
+    0.2 s: one that at its rate will be tilted by ``tipping_deg`` in ``tipping_s`` is tilted now. The shipped bodies tip
+    at 51 degrees (closed form, docs/physics.md); a reading, a tick and the motors' lag (``simhal.Physics``) together
+    are those 0.2 s. Beyond ``overturned_deg`` for ``overturned_s``, which one reading with a flipped bit is not, it
+    lies on its side.
 
     ``gain_m_s2`` is how fast this body gains speed, and loses it, on the most slippery ground that it meets: a friction
     of 0.05, half of that of mud; from no measurement. What starts, coasts or turns on is judged by it. Over
@@ -62,6 +65,8 @@ class DetectorSettings:
     gain_m_s2: Annotated[float, Interval(gt=0, le=20)] = 0.5
     tilt_deg: Degrees = 20.0
     tilt_s: SecondsOrNone = 0.2
+    tipping_deg: Degrees = 45.0
+    tipping_s: SecondsOrNone = 0.2
     overturned_deg: Degrees = 60.0
     overturned_s: SecondsOrNone = 0.1
     touch_s: SecondsOrNone = 0.0

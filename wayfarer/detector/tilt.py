@@ -1,6 +1,8 @@
-"""Tilt to one of four sides, and the rover on its back."""
+"""Tilt to one of four sides, tipping over, and the rover on its back."""
 
 from __future__ import annotations
+
+from collections import deque
 
 from wayfarer.conditions import Condition
 from wayfarer.detector.persistent import Persistent
@@ -12,10 +14,18 @@ _TILTS = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.LEFT_D
 
 
 class TiltWatch:
-    """Looks at pitch and roll; each side persists by itself."""
+    """Looks at pitch and roll; each side persists by itself, but one to which the body is tipping over counts at once.
+
+    The body tips over where its tilt, which grows, would soon be too much for it. The rate is that of the slower of the
+    last two steps between readings, so that one wrong reading, or one bump, is no tipping; and nothing is below half
+    of the limit for tilt.
+    """
 
     def __init__(self, settings: DetectorSettings) -> None:
         self._limit_deg = settings.tilt_deg
+        self._floor_deg = settings.tilt_deg / 2.0
+        self._tipping_deg, self._tipping_s = settings.tipping_deg, settings.tipping_s
+        self._readings: deque[CompassReading] = deque(maxlen=3)
         self._overturned_deg = settings.overturned_deg
         self._tilts = {tilt: Persistent(settings.tilt_s) for tilt in _TILTS}
         self._overturned = Persistent(settings.overturned_s)
@@ -25,15 +35,35 @@ class TiltWatch:
         self, t_s: float, believed: CompassReading, anomalies: list[Anomaly], conditions: list[Condition]
     ) -> None:
         """Take in a tick, and add what is found."""
-        _, _, pitch_deg, roll_deg, _ = believed
-        limit_deg = self._limit_deg
-        if abs(pitch_deg) < limit_deg > abs(roll_deg) and not self._tilted:
+        read_t_s, _, pitch_deg, roll_deg, _ = believed
+        readings = self._readings
+        if not readings or readings[-1].t_s < read_t_s:
+            readings.append(believed)
+        limit_deg, floor_deg = self._limit_deg, self._floor_deg
+        if abs(pitch_deg) < floor_deg > abs(roll_deg) and not self._tilted:
             return
         self._tilted = False
-        for tilt, angle_deg in zip(_TILTS, (pitch_deg, -pitch_deg, roll_deg, -roll_deg), strict=True):
+        for tilt, angle_deg in zip(_TILTS, _towards_deg(believed), strict=True):
             beyond = angle_deg >= limit_deg
             self._tilted |= beyond
-            if self._tilts[tilt].update(t_s, beyond):
+            lasts = self._tilts[tilt].update(t_s, beyond)
+            if lasts or (angle_deg >= floor_deg and self._tips(tilt)):
                 anomalies.append(tilt)
         if self._overturned.update(t_s, max(abs(pitch_deg), abs(roll_deg)) >= self._overturned_deg):
             conditions.append(Condition.OVERTURNED)
+
+    def _tips(self, tilt: Anomaly) -> bool:
+        """Tell whether the body will be tilted too far towards that side in a moment."""
+        if len(self._readings) < 3:
+            return False
+        side = _TILTS.index(tilt)
+        old_deg, mid_deg, new_deg = (_towards_deg(reading)[side] for reading in self._readings)
+        old_t_s, mid_t_s, new_t_s = (reading.t_s for reading in self._readings)
+        rate_deg_s = min((mid_deg - old_deg) / (mid_t_s - old_t_s), (new_deg - mid_deg) / (new_t_s - mid_t_s))
+        ahead_s = new_t_s - mid_t_s + self._tipping_s  # from the middle reading on: the newest one alone may be wrong
+        return rate_deg_s > 0.0 and mid_deg + rate_deg_s * ahead_s >= self._tipping_deg
+
+
+def _towards_deg(reading: CompassReading) -> tuple[float, float, float, float]:
+    """Return the tilt towards each of the four sides."""
+    return reading.pitch_deg, -reading.pitch_deg, reading.roll_deg, -reading.roll_deg

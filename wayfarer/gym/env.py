@@ -83,12 +83,10 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         self.render_mode = render_mode
         self.observation_space = Box(-1.0, 1.0, (SIZE,), np.float32)
         self.action_space = Box(-1.0, 1.0, (2,), np.float32)
-        config = load_rover(rover)
-        if terrains is not None:
-            check_body(config, rover)
         self._campaign = Campaign(
-            (AGENT_NAME,), TRIALS, config, slip_mean_m=slip_mean_m, budget_m=budget_m, terrains=terrains
+            (AGENT_NAME,), TRIALS, load_rover(rover), slip_mean_m=slip_mean_m, budget_m=budget_m, terrains=terrains
         )
+        check_body(self._campaign, rover)
         self._seat: Seat | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:

@@ -12,14 +12,16 @@ from wayfarer.errors import BadInput
 from wayfarer.report import page, words
 from wayfarer.report.drawing import house_style, save
 from wayfarer.report.escape_figure import escape_figure
-from wayfarer.report.forest_figure import forest_figure, legend_figure
+from wayfarer.report.forest_figure import close_up_figure, forest_figure, legend_figure
 from wayfarer.report.gallery import Again, choose, run_again
 from wayfarer.report.paths_figure import paths_figure
 from wayfarer.report.ratio_figure import ratio_figure
 from wayfarer.report.reading import Results, read_results
-from wayfarer.report.table import results_table
+from wayfarer.report.table import causes_table, results_table
+from wayfarer.simhal.entrapment import entrapment
 from wayfarer.simhal.plan import Campaign
 from wayfarer.simhal.progress import shown_progress
+from wayfarer.simhal.rows import Row
 
 
 def write_report(folder: Path, out: Path | None = None, *, gallery: int = 12, jobs: int) -> Path:
@@ -77,7 +79,8 @@ def _gallery(results: Results, figures: Path, count: int, jobs: int) -> str:
         return page.section(heading, page.paragraph(words.no_gallery(reason)))
     with shown_progress(Console(stderr=True), 0, len(rows)) as progress:
         ran = run_again(campaign, rows, jobs, progress)
-    return page.section(heading, *_drawn(campaign, ran, figures), *_not_drawn(ran, results.settings.version))
+    drawn = page.section(heading, *_drawn(campaign, ran, figures), *_not_drawn(ran, results.settings.version))
+    return "\n".join([drawn, *_entrapped(campaign, ran, figures)])
 
 
 def _drawn(campaign: Campaign, ran: Sequence[Again], figures: Path) -> Iterator[str]:
@@ -89,11 +92,32 @@ def _drawn(campaign: Campaign, ran: Sequence[Again], figures: Path) -> Iterator[
     yield page.figure(save(legend_figure(), figures, "forest-legend", words.FOREST_LEGEND_ALT), words.FOREST_LEGEND)
     yield '<div class="gallery">'
     for row, trace in drawn:
-        name = re.sub(r"[^\w.-]", "_", f"forest-{row.algorithm}-{row.trial}")
         picture = forest_figure(campaign.make_forest(row.trial), trace)
-        drawing = save(picture, figures, name, words.trial_alt(row, len(trace.slips_m)))
+        drawing = save(picture, figures, _file_name("forest", row), words.trial_alt(row, len(trace.slips_m)))
         yield page.figure(drawing, words.trial_caption(row), "forest")
     yield "</div>"
+
+
+def _entrapped(campaign: Campaign, ran: Sequence[Again], figures: Path) -> Iterator[str]:
+    """Yield the section that says why trials were entrapped, with what is around the place of each."""
+    seen = [
+        (again.row, again.trace, entrapment(campaign.make_forest(again.row.trial), campaign.rover, again.trace))
+        for again in ran
+        if again.trace is not None and again.row.outcome == "entrapped"
+    ]
+    if not seen:
+        return
+    parts = [page.paragraph(words.ENTRAPPED), causes_table([(row.algorithm, found.why) for row, _, found in seen])]
+    parts.append('<div class="gallery">')
+    for row, trace, found in seen:
+        picture = close_up_figure(campaign.make_forest(row.trial), trace, found.middle_m, found.extent_m)
+        drawing = save(picture, figures, _file_name("entrapped", row), words.entrapped_caption(row, found))
+        parts.append(page.figure(drawing, words.entrapped_caption(row, found), "forest"))
+    yield page.section("Why trials were entrapped", *parts, "</div>")
+
+
+def _file_name(what: str, row: Row) -> str:
+    return re.sub(r"[^\w.-]", "_", f"{what}-{row.algorithm}-{row.trial}")
 
 
 def _not_drawn(ran: Sequence[Again], version: str) -> Iterator[str]:

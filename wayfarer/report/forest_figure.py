@@ -49,17 +49,29 @@ GOAL_LINE: Style = {"color": GOAL, "linewidth": 2.2}
 
 def forest_figure(forest: Forest, trace: Trace) -> Figure:
     """Return the drawing of one trial; metres, north up."""
+    half_m = WORLD_SIZE_M / 2.0
+    figure = _view(forest, trace, (half_m, half_m), half_m + MARGIN_M)
+    figure.axes[0].set(xticks=range(0, 51, 10), yticks=range(0, 51, 10))
+    return figure
+
+
+def close_up_figure(forest: Forest, trace: Trace, middle_m: tuple[float, float], extent_m: float) -> Figure:
+    """Return the drawing of what lies so far around a place, and a little more."""
+    return _view(forest, trace, middle_m, extent_m / 2.0 + MARGIN_M)
+
+
+def _view(forest: Forest, trace: Trace, middle_m: tuple[float, float], half_m: float) -> Figure:
+    """Return the drawing of a square of the map around a place, to ``half_m`` on each side."""
     figure = Figure((SIZE_IN, SIZE_IN))
     axes = figure.subplots()
     axes.set_aspect("equal")
     axes.spines[:].set_visible(False)
-    axes.set_xlim(-MARGIN_M, WORLD_SIZE_M + MARGIN_M)
-    axes.set_ylim(-MARGIN_M, WORLD_SIZE_M + MARGIN_M)
-    axes.set_xticks([0, 10, 20, 30, 40, 50])
-    axes.set_yticks([0, 10, 20, 30, 40, 50])
+    x_m, y_m = middle_m
+    axes.set_xlim(x_m - half_m, x_m + half_m)
+    axes.set_ylim(y_m - half_m, y_m + half_m)
     axes.set_xlabel("east, m")
     axes.set_ylabel("north, m")
-    draw_forest(axes, forest, 72.0 * SIZE_IN * 0.8 / (WORLD_SIZE_M + 2 * MARGIN_M))  # the axes take four fifths of it
+    draw_forest(axes, forest, 72.0 * SIZE_IN * 0.8 / (2.0 * half_m))  # the axes take four fifths of it
     _draw_start(axes, forest)
     _draw_way(axes, trace)
     return figure
@@ -89,7 +101,12 @@ def _draw_start(axes: Axes, forest: Forest) -> None:
     along = radians(forest.heading_deg)
     tip = (x_m + HEADING_M * sin(along), y_m + HEADING_M * cos(along))
     axes.annotate(
-        "", tip, (x_m, y_m), arrowprops={"arrowstyle": "-|>", "color": VERMILION, "shrinkA": 0, "shrinkB": 0}, zorder=4
+        "",
+        tip,
+        (x_m, y_m),
+        arrowprops={"arrowstyle": "-|>", "color": VERMILION, "shrinkA": 0, "shrinkB": 0},
+        zorder=4,
+        annotation_clip=True,
     )
     axes.plot(x_m, y_m, zorder=4.1, **START)
 

@@ -13,10 +13,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from wayfarer.config import RoverConfig
 from wayfarer.config_errors import most_telling
 from wayfarer.errors import BadInput
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.plan import Campaign, ForestFile, read_forest_file
 from wayfarer.simhal.results import FORESTS, PARTIAL, SETTINGS, TRIALS, read_rows
-from wayfarer.simhal.rows import Row, columns_of, csv_line
+from wayfarer.simhal.rows import Row, columns_of, csv_line, without_kinds
 from wayfarer.simhal.statistics import Summary, summarise
 
 
@@ -44,6 +45,7 @@ class Settings(BaseModel):
     forests: ForestsSettings | None
     rover: dict[str, Any]
     mujoco: dict[str, list[float]] | None = None
+    ground: GroundName = GroundName.ideal
 
     @field_validator("mujoco")
     @classmethod
@@ -98,6 +100,7 @@ class Results:
             scenario=settings.scenario,
             forests=self._forests(settings.forests) if settings.forests else None,
             terrains=terrains_of(settings.mujoco) if settings.mujoco else None,
+            ground=settings.ground,
         )
 
     def _rover(self) -> RoverConfig:
@@ -156,7 +159,7 @@ def _read_settings(folder: Path) -> Settings:
 def _read_trials(path: Path, settings: Settings) -> list[Row]:
     try:
         header, columns = path.read_text(encoding="utf-8").partition("\n")[0] + "\n", columns_of(settings.model_dump())
-        rows = read_rows(path, columns) if header == csv_line(columns) else []
+        rows = read_rows(path, columns) if header in map(csv_line, (columns, without_kinds(columns))) else []
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"{path}: cannot be read: {error}") from None
     expected = [(algorithm, trial) for algorithm in settings.algorithms for trial in range(settings.trials)]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from wayfarer.report import page
 from wayfarer.report.groups import grouped
 from wayfarer.report.reading import Results
+from wayfarer.simhal.entrapment import Why
 from wayfarer.simhal.report_table import FAULTS, NAME, OUTCOMES, PAPER, PATHS, Column
 
 CAPTION = "Success with its 95 % interval; path: of the successes; time and anomalies: mean a trial."
@@ -17,6 +19,16 @@ def results_table(results: Results) -> str:
     faults = (FAULTS,) if any(summary.fault for summary in results.summaries.values()) else ()
     columns = (NAME, *OUTCOMES, *faults, *PATHS)
     return page.table(CAPTION, [column.title for column in columns], _rows(results, columns))
+
+
+def causes_table(causes: Sequence[tuple[str, Why]]) -> str:
+    """Return how many trials of each algorithm were entrapped for each cause; pairs of algorithm and cause."""
+    counts = Counter(causes)
+    rows = [
+        ("causes", [name, *(str(counts[name, why]) for why in Why)])
+        for name in dict.fromkeys(name for name, _ in causes)
+    ]
+    return page.table("Entrapped trials by cause.", ["algorithm", *Why], rows)
 
 
 def _rows(results: Results, columns: Sequence[Column]) -> Iterator[tuple[str, list[str]]]:

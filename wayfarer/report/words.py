@@ -10,6 +10,7 @@ from wayfarer.errors import BadInput
 from wayfarer.report.gallery import ending
 from wayfarer.report.ratio_figure import quantile, ratios
 from wayfarer.report.reading import Results, Settings
+from wayfarer.simhal.entrapment import EXPLAINED, Entrapment
 from wayfarer.simhal.rows import SUCCESSES, Row
 
 LEGEND = (
@@ -32,6 +33,12 @@ GALLERY = (
     "Failures first, then the longest paths; every algorithm has its turn before one has a second. These are "
     "therefore not typical trials but the worst. Each was run again for its drawing and came out as in trials.csv, "
     "digit for digit."
+)
+ENTRAPPED = (
+    "Of the trials that are drawn above; with --gallery N more are. Looked at is the second half of what each rover "
+    "drove, and the causes are asked for from left to right: "
+    + "; ".join(f"{why}: {text}" for why, text in EXPLAINED.items())
+    + ". The drawings show the ground that the rover kept to in that half."
 )
 FOREST_LEGEND = "Legend of the drawings below; trunks and trees are to scale, north is up."
 FOREST_LEGEND_ALT = (
@@ -57,6 +64,8 @@ def facts(settings: Settings) -> Iterator[tuple[str, str]]:
     yield "rover", str(rover.get("name", "unnamed"))
     yield "obstacles noticed by", str(rover.get("anomaly_source", "unknown"))
     yield "depth of the simulation", settings.depth
+    if settings.mujoco is None:
+        yield "ground", settings.ground.value
     for name, (low, high) in (settings.mujoco or {}).items():
         yield f"MuJoCo, {name}", f"{low:g}" if low == high else f"{low:g} to {high:g}, drawn for each trial"
     yield "forests", f"{forests.file}, BLAKE2b {forests.blake2b}" if forests else "generated"
@@ -119,6 +128,15 @@ def trial_alt(row: Row, slips: int) -> str:
     """Say in words what a drawing shows."""
     return (
         f"Forest seen from above with the path of {trial_caption(row)} {row.anomalies} anomalies, {slips} slip events."
+    )
+
+
+def entrapped_caption(row: Row, found: Entrapment) -> str:
+    """Say why a trial was entrapped, and by which figures."""
+    turned = "" if found.turned is None else f", {found.turned:.0%} of the turns asked for in the open"
+    return (
+        f"{row.algorithm}, trial {row.trial}: {found.why}. It kept to {found.extent_m:.1f} m, was against something "
+        f"for {found.touching:.0%} of the time{turned}, and {found.new:.0%} of its places were new."
     )
 
 

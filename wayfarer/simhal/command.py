@@ -19,6 +19,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.registry import find_algorithm
 from wayfarer.simhal import campaign as campaigns
 from wayfarer.simhal.campaign import Finished
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.progress import drawing, fault_line, say, shown_progress
 from wayfarer.simhal.report_table import FORESTS, Layout, print_table
@@ -29,14 +30,13 @@ from wayfarer.simhal.workers import RunTrial, TrialRunner, field_trial, logged_t
 if TYPE_CHECKING:
     from wayfarer.simhal.cluster import Cluster
     from wayfarer.simhal.mujoco.terrain import Terrains
+    from wayfarer.simhal.wheeled_body import Body
 
 PAPER = "paper"  # stands for the ten of the paper, which are the catalogue
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
 FAULT_FILE = "fault.txt"
 LEGEND = "success: escaped or left bounds; path: of the successes; time, anomalies: mean a trial"
-SITE_LEGEND = (
-    "time: from arming to the destination line, of the successes; interventions: overturned, or off its wheels"
-)
+SITE_LEGEND = "time: from arming to the destination line, of the successes; interventions (overturned/off its wheels)"
 
 
 def algorithms(names: str) -> tuple[str, ...]:
@@ -69,19 +69,37 @@ def terrains(asked: Mapping[str, str | None]) -> Terrains:
     return Terrains(**ranges)
 
 
-def check_body(config: RoverConfig, where: str) -> None:
-    """Make sure that MuJoCo can have this rover's body, before the first trial; arguments as of ``check_rover``.
+def check_body(campaign: Campaign, where: str) -> None:
+    """Make sure that wheels that slip can have this rover's body, before the first trial; ``where`` as ``check_rover``.
 
     Raises:
         BadConfig: its file does not say enough of the body, or says what cannot be built.
     """
-    from wayfarer.simhal.mujoco.model import body_of, build
+    from wayfarer.simhal.wheeled_body import body_of
+
+    if campaign.terrains is None and campaign.ground is GroundName.ideal:
+        return
+    asked_by = f"--ground {campaign.ground}" if campaign.terrains is None else "--physics mujoco"
+    rover = campaign.rover
+    try:
+        body = body_of(rover.name, rover.vehicle, rover.chassis, asked_by)
+    except BadConfig as error:
+        raise BadConfig(f"{where}: {error}") from None
+    if campaign.terrains is not None:
+        _check_model(body, where)
+
+
+def _check_model(body: Body, where: str) -> None:
+    """Make sure that the engine takes this body.
+
+    Raises:
+        BadConfig: it does not.
+    """
+    from wayfarer.simhal.mujoco.model import build
     from wayfarer.simhal.mujoco.terrain import Terrain
 
     try:
-        build(body_of(config.name, config.vehicle, config.chassis), Terrain(0.5, 0.0, 1.0), None, [])
-    except BadConfig as error:
-        raise BadConfig(f"{where}: {error}") from None
+        build(body, Terrain(0.5, 0.0, 1.0), None, [])
     except ValueError as error:
         what = " ".join(str(error).split())
         raise BadConfig(f"{where}: MuJoCo cannot build this rover ({what}); correct its vehicle or chassis") from None

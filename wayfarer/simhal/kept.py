@@ -7,12 +7,12 @@ of it than a thousand.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import BinaryIO
 
 from wayfarer.errors import BadInput
 from wayfarer.simhal.plan import Tasks
-from wayfarer.simhal.rows import Row, csv_line, parse_row
+from wayfarer.simhal.rows import Row, csv_line, parse_row, without_kinds
 
 NOWHERE = 0  # no row begins where the names of the columns stand
 
@@ -29,12 +29,12 @@ class Kept(Iterable[Row]):
     def __init__(self, file: BinaryIO, tasks: Tasks, name: str, fields: tuple[str, ...]) -> None:
         self._file = file
         self._name = name
-        self._fields = fields
+        self._fields = columns_in(file, name, fields)
         self._trials = tasks.trials
         self._algorithms = {algorithm: index for index, algorithm in enumerate(tasks.algorithms)}
         self._starts = array("q", [NOWHERE]) * len(tasks)
         self._count = 0
-        for start, row in rows_in(file, name, fields):
+        for start, row in rows_in(file, name, self._fields):
             self._place(row, start)
         self._end = file.tell()
 
@@ -84,19 +84,30 @@ class Kept(Iterable[Row]):
         self._starts[number] = start
 
 
-def rows_in(file: BinaryIO, name: str, fields: Sequence[str]) -> Iterator[tuple[int, Row]]:
-    """Read a file of rows with these columns from its beginning; yield each with the offset of its line.
+def columns_in(file: BinaryIO, name: str, fields: tuple[str, ...]) -> tuple[str, ...]:
+    """Read the first line of a file of rows; return the columns that it has: these, or those that older versions had.
+
+    Raises:
+        BadInput: the file is no text or has other columns; the text names it.
+    """
+    file.seek(0)
+    header = _text(file.readline(), 0, name)
+    for columns in (fields, without_kinds(fields)):
+        if header == csv_line(columns):
+            return columns
+    raise BadInput(f"{name} is damaged: its first line does not name its columns; run the campaign again")
+
+
+def rows_in(file: BinaryIO, name: str, fields: tuple[str, ...]) -> Iterator[tuple[int, Row]]:
+    """Read a file of rows with these columns, or those of older versions; yield each with the offset of its line.
 
     Raises:
         BadInput: the file is no text or has other columns, or a line is no row; the text names it.
     """
-    file.seek(0)
-    start = 0
-    if _text(columns := file.readline(), start, name) != csv_line(tuple(fields)):
-        raise BadInput(f"{name} is damaged: its first line does not name its columns; run the campaign again")
-    start = len(columns)
+    columns = columns_in(file, name, fields)
+    start = file.tell()
     for number, line in enumerate(file, 2):
-        yield start, parse_row(_text(line, start, name), tuple(fields), f"{name}, line {number}")
+        yield start, parse_row(_text(line, start, name), columns, f"{name}, line {number}")
         start += len(line)
 
 

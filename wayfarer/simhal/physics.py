@@ -29,11 +29,11 @@ class Physics:
     ``heading_noise_deg`` in each 0.05 m, and it slips 0.5 m plus an exponentially distributed distance
     (``slip_mean_m``) after the last slip. ``compass_noise_deg`` is the same noise on each reading.
 
-    From no source, chosen to be plain: first-order motor lag; gain of each side and effective track off by a few per
-    cent from one rover to the next; a rover that pushes onto a trunk rears up at ``climb_deg_s`` for full duty, falls
-    back with ``settle_s``, and tips over beyond ``tip_deg``. Tilt reads off by ``tilt_noise_deg``, as on rough ground;
-    flow by a few counts and a share of the distance. ``compass_bias_deg``, clockwise, is how far the compass reads off
-    through a whole trial.
+    From no source, chosen to be plain: first-order motor lag (on ideal ground; others follow from the body); gain of
+    each side and effective track off by a few per cent from one rover to the next; a rover that pushes onto a trunk
+    rears up at ``climb_deg_s`` for full duty, falls back with ``settle_s``, and tips over beyond ``tip_deg``. Tilt
+    reads off by ``tilt_noise_deg``, as on rough ground; flow by a few counts and a share of the distance.
+    ``compass_bias_deg``, clockwise, is how far the compass reads off through a whole trial.
     """
 
     step_s: Annotated[float, Interval(gt=0, le=0.1)] = 0.05

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 from wayfarer import __version__
 from wayfarer.simhal.forest import TREES_PER_HA, Forest
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.physics import PHYSICS, Physics
 
 if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
@@ -88,7 +89,8 @@ class Campaign:
     but for its ``slip_mean_m``, and the ``trees_per_ha`` of generated layouts are what a sweep may change beside the
     rover.
     ``scenario`` names the site (``simhal.sites``) that layouts are drawn of in place of the abstract forests, one a
-    trial. With ``terrains`` the body moves in MuJoCo and not in physics-light.
+    trial. With ``terrains`` the body moves in MuJoCo and not in physics-light; ``ground`` is what physics-light has
+    under the wheels.
     """
 
     algorithms: tuple[str, ...]
@@ -104,6 +106,7 @@ class Campaign:
     trees_per_ha: float = TREES_PER_HA
     scenario: str | None = None
     terrains: Terrains | None = None
+    ground: GroundName = GroundName.ideal
 
     @property
     def site(self) -> Site | None:
@@ -154,11 +157,14 @@ class Campaign:
         seed, depth = self.trial_seed(task.trial), Depth(self.depth)
         return TrialSpec(
             task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m, depth,
-            physics=self.physics, site=self.site, terrains=self.terrains,
+            physics=self.physics, site=self.site, terrains=self.terrains, ground=self.ground,
         )  # fmt: skip
 
     def settings(self) -> dict[str, Any]:
-        """Return the settings as JSON can hold them: what makes two campaigns the same one."""
+        """Return the settings as JSON can hold them: what makes two campaigns the same one.
+
+        A campaign without a ground is on ideal ground, as all were before there were others.
+        """
         settings = {
             "version": __version__,
             "algorithms": list(self.algorithms),
@@ -172,7 +178,11 @@ class Campaign:
             "forests": self.forests and {"file": self.forests.name, "blake2b": self.forests.blake2b},
             "rover": self.rover.model_dump(mode="json"),
         }
-        return settings if self.terrains is None else {**settings, "mujoco": self.terrains.as_json()}
+        if self.terrains is not None:
+            settings["mujoco"] = self.terrains.as_json()
+        if self.ground is not GroundName.ideal:
+            settings["ground"] = self.ground.value
+        return settings
 
     def _with_shortest_path(self, forest: Forest) -> Forest:
         from wayfarer.simhal.geodesic import shortest_path_m

@@ -20,7 +20,8 @@ from typing import Any, Self
 
 from wayfarer.chassis import AT_A_BRANCH, Chassis
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.simhal.kept import Kept, rows_in
+from wayfarer.simhal.grounds import GroundName
+from wayfarer.simhal.kept import Kept, columns_in, rows_in
 from wayfarer.simhal.plan import Tasks
 from wayfarer.simhal.rows import Row, columns_of, csv_line
 from wayfarer.whole_file import whole_file
@@ -32,6 +33,7 @@ TRIALS = "trials.csv"
 PARQUET = "trials.parquet"
 SUMMARY = "summary.json"
 CHASSIS = "rover.chassis"  # where its keys stand in the settings
+UNSAID = {"ground": GroundName.ideal.value}  # what settings that do not name it stand for
 
 
 class ResultsFolder:
@@ -133,6 +135,7 @@ class ResultsFolder:
             return Kept(self._open.enter_context(path.open("rb")), tasks, str(path), self._columns)
         path, columns = self.path / PARTIAL, (*self._columns, "ticks")
         _drop_torn_line(path, columns)
+        _add_kinds(path, columns)
         return Kept(self._open.enter_context(path.open("r+b")), tasks, str(path), columns)
 
     @contextmanager
@@ -195,7 +198,7 @@ def differences(here: Mapping[str, Any], there: Any) -> Iterator[tuple[str, Any,
     What a rover file says of its chassis decides only where this campaign reads it. Files of older versions say less,
     and their campaigns can be gone on with.
     """
-    ours, theirs = _flat(here), _flat(there)
+    ours, theirs = UNSAID | _flat(here), UNSAID | _flat(there)
     unread = {f"{CHASSIS}.{field.name}" for field in fields(Chassis)} - {f"{CHASSIS}.{key}" for key in _read(here)}
     for name in dict.fromkeys((*ours, *theirs)):
         if name not in unread and ours.get(name) != theirs.get(name):
@@ -204,7 +207,7 @@ def differences(here: Mapping[str, Any], there: Any) -> Iterator[tuple[str, Any,
 
 def _read(settings: Mapping[str, Any]) -> tuple[str, ...]:
     """Return which keys of the chassis a campaign with these settings reads."""
-    if settings.get("mujoco"):
+    if settings.get("mujoco") or settings.get("ground"):
         return tuple(field.name for field in fields(Chassis))
     return AT_A_BRANCH if settings.get("scenario") else ()
 
@@ -224,6 +227,17 @@ def _drop_torn_line(path: Path, columns: tuple[str, ...]) -> None:
         file.truncate(whole)
         if not whole:
             file.write(csv_line(columns).encode())
+
+
+def _add_kinds(path: Path, columns: tuple[str, ...]) -> None:
+    """Give a partial file of an older version those of its columns that it lacks, so that the trials to come fit it."""
+    with path.open("rb") as file:
+        there = columns_in(file, str(path), columns)
+        if there == columns:
+            return
+        with whole_file(path) as draft, draft.open("w", encoding="utf-8") as text:
+            text.write(csv_line(columns))
+            text.writelines(csv_line(columns, row) for _, row in rows_in(file, str(path), there))
 
 
 def read_rows(path: Path, fields: tuple[str, ...]) -> list[Row]:

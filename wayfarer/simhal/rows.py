@@ -19,6 +19,7 @@ SUCCESSES = ("escaped", "left_bounds")  # paper, section IV-B: leaving by anothe
 OUTCOMES = (*SUCCESSES, "entrapped", "tipped", "fault")
 
 TEXT_COLUMNS = ("algorithm", "outcome")
+KINDS = ("overturned", "off_wheels")  # of interventions; files of older versions do not have these columns
 DECIMALS: Mapping[str, int] = {
     "path_m": 3, "reverse_m": 3, "time_s": 3, "shortest_path_m": 3, "spl": 4,
     "friction": 4, "roughness_m": 5, "torque_scale": 4,
@@ -28,8 +29,9 @@ DECIMALS: Mapping[str, int] = {
 class Row(NamedTuple):
     """What is kept of one trial; None where a value is not known, as in a trial that ended in a fault.
 
-    ``interventions`` are counted in scenarios only; ``friction`` and what follows was drawn for a trial in MuJoCo.
-    ``ticks``, the control ticks, has no column in ``trials.csv``.
+    ``interventions`` are counted in scenarios only: of a rover that has ``overturned``, and of one that is
+    ``off_wheels``. ``friction`` and what follows was drawn for a trial in MuJoCo. ``ticks``, the control ticks, has no
+    column in ``trials.csv``.
     """
 
     trial: int
@@ -46,6 +48,8 @@ class Row(NamedTuple):
     shortest_path_m: float | None = None
     spl: float | None = None
     interventions: int | None = None
+    overturned: int | None = None
+    off_wheels: int | None = None
     friction: float | None = None
     roughness_m: float | None = None
     torque_scale: float | None = None
@@ -64,6 +68,11 @@ COLUMNS = tuple(name for name in Row._fields if name not in (*TERRAIN, "ticks"))
 def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the columns of ``trials.csv`` in a campaign with these settings; in MuJoCo it has the terrain as well."""
     return (*COLUMNS, *TERRAIN) if settings.get("mujoco") else COLUMNS
+
+
+def without_kinds(columns: tuple[str, ...]) -> tuple[str, ...]:
+    """Return these columns as older versions had them, which counted interventions of all kinds together."""
+    return tuple(name for name in columns if name not in KINDS)
 
 
 def row_of(result: TrialResult) -> Row:

@@ -15,11 +15,14 @@ from wayfarer.registry import find_algorithm
 from wayfarer.simhal.attendant import Attendant
 from wayfarer.simhal.faults import Fault
 from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.grounds import FRICTIONS, GroundName
 from wayfarer.simhal.physics import PHYSICS, Physics
 from wayfarer.simhal.referee import Referee
 from wayfarer.simhal.rig import Depth, build
 from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.skid_steering import SkidSteering
 from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.wheeled_body import body_of
 from wayfarer.simhal.world import World
 from wayfarer.supervisor import Supervisor
 
@@ -37,6 +40,7 @@ class TrialSpec:
     ``sense_noise`` multiplies the noise of compass, tilt and flow; ``slip_mean_m`` counts, not that of ``physics``. At
     a ``site`` somebody walks beside the rover, and its time is limited. With ``terrains`` the body moves in MuJoCo and
     not in physics-light; of ``physics`` then count the noise of the senses, unequal sides, slips (as mud) and tipping.
+    ``ground`` is what physics-light has under the wheels.
     """
 
     trial: int
@@ -52,6 +56,7 @@ class TrialSpec:
     physics: Physics = PHYSICS
     site: Site | None = None
     terrains: Terrains | None = None
+    ground: GroundName = GroundName.ideal
 
 
 class Stage:
@@ -90,14 +95,22 @@ def _world(spec: TrialSpec, physics: Physics, terrain: Terrain | None, streams: 
     """Return the world that a trial asks for.
 
     Raises:
-        BadConfig: MuJoCo needs more of the body than the rover file gives.
+        BadConfig: wheels that slip need more of the body than the rover file gives.
     """
     rover = spec.rover
     if terrain is None:
         chassis = rover.chassis if spec.site else None
-        return World(spec.forest, rover.vehicle, physics, streams, chassis=chassis)
-    from wayfarer.simhal.mujoco.model import body_of  # physics-light needs no engine
-    from wayfarer.simhal.mujoco.world import MujocoWorld
+        return World(spec.forest, rover.vehicle, physics, streams, chassis=chassis, skid=_skid(spec))
+    from wayfarer.simhal.mujoco.world import MujocoWorld  # physics-light needs no engine
 
-    body = body_of(rover.name, rover.vehicle, rover.chassis)
+    body = body_of(rover.name, rover.vehicle, rover.chassis, "--physics mujoco")
     return MujocoWorld(spec.forest, body, physics, terrain, streams)
+
+
+def _skid(spec: TrialSpec) -> SkidSteering | None:
+    """Return how the body moves on ground that is not ideal."""
+    rover = spec.rover
+    if spec.ground is GroundName.ideal:
+        return None
+    body = body_of(rover.name, rover.vehicle, rover.chassis, f"--ground {spec.ground}")
+    return SkidSteering(body, FRICTIONS[spec.ground], rover.vehicle.track_m, spec.physics.step_s)

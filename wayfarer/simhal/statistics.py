@@ -30,7 +30,7 @@ class Summary:
     Path lengths are in metres, over the successes (escaped or left bounds), as in the paper. ``spl`` is the
     mean over all trials whose shortest path is known, where a failure counts 0. Time (simulated, in seconds)
     and anomalies are means a trial, faults left out; ``escape_..._s`` is the time of the successes. Interventions are
-    the mean a trial, where they are counted.
+    the mean a trial, where they are counted, ``overturned`` and ``off_wheels`` those of each kind.
     """
 
     algorithm: str
@@ -53,6 +53,8 @@ class Summary:
     escape_sd_s: float | None
     escape_median_s: float | None
     interventions_mean: float | None
+    overturned_mean: float | None
+    off_wheels_mean: float | None
 
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
@@ -116,7 +118,8 @@ def summarise(algorithm: str, rows: Iterable[Row]) -> Summary:
     """
     outcomes: Counter[str] = Counter()
     paths_m, escapes_s = array("d"), array("d")  # a median needs all of them, 8 bytes each
-    spl, time_s, anomalies, interventions = Mean(), Mean(), Mean(), Mean()
+    spl, time_s, anomalies = Mean(), Mean(), Mean()
+    interventions, overturned, off_wheels = Mean(), Mean(), Mean()
     for row in rows:
         outcomes[row.outcome] += 1
         if row.outcome in SUCCESSES:
@@ -126,6 +129,8 @@ def summarise(algorithm: str, rows: Iterable[Row]) -> Summary:
         time_s.add(row.time_s)
         anomalies.add(row.anomalies)
         interventions.add(row.interventions)
+        overturned.add(row.overturned)
+        off_wheels.add(row.off_wheels)
     trials = outcomes.total()
     successes = sum(outcomes[outcome] for outcome in SUCCESSES)
     low, high = wilson_interval(successes, trials)
@@ -151,4 +156,6 @@ def summarise(algorithm: str, rows: Iterable[Row]) -> Summary:
         escape_sd_s=escape_s.sd,
         escape_median_s=escape_s.median,
         interventions_mean=interventions.value,
+        overturned_mean=overturned.value,
+        off_wheels_mean=off_wheels.value,
     )

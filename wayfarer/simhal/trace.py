@@ -6,7 +6,7 @@ records; it is thinned on the way, because an entrapped rover takes 80,000 ticks
 
 from __future__ import annotations
 
-from math import hypot
+from math import degrees, hypot
 from typing import NamedTuple
 
 from wayfarer.escape.api import Phase
@@ -20,11 +20,17 @@ KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius
 
 
 class Point(NamedTuple):
-    """Where the rover was, metres east and north, and what it was doing from there on."""
+    """Where the rover was, metres east and north, and what it was doing from there on.
+
+    ``heading_deg`` counts whole turns; ``touches`` says whether the body was against an obstacle.
+    """
 
     x_m: float
     y_m: float
     phase: Phase
+    t_s: float = 0.0
+    heading_deg: float = 0.0
+    touches: bool = False
 
 
 class Trace(NamedTuple):
@@ -35,7 +41,7 @@ class Trace(NamedTuple):
 
 
 class TraceLog(PartialLog):
-    """Looks at the world at each tick, and keeps every change of phase.
+    """Looks at the world at each tick, and keeps every change of phase, and of whether the body touches something.
 
     Between two changes a point is kept when it is ``KEPT_EVERY_M`` from the one before.
     """
@@ -52,8 +58,15 @@ class TraceLog(PartialLog):
             self.trace.slips_m.append((world.x_m, world.y_m))
         self._slipping = world.slipping
         phase = record.decision.phase
-        if not points or phase is not points[-1].phase or self._gone_m() >= KEPT_EVERY_M:
-            points.append(Point(world.x_m, world.y_m, phase))
+        if not points or self._changes(phase, points[-1]) or self._gone_m() >= KEPT_EVERY_M:
+            points.append(self._point(phase))
+
+    def _changes(self, phase: Phase, last: Point) -> bool:
+        return phase is not last.phase or (self._world.touch is not None) is not last.touches
+
+    def _point(self, phase: Phase) -> Point:
+        world = self._world
+        return Point(world.x_m, world.y_m, phase, world.t_s, degrees(world.heading_rad), world.touch is not None)
 
     def _gone_m(self) -> float:
         """Return the distance from the last point that was kept."""
@@ -62,7 +75,7 @@ class TraceLog(PartialLog):
 
     def close(self, reason: str, text: str) -> None:  # noqa: ARG002
         """Keep where it ended."""
-        self.trace.points.append(Point(self._world.x_m, self._world.y_m, Phase.HALT))
+        self.trace.points.append(self._point(Phase.HALT))
 
 
 def run_traced(spec: TrialSpec) -> tuple[TrialResult, Trace]:

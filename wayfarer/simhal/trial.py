@@ -11,6 +11,7 @@ from wayfarer.escape.api import Phase
 from wayfarer.hal import Rover
 from wayfarer.mission import RunEnd
 from wayfarer.records import PartialLog, Tee, TickRecord
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.referee import Outcome, Referee
 from wayfarer.simhal.simulated_world import SimulatedWorld
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
 class TrialResult(NamedTuple):
     """What the referee says of one trial.
 
-    ``interventions`` where an attendant walked beside the rover, ``friction`` and what follows where it was in MuJoCo.
+    ``interventions``, and of which kind they were, where an attendant walked beside the rover; ``friction`` and what
+    follows where it was in MuJoCo.
     """
 
     trial: int
@@ -43,6 +45,8 @@ class TrialResult(NamedTuple):
     spl: float | None
     ticks: int
     interventions: int | None = None
+    overturned: int | None = None
+    off_wheels: int | None = None
     friction: float | None = None
     roughness_m: float | None = None
     torque_scale: float | None = None
@@ -109,7 +113,8 @@ async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
     end = await stage.supervisor.run()
     result = _result(spec, _outcome(stage.referee, tally, end), stage.referee, stage.world, tally)
     if stage.attendant:
-        result = result._replace(interventions=stage.attendant.interventions)
+        flips, hangs = stage.attendant.flips, stage.attendant.hangs
+        result = result._replace(interventions=flips + hangs, overturned=flips, off_wheels=hangs)
     return result._replace(**stage.terrain._asdict()) if stage.terrain else result
 
 
@@ -148,6 +153,8 @@ def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover
     }
     if spec.terrains is not None:
         details["mujoco"] = spec.terrains.draw(Streams(spec.seed))._asdict()
+    if spec.ground is not GroundName.ideal:
+        details["ground"] = spec.ground.value
     log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s)
     return log, Witness(log, world)
 

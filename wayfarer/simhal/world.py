@@ -29,6 +29,7 @@ from wayfarer.simhal.simulated_world import (
     nothing_acts,
     side_of,
 )
+from wayfarer.simhal.skid_steering import SkidSteering
 from wayfarer.simhal.streams import Streams
 
 # No move is tested in pieces longer than this, so that nothing is jumped over: half a trunk, half a right angle.
@@ -58,6 +59,7 @@ class World:
         starts_s: the time on the clock of its parts at which the world begins.
         chassis: with it the body drives over low branches and may climb onto others; without it all are trunks, and
             every rover rears up alike.
+        skid: with it the wheels have the grip of a ground; without it the body goes and turns as it is told.
 
     ``deadman_at_s`` is when the wheels stop by themselves, for parts at device depth; chips have deadmen of their own,
     and ``chips_act`` lets them act. ``after_step`` is called with the world after each step; the referee sits there.
@@ -73,6 +75,7 @@ class World:
         streams: Streams,
         starts_s: float = 0.0,
         chassis: Chassis | None = None,
+        skid: SkidSteering | None = None,
     ) -> None:
         self.physics = physics
         self.x_m, self.y_m = forest.start_m
@@ -114,6 +117,7 @@ class World:
         self._slip_at_m = self._next_slip_m()
         self._build_rover(vehicle, streams)
         self._left_m_s = self._right_m_s = 0.0
+        self._skid = skid
         self.command(0.0, 0.0)
 
     def _build_rover(self, vehicle: Vehicle, streams: Streams) -> None:
@@ -142,6 +146,8 @@ class World:
         self._left_target_m_s = left * self._full_left_m_s
         self._right_target_m_s = right * self._full_right_m_s
         self._pulls_back = left + right < 0.0
+        if self._skid:
+            self._skid.drive(self._left_target_m_s, self._right_target_m_s)
 
     def carry_to(self, x_m: float, y_m: float, heading_deg: float) -> None:
         """Put the body elsewhere, as a person does who carries it; what it has driven stays counted."""
@@ -184,8 +190,12 @@ class World:
             self.after_step(self)
 
     def _step(self) -> None:
-        left_m_s = self._left_m_s = self._left_m_s + (self._left_target_m_s - self._left_m_s) * self._lag
-        right_m_s = self._right_m_s = self._right_m_s + (self._right_target_m_s - self._right_m_s) * self._lag
+        if self._skid:
+            left_m_s, right_m_s = self._skid.step(self._left_m_s, self._right_m_s)
+        else:
+            left_m_s = self._left_m_s + (self._left_target_m_s - self._left_m_s) * self._lag
+            right_m_s = self._right_m_s + (self._right_target_m_s - self._right_m_s) * self._lag
+        self._left_m_s, self._right_m_s = left_m_s, right_m_s
         if self.slipping and not self._break_free():
             return
         if self.mishaps is not UNHARMED:

@@ -8,28 +8,22 @@ from math import hypot
 from wayfarer.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config import load_rover
 from wayfarer.simhal.forest import Forest, Trunk
-from wayfarer.simhal.mujoco.model import (
-    ROLLING_RESISTANCE,
-    ROTOR_SHARE_OF_WEIGHT,
-    STEP_S,
-    WHEEL_SHARE_OF_WEIGHT,
-    body_of,
-)
+from wayfarer.simhal.mujoco.model import STEP_S
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.wheeled_body import ROLLING_RESISTANCE, body_of
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 EXACT = Physics(side_gain_sd=0.0, slip_mean_m=1e9)
 CONFIG = load_rover("forestrover")
-BODY = body_of("forestrover", CONFIG.vehicle, CONFIG.chassis)
+BODY = body_of("forestrover", CONFIG.vehicle, CONFIG.chassis, "a test")
 A_M, B_M, RADIUS_M = BODY.wheels
 WEIGHT_N = BODY.weight_kg * STANDARD_GRAVITY_M_S2
 STALL_N = BODY.motors_n_m / RADIUS_M  # of all motors, at the rims
 RESISTANCE_N = ROLLING_RESISTANCE * WEIGHT_N
-# What the motors move: the rover, its wheels' turning (an ellipsoid's two fifths), and the rotors.
-MOVED_KG = BODY.weight_kg * (1.0 + 4.0 * (0.4 * WHEEL_SHARE_OF_WEIGHT + ROTOR_SHARE_OF_WEIGHT))
+MOVED_KG = BODY.weight_kg + BODY.rims_kg
 
 
 def rover_on(

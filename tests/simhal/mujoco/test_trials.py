@@ -110,7 +110,7 @@ def test_table_has_what_was_drawn_for_each_trial_a_fault_too(
     assert code == 0, err
     with (out / "trials.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0])[-4:] == ["interventions", *TERRAIN]
+    assert list(rows[0])[-4:] == ["off_wheels", *TERRAIN]
     assert [row["outcome"] == "fault" for row in rows] == [False, True, False]
     assert len({row["friction"] for row in rows}) == 3
     assert all(0.2 <= float(row["friction"]) <= 0.6 and row["torque_scale"] == "1.0000" for row in rows)

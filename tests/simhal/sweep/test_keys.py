@@ -6,6 +6,7 @@ import pytest
 
 from tests.simhal.fake_trials import campaign_of
 from wayfarer.errors import BadConfig, BadInput, UnknownName
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.plan import Campaign, ForestFile, Task
 from wayfarer.simhal.sweep.axes import Axis, Value
 from wayfarer.simhal.sweep.keys import current, known_keys, laid_over_campaign
@@ -27,14 +28,14 @@ def test_every_known_key_can_be_swept_over_what_it_is_now() -> None:
 
 def test_each_kind_of_key_reaches_what_a_trial_is_made_of() -> None:
     values: dict[str, Value] = {
-        "escape.turn_angle_deg": 45, "footprint_m": 0.6, "slip_mean_m": 3, "budget_m": 500, "sim.trees_per_ha": 40,
-        "sim.compass_bias_deg": -12.5, "detector.implausible_of": 20, "parts.contact.front": 6,
+        "escape.turn_angle_deg": 45, "footprint_m": 0.6, "slip_mean_m": 3, "budget_m": 500, "ground": "mud",
+        "sim.trees_per_ha": 40, "sim.compass_bias_deg": -12.5, "detector.implausible_of": 20, "parts.contact.front": 6,
     }  # fmt: skip
     campaign = laid_over_campaign(BASE, values)
     spec = campaign.spec(Task("forest-pledge", 0), campaign.make_forest(0))
     assert spec.rover.escape.turn_angle_deg == 45
     assert (spec.rover.vehicle.length_m, spec.rover.vehicle.width_m) == (0.6, 0.6)
-    assert (spec.slip_mean_m, spec.budget_m) == (3, 500)
+    assert (spec.slip_mean_m, spec.budget_m, spec.ground) == (3, 500, GroundName.mud)
     assert len(spec.forest.trees_m) == 10
     assert spec.physics == replace(BASE.physics, compass_bias_deg=-12.5)
     assert spec.rover.detector.implausible_of == 20

@@ -12,30 +12,19 @@ is told 0 shorts it, so it brakes. Behind it is the tyre's rolling resistance.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 
-from wayfarer.chassis import ON_WHEELS, STANDARD_GRAVITY_M_S2, Chassis
-from wayfarer.errors import BadConfig
-from wayfarer.escape.api import Vehicle
+from wayfarer.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.forest import WORLD_SIZE_M
 from wayfarer.simhal.mujoco.ground import HeightField
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.obstacles import Obstacle
+from wayfarer.simhal.wheeled_body import ROLLING_RESISTANCE, ROTOR_SHARE_OF_WEIGHT, WHEEL_SHARE_OF_WEIGHT, Body
 
 STEP_S = 0.004
-
-# From no source, chosen to be plain; none of them decides where a closed form of the tests lies.
-TYRE_WIDTH_PER_RADIUS = 0.9
-WHEEL_SHARE_OF_WEIGHT = 0.03  # each; the rest is spread evenly over the body
-# What each motor's rotor adds to the inertia, as if this share of the weight were at the rim of its wheel: 0.6 kg for
-# ForestRover. A rotor of 5e-6 kg m2 behind a gear of 1 to 27 would be 0.9 kg there.
-ROTOR_SHARE_OF_WEIGHT = 0.1
-ROLLING_RESISTANCE = 0.05  # of the load: small tyres on firm soil; on leaf litter up to twice that
 TREE_HEIGHT_M = 2.0
-# Where a file gives no ground clearance, as that of the abstract rover: ForestRover's 41 mm over its 65 mm.
-CLEARANCE_PER_RADIUS = 0.041 / 0.065
 
 # Contacts. A time constant of 5 steps is stiff and has room to spare. The tyre's impedance rises from 0.2 to 0.8 over
 # 5 mm. ``IMPRATIO`` makes friction that much stiffer than the tyre, so that a wheel that holds does not creep.
@@ -50,81 +39,6 @@ ROVER = "rover"
 # world's data count its own, and ``unstable.refuse`` says them.
 if mujoco.get_mju_user_warning() is None:
     mujoco.set_mju_user_warning(lambda _text: None)
-
-
-class Wheels(NamedTuple):
-    """Where the four wheels stand: half the wheelbase, half the distance between left and right, and their radius."""
-
-    half_base_m: float
-    half_track_m: float
-    radius_m: float
-
-
-class Body(NamedTuple):
-    """What a rover file tells of the body, all of it known.
-
-    ``motors_n_m`` is the stall torque of all four motors together.
-    """
-
-    length_m: float
-    width_m: float
-    height_m: float
-    clearance_m: float
-    weight_kg: float
-    wheel_radius_m: float
-    motors_n_m: float
-    free_speed_m_s: float
-
-    @property
-    def tyre_width_m(self) -> float:
-        """How wide a tyre is."""
-        return TYRE_WIDTH_PER_RADIUS * self.wheel_radius_m
-
-    @property
-    def wheels(self) -> Wheels:
-        """Where the wheels stand: their outer edges are the body's outline."""
-        radius_m = self.wheel_radius_m
-        return Wheels(self.length_m / 2.0 - radius_m, (self.width_m - self.tyre_width_m) / 2.0, radius_m)
-
-    @property
-    def centre_of_mass_m(self) -> float:
-        """Height of the centre of mass above the ground."""
-        wheels = 4.0 * WHEEL_SHARE_OF_WEIGHT
-        return wheels * self.wheel_radius_m + (1.0 - wheels) * (self.clearance_m + self.height_m) / 2.0
-
-
-def body_of(name: str, vehicle: Vehicle, chassis: Chassis) -> Body:
-    """Return the body of a rover of this name.
-
-    Raises:
-        BadConfig: its file does not give all that a body with wheels needs, or gives what cannot be built.
-    """
-    if missing := chassis.missing(ON_WHEELS):
-        raise BadConfig(
-            f"rover '{name}' gives no chassis.{missing[0]}, and --physics mujoco needs a body with wheels;"
-            " take --rover sim, forestrover or minirover, or add [chassis] to its file as theirs have it"
-        )
-    weight_kg, motors_n_m, radius_m, height_m = (getattr(chassis, key) for key in ON_WHEELS)
-    given_m = chassis.ground_clearance_m
-    clearance_m = CLEARANCE_PER_RADIUS * radius_m if given_m is None else given_m
-    if not 4.0 * radius_m < vehicle.length_m:
-        raise BadConfig(
-            f"rover '{name}': chassis.wheel_radius_m = {radius_m:g}: two wheels behind each other do not fit into"
-            f" vehicle.length_m = {vehicle.length_m:g}; it is the radius, not the diameter"
-        )
-    if not clearance_m < min(height_m, 2.0 * radius_m):
-        raise BadConfig(
-            f"rover '{name}': a ground clearance of {clearance_m:g} m must be below chassis.height_m"
-            f" = {height_m:g} and below the wheels' diameter of {2.0 * radius_m:g}"
-        )
-    if not vehicle.width_m > 2.5 * TYRE_WIDTH_PER_RADIUS * radius_m:
-        raise BadConfig(
-            f"rover '{name}': vehicle.width_m = {vehicle.width_m:g} leaves no room between wheels of"
-            f" chassis.wheel_radius_m = {radius_m:g}"
-        )
-    return Body(
-        vehicle.length_m, vehicle.width_m, height_m, clearance_m, weight_kg, radius_m, motors_n_m, vehicle.max_speed_m_s
-    )
 
 
 def build(
@@ -198,8 +112,7 @@ def _add_rover(spec: Any, body: Body, terrain: Terrain) -> None:
     of_the_rover = {"contype": ROVER_BIT, "conaffinity": GROUND_BIT, "solref": (CONTACT_TIME_S, 1.0)}
     rover.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        # The wheels stand out by half a radius ahead and behind.
-        size=(half_base_m + radius_m / 2.0, body.width_m / 2.0 - 1.1 * body.tyre_width_m, belly_to_top_m / 2.0),
+        size=(*body.box_half_m, belly_to_top_m / 2.0),
         pos=(0.0, 0.0, body.clearance_m + belly_to_top_m / 2.0 - radius_m),
         mass=body.weight_kg * (1.0 - 4.0 * WHEEL_SHARE_OF_WEIGHT),
         **of_the_rover,

@@ -17,7 +17,7 @@ from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.mujoco.contacts import Contacts
 from wayfarer.simhal.mujoco.forces import gravity_m_s2, shove_n
 from wayfarer.simhal.mujoco.ground import Footing, Mud, rough_ground
-from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Body, build
+from wayfarer.simhal.mujoco.model import ROVER, STEP_S, build
 from wayfarer.simhal.mujoco.motion import Odometer, pose_of
 from wayfarer.simhal.mujoco.placing import Placing
 from wayfarer.simhal.mujoco.terrain import Terrain
@@ -35,6 +35,7 @@ from wayfarer.simhal.simulated_world import (
     side_of,
 )
 from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.wheeled_body import Body
 
 LOOK_EVERY = 5  # steps: 20 ms, well within a control tick
 SETTLES_S = 0.5  # for which a rover that is put down comes to rest on its tyres before anything counts

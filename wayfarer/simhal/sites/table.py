@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from wayfarer.simhal.report_table import Column, Layout, mean_and_sd, number, success
+from wayfarer.simhal.statistics import Summary
 
 
 class FieldTrials(NamedTuple):
@@ -30,6 +31,17 @@ PAPER: Mapping[tuple[str, str, str], FieldTrials] = {
     ("dense-obstruction", "minirover", "levy-walk"): FieldTrials(5, 46.0, 43.0, BY_MINI_ROVER),
 }
 
+
+def _interventions(summary: Summary) -> str:
+    """Return how many there were in ten trials, with those of each kind where they were told apart."""
+    in_ten = [
+        number(10.0 * mean)
+        for mean in (summary.interventions_mean, summary.overturned_mean, summary.off_wheels_mean)
+        if mean is not None
+    ]
+    return in_ten[0] if len(in_ten) == 1 else "{} ({}/{})".format(*in_ten) if in_ten else ""
+
+
 OUTCOMES = (
     Column("trials", lambda s: str(s.trials), lambda _: "10"),
     Column("success %\n[95 %]", success, lambda p: number(10.0 * p.successes)),
@@ -45,7 +57,7 @@ MEASURES = (
     Column("median\ns", lambda s: number(s.escape_median_s)),
     Column(
         "interventions\nin ten trials",
-        lambda s: number(None if s.interventions_mean is None else 10.0 * s.interventions_mean),
+        _interventions,
         lambda p: number(float(p.interventions)),
     ),
     Column("path m\nmean ± SD", lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m)),

@@ -18,7 +18,7 @@ from typing import Any, Self
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.simhal.parquet import ParquetRows, types_of
 from wayfarer.simhal.results import differences, write_whole
-from wayfarer.simhal.rows import COLUMNS, Row, csv_line, parse_row
+from wayfarer.simhal.rows import COLUMNS, Row, csv_line, parse_row, without_kinds
 from wayfarer.simhal.sweep.axes import Axis
 from wayfarer.simhal.sweep.plan import PointTask, Sweep
 from wayfarer.whole_file import whole_file
@@ -133,14 +133,16 @@ def read_trials(path: Path, fields: tuple[str, ...], axes: int) -> dict[PointTas
         columns, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"{path}: cannot be read: {error}") from None
-    if not f"{columns}\n".endswith(csv_line(fields)):
+    known = (fields,) if fields == KEPT else (fields, without_kinds(fields))  # a partial file grows on
+    there = next((names for names in known if f"{columns}\n".endswith(csv_line(names))), None)
+    if there is None:
         raise BadInput(
             f"{path} is damaged, or of another version: its first line names other columns; run the sweep again"
         )
     rows = {}
     for number, line in enumerate(lines, start=2):
         point, *_, rest = line.split(",", axes + 1)
-        row = parse_row(rest, fields, where := f"{path}, line {number}")
+        row = parse_row(rest, there, where := f"{path}, line {number}")
         if not point.isdecimal():
             raise BadInput(f"{where} is not a row of a sweep; remove the line or the folder")
         rows[PointTask(int(point), row.algorithm, row.trial)] = row
@@ -173,16 +175,23 @@ def _drop_torn_line(path: Path) -> None:
 def _refuse_another_sweep(path: Path, here: Mapping[str, Any]) -> None:
     try:
         there = json.loads((path / SETTINGS).read_text(encoding="utf-8"))
-        same = {name: there[name] == here[name] for name in here}
+        same_axes = there["axes"] == here["axes"]
+        ours, theirs = (_with_ground(settings) for settings in (here, there))
     except (OSError, ValueError, KeyError, TypeError):
         raise BadInput(f"{path} cannot be resumed: it holds no sweep ({SETTINGS} is missing or damaged)") from None
-    if not same["axes"]:
+    if not same_axes:
         raise BadInput(
             f"{path} belongs to another sweep: its keys or values differ; repeat them, or give another folder"
         )
-    differing = [name for name, *_ in differences(here["campaign"], there["campaign"])]
+    differing = [name for name, *_ in differences(ours, theirs)]
     if differing:
         raise BadInput(
             f"{path} belongs to another sweep: {', '.join(differing)} differ; repeat its settings, "
             "or give another folder"
         )
+
+
+def _with_ground(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the campaign of a sweep; where grounds are swept it says so, for its points then read the chassis."""
+    swept = {axis["key"]: axis["values"] for axis in settings["axes"] if axis["key"] == "ground"}
+    return {**settings["campaign"], **swept}

@@ -2,7 +2,7 @@
 
 * a key of the rover file, by its dotted name (``escape.turn_angle_deg``), checked as the file is;
 * ``footprint_m``: ``vehicle.length_m`` and ``vehicle.width_m`` together, a square as in the paper;
-* ``slip_mean_m`` and ``budget_m``, as the options of ``wayfarer sim``;
+* ``slip_mean_m``, ``budget_m`` and ``ground``, as the options of ``wayfarer sim``;
 * ``sim.`` and a number of the simulated world (``physics.Physics``), or ``sim.trees_per_ha``.
 """
 
@@ -20,6 +20,7 @@ from wayfarer.bounds import Metres
 from wayfarer.config_errors import explain, most_telling
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.simhal.forest import TREES_PER_HA
+from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.plan import Campaign
 from wayfarer.simhal.scenarios.rovers import laid_over
@@ -35,10 +36,11 @@ PARTS = "parts."  # a driver knows its keys; not all of them stand in the file
 
 @dataclass(frozen=True, slots=True)
 class OwnKeys:
-    """The campaign's own numbers."""
+    """The campaign's own settings."""
 
     slip_mean_m: Metres
     budget_m: Annotated[float, Interval(gt=0, le=1e6)]
+    ground: GroundName
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.simhal.mujoco.film.footage import Shot
-from wayfarer.simhal.mujoco.model import Body
+from wayfarer.simhal.wheeled_body import Body
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,113 @@
+"""The rover as a body on four driven wheels: what its file tells of it, and what that leaves to be assumed."""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import NamedTuple
+
+from wayfarer.chassis import ON_WHEELS, Chassis
+from wayfarer.errors import BadConfig
+from wayfarer.escape.api import Vehicle
+
+# From no source, chosen to be plain; none of them decides where a closed form of the tests lies.
+TYRE_WIDTH_PER_RADIUS = 0.9
+WHEEL_SHARE_OF_WEIGHT = 0.03  # each; the rest is spread evenly over the body
+# What each motor's rotor adds to the inertia, as if this share of the weight were at the rim of its wheel: 0.6 kg for
+# ForestRover. A rotor of 5e-6 kg m2 behind a gear of 1 to 27 would be 0.9 kg there.
+ROTOR_SHARE_OF_WEIGHT = 0.1
+ROLLING_RESISTANCE = 0.05  # of the load: small tyres on firm soil; on leaf litter up to twice that
+# Where a file gives no ground clearance, as that of the abstract rover: ForestRover's 41 mm over its 65 mm.
+CLEARANCE_PER_RADIUS = 0.041 / 0.065
+
+
+class Wheels(NamedTuple):
+    """Where the four wheels stand: half the wheelbase, half the distance between left and right, and their radius."""
+
+    half_base_m: float
+    half_track_m: float
+    radius_m: float
+
+
+class Body(NamedTuple):
+    """What a rover file tells of the body, all of it known.
+
+    ``motors_n_m`` is the stall torque of all four motors together.
+    """
+
+    length_m: float
+    width_m: float
+    height_m: float
+    clearance_m: float
+    weight_kg: float
+    wheel_radius_m: float
+    motors_n_m: float
+    free_speed_m_s: float
+
+    @property
+    def tyre_width_m(self) -> float:
+        """How wide a tyre is."""
+        return TYRE_WIDTH_PER_RADIUS * self.wheel_radius_m
+
+    @property
+    def wheels(self) -> Wheels:
+        """Where the wheels stand: their outer edges are the body's outline."""
+        radius_m = self.wheel_radius_m
+        return Wheels(self.length_m / 2.0 - radius_m, (self.width_m - self.tyre_width_m) / 2.0, radius_m)
+
+    @property
+    def box_half_m(self) -> tuple[float, float]:
+        """Half the length and width of the box between the wheels, which stand out by half a radius at each end."""
+        return self.wheels.half_base_m + self.wheel_radius_m / 2.0, self.width_m / 2.0 - 1.1 * self.tyre_width_m
+
+    @property
+    def centre_of_mass_m(self) -> float:
+        """Height of the centre of mass above the ground."""
+        wheels = 4.0 * WHEEL_SHARE_OF_WEIGHT
+        return wheels * self.wheel_radius_m + (1.0 - wheels) * (self.clearance_m + self.height_m) / 2.0
+
+    @property
+    def rims_kg(self) -> float:
+        """What turns with the wheels, as a mass at their rims: wheels (an ellipsoid's two fifths) and rotors."""
+        return 4.0 * (0.4 * WHEEL_SHARE_OF_WEIGHT + ROTOR_SHARE_OF_WEIGHT) * self.weight_kg
+
+    @property
+    def yaw_inertia_kg_m2(self) -> float:
+        """Moment of inertia about the vertical: the box, and the wheels where they stand."""
+        half_base_m, half_track_m, _ = self.wheels
+        wheels = 4.0 * WHEEL_SHARE_OF_WEIGHT
+        box_m2 = hypot(*self.box_half_m) ** 2 / 3.0
+        return self.weight_kg * ((1.0 - wheels) * box_m2 + wheels * (half_base_m**2 + half_track_m**2))
+
+
+def body_of(name: str, vehicle: Vehicle, chassis: Chassis, asked_by: str) -> Body:
+    """Return the body of a rover of this name; ``asked_by`` is the option that needs one.
+
+    Raises:
+        BadConfig: its file does not give all that a body with wheels needs, or gives what cannot be built.
+    """
+    if missing := chassis.missing(ON_WHEELS):
+        raise BadConfig(
+            f"rover '{name}' gives no chassis.{missing[0]}, and {asked_by} needs a body with wheels;"
+            " take --rover sim, forestrover or minirover, or add [chassis] to its file as theirs have it"
+        )
+    weight_kg, motors_n_m, radius_m, height_m = (getattr(chassis, key) for key in ON_WHEELS)
+    given_m = chassis.ground_clearance_m
+    clearance_m = CLEARANCE_PER_RADIUS * radius_m if given_m is None else given_m
+    if not 4.0 * radius_m < vehicle.length_m:
+        raise BadConfig(
+            f"rover '{name}': chassis.wheel_radius_m = {radius_m:g}: two wheels behind each other do not fit into"
+            f" vehicle.length_m = {vehicle.length_m:g}; it is the radius, not the diameter"
+        )
+    if not clearance_m < min(height_m, 2.0 * radius_m):
+        raise BadConfig(
+            f"rover '{name}': a ground clearance of {clearance_m:g} m must be below chassis.height_m"
+            f" = {height_m:g} and below the wheels' diameter of {2.0 * radius_m:g}"
+        )
+    if not vehicle.width_m > 2.5 * TYRE_WIDTH_PER_RADIUS * radius_m:
+        raise BadConfig(
+            f"rover '{name}': vehicle.width_m = {vehicle.width_m:g} leaves no room between wheels of"
+            f" chassis.wheel_radius_m = {radius_m:g}"
+        )
+    return Body(
+        vehicle.length_m, vehicle.width_m, height_m, clearance_m, weight_kg, radius_m, motors_n_m, vehicle.max_speed_m_s
+    )
