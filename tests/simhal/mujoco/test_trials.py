@@ -142,8 +142,10 @@ def test_report_of_a_campaign_in_mujoco_draws_its_trials(run: Run, tmp_path: Pat
     assert list((tmp_path / "out" / "figures").glob("forest-forest-pledge-*"))
 
 
+@pytest.mark.slow
 def test_site_in_mujoco_tells_kinds_of_help_and_terrain_and_is_gone_on_with_and_drawn(run: Run, tmp_path: Path) -> None:
-    site = (*SIM, "--budget-m", "3", "--scenario", "dense-obstruction", "--rover", "forestrover", "--friction", "0.3:0.6")
+    clutter = ("--scenario", "dense-obstruction", "--rover", "forestrover")
+    site = (*SIM, *clutter, "--budget-m", "3", "--friction", "0.3:0.6")
     code, said, err = run(*site, "--out", tmp_path / "out")
     assert code == 0, err
     assert "0.0 (0.0/0.0)" in said
