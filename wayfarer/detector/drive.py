@@ -160,14 +160,15 @@ class DriveWatch:
         back_deg = settings.reversed_back_deg + max(0.0, -way * self._window[0][COASTS])
         if way * commanded_deg < settings.reversed_turn_deg:
             return
-        straight = way * measured_deg < self._least_deg and self._goes_straight_on(ahead_m)
+        suspected = any(what == REVERSED for _, what in self._told)
+        straight = suspected and way * measured_deg < self._least_deg and self._goes_straight_on(ahead_m)
         if straight or way * measured_deg <= -back_deg:
             self._tell(t_s, REVERSED, settings.reversed_turns)
 
     def _goes_straight_on(self, ahead_m: float) -> bool:
         """Tell whether the wheels drive the body ahead or back: one that only coasts, or is shoved, gets slower.
 
-        A body with one side in mud goes ahead as well, but then its other side turns it.
+        A body with one side in mud goes ahead as well, so that this alone raises no suspicion.
         """
         first_m, middle_m = self._window[0][AHEAD_M], self._window[len(self._window) // 2][AHEAD_M]
         early_m, late_m = middle_m - first_m, ahead_m - middle_m

@@ -23,7 +23,7 @@ from wayfarer.report.words import facts
 from wayfarer.simhal.mujoco.terrain import BOUNDS, Range, Terrain, Terrains, parse_range
 from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.plan import Campaign, Task
-from wayfarer.simhal.rows import TERRAIN
+from wayfarer.simhal.rows import KINDS, TERRAIN
 from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.trial import TrialResult, run_trial
@@ -140,6 +140,31 @@ def test_report_of_a_campaign_in_mujoco_draws_its_trials(run: Run, tmp_path: Pat
     assert "0.2 to 0.6, drawn for each trial" in page
     assert "Not drawn" not in page
     assert list((tmp_path / "out" / "figures").glob("forest-forest-pledge-*"))
+
+
+@pytest.mark.slow
+def test_site_in_mujoco_tells_kinds_of_help_and_terrain_and_is_gone_on_with_and_drawn(run: Run, tmp_path: Path) -> None:
+    clutter = ("--scenario", "dense-obstruction", "--rover", "forestrover")
+    site = (*SIM, *clutter, "--budget-m", "3", "--friction", "0.3:0.6")
+    code, said, err = run(*site, "--out", tmp_path / "out")
+    assert code == 0, err
+    assert "0.0 (0.0/0.0)" in said
+    complete = (tmp_path / "out" / "trials.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(complete.splitlines()))
+    assert list(rows[0])[-6:] == ["interventions", *KINDS, *TERRAIN]
+    assert all(row[name] for row in rows for name in ("interventions", *KINDS, *TERRAIN))
+
+    (again := tmp_path / "again").mkdir()
+    shutil.copy(tmp_path / "out" / "campaign.json", again)
+    header, first, _ = complete.splitlines()
+    (again / "trials.partial.csv").write_text(f"{header},ticks\n{first},9\n", encoding="utf-8")
+    assert run(*site, "--out", again, "--resume")[0] == 0
+    assert (again / "trials.csv").read_text(encoding="utf-8") == complete
+
+    assert run("report", again, "--gallery", "2", "--jobs", "1")[0] == 0
+    page = (again / "report.html").read_text(encoding="utf-8")
+    assert "Not drawn" not in page
+    assert len(list((again / "figures").glob("entrapped-*.svg"))) == sum(row["outcome"] == "entrapped" for row in rows)
 
 
 SPOILT = {
