@@ -19,7 +19,7 @@ from wayfarer.interval import Interval
 
 # What a window shows: the side that lags behind, or wheels that go the wrong way.
 LEFT, RIGHT, REVERSED = -1, 1, 0
-COASTS, AHEAD_M = 5, 6  # places in a ``Moment``: how far it may turn on, and its way ahead
+RATE, AHEAD_M = 5, 6  # places in a ``Moment``
 # What a window is of: driving ahead or back, or turning on the spot.
 AHEAD, BACK, CLOCKWISE, ANTICLOCKWISE = 1, -1, 2, -2
 
@@ -32,9 +32,8 @@ TURNS_ON_S = 0.5
 RATE_TICKS = 2  # over which the turn rate is taken: that of one tick is mostly noise
 
 # Sums since the start of the run, in degrees: what each side was told to turn the rover by itself (the left one
-# clockwise, the right one back), what both were told to turn it either way, and what it has turned clockwise; and how
-# far it may turn on from the rate at which it turns, and how far it went ahead. A plain tuple, because one is made 20
-# times a second.
+# clockwise, the right one back), what both were told to turn it either way, and what it has turned clockwise; how fast
+# it turned before, and how far it went ahead. A plain tuple, because one is made 20 times a second.
 Moment = tuple[float, float, float, float, float, float, float]
 
 
@@ -83,9 +82,10 @@ class DriveWatch:
         if way != self._way or not trusted:
             self._way = way
             window.clear()
-        self._confirm(t_s, interval.applied, trusted=trusted)
-        coast_deg = self._coast_deg(t_s, gained_deg)
-        window.append((t_s, self._left_deg, self._right_deg, self._either_deg, gained_deg, coast_deg, ahead_m))
+        if self._suspect is not None:
+            self._confirm(t_s, self._suspect, interval.applied, trusted=trusted)
+        rate_deg_s = self._rate_before_deg_s(t_s, gained_deg)
+        window.append((t_s, self._left_deg, self._right_deg, self._either_deg, gained_deg, rate_deg_s, ahead_m))
         while t_s - window[0][0] > self._window_s:
             window.popleft()
         t_then_s, left_then_deg, right_then_deg, either_then_deg, gained_then_deg, _, _ = window[0]
@@ -101,15 +101,13 @@ class DriveWatch:
         elif t_s - t_then_s + 2 * driven_s > self._window_s:
             self._clear_sides(left_deg, right_deg, measured_deg)
 
-    def _confirm(self, t_s: float, applied: WheelCommand, *, trusted: bool) -> None:
+    def _confirm(self, t_s: float, suspect: tuple[float, int], applied: WheelCommand, *, trusted: bool) -> None:
         """Tell of the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.
 
         Where hardly any side but that one was told to push, the anomaly may be that side's as well: that is told, but
         is never a fault, for a controller asks for that beside a trunk too.
         """
-        if self._suspect is None:
-            return
-        at_s, side = self._suspect
+        at_s, side = suspect
         suspected, other = applied if side == LEFT else reversed(applied)
         alone = abs(other) < self._settings.immobilised_below * abs(suspected)
         if trusted and t_s < at_s:
@@ -120,16 +118,20 @@ class DriveWatch:
         elif alone:
             self._show(t_s, Condition.DRIVE_ASYMMETRY)
 
-    def _coast_deg(self, t_s: float, gained_deg: float) -> float:
-        """Return how far the body may turn on from the rate that it had before this tick."""
+    def _rate_before_deg_s(self, t_s: float, gained_deg: float) -> float:
+        """Return the turn rate that the body had before this tick."""
         gained = self._gained
-        coast_deg = 0.0
+        rate_deg_s = 0.0
         if len(gained) > RATE_TICKS:
             (first_s, first_deg), (last_s, last_deg) = gained[0], gained[-1]
             rate_deg_s = (last_deg - first_deg) / (last_s - first_s)
-            coast_deg = rate_deg_s * max(TURNS_ON_S, abs(rate_deg_s) / (2 * self._turn_stop_deg_s2))
         gained.append((t_s, gained_deg))
-        return coast_deg
+        return rate_deg_s
+
+    def _coasts_deg(self, way: float) -> float:
+        """Return how far the body may turn on that way from the rate that it had before the window."""
+        rate_deg_s = way * self._window[0][RATE]
+        return max(0.0, rate_deg_s) * max(TURNS_ON_S, rate_deg_s / (2 * self._turn_stop_deg_s2))
 
     def _clear_sides(self, left_deg: float, right_deg: float, measured_deg: float) -> None:
         """Forget what was told of either side, if it would have shown in this window as well."""
@@ -144,7 +146,7 @@ class DriveWatch:
         if abs(excess_deg) <= settings.drive_margin_deg + settings.drive_margin_share * abs(commanded_deg):
             return
         way = copysign(1.0, excess_deg)
-        coasted_deg = max(0.0, way * self._window[0][COASTS])
+        coasted_deg = self._coasts_deg(way)
         that_way_deg = (either_deg + way * commanded_deg) / 2 + coasted_deg
         if way * measured_deg < that_way_deg + settings.drive_margin_deg / 2:
             return  # no more than it was told to turn that way: it was held, as by a tree or by the ground
@@ -157,7 +159,7 @@ class DriveWatch:
         """Look for a turn on the spot that goes the other way, or straight on."""
         settings = self._settings
         way = 1.0 if self._way == CLOCKWISE else -1.0
-        back_deg = settings.reversed_back_deg + max(0.0, -way * self._window[0][COASTS])
+        back_deg = settings.reversed_back_deg + self._coasts_deg(-way)
         if way * commanded_deg < settings.reversed_turn_deg:
             return
         suspected = any(what == REVERSED for _, what in self._told)

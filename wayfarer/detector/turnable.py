@@ -31,6 +31,7 @@ class TurnAbility:
     def __init__(self, settings: DetectorSettings, duty_max: float) -> None:
         self._settings = settings
         self._full = FULL_SHARE * duty_max
+        self._found: tuple[Condition, ...] = ()
         self._tries = 0
         self._way = 0.0
         self._from_deg = self._tried_s = 0.0
@@ -39,20 +40,26 @@ class TurnAbility:
         """Take in a tick: what the wheels were told, and the heading gained since the start of the run."""
         left, right = interval.applied
         duty = (left - right) / 2.0
-        if abs(left + right) / 2.0 > AHEAD_SHARE * abs(duty) or duty * self._way <= 0.0:
+        if not -AHEAD_SHARE <= (left + right) / (left - right or 1.0) <= AHEAD_SHARE:
+            self._way = 0.0
+            return self._found
+        if duty * self._way <= 0.0:
             self._way, self._from_deg, self._tried_s = duty, gained_deg, 0.0
         turned_deg = copysign(1.0, duty) * (gained_deg - self._from_deg)
         if turned_deg >= TURNS_DEG:
-            self._tries, self._from_deg, self._tried_s = 0, gained_deg, 0.0
+            self._found, self._tries = (), 0
+            self._from_deg, self._tried_s = gained_deg, 0.0
         elif abs(duty) >= self._full:
             before_s, self._tried_s = self._tried_s, self._tried_s + interval.driven_s
             if before_s < self._settings.cannot_turn_s <= self._tried_s:
                 self._tries += 1
-        return self._found()
+                return self._judge()
+        return self._found
 
-    def _found(self) -> tuple[Condition, ...]:
-        settings = self._settings
-        if self._tries >= settings.cannot_turn_max:
-            self._tries = 0
+    def _judge(self) -> tuple[Condition, ...]:
+        if self._tries >= self._settings.cannot_turn_max:
+            self._found, self._tries = (), 0
             return (Condition.CANNOT_TURN, Condition.ENTRAPPED)
-        return (Condition.CANNOT_TURN,) if self._tries >= settings.cannot_turn_tries else ()
+        if self._tries >= self._settings.cannot_turn_tries:
+            self._found = (Condition.CANNOT_TURN,)
+        return self._found

@@ -43,6 +43,7 @@ class TurnController:
     def __init__(self, vehicle: Vehicle) -> None:
         self._max_speed_m_s = vehicle.max_speed_m_s
         self._ideal_deg_s = degrees(2.0 * vehicle.max_speed_m_s / vehicle.track_m)  # at turn duty 1 on ideal ground
+        self._most_behind_deg = self._ideal_deg_s / CATCH_UP_PER_S
         self._first_dead_zone = vehicle.turn_from_duty
         self.reset()
 
@@ -72,7 +73,10 @@ class TurnController:
         rate_deg_s = gained_deg / dt_s
         self._latest_deg_s = (self._latest_deg_s + rate_deg_s) / 2.0
         self._expected_deg_s += (self._told_deg_s - self._expected_deg_s) * dt_s / (dt_s + LAG_S)
-        self._fall_behind(self._expected_deg_s * dt_s - gained_deg, dt_s)
+        # More than full duty can answer is not kept: anti-windup.
+        most_deg = self._most_behind_deg
+        behind_deg = (self._behind_deg + self._expected_deg_s * dt_s - gained_deg) * FORGET_S / (FORGET_S + dt_s)
+        self._behind_deg = most_deg if behind_deg > most_deg else -most_deg if behind_deg < -most_deg else behind_deg
         share = dt_s / (dt_s + AVERAGE_S)
         self._mean_duty += (self._duty - self._mean_duty) * share
         self._mean_rate_deg_s += (rate_deg_s - self._mean_rate_deg_s) * share
@@ -80,12 +84,13 @@ class TurnController:
 
     def wheels(self, speed_m_s: float, turn_deg_s: float) -> WheelCommand:
         """Return the wheels for a forward speed and a turn rate, clockwise positive."""
-        compensation = min(max(turn_deg_s / FULL_COMPENSATION_DEG_S, -1.0), 1.0) * self.dead_zone
-        duty = (turn_deg_s + CATCH_UP_PER_S * self._behind_deg) / self._ideal_deg_s + compensation
-        duty = min(max(duty, -1.0), 1.0)
+        share = turn_deg_s / FULL_COMPENSATION_DEG_S
+        share = 1.0 if share > 1.0 else -1.0 if share < -1.0 else share
+        duty = (turn_deg_s + CATCH_UP_PER_S * self._behind_deg) / self._ideal_deg_s + share * self.dead_zone
+        duty = 1.0 if duty > 1.0 else -1.0 if duty < -1.0 else duty
         self._told_deg_s, self._duty = turn_deg_s, duty
-        room = 1.0 - abs(duty)
-        forward = min(max(speed_m_s / self._max_speed_m_s, -room), room)
+        forward, room = speed_m_s / self._max_speed_m_s, 1.0 - abs(duty)
+        forward = room if forward > room else -room if forward < -room else forward
         return WheelCommand(forward + duty, forward - duty)
 
     def curve_speed_m_s(self, wanted_m_s: float, radius_m: float) -> float:
@@ -93,18 +98,15 @@ class TurnController:
         duty = max(1.0 - self.dead_zone - RESERVE_DUTY, LEAST_DUTY)
         return min(wanted_m_s, duty / (1.0 / self._max_speed_m_s + degrees(1.0 / radius_m) / self._ideal_deg_s))
 
-    def _fall_behind(self, missing_deg: float, dt_s: float) -> None:
-        """Add what the body did not turn; more than full duty can answer is not kept."""
-        most_deg = self._ideal_deg_s / CATCH_UP_PER_S
-        behind_deg = (self._behind_deg + missing_deg) * (1.0 - min(dt_s / FORGET_S, 1.0))
-        self._behind_deg = min(max(behind_deg, -most_deg), most_deg)
-
     def _learn(self, dt_s: float) -> None:
         """Take what the turn duty has beyond the turn rate for the ground's; let go where a body has come free."""
-        told, duty, rate, latest = self._expected_deg_s, self._mean_duty, self._mean_rate_deg_s, self._latest_deg_s
+        told = self._expected_deg_s
+        if -LEARN_FROM_DEG_S < told < LEARN_FROM_DEG_S:
+            return  # as nearly always
+        duty, rate, latest = self._mean_duty, self._mean_rate_deg_s, self._latest_deg_s
         if told < 0.0:
             told, duty, rate, latest = -told, -duty, -rate, -latest
-        if told > LEARN_FROM_DEG_S and min(rate, latest) > max(LEARN_FROM_DEG_S, LEARN_FROM_SHARE * told):
+        if min(rate, latest) > max(LEARN_FROM_DEG_S, LEARN_FROM_SHARE * told):
             seen = min(max(duty - rate / self._ideal_deg_s, 0.0), DEAD_ZONE_MAX)
             self.dead_zone += (seen - self.dead_zone) * dt_s / LEARN_S
             if latest > FREE_SHARE * told + FREE_DEG_S:

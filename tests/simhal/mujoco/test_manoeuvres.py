@@ -14,16 +14,16 @@ MOTORS = (1.0, 3.0)
 # MiniRover's motors cannot turn it at a friction of 0.8: docs/physics.md.
 CANNOT_TURN = ("minirover", 0.8, 1.0)
 CELLS = [cell for cell in product(("sim", "forestrover", "minirover"), FRICTIONS, MOTORS) if cell != CANNOT_TURN]
-DONE = {"turn_away.done"}
+DONE = "turn_away.done"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("rover", "friction", "torque_scale"), CELLS)
 def test_turn_is_as_far_as_was_asked(rover: str, friction: float, torque_scale: float) -> None:
     done = manoeuvres(rover, friction, torque_scale)
-    assert done.ends == DONE
-    # The first turns on unknown ground may be short; ``sim`` turns at 180 degrees a second while its wheels spin.
-    assert mean(done.turned_deg) == pytest.approx(30.0, abs=4.5 if rover == "sim" else 3.5)
+    assert DONE in done.ends
+    # The first turn on unknown ground may be short. ``sim`` turns at 180 degrees a second, while its wheels spin.
+    assert mean(done.turned_deg[1:]) == pytest.approx(30.0, abs=4.5 if rover == "sim" else 3.0)
 
 
 @pytest.mark.slow
