@@ -86,6 +86,17 @@ def test_body_that_comes_free_does_not_fly_round() -> None:
     assert sum(body.tick(0.0, 60.0) for _ in range(round(0.5 / TICK_S))) < 80.0, "full duty would have been 128"
 
 
+def test_body_that_was_turned_by_hand_is_not_turned_back() -> None:
+    body = Skidder(0.2)
+    body.rate_after_deg_s(4.0, 60.0)
+    learnt = body.controller.dead_zone
+    body.heading_deg += 120.0
+    body.tick(0.5, 0.0)
+    left, right = body.controller.wheels(0.5, 0.0)
+    assert left == pytest.approx(right, abs=0.05)
+    assert body.controller.dead_zone == pytest.approx(learnt, abs=0.02)
+
+
 def test_measured_dead_zone_is_where_it_begins_and_what_reset_goes_back_to() -> None:
     controller = TurnController(replace(VEHICLE, turn_from_duty=0.4))
     assert controller.dead_zone == 0.4

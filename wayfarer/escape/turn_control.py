@@ -30,6 +30,9 @@ LEARN_S = 0.5
 DEAD_ZONE_MAX = 0.9
 # Up to this rate the dead zone is made up for in proportion: a noisy compass must not throw the wheels about.
 FULL_COMPENSATION_DEG_S = 20.0
+# No wheels turn a body further in a tick than full duty on ideal ground, and so much for noise: then somebody turned it
+# while it was held, and time stood still for the logic.
+STRANGE_DEG = 10.0
 # Of the duty, for feedback in a curve; and what is left for going ahead on ground on which the body hardly turns.
 RESERVE_DUTY, LEAST_DUTY = 0.1, 0.1
 
@@ -70,6 +73,10 @@ class TurnController:
             return
         dt_s = t_s - last_t_s
         gained_deg = (heading_deg - last_deg + 180.0) % 360.0 - 180.0
+        if abs(gained_deg) > self._ideal_deg_s * dt_s + STRANGE_DEG:
+            self._latest_deg_s = 0.0
+            self.rest()
+            return
         rate_deg_s = gained_deg / dt_s
         self._latest_deg_s = (self._latest_deg_s + rate_deg_s) / 2.0
         self._expected_deg_s += (self._told_deg_s - self._expected_deg_s) * dt_s / (dt_s + LAG_S)
