@@ -128,6 +128,7 @@ PLOTS: Mapping[str, Plot] = {
             _number("turn_deg", "theta: the angle of the present turn"),
             _number("episodes", "episodes so far"),
             _number("blocked_turns", "blocked turns in a row"),
+            _number("turn_from_duty", "the dead zone of turning that was learnt, as a turn duty"),
         ),
     ),
     "/wheels": Plot(
@@ -150,6 +151,7 @@ PLOTS: Mapping[str, Plot] = {
             _moved("quality", "0: nothing can be said, to 1"),
             _number("path_m", "way by dead reckoning, forwards and backwards both counted up"),
             _number("travelled_m", "way as the wheels were commanded"),
+            _number("covered_m", "way as the motion sensor saw it, as commanded where that cannot be believed"),
         ),
     ),
     "/battery": Plot(

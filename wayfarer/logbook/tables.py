@@ -27,7 +27,7 @@ from wayfarer.logbook.wording import event_text, fault_text, outcome_text
 COLUMNS = (
     "t_s", "t_wall", "n", "event",
     "phase", "why", "anomalies", "heading_deg", "goal_heading_deg", "pitch_deg", "roll_deg", "travelled_m",
-    "reckoned_north_m", "reckoned_east_m",
+    "covered_m", "reckoned_north_m", "reckoned_east_m",
     "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
     "counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty", "decision_t_s",
     "compass_t_s", "compass_heading_deg", "compass_pitch_deg", "compass_roll_deg", "compass_calibration",
