@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wayfarer.detector.motion import MOST_SHARE
 from wayfarer.hal import MotionReading, WheelCommand
 from wayfarer.interval import Interval
-from wayfarer.odometer import MOST_SHARE, Odometer
+from wayfarer.odometer import Odometer
 
 TICK_S = 0.05
 

@@ -106,6 +106,7 @@ class Helm:
         """
         self._motors_failed = self.held = False
         self._progress.reset()
+        self._detector.begin_mission()
         self.mission = None
         self._arming = Arming(self._safety, t_s, goal_heading_deg)
         self.mode = Mode.ARMING
@@ -209,6 +210,7 @@ class Helm:
             self.goal_heading_deg,
             self._travelled_m,
             self._odometer.covered_m,
+            self._applied,
         )
 
     def _own_conditions(self, conditions: tuple[Condition, ...], t_s: float, dt_s: float) -> tuple[Condition, ...]:

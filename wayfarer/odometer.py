@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
+from wayfarer.detector.motion import MOST_SHARE
 from wayfarer.hal import MotionReading
 from wayfarer.interval import Interval
-
-# A reading counts for no more than was commanded, and a tenth for noise; see ``detector.motion``.
-MOST_SHARE = 1.1
 
 
 class Odometer:
@@ -36,6 +34,7 @@ class Odometer:
         told_m, self._told_m = self._told_m, 0.0
         most_m, self._told_before_m = MOST_SHARE * max(told_m, self._told_before_m), told_m
         # Written so that NaN counts as driven.
-        moved_m = min(most_m, abs(motion.forward_m)) if motion.quality >= self._quality_min else told_m
+        believed = self._quality_min <= motion.quality <= 1.0
+        moved_m = min(most_m, abs(motion.forward_m)) if believed else told_m
         self._read_m += moved_m
         self._share = min(moved_m / told_m, 1.0) if told_m > 0.0 else 1.0

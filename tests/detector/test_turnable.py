@@ -46,6 +46,13 @@ def test_body_that_stands_at_full_duty_is_told_after_three_tries() -> None:
     assert turns.go(5.0, STOP) == (Condition.CANNOT_TURN,), "until it has turned"
 
 
+def test_arming_forgets_what_was_tried_before() -> None:
+    turns = Turns()
+    turns.tries(11)
+    turns.watch.reset()
+    assert turns.tries(2) == ()
+
+
 def test_one_long_try_is_one() -> None:
     assert Turns().go(30.0, FULL) == ()
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from tests.escape.walk import TICK_S, VEHICLE
 from wayfarer.escape.turn_control import DEAD_ZONE_MAX, TurnController
+from wayfarer.hal import WheelCommand
 
 IDEAL_DEG_S = degrees(2.0 * VEHICLE.max_speed_m_s / VEHICLE.track_m)
 LAG_S = 0.1
@@ -33,7 +34,7 @@ class Skidder:
         gained_deg = self.rate_deg_s * TICK_S
         self.t_s += TICK_S
         self.heading_deg += gained_deg
-        self.controller.observe(self.t_s, self.heading_deg % 360.0)
+        self.controller.observe(self.t_s, self.heading_deg % 360.0, None)
         left, right = self.controller.wheels(speed_m_s, turn_deg_s)
         self.duty = (left - right) / 2.0
         return gained_deg
@@ -97,6 +98,37 @@ def test_body_that_was_turned_by_hand_is_not_turned_back() -> None:
     assert body.controller.dead_zone == pytest.approx(learnt, abs=0.02)
 
 
+@pytest.mark.parametrize(("speed_m_s", "turn_deg_s"), [(0.0, 90.0), (1.0, 30.0), (0.4, -120.0)])
+def test_full_duty_that_turns_nothing_is_told_after_two_seconds(speed_m_s: float, turn_deg_s: float) -> None:
+    body = Skidder(0.0)
+    body.held = True
+    pushed_s = 0.0
+    while not body.controller.stands:
+        body.tick(speed_m_s, turn_deg_s)
+        pushed_s += TICK_S * (abs(body.duty) > 0.5)
+        assert body.t_s < 20.0
+    assert pushed_s <= 3.5
+    body.controller.rest()
+    assert not body.controller.stands
+
+
+def test_body_that_turns_never_stands() -> None:
+    body = Skidder(0.5)
+    for _ in range(400):
+        body.tick(0.0, 60.0)
+        assert not body.controller.stands
+
+
+def test_what_the_gate_cuts_off_is_not_taken_for_the_ground() -> None:
+    controller, heading_deg = TurnController(VEHICLE), 0.0
+    for tick in range(100):
+        applied = WheelCommand(0.3, -0.3) if tick else None
+        heading_deg += 0.3 * IDEAL_DEG_S * TICK_S if tick else 0.0
+        controller.observe(tick * TICK_S, heading_deg % 360.0, applied)
+        controller.wheels(0.0, 180.0)
+    assert controller.dead_zone == pytest.approx(0.0, abs=0.02)
+
+
 def test_measured_dead_zone_is_where_it_begins_and_what_reset_goes_back_to() -> None:
     controller = TurnController(replace(VEHICLE, turn_from_duty=0.4))
     assert controller.dead_zone == 0.4
@@ -117,7 +149,7 @@ def test_duties_and_dead_zone_never_leave_their_range(
 ) -> None:
     controller = TurnController(replace(VEHICLE, turn_from_duty=dead_zone))
     for tick, (speed_m_s, turn_deg_s, heading_deg) in enumerate(ticks):
-        controller.observe(tick * TICK_S, heading_deg % 360.0)
+        controller.observe(tick * TICK_S, heading_deg % 360.0, None)
         assert all(-1.0 <= duty <= 1.0 for duty in controller.wheels(speed_m_s, turn_deg_s))
         assert 0.0 <= controller.dead_zone <= DEAD_ZONE_MAX
 

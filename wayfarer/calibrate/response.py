@@ -58,7 +58,7 @@ def turn_response(points: Sequence[tuple[float, float]]) -> TurnResponse | None:
         return None
     duties, rates = [duty for duty, _ in turning], [rate for _, rate in turning]
     slope, at_zero = linear_regression(duties, rates)
-    if slope < SLOPE_MIN:
+    if not slope >= SLOPE_MIN:  # NaN as well
         return None
     from_duty = min(max(0.0, -at_zero / slope), duties[0])
     return TurnResponse(stood_at_duty=stood_at_duty, from_duty=from_duty, deg_s_per_duty=slope)

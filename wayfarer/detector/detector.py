@@ -93,6 +93,10 @@ class Detector:
         conditions += self._turns.update(interval, self._compass.gained_deg)
         return Detection(tuple(anomalies), tuple(conditions)) if anomalies or conditions else ALL_WELL
 
+    def begin_mission(self) -> None:
+        """Forget what was tried before the rover was armed: a person has seen to it."""
+        self._turns.reset()
+
     def _start(self, t_s: float) -> None:
         """Begin all ages now: what has not spoken yet is as old as the run."""
         self._started = True

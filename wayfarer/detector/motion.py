@@ -98,7 +98,8 @@ class MotionWatch:
             self.runaway.clear()
             return
         self._moved_t_s = read_t_s
-        self.ahead_m += forward_m
+        if signed:
+            self.ahead_m += forward_m
         self.moves = abs(forward_m) >= self._settings.immobilised_from_m_s * dt_s
         stood_s = read_t_s - self._driven_t_s
         if stood_s > 0.0 or self.runaway.found:

@@ -31,6 +31,11 @@ class TurnAbility:
     def __init__(self, settings: DetectorSettings, duty_max: float) -> None:
         self._settings = settings
         self._full = FULL_SHARE * duty_max
+        self._try_s = settings.cannot_turn_s - 1e-6  # sums of periods fall a rounding error short
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all tries."""
         self._found: tuple[Condition, ...] = ()
         self._tries = 0
         self._way = 0.0
@@ -51,7 +56,7 @@ class TurnAbility:
             self._from_deg, self._tried_s = gained_deg, 0.0
         elif abs(duty) >= self._full:
             before_s, self._tried_s = self._tried_s, self._tried_s + interval.driven_s
-            if before_s < self._settings.cannot_turn_s <= self._tried_s:
+            if before_s < self._try_s <= self._tried_s:
                 self._tries += 1
                 return self._judge()
         return self._found

@@ -45,7 +45,8 @@ class Observation(NamedTuple):
 
     ``travelled_m`` is the distance commanded so far, forwards and backwards both counted up. ``measured_m`` is the same
     as the motion sensor saw it, and as commanded where it cannot be believed; None where nothing measures it.
-    ``contact`` is None on a rover without a contact sensor.
+    ``contact`` is None on a rover without a contact sensor. ``applied`` is what the wheels really did since the last
+    tick, within the gate's limits; None where that is not known.
     """
 
     t_s: float
@@ -57,6 +58,7 @@ class Observation(NamedTuple):
     goal_heading_deg: float
     travelled_m: float
     measured_m: float | None = None
+    applied: WheelCommand | None = None
 
     @property
     def covered_m(self) -> float:

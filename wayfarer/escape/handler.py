@@ -78,7 +78,7 @@ class PhasedHandler:
 
     def decide(self, observation: Observation) -> Decision:
         """Return the decision for this tick; see ``EscapeHandler``."""
-        self._turns.observe(observation.t_s, observation.heading_deg)
+        self._turns.observe(observation.t_s, observation.heading_deg, observation.applied)
         self._count_turn(observation)
         manoeuvre = self._manoeuvre
         if self._tactics:

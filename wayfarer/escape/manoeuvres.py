@@ -12,7 +12,6 @@ from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Phase
 from wayfarer.escape.phases import Event
 from wayfarer.escape.steering import HeadingHold
 from wayfarer.escape.turn_control import TurnController
-from wayfarer.escape.turning import TurnWatch
 from wayfarer.hal import Side, WheelCommand
 
 # A manoeuvre may take this much longer, in time and in distance, than its plan before it counts as failed: lag, mud
@@ -175,17 +174,12 @@ class TurnAway(Manoeuvre):
 
     phase = Phase.TURN_AWAY
 
-    def __init__(self, settings: EscapeSettings, turns: TurnController, course: Course) -> None:
-        super().__init__(settings, turns, course)
-        self._watch = TurnWatch()
-
     def begin(self, observation: Observation) -> None:
         course = self._course
         self._known = frozenset(observation.anomalies)
         self._until_deg = course.counter_deg + course.side * course.turn_deg
         course.unturned_deg = 0.0
         self._turns.rest()
-        self._watch.rest()
         self._bound(observation, course.turn_deg / self._settings.turn_deg_s)
 
     def event(self, observation: Observation) -> Event | None:
@@ -193,11 +187,10 @@ class TurnAway(Manoeuvre):
         if left_deg <= self._settings.turn_within_deg:
             self._course.unturned_deg = left_deg * self._course.side
             return Event.DONE
-        self._watch.update(observation.t_s, left_deg)
         if self._fresh(observation):
             # Backing off once more does not help against what is behind: that turn is over.
             return Event.ANOMALY if _ahead(observation) else Event.EXHAUSTED
-        return Event.EXHAUSTED if self._watch.stands or self._exhausted(observation) else None
+        return Event.EXHAUSTED if self._turns.stands or self._exhausted(observation) else None
 
     def wheels(self, _observation: Observation) -> WheelCommand:
         settings = self._settings
@@ -233,7 +226,7 @@ class Probe(Manoeuvre):
             return Event.UNWOUND
         if course.resets and self._realigned(observation):
             return Event.REALIGNED
-        return Event.EXHAUSTED if self._exhausted(observation) else None
+        return Event.EXHAUSTED if self._turns.stands or self._exhausted(observation) else None
 
     def wheels(self, observation: Observation) -> WheelCommand:
         settings, course = self._settings, self._course

@@ -6,7 +6,6 @@ from math import copysign, cos, degrees, radians
 
 from wayfarer.escape.api import EscapeSettings
 from wayfarer.escape.turn_control import TurnController
-from wayfarer.escape.turning import TurnWatch
 from wayfarer.hal import WheelCommand
 
 # Bound of the integral, in rad s: with the default gain it adds at most 17 degrees a second. It learns unequal sides,
@@ -17,7 +16,7 @@ INTEGRAL_MAX_RAD_S = 1.5
 class HeadingHold:
     """Drives along a heading; beyond ``pivot_beyond_deg`` of error it turns on the spot instead.
 
-    ``stands`` says that something holds the body against that turn.
+    ``stands`` says that something holds the body against turning.
     """
 
     def __init__(self, settings: EscapeSettings, turns: TurnController) -> None:
@@ -26,7 +25,6 @@ class HeadingHold:
         self._turn_limit_rad_s = radians(settings.turn_deg_s)
         self._pivot_beyond_deg = settings.pivot_beyond_deg
         self._turns = turns
-        self._watch = TurnWatch()
         self.reset()
 
     def reset(self) -> None:
@@ -34,22 +32,19 @@ class HeadingHold:
         self._integral = 0.0
         self._last_error: float | None = None
         self._last_t_s = 0.0
-        self._watch.rest()
 
     @property
     def stands(self) -> bool:
-        """Tell whether a turn on the spot has been commanded for long without turning anything."""
-        return self._watch.stands
+        """Tell whether the wheels have turned against each other for long without turning anything."""
+        return self._turns.stands
 
     def wheels(self, t_s: float, error_deg: float) -> WheelCommand:
         """Return the wheels for a heading error in [-180, 180), positive when the goal lies clockwise."""
         error = radians(error_deg)
         turn_deg_s = degrees(self._turn_rad_s(t_s, error))
         if abs(error_deg) < self._pivot_beyond_deg:
-            self._watch.rest()
             return self._turns.wheels(self._cruise_m_s * cos(error), turn_deg_s)
         self._integral = 0.0  # a pivot is not a steady offset to be learnt
-        self._watch.update(t_s, abs(error_deg))
         return self._turns.wheels(0.0, turn_deg_s)
 
     def _turn_rad_s(self, t_s: float, error: float) -> float:

@@ -33,14 +33,19 @@ FULL_COMPENSATION_DEG_S = 20.0
 # No wheels turn a body further in a tick than full duty on ideal ground, and so much for noise: then somebody turned it
 # while it was held, and time stood still for the logic.
 STRANGE_DEG = 10.0
+# Duty is not given for long where it turns nothing. The heading must come on by so much to count as moved: three
+# times the noise of a compass. Field catalogue, faults 29 and 58, allow 3 s, and noise may look like a move once.
+MOVED_DEG, GIVE_UP_AFTER_S = 3.0, 1.5
 # Of the duty, for feedback in a curve; and what is left for going ahead on ground on which the body hardly turns.
 RESERVE_DUTY, LEAST_DUTY = 0.1, 0.1
 
 
 class TurnController:
-    """Works out the wheels for a forward speed and a turn rate; ``dead_zone`` is the turn duty that was learnt.
+    """Works out the wheels for a forward speed and a turn rate.
 
     Once a tick ``observe``, then ``wheels``. Where the wheels cannot give both, turning comes before going ahead.
+    ``dead_zone`` is the turn duty that was learnt; ``stands`` tells that the wheels have turned against each other more
+    than ahead for ``GIVE_UP_AFTER_S`` of full duty, and turned nothing.
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -58,15 +63,19 @@ class TurnController:
         self._told_deg_s = self._duty = 0.0
         self._expected_deg_s = self._latest_deg_s = 0.0
         self._mean_duty = self._mean_rate_deg_s = 0.0
-        self._behind_deg = 0.0
+        self.rest()
 
     def rest(self) -> None:
         """Begin a manoeuvre: what the last one did not reach is not caught up with."""
-        self._behind_deg = 0.0
+        self._behind_deg = self._pushed_s = self._pushed_deg = 0.0
         self._expected_deg_s = self._latest_deg_s
+        self._pushes = self.stands = False
 
-    def observe(self, t_s: float, heading_deg: float) -> None:
-        """Take the heading at a tick, and compare what the body did since the last one with what it was told."""
+    def observe(self, t_s: float, heading_deg: float, applied: WheelCommand | None) -> None:
+        """Take the heading at a tick, and compare what the body did since the last one with what it was told.
+
+        ``applied`` is what the wheels really did since then, None where that is not known: then what was asked for.
+        """
         last_t_s, last_deg = self._t_s, self._heading_deg
         self._t_s, self._heading_deg = t_s, heading_deg
         if last_t_s is None or not t_s > last_t_s:
@@ -85,9 +94,12 @@ class TurnController:
         behind_deg = (self._behind_deg + self._expected_deg_s * dt_s - gained_deg) * FORGET_S / (FORGET_S + dt_s)
         self._behind_deg = most_deg if behind_deg > most_deg else -most_deg if behind_deg < -most_deg else behind_deg
         share = dt_s / (dt_s + AVERAGE_S)
-        self._mean_duty += (self._duty - self._mean_duty) * share
+        duty = self._duty if applied is None else (applied.left - applied.right) / 2.0
+        self._mean_duty += (duty - self._mean_duty) * share
         self._mean_rate_deg_s += (rate_deg_s - self._mean_rate_deg_s) * share
         self._learn(dt_s)
+        if self._pushes:
+            self._watch(gained_deg, dt_s)
 
     def wheels(self, speed_m_s: float, turn_deg_s: float) -> WheelCommand:
         """Return the wheels for a forward speed and a turn rate, clockwise positive."""
@@ -98,12 +110,23 @@ class TurnController:
         self._told_deg_s, self._duty = turn_deg_s, duty
         forward, room = speed_m_s / self._max_speed_m_s, 1.0 - abs(duty)
         forward = room if forward > room else -room if forward < -room else forward
+        pushes = abs(duty) > abs(forward)
+        if pushes is not self._pushes:
+            self._pushes, self._pushed_s, self._pushed_deg = pushes, 0.0, 0.0
         return WheelCommand(forward + duty, forward - duty)
 
     def curve_speed_m_s(self, wanted_m_s: float, radius_m: float) -> float:
         """Return the fastest speed, up to the one wanted, at which the wheels can keep to a curve on this ground."""
         duty = max(1.0 - self.dead_zone - RESERVE_DUTY, LEAST_DUTY)
         return min(wanted_m_s, duty / (1.0 / self._max_speed_m_s + degrees(1.0 / radius_m) / self._ideal_deg_s))
+
+    def _watch(self, gained_deg: float, dt_s: float) -> None:
+        """Count for how long the wheels have turned against each other and turned nothing."""
+        self._pushed_s += dt_s * abs(self._duty)  # seconds of full duty; less does less harm, and turns less
+        self._pushed_deg += gained_deg if self._duty > 0.0 else -gained_deg
+        if self._pushed_deg >= MOVED_DEG:
+            self._pushed_s = self._pushed_deg = 0.0
+        self.stands = self._pushed_s >= GIVE_UP_AFTER_S
 
     def _learn(self, dt_s: float) -> None:
         """Take what the turn duty has beyond the turn rate for the ground's; let go where a body has come free."""
