@@ -45,12 +45,12 @@ class HeadingHold:
         """Return the wheels for a heading error in [-180, 180), positive when the goal lies clockwise."""
         error = radians(error_deg)
         turn_deg_s = degrees(self._turn_rad_s(t_s, error))
-        if abs(error_deg) < self._pivot_beyond_deg:
-            self._watch.rest()
-            return self._turns.wheels(self._cruise_m_s * cos(error), turn_deg_s)
-        self._integral = 0.0  # a pivot is not a steady offset to be learnt
-        self._watch.update(t_s, abs(error_deg))
-        return self._turns.wheels(0.0, turn_deg_s)
+        speed_m_s = self._cruise_m_s * cos(error)
+        if abs(error_deg) >= self._pivot_beyond_deg:
+            speed_m_s = self._integral = 0.0  # a pivot is not a steady offset to be learnt
+        wheels = self._turns.wheels(speed_m_s, turn_deg_s)
+        self._watch.see(t_s, abs(error_deg), wheels)
+        return wheels
 
     def _turn_rad_s(self, t_s: float, error: float) -> float:
         """Return the PID controller's turn rate, limited."""
