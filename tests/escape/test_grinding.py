@@ -42,6 +42,20 @@ def test_snagged_body_changes_its_manoeuvre_every_three_seconds(rover: str, algo
 
 
 @pytest.mark.parametrize("rover", ROVERS)
+@pytest.mark.parametrize("slides_to_deg", [30.0, 45.0, 55.0])
+def test_turn_that_is_held_when_nearly_done_runs_out_within_three_seconds(rover: str, slides_to_deg: float) -> None:
+    """Feedback is at full duty by then, so that nothing is left for going ahead, and no stall shows."""
+    body = Body(rover, "pledge", heading_deg=120.0)
+    body.turns = body.moves = False
+    for _ in range(20):
+        body.tick()
+    body.seen = body.seen._replace(heading_deg=slides_to_deg)
+    stays = stays_s(body, [body.tick() for _ in range(1200)])
+    assert stays[0][0] is Phase.FOLLOW
+    assert max(stay_s for _, stay_s in stays) <= GRIND_MAX_S
+
+
+@pytest.mark.parametrize("rover", ROVERS)
 @pytest.mark.parametrize("held", [Phase.FOLLOW, Phase.TURN_AWAY, Phase.STRIDE])
 def test_turn_that_never_turns_runs_out_within_three_seconds(rover: str, held: Phase) -> None:
     body = Body(rover, "levy-walk")  # its turns are up to a half turn: their planned time alone is longer
