@@ -217,14 +217,9 @@ class Probe(Manoeuvre):
 
     phase = Phase.PROBE
 
-    def __init__(self, settings: EscapeSettings, turns: TurnController, course: Course) -> None:
-        super().__init__(settings, turns, course)
-        self._watch = TurnWatch()
-
     def begin(self, observation: Observation) -> None:
         course = self._course
         self._turns.rest()
-        self._watch.rest()
         self._heading_deg = observation.heading_deg + course.unturned_deg
         self._curve_from_m = observation.covered_m + course.straight_m
         distance_m = course.straight_m + radians(abs(course.counter_deg)) * course.radius_m
@@ -238,7 +233,7 @@ class Probe(Manoeuvre):
             return Event.UNWOUND
         if course.resets and self._realigned(observation):
             return Event.REALIGNED
-        return Event.EXHAUSTED if self._watch.stands or self._exhausted(observation) else None
+        return Event.EXHAUSTED if self._exhausted(observation) else None
 
     def wheels(self, observation: Observation) -> WheelCommand:
         settings, course = self._settings, self._course
@@ -251,9 +246,7 @@ class Probe(Manoeuvre):
         error_deg = (self._heading_deg - curve_deg - observation.heading_deg + 180.0) % 360.0 - 180.0
         turn_deg_s = settings.heading_p * error_deg - curve_deg_s
         limit_deg_s = settings.turn_deg_s
-        wheels = self._turns.wheels(speed_m_s, min(max(turn_deg_s, -limit_deg_s), limit_deg_s))
-        self._watch.see(observation.t_s, abs(error_deg), wheels)
-        return wheels
+        return self._turns.wheels(speed_m_s, min(max(turn_deg_s, -limit_deg_s), limit_deg_s))
 
     def _curve_speed_m_s(self) -> float:
         return self._turns.curve_speed_m_s(self._settings.cruise_m_s, self._course.radius_m)
