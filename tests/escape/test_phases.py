@@ -91,11 +91,6 @@ def blocked_turn(walk: Walk) -> None:
     walk.turns = False
 
 
-def stuck_curve(walk: Walk) -> None:
-    walk.to(Phase.PROBE)
-    walk.turns = False
-
-
 def spinning(phase: Phase) -> Callable[[Walk], None]:
     """In a phase, and the commanded distance does not grow, as under a safety hold."""
 
@@ -153,7 +148,7 @@ ROUTES: Mapping[tuple[Phase, Event], Callable[[Walk], None]] = {
     (Phase.PROBE, Event.ANOMALY): met_something(Phase.PROBE),
     (Phase.PROBE, Event.UNWOUND): free(Phase.PROBE),
     (Phase.PROBE, Event.REALIGNED): free(Phase.PROBE),
-    (Phase.PROBE, Event.EXHAUSTED): stuck_curve,
+    (Phase.PROBE, Event.EXHAUSTED): spinning(Phase.PROBE),
     (Phase.STRIDE, Event.ANOMALY): met_something(Phase.STRIDE),
     (Phase.STRIDE, Event.DONE): free(Phase.STRIDE),
     (Phase.STRIDE, Event.EXHAUSTED): spinning(Phase.STRIDE),
@@ -199,6 +194,14 @@ def test_probe_curves_back_in_an_arc_of_the_radius_that_is_set(radius_m: float) 
     walk.go_on(lambda _: walk.counter_deg < 15.0)
     arc_m = walk.seen.travelled_m - from_m
     assert radians(from_deg - walk.counter_deg) == pytest.approx(arc_m / radius_m, rel=0.1)
+
+
+def test_curve_that_something_holds_is_an_anomaly_and_keeps_the_counter() -> None:
+    walk = Walk("pledge", settings=replace(SETTINGS, turn_angle_deg=90.0))
+    walk.to(Phase.PROBE)
+    walk.turns = False
+    assert walk.go_on(lambda decision: decision.phase is not Phase.PROBE).why == "probe.anomaly"
+    assert walk.counter_deg > 80.0
 
 
 def longest_s(phase: Phase) -> float:

@@ -226,7 +226,9 @@ class Probe(Manoeuvre):
             return Event.UNWOUND
         if course.resets and self._realigned(observation):
             return Event.REALIGNED
-        return Event.EXHAUSTED if self._turns.stands or self._exhausted(observation) else None
+        if self._turns.stands:
+            return Event.ANOMALY  # something holds it: the counter must not be lost to a new episode
+        return Event.EXHAUSTED if self._exhausted(observation) else None
 
     def wheels(self, observation: Observation) -> WheelCommand:
         settings, course = self._settings, self._course
