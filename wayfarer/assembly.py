@@ -62,7 +62,7 @@ def assemble(config: RoverConfig, buses: Buses, calibration: Calibration = UNCAL
 def calibrated(config: RoverConfig, calibration: Calibration) -> RoverConfig:
     """Return a rover that turns as calibrating it has found out: ``vehicle.track_m`` and ``vehicle.turn_from_duty``.
 
-    The track is the one at which ``Vehicle.mix`` asks for the measured slope of rate over duty. A rover that was not
+    The track is the one that gives the measured slope of rate over duty. A rover that was not
     measured, or could not turn on the spot both ways, is left as its file says.
     """
     response = calibration.turning.on_the_spot if calibration.turning is not None else None

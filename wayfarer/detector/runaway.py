@@ -48,7 +48,7 @@ class Runaway:
         self.found = self._moving_s >= self._for_s
 
     def _halt(self) -> None:
-        """Begin to count anew: the rover stands, or may still."""
+        """Begin to count again: the rover stands, or may still."""
         self._moving_s, self._way = 0.0, 0.0
         self.found = False
 

@@ -73,7 +73,7 @@ class SimulatedWorld(Protocol):
     deadman_at_s: float
     chips_act: Callable[[], None]
     after_step: Callable[[SimulatedWorld], None]
-    # Read only for whoever uses a world.
+    # Read only for those who use a world.
     t_s: float
     x_m: float
     y_m: float
