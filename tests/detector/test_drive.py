@@ -203,16 +203,11 @@ WHEELS = st.builds(WheelCommand, st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 def test_healthy_rover_is_never_accused(
     legs: list[tuple[WheelCommand, int, bool]], lag_s: float, gains: tuple[float, float], seed: int
 ) -> None:
-    """Whatever it is told, with any likely lag of its motors, unequal sides, a noisy compass, and things in its way.
-
-    A thing in its way may look like a side that fails: that may be told, and is no fault.
-    """
+    """Whatever it is told, with any likely lag of its motors, unequal sides, a noisy compass, and things in its way."""
     chassis = Chassis(gains, lag_s, noise_deg=1.0, seed=seed)
-    met = any(blocked for _, _, blocked in legs)
     for wheels, ticks, blocked in legs:
         for _ in range(ticks):
-            told = drive_of(chassis.tick(wheels, blocked=blocked))
-            assert told is None or (met and told is Condition.DRIVE_ASYMMETRY)
+            assert drive_of(chassis.tick(wheels, blocked=blocked)) is None
 
 
 def test_rover_of_which_one_side_has_half_its_strength_is_accused() -> None:

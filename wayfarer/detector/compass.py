@@ -97,7 +97,7 @@ class CompassWatch:
         if self._rejections:
             self._insists.update(reading.t_s, False)
         self.reading = reading
-        self._believed_t_s = reading.t_s
+        self._believed_t_s = max(self._believed_t_s, reading.t_s)  # no age is longer than the run
 
     def _reject(self, t_s: float) -> None:
         self._rejections = (self._rejections << 1 | 1) & self._of_readings

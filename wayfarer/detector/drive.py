@@ -9,7 +9,8 @@ turns as told, in a window in which a dead side would have shown, is cleared of 
 from __future__ import annotations
 
 from collections import deque
-from math import copysign, degrees, hypot, inf
+from math import degrees, hypot, inf
+from typing import NamedTuple
 
 from wayfarer.conditions import Condition
 from wayfarer.detector.settings import DetectorSettings
@@ -19,7 +20,6 @@ from wayfarer.interval import Interval
 
 # What a window shows: the side that lags behind, or wheels that go the wrong way.
 LEFT, RIGHT, REVERSED = -1, 1, 0
-RATE, AHEAD_M = 5, 6  # places in a ``Moment``
 # What a window is of: driving ahead or back, or turning on the spot.
 AHEAD, BACK, CLOCKWISE, ANTICLOCKWISE = 1, -1, 2, -2
 
@@ -31,10 +31,23 @@ TURN_STOP = 0.75 / 2 * 12
 TURNS_ON_S = 0.5
 RATE_TICKS = 2  # over which the turn rate is taken: that of one tick is mostly noise
 
-# Sums since the start of the run, in degrees: what each side was told to turn the rover by itself (the left one
-# clockwise, the right one back), what both were told to turn it either way, and what it has turned clockwise; how fast
-# it turned before, and how far it went ahead. A plain tuple, because one is made 20 times a second.
-Moment = tuple[float, float, float, float, float, float, float]
+
+class Moment(NamedTuple):
+    """A tick, and sums since the start of the run.
+
+    ``left_deg`` and ``right_deg`` are what each side was told to turn the rover by itself, the left one clockwise, the
+    right one back, with the lag of a body. ``clockwise_deg`` and ``anticlockwise_deg`` are what both were told to turn
+    it either way, without. ``gained_deg`` is what it has turned, clockwise, and ``rate_deg_s`` how fast it did before.
+    """
+
+    t_s: float
+    left_deg: float
+    right_deg: float
+    clockwise_deg: float
+    anticlockwise_deg: float
+    gained_deg: float
+    rate_deg_s: float
+    ahead_m: float
 
 
 class DriveWatch:
@@ -52,7 +65,7 @@ class DriveWatch:
         self._turn_stop_deg_s2 = degrees(TURN_STOP * settings.gain_m_s2 / hypot(vehicle.length_m, vehicle.width_m))
         self._deg_s_per_duty = degrees(vehicle.max_speed_m_s / vehicle.track_m)
         self._left_deg_s = self._right_deg_s = 0.0
-        self._left_deg = self._right_deg = self._either_deg = 0.0
+        self._told_sums = (0.0, 0.0, 0.0, 0.0)  # the first sums of a ``Moment``
         self._way = AHEAD
         self._window: deque[Moment] = deque()
         self._gained: deque[tuple[float, float]] = deque(maxlen=RATE_TICKS + 1)
@@ -67,12 +80,7 @@ class DriveWatch:
         It is ``trusted`` unless the compass is in doubt, or the forest is in the way: such windows are dropped.
         """
         t_s, _, driven_s, (left, right), _ = interval
-        share, deg_s_per_duty = driven_s / (driven_s + self._lag_s), self._deg_s_per_duty
-        left_deg_s = self._left_deg_s = self._left_deg_s + (left * deg_s_per_duty - self._left_deg_s) * share
-        right_deg_s = self._right_deg_s = self._right_deg_s + (right * deg_s_per_duty - self._right_deg_s) * share
-        self._left_deg += left_deg_s * driven_s
-        self._right_deg += right_deg_s * driven_s
-        self._either_deg += abs(left_deg_s - right_deg_s) * driven_s
+        self._add_told(driven_s, left, right)
         duty = left + right
         if abs(duty) >= self._from_duty:
             way = AHEAD if duty > 0.0 else BACK
@@ -85,21 +93,34 @@ class DriveWatch:
         if self._suspect is not None:
             self._confirm(t_s, self._suspect, interval.applied, trusted=trusted)
         rate_deg_s = self._rate_before_deg_s(t_s, gained_deg)
-        window.append((t_s, self._left_deg, self._right_deg, self._either_deg, gained_deg, rate_deg_s, ahead_m))
-        while t_s - window[0][0] > self._window_s:
+        now = Moment(t_s, *self._told_sums, gained_deg, rate_deg_s, ahead_m)
+        window.append(now)
+        while t_s - window[0].t_s > self._window_s:
             window.popleft()
-        t_then_s, left_then_deg, right_then_deg, either_then_deg, gained_then_deg, _, _ = window[0]
-        measured_deg = gained_deg - gained_then_deg
-        still = -self._least_deg < measured_deg < self._least_deg
+        then = window[0]
+        still = -self._least_deg < gained_deg - then.gained_deg < self._least_deg
         if still and not self._told and way in (AHEAD, BACK):
             return  # as nearly always; a rover that is held turns no more than that
-        left_deg, right_deg = self._left_deg - left_then_deg, self._right_deg - right_then_deg
         if way not in (AHEAD, BACK):
-            self._check_sense(t_s, left_deg - right_deg, measured_deg, ahead_m)
+            self._check_sense(then, now)
         elif not still:
-            self._compare(t_s, left_deg, right_deg, self._either_deg - either_then_deg, measured_deg)
-        elif t_s - t_then_s + 2 * driven_s > self._window_s:
-            self._clear_sides(left_deg, right_deg, measured_deg)
+            self._compare(then, now)
+        elif t_s - then.t_s + 2 * driven_s > self._window_s:
+            self._clear_sides(then, now)
+
+    def _add_told(self, driven_s: float, left: float, right: float) -> None:
+        """Add what the wheels were told for so long."""
+        share, deg_s_per_duty = driven_s / (driven_s + self._lag_s), self._deg_s_per_duty
+        self._left_deg_s += (left * deg_s_per_duty - self._left_deg_s) * share
+        self._right_deg_s += (right * deg_s_per_duty - self._right_deg_s) * share
+        left_deg, right_deg, clockwise_deg, anticlockwise_deg = self._told_sums
+        turn_deg = (left - right) * deg_s_per_duty * driven_s
+        if turn_deg > 0.0:
+            clockwise_deg += turn_deg
+        else:
+            anticlockwise_deg -= turn_deg
+        left_deg, right_deg = left_deg + self._left_deg_s * driven_s, right_deg + self._right_deg_s * driven_s
+        self._told_sums = left_deg, right_deg, clockwise_deg, anticlockwise_deg
 
     def _confirm(self, t_s: float, suspect: tuple[float, int], applied: WheelCommand, *, trusted: bool) -> None:
         """Tell of the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.
@@ -128,61 +149,71 @@ class DriveWatch:
         gained.append((t_s, gained_deg))
         return rate_deg_s
 
-    def _coasts_deg(self, way: float) -> float:
+    def _coasts_deg(self, then: Moment, way: float) -> float:
         """Return how far the body may turn on that way from the rate that it had before the window."""
-        rate_deg_s = way * self._window[0][RATE]
+        rate_deg_s = way * then.rate_deg_s
         return max(0.0, rate_deg_s) * max(TURNS_ON_S, rate_deg_s / (2 * self._turn_stop_deg_s2))
 
-    def _clear_sides(self, left_deg: float, right_deg: float, measured_deg: float) -> None:
+    def _clear_sides(self, then: Moment, now: Moment) -> None:
         """Forget what was told of either side, if it would have shown in this window as well."""
-        margin_deg = self._settings.drive_margin_deg
+        margin_deg, measured_deg = self._settings.drive_margin_deg, now.gained_deg - then.gained_deg
+        left_deg, right_deg = now.left_deg - then.left_deg, now.right_deg - then.right_deg
         if abs(measured_deg + right_deg) > margin_deg < abs(measured_deg - left_deg):
             self._told = deque(each for each in self._told if each[1] == REVERSED)
 
-    def _compare(self, t_s: float, left_deg: float, right_deg: float, either_deg: float, measured_deg: float) -> None:
+    def _compare(self, then: Moment, now: Moment) -> None:
         """Look for a side that lags behind: if it is the left one, the rover turns left ahead, right in reverse."""
-        settings, commanded_deg = self._settings, left_deg - right_deg
+        settings, measured_deg = self._settings, now.gained_deg - then.gained_deg
+        left_deg, right_deg = now.left_deg - then.left_deg, now.right_deg - then.right_deg
+        commanded_deg = left_deg - right_deg
         excess_deg = measured_deg - commanded_deg
         if abs(excess_deg) <= settings.drive_margin_deg + settings.drive_margin_share * abs(commanded_deg):
             return
-        way = copysign(1.0, excess_deg)
-        coasted_deg = self._coasts_deg(way)
-        that_way_deg = (either_deg + way * commanded_deg) / 2 + coasted_deg
-        if way * measured_deg < that_way_deg + settings.drive_margin_deg / 2:
+        clockwise_deg = now.clockwise_deg - then.clockwise_deg
+        anticlockwise_deg = now.anticlockwise_deg - then.anticlockwise_deg
+        way, that_way_deg = (1.0, clockwise_deg) if excess_deg > 0.0 else (-1.0, anticlockwise_deg)
+        coasted_deg = self._coasts_deg(then, way)
+        if way * measured_deg < that_way_deg + coasted_deg + settings.drive_margin_deg / 2:
             return  # no more than it was told to turn that way: it was held, as by a tree or by the ground
         side, dead_deg = (LEFT, left_deg) if excess_deg * self._way < 0.0 else (RIGHT, right_deg)
-        self._suspect = self._suspect or (t_s + settings.drive_confirm_s - 1e-6, side)
+        self._suspect = self._suspect or (now.t_s + settings.drive_confirm_s - 1e-6, side)
         if abs(excess_deg) - coasted_deg > settings.reversed_share * abs(dead_deg) + settings.reversed_margin_deg:
-            self._tell(t_s, REVERSED, settings.reversed_turns)
+            self._tell(now.t_s, REVERSED, settings.reversed_turns)
 
-    def _check_sense(self, t_s: float, commanded_deg: float, measured_deg: float, ahead_m: float) -> None:
+    def _check_sense(self, then: Moment, now: Moment) -> None:
         """Look for a turn on the spot that goes the other way, or straight on."""
         settings = self._settings
         way = 1.0 if self._way == CLOCKWISE else -1.0
-        back_deg = settings.reversed_back_deg + self._coasts_deg(-way)
-        if way * commanded_deg < settings.reversed_turn_deg:
+        commanded_deg = way * (now.left_deg - then.left_deg - now.right_deg + then.right_deg)
+        if commanded_deg < settings.reversed_turn_deg:
             return
+        measured_deg = way * (now.gained_deg - then.gained_deg)
+        back_deg = settings.reversed_back_deg + self._coasts_deg(then, -way)
         suspected = any(what == REVERSED for _, what in self._told)
-        straight = suspected and way * measured_deg < self._least_deg and self._goes_straight_on(ahead_m)
-        if straight or way * measured_deg <= -back_deg:
-            self._tell(t_s, REVERSED, settings.reversed_turns)
+        straight = suspected and measured_deg < self._least_deg and self._goes_straight_on(then, now)
+        if straight or measured_deg <= -back_deg:
+            self._tell(now.t_s, REVERSED, settings.reversed_turns)
 
-    def _goes_straight_on(self, ahead_m: float) -> bool:
+    def _goes_straight_on(self, then: Moment, now: Moment) -> bool:
         """Tell whether the wheels drive the body ahead or back: one that only coasts, or is shoved, gets slower.
 
         A body with one side in mud goes ahead as well, so that this alone raises no suspicion.
         """
-        first_m, middle_m = self._window[0][AHEAD_M], self._window[len(self._window) // 2][AHEAD_M]
-        early_m, late_m = middle_m - first_m, ahead_m - middle_m
+        middle = self._window[len(self._window) // 2]
+        early_m, late_m = middle.ahead_m - then.ahead_m, now.ahead_m - middle.ahead_m
         return abs(early_m + late_m) >= self._settings.reversed_straight_m and early_m * late_m >= early_m * early_m
 
     def _tell(self, t_s: float, what: int, limit: int) -> None:
-        """Take note of what a window shows, once in its length; so many alike within memory are a fault."""
+        """Take note of what a window shows; so many alike within memory are a fault.
+
+        The same is not told twice of one window: after what was told, a window's length must have passed, or another
+        manoeuvre have begun.
+        """
         told = self._told
         while told and t_s - told[0][0] > self._settings.drive_memory_s:
             told.popleft()
         alike = [when_s for when_s, each in told if each == what]
-        if alike and t_s - alike[-1] < self._window_s:
+        if alike and t_s - alike[-1] < self._window_s and self._window[0].t_s <= alike[-1]:
             return
         told.append((t_s, what))
         failed = len(alike) + 1 >= limit

@@ -29,7 +29,7 @@ def pose_of(qpos: Sequence[float]) -> Pose:
     )
 
 
-class Odometer:
+class Displacement:
     """Adds up, look by look, how far the body has moved along its own axes; ``start_at`` comes first."""
 
     def __init__(self) -> None:

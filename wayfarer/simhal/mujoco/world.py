@@ -18,7 +18,7 @@ from wayfarer.simhal.mujoco.contacts import Contacts
 from wayfarer.simhal.mujoco.forces import gravity_m_s2, shove_n
 from wayfarer.simhal.mujoco.ground import Footing, Mud, rough_ground
 from wayfarer.simhal.mujoco.model import ROVER, STEP_S, build
-from wayfarer.simhal.mujoco.motion import Odometer, pose_of
+from wayfarer.simhal.mujoco.motion import Displacement, pose_of
 from wayfarer.simhal.mujoco.placing import Placing
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.unstable import refuse
@@ -90,7 +90,7 @@ class MujocoWorld:
         self._placing = Placing(self.model, self.data, body, field, self._contacts)
         self._slips = self._tilts = False
         self._hanging_s = 0.0
-        self._odometer = Odometer()
+        self._displacement = Displacement()
         self._sides = streams.generator("world.rover").normal(1.0, physics.side_gain_sd, 2).tolist()
         self._put_down(*forest.start_m, radians(forest.heading_deg))
         self.command(0.0, 0.0)
@@ -105,17 +105,17 @@ class MujocoWorld:
     @property
     def forward_m(self) -> float:
         """Distance driven ahead."""
-        return self._odometer.forward_m + max(self._odometer.since_look_m(self._pose)[0], 0.0)
+        return self._displacement.forward_m + max(self._displacement.since_look_m(self._pose)[0], 0.0)
 
     @property
     def reverse_m(self) -> float:
         """Distance driven backwards."""
-        return self._odometer.reverse_m + max(-self._odometer.since_look_m(self._pose)[0], 0.0)
+        return self._displacement.reverse_m + max(-self._displacement.since_look_m(self._pose)[0], 0.0)
 
     @property
     def right_m(self) -> float:
         """Sideways displacement, to the right."""
-        return self._odometer.right_m + self._odometer.since_look_m(self._pose)[1]
+        return self._displacement.right_m + self._displacement.since_look_m(self._pose)[1]
 
     @property
     def path_m(self) -> float:
@@ -197,7 +197,7 @@ class MujocoWorld:
     def _look(self) -> None:
         if self._warned.any() or self.x_m != self.x_m:  # NaN
             refuse(self.data, self.t_s)
-        ahead_m = self._odometer.look(self._pose)
+        ahead_m = self._displacement.look(self._pose)
         speed_m_s = ahead_m / (LOOK_EVERY * self._step_s)
         self._feel_contacts()
         self._feel_slip(speed_m_s)
@@ -248,4 +248,4 @@ class MujocoWorld:
         self._hold(self.mishaps.snagged)
         self.touch, self.hangs, self._hanging_s = None, False, 0.0
         self._read_pose()
-        self._odometer.start_at(self._pose)
+        self._displacement.start_at(self._pose)
