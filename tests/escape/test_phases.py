@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from itertools import cycle, groupby, product, repeat
-from math import isfinite, radians
+from math import degrees, isfinite, radians
 
 import pytest
 
@@ -191,9 +191,12 @@ def test_probe_curves_back_in_an_arc_of_the_radius_that_is_set(radius_m: float) 
     walk.to(Phase.PROBE)
     walk.go_on(lambda _: walk.counter_deg < 60.0)  # the straight is over, and the curve is steady
     from_deg, from_m = walk.counter_deg, walk.seen.travelled_m
-    walk.go_on(lambda _: walk.counter_deg < 15.0)
+    while walk.counter_deg > 15.0:
+        walk.tick()
+        off_deg = from_deg - walk.counter_deg - degrees((walk.seen.travelled_m - from_m) / radius_m)
+        assert abs(off_deg) < 3.0, "a heading for each place of the arc"
     arc_m = walk.seen.travelled_m - from_m
-    assert radians(from_deg - walk.counter_deg) == pytest.approx(arc_m / radius_m, rel=0.1)
+    assert radians(from_deg - walk.counter_deg) == pytest.approx(arc_m / radius_m, rel=0.07)
 
 
 def test_curve_that_something_holds_is_an_anomaly_and_keeps_the_counter() -> None:
