@@ -152,7 +152,7 @@ def at_site(campaign: Campaign, scenario: str) -> Campaign:
     if missing := campaign.rover.chassis.missing(AT_A_BRANCH):
         raise BadConfig(
             f"rover '{campaign.rover.name}' gives no chassis.{missing[0]}, and --scenario asks how it meets a branch;"
-            " take --rover forestrover or minirover, or add [chassis] to its file as theirs have it"
+            " take --rover forestrover or minirover, or add it to [chassis] of its file as theirs have it"
         )
     here = replace(campaign, scenario=scenario)
     return replace(here, rover=here.site.equip(campaign.rover)) if here.site else here
