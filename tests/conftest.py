@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from wayfarer import cli
+
+Run = Callable[..., tuple[int, str, str]]
 
 # The same examples at every run, however busy the machine is.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -21,3 +26,16 @@ def reference_forests_path() -> Path:
     if not path.is_file():
         pytest.skip(f"the reference forests are not at {path}")
     return path
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run the command in this process, on a terminal of 160 columns; returns exit code, output and errors."""
+    monkeypatch.setenv("COLUMNS", "160")
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        code = cli.run([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run

@@ -4,21 +4,20 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
+from tests.conftest import Run
 from tests.simhal import fake_trials
-from wayfarer import __version__, cli
+from wayfarer import __version__
 from wayfarer.errors import BadReading, MissingPart
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.trial import TrialResult
 
-Run = Callable[..., tuple[int, str, str]]
 CHECKOUT = Path(__file__).resolve().parents[1]
 
 FOREST = {
@@ -29,15 +28,9 @@ FOREST = {
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run the command in this process, on a terminal of 140 columns."""
     monkeypatch.setenv("COLUMNS", "140")
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = cli.run([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
     return run
 
 

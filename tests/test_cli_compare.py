@@ -1,16 +1,13 @@
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.conftest import Run
 from tests.simhal import fake_trials
-from wayfarer import cli
 from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.trial import TrialResult
-
-Run = Callable[..., tuple[int, str, str]]
 
 
 def out_at_once(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
@@ -20,15 +17,9 @@ def out_at_once(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run the command in this process, with trials that end at once."""
     monkeypatch.setattr("wayfarer.simhal.trial.run_trial", out_at_once)
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = cli.run([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
     return run
 
 

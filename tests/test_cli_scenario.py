@@ -4,29 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.conftest import Run
 from tests.simhal import fake_trials
-from wayfarer import cli
 from wayfarer.fieldlog.reader import read_header
 
-Run = Callable[..., tuple[int, str, str]]
 MAZE = ("sim", "--scenario", "extended-maze", "--rover", "forestrover", "--jobs", "1")
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    monkeypatch.setenv("COLUMNS", "160")
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = cli.run([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return run
 
 
 REFUSED = {

@@ -3,31 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from wayfarer import cli
+from tests.conftest import Run
 from wayfarer.report.reading import read_results
 from wayfarer.report.words import facts
 from wayfarer.simhal.grounds import GroundName
 
-Run = Callable[..., tuple[int, str, str]]
 SIM = ("sim", "--jobs", "1", "--trials", "1", "--budget-m", "5")
 NO_CHASSIS = 'name = "plain"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.4\n'
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    monkeypatch.setenv("COLUMNS", "160")
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = cli.run([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return run
 
 
 @pytest.fixture

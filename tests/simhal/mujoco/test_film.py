@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import av
@@ -13,8 +12,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.conftest import Run
 from tests.simhal.mujoco.fields import A_M, B_M, BODY, CLEARING, RADIUS_M, drive, rover_on
-from wayfarer import cli
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Phase
 from wayfarer.simhal.mujoco.film import screen, textures, video
@@ -25,7 +24,6 @@ from wayfarer.simhal.mujoco.film.scenery import Scenery
 from wayfarer.simhal.mujoco.film.track import EVERY_M, bars_of
 from wayfarer.simhal.obstacles import Obstacle
 
-Run = Callable[..., tuple[int, str, str]]
 SIM = ("sim", "--physics", "mujoco", "--rover", "forestrover", "--budget-m", "3", "--trial", "0")
 FAST = ("--video-speed", "20")
 
@@ -42,15 +40,8 @@ needs_opengl = pytest.mark.skipif(bool(why := no_opengl()), reason=f"nothing to 
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    monkeypatch.setenv("COLUMNS", "160")
+def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
     monkeypatch.setattr(textures, "LEAVES", 200)  # a bare floor is made sooner
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = cli.run([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
     return run
 
 

@@ -7,7 +7,6 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from statistics import fmean
@@ -15,8 +14,8 @@ from statistics import fmean
 import pytest
 from pyarrow import parquet
 
+from tests.conftest import Run
 from tests.simhal import fake_trials
-from wayfarer import cli
 from wayfarer.config import load_rover
 from wayfarer.report.reading import read_results
 from wayfarer.report.words import facts
@@ -28,20 +27,7 @@ from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.trial import TrialResult, run_trial
 
-Run = Callable[..., tuple[int, str, str]]
 SIM = ("sim", "--physics", "mujoco", "--jobs", "1", "--trials", "2", "--budget-m", "6")
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    monkeypatch.setenv("COLUMNS", "160")
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = cli.run([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return run
 
 
 def files_in(folder: Path) -> dict[str, bytes]:
