@@ -34,7 +34,7 @@ PARTS = {
     "/wayfarer/latest.py": "sensors and motors",
     "/wayfarer/detector/": "detector",
     "/wayfarer/escape/": "escape handler",
-    "/wayfarer/safety.py": "safety gate",
+    "/wayfarer/safety/gate.py": "safety gate",
     "/wayfarer/helm.py": "helm",
 }
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from statistics import quantiles
 
 from benchmarks.figures import Figure, timed
-from wayfarer.conditions import Level
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
@@ -22,6 +21,7 @@ from wayfarer.fieldlog.thread import WriterThread
 from wayfarer.hal import CompassReading, MotionReading, WheelCommand
 from wayfarer.latest import Snapshot
 from wayfarer.records import TickRecord
+from wayfarer.safety.conditions import Level
 
 PERIOD_S = 0.01  # five times the rover's rate, to meet five times as many moments of the disk
 STALL_S = 0.5  # field.md, log rates: SD cards stall for up to as long

@@ -15,7 +15,7 @@ import pytest
 from wayfarer import cli
 from wayfarer.cli import demo
 from wayfarer.control.paths import SingleDaemon, daemon_socket
-from wayfarer.mission import RunEnd
+from wayfarer.safety.mission_limits import RunEnd
 
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from wayfarer.conditions import Level
 from wayfarer.console_log import ConsoleLog
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.hal import STOP, PositionFix
 from wayfarer.latest import Snapshot
 from wayfarer.records import TickRecord
+from wayfarer.safety.conditions import Level
 
 
 @pytest.fixture

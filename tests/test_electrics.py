@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.board import SAME_DUTY, BoardSettings
-from wayfarer.conditions import Condition
 from wayfarer.electrics import Electrics
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 from wayfarer.records import PartialLog
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.motor_board import SAME_DUTY, BoardSettings
 
 WELL = MotorHealth(12.0, ())
 AHEAD, TURN = WheelCommand(0.5, 0.5), WheelCommand(0.5, -0.5)

@@ -9,8 +9,6 @@ from typing import Any
 
 import pytest
 
-from wayfarer.board import BoardSettings
-from wayfarer.conditions import Condition, Level
 from wayfarer.config import RoverConfig
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, NotResponding
@@ -19,9 +17,11 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, CompassReading, MotorHealth, PositionFix, WheelCommand
 from wayfarer.helm import Helm, Mode, Wheels
 from wayfarer.latest import Cells
-from wayfarer.mission import FIX_FRESH_S, FIXES_BEYOND, METRES_PER_DEG
 from wayfarer.records import TickRecord
-from wayfarer.safety import SafetySettings
+from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.gate import SafetySettings
+from wayfarer.safety.mission_limits import FIX_FRESH_S, FIXES_BEYOND, METRES_PER_DEG
+from wayfarer.safety.motor_board import BoardSettings
 from wayfarer.status_light import YELLOW, colour
 
 TICK_S = 0.05

@@ -7,9 +7,9 @@ from math import inf, nan
 import pytest
 
 from tests.test_helm import TICK_S, Bench, Motors
-from wayfarer.conditions import Condition, Level
 from wayfarer.hal import STOP, ContactReading, MotionReading, PositionFix, Side, WheelCommand
 from wayfarer.helm import Mode
+from wayfarer.safety.conditions import Condition, Level
 
 
 class CountingMotors(Motors):

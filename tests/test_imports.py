@@ -22,11 +22,11 @@ MODULES = {
 # Lowest first: a module may import from its own layer and from those before it.
 LAYERS = [
     ["angles", "bounds", "errors", "hal", "drivers.buses", "whole_file"],
-    ["escape", "conditions", "interval", "latest", "lines"],
-    ["detector", "resume_warning", "safety", "records", "watchdog"],
+    ["escape", "safety", "latest", "lines"],
+    ["detector", "records", "watchdog"],
     [
-        "arming", "board", "power", "electrics", "mission", "odometer", "progress", "fieldlog.settings", "config",
-        "config_errors", "registry", "pace", "calibration", "chassis", "wiring",
+        "electrics", "fieldlog.settings", "config", "config_errors", "registry", "pace", "calibration", "chassis",
+        "wiring",
     ],
     ["helm", "fieldlog", "console_log", "status_light"],
     ["supervisor", "fresh_wheels", "sampling", "stop_path", "troubles"],
@@ -35,8 +35,7 @@ LAYERS = [
     ["calibrate", "daemon", "replay", "live"],
 ]  # fmt: skip
 PURE = [
-    "angles", "bounds", "conditions", "hal", "escape", "detector", "interval", "latest", "safety", "arming", "board",
-    "power", "electrics", "mission", "odometer", "progress", "resume_warning", "status_light",
+    "angles", "bounds", "hal", "escape", "detector", "latest", "safety", "electrics", "status_light",
 ]  # fmt: skip
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
 BUS_LIBRARIES = {"cv2", "smbus2", "spidev", "serial", "gpiozero", "picamera2"}
@@ -138,7 +137,7 @@ def test_pure_modules_know_no_clock_no_loop_and_no_files(module: str) -> None:
     assert {name.partition(".")[0] for name in imports(MODULES[module])} & IMPURE == set()
 
 
-@pytest.mark.parametrize("module", modules_of("escape", "detector", "safety", "arming"))
+@pytest.mark.parametrize("module", modules_of("escape", "detector", "safety"))
 def test_pure_modules_draw_from_no_global_randomness(module: str) -> None:
     names = set(imports(MODULES[module]))
     assert {name for name in names if name.partition(".")[0] == "random"} <= {"random", "random.Random"}

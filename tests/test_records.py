@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from unittest.mock import Mock, call
 
-from wayfarer.conditions import Level
 from wayfarer.escape.api import Decision, Phase
 from wayfarer.hal import STOP, PositionFix
 from wayfarer.latest import Snapshot
 from wayfarer.records import RunLog, Tee, TickRecord
+from wayfarer.safety.conditions import Level
 
 RECORD = TickRecord(
     1.0, Snapshot(1.0, None, None, None), None, Decision(STOP, Phase.HALT, "halt"), STOP, Level.WELL, None, dict

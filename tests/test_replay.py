@@ -16,7 +16,6 @@ import pytest
 from tests.logbook.records import SAMPLE_LOGS
 from tests.virtual import virtual
 from wayfarer import cli
-from wayfarer.board import BoardSettings
 from wayfarer.config import RoverConfig, load_rover
 from wayfarer.errors import BadInput, NotResponding
 from wayfarer.escape.catalogue import CATALOGUE
@@ -24,9 +23,10 @@ from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
 from wayfarer.helm import Mode
-from wayfarer.power import DIPS_S
 from wayfarer.records import Tee
 from wayfarer.replay import Replay, replay
+from wayfarer.safety.motor_board import BoardSettings
+from wayfarer.safety.supply import DIPS_S
 from wayfarer.simhal.desk import desk_vessel
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.rig import Depth

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer import status_light
-from wayfarer.conditions import LEVELS, Condition, Level
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Colour
 from wayfarer.helm import Helm, Mode
+from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.status_light import LIGHT_HZ, OFF, colour
 
 COLOURS = {name: getattr(status_light, name.upper()) for name in ("blue", "yellow", "green", "white", "magenta", "red")}

@@ -26,7 +26,6 @@ from tests.workshop import (
     mending,
     supervisor,
 )
-from wayfarer.conditions import Condition
 from wayfarer.errors import DriverError, MissingPart, NotArmed, NotResponding, WayfarerError
 from wayfarer.escape.api import Decision, Observation
 from wayfarer.hal import (
@@ -35,7 +34,8 @@ from wayfarer.hal import (
     WheelCommand,
 )
 from wayfarer.helm import Mode
-from wayfarer.mission import RunEnd
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.sampling import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.status_light import BLUE, GREEN, OFF, RED, YELLOW

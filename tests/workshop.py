@@ -20,9 +20,9 @@ from wayfarer.hal import (
     Rover,
     WheelCommand,
 )
-from wayfarer.mission import RunEnd
 from wayfarer.records import TickRecord
-from wayfarer.safety import SafetySettings
+from wayfarer.safety.gate import SafetySettings
+from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.supervisor import Supervisor
 

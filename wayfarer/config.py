@@ -26,7 +26,6 @@ from pydantic import (
     with_config,
 )
 
-from wayfarer.board import BoardSettings
 from wayfarer.bounds import Hertz
 from wayfarer.chassis import Chassis
 from wayfarer.config_errors import at_line, explain, line_of, most_telling, one_line, shown, with_short_keys
@@ -34,9 +33,10 @@ from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.fieldlog.settings import LogSettings
-from wayfarer.progress import ProgressSettings
 from wayfarer.registry import check_buses, driver_names, find_driver
-from wayfarer.safety import SafetySettings
+from wayfarer.safety.entrapment import ProgressSettings
+from wayfarer.safety.gate import SafetySettings
+from wayfarer.safety.motor_board import BoardSettings
 from wayfarer.watchdog import STALL_LIMIT_S
 from wayfarer.wiring import clash
 

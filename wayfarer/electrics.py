@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from wayfarer.board import BoardSettings, BoardWatch
-from wayfarer.conditions import Condition
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
-from wayfarer.power import PowerWatch, meaning
 from wayfarer.records import RunLog
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.motor_board import BoardSettings, BoardWatch
+from wayfarer.safety.supply import PowerWatch, meaning
 
 
 class Electrics:

@@ -13,22 +13,22 @@ from __future__ import annotations
 from enum import Enum
 from typing import Protocol
 
-from wayfarer.arming import Arming
-from wayfarer.conditions import LEVELS, Condition, Level
 from wayfarer.config import RoverConfig
 from wayfarer.detector import Detector
+from wayfarer.detector.odometer import Odometer
 from wayfarer.electrics import Electrics
 from wayfarer.errors import BadReading, DriverError
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
 from wayfarer.hal import STOP, PositionFix, WheelCommand
-from wayfarer.interval import IntervalTimer
 from wayfarer.latest import Cells, Snapshot
-from wayfarer.mission import Mission, RunEnd
-from wayfarer.odometer import Odometer
-from wayfarer.progress import Progress
 from wayfarer.records import RunLog, TickRecord
-from wayfarer.resume_warning import ResumeWarning
-from wayfarer.safety import Gate
+from wayfarer.safety.arming import Arming
+from wayfarer.safety.conditions import LEVELS, Condition, Level
+from wayfarer.safety.entrapment import Progress
+from wayfarer.safety.gate import Gate
+from wayfarer.safety.interval import IntervalTimer
+from wayfarer.safety.mission_limits import Mission, RunEnd
+from wayfarer.safety.resume_warning import ResumeWarning
 
 _STAND = Decision(STOP, Phase.HALT, Phase.HALT.value)
 

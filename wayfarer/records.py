@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
-from wayfarer.conditions import Condition, Level
 from wayfarer.escape.api import Decision, Observation
 from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
 from wayfarer.latest import Snapshot
+from wayfarer.safety.conditions import Condition, Level
 
 
 class TickRecord(NamedTuple):

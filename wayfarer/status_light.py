@@ -17,9 +17,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from wayfarer.conditions import Condition, Level
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Colour
+from wayfarer.safety.conditions import Condition, Level
 
 if TYPE_CHECKING:
     from wayfarer.helm import Helm

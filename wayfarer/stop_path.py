@@ -9,8 +9,8 @@ from typing import Any
 
 from wayfarer.errors import DriverError
 from wayfarer.hal import STOP, DriveMotors, Driver
-from wayfarer.mission import RunEnd
 from wayfarer.records import RunLog
+from wayfarer.safety.mission_limits import RunEnd
 
 STOP_DEADLINE_S = 0.3  # for the wheels, before the stop is sent without waiting for it
 CLOSE_DEADLINE_S = 0.2  # for each part: the run must have ended 2 s after SIGTERM

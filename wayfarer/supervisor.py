@@ -12,7 +12,6 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 
-from wayfarer.conditions import Condition
 from wayfarer.config import RoverConfig
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, MissingPart, NotArmed
@@ -22,9 +21,10 @@ from wayfarer.fresh_wheels import FreshWheels
 from wayfarer.hal import Driver, Rover, StatusLight
 from wayfarer.helm import Helm, Mode
 from wayfarer.latest import Cells
-from wayfarer.mission import RunEnd
 from wayfarer.pace import Pace
 from wayfarer.records import RunLog
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.sampling import keep_sampling, sensor_tasks
 from wayfarer.status_light import LIGHT_HZ, colour
 from wayfarer.stop_path import StopPath, unhindered

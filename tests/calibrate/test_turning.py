@@ -28,7 +28,7 @@ from wayfarer.calibration import (
 )
 from wayfarer.checks.bench import RATE_HZ
 from wayfarer.errors import NotResponding, WayfarerError
-from wayfarer.safety import SafetySettings
+from wayfarer.safety.gate import SafetySettings
 
 AS_TOLD_DEG_S = degrees(2.0 * 1.4 / 0.5)  # of the rig's world: full speed of both sides over the track
 

@@ -12,7 +12,6 @@ from typing import Literal
 import pytest
 
 from tests.checks.rigs import T_WALL, Rig, run
-from wayfarer.board import BoardSettings
 from wayfarer.calibration import (
     Calibration,
     CompassEntry,
@@ -27,7 +26,8 @@ from wayfarer.checks import ARMING, Finding, Inspection, Verdict, board, calibra
 from wayfarer.checks.standalone import Standalone
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.hal import CompassReading, ContactReading, MotorHealth, Side
-from wayfarer.safety import SafetySettings
+from wayfarer.safety.gate import SafetySettings
+from wayfarer.safety.motor_board import BoardSettings
 
 
 @pytest.fixture

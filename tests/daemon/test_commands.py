@@ -25,8 +25,8 @@ from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, Side, WheelCommand
-from wayfarer.mission import RunEnd
 from wayfarer.records import PartialLog
+from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.loop import VirtualLoop

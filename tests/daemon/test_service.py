@@ -29,7 +29,7 @@ from wayfarer.daemon.service import Daemon, Service, Vessel, serve
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.mission import RunEnd
+from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.desk import desk_vessel
 from wayfarer.simhal.rig import Depth
 

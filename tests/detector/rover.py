@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from wayfarer.conditions import Condition
 from wayfarer.detector import ALL_WELL, Detection, Detector, DetectorSettings
 from wayfarer.escape.api import Anomaly, Vehicle
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, WheelCommand
-from wayfarer.interval import IntervalTimer
 from wayfarer.latest import Snapshot
-from wayfarer.safety import SafetySettings
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.gate import SafetySettings
+from wayfarer.safety.interval import IntervalTimer
 
 MAX_SPEED_M_S = 1.0
 VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=MAX_SPEED_M_S)

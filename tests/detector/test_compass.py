@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from tests.detector.rover import PIVOT, SETTINGS, TICK_S, Rover, started
 from wayfarer.angles import wrap180
-from wayfarer.conditions import Condition
 from wayfarer.detector import ALL_WELL, DetectorSettings
 from wayfarer.hal import STOP, CompassReading, WheelCommand
 from wayfarer.latest import Snapshot
+from wayfarer.safety.conditions import Condition
 
 
 def test_compass_goes_stale_and_then_lost_and_comes_back() -> None:

@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 
 from tests.detector.rover import SETTINGS, TICK_S, Rover, started
-from wayfarer.conditions import Condition
 from wayfarer.detector import ALL_WELL, Detection
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import CompassReading, ContactReading, Side
 from wayfarer.latest import Snapshot
+from wayfarer.safety.conditions import Condition
 
 
 def touching(rover: Rover, *sides: Side) -> Detection:

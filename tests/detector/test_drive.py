@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from tests.detector.rover import BACK, FULL, PIVOT, SETTINGS, VEHICLE, Rover, started
 from wayfarer.angles import wrap360
-from wayfarer.conditions import Condition
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import STOP, WheelCommand
+from wayfarer.safety.conditions import Condition
 
 PERIOD_S = 0.05
 DEG_S = degrees(VEHICLE.max_speed_m_s / VEHICLE.track_m)  # of one side at full duty

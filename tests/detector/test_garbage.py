@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.detector.rover import FULL, PIVOT, TICK_S, Rover
-from wayfarer.conditions import Condition
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Side
 from wayfarer.latest import Snapshot
+from wayfarer.safety.conditions import Condition
 
 # A second of rubbish: what the sensors may take to be silent in is over by then.
 NUMBERS = st.floats() | st.sampled_from([0.0, -0.0, 1.0, 179.9, 359.9, 360.0, nan, inf, -inf, 1e308])

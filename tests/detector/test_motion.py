@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from tests.detector.rover import FULL, MAX_SPEED_M_S, STEP_M, TICK_S, Rover, started
-from wayfarer.conditions import Condition
 from wayfarer.detector import ALL_WELL
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import STOP, CompassReading, MotionReading
 from wayfarer.latest import Snapshot
+from wayfarer.safety.conditions import Condition
 
 
 def test_silent_motion_sensor_is_stale_and_no_stall_is_claimed() -> None:

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.detector.rover import BACK, FULL, MAX_SPEED_M_S, SETTINGS, TICK_S, Rover, started
-from wayfarer.conditions import Condition
 from wayfarer.hal import STOP, WheelCommand
+from wayfarer.safety.conditions import Condition
 
 G_M_S2 = 9.81
 PERIOD_S = 0.05

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.detector.rover import SETTINGS, started
-from wayfarer.conditions import Condition
 from wayfarer.detector import ALL_WELL
 from wayfarer.escape.api import Anomaly
+from wayfarer.safety.conditions import Condition
 
 TILTS = [
     ("pitch_deg", 1, Anomaly.NOSE_UP),

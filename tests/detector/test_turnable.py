@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from wayfarer.conditions import Condition
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.turnable import TurnAbility
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.interval import Interval
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.interval import Interval
 
 TICK_S = 0.05
 SETTINGS = DetectorSettings()

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer.conditions import Level
 from wayfarer.config import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Decision, Phase
@@ -18,6 +17,7 @@ from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.hal import STOP
 from wayfarer.latest import Snapshot
 from wayfarer.records import TickRecord
+from wayfarer.safety.conditions import Level
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.trial import run_trial

@@ -24,7 +24,7 @@ from wayfarer.gym import ENV_ID
 from wayfarer.gym.env import HELD_BACK, ForestEnv
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.registry import find_algorithm
-from wayfarer.safety import Gate
+from wayfarer.safety.gate import Gate
 from wayfarer.simhal.mujoco.terrain import Range, Terrains
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.stage import TrialSpec

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from wayfarer.conditions import Condition, Level
 from wayfarer.config import load_rover
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, WheelCommand
 from wayfarer.latest import Snapshot
 from wayfarer.records import TickRecord
+from wayfarer.safety.conditions import Condition, Level
 
 WORLD = {
     "start_m": [25.0, 12.5], "heading_deg": 0.0, "goal_y_m": 50.0, "trunk_diameter_m": 0.3, "tree_radius_m": 0.25,

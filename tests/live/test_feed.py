@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.live.records import board, run_log, tick
-from wayfarer.conditions import Condition, Level
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.hal import PositionFix, WheelCommand
 from wayfarer.live.feed import LINES, MARKS, Feed
+from wayfarer.safety.conditions import Condition, Level
 
 
 @pytest.fixture

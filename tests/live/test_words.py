@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from wayfarer.conditions import Condition, Level
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import WHY
 from wayfarer.live.words import ANOMALIES, CAUSES, LEVELS, PHASES, because, level_text
+from wayfarer.safety.conditions import Condition, Level
 
 
 def test_every_phase_anomaly_level_and_condition_has_words() -> None:

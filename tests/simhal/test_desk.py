@@ -10,8 +10,8 @@ import pytest
 
 from wayfarer.config import load_rover
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.mission import RunEnd
 from wayfarer.records import Tee
+from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.desk import desk_vessel
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from wayfarer.config import RoverConfig
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, Compass, ContactSensor, DriveMotors, MotionSensor, Rover, Side, WheelCommand
-from wayfarer.mission import METRES_PER_DEG
+from wayfarer.safety.mission_limits import METRES_PER_DEG
 from wayfarer.simhal.devices import FIX_ERROR_M, ORIGIN_DEG, SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.loop import VirtualLoop

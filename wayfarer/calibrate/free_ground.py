@@ -16,11 +16,11 @@ from wayfarer.checks import board, deadman
 from wayfarer.checks.api import Verdict, run_checks
 from wayfarer.checks.bench import RATE_HZ, wheels_stopped_after
 from wayfarer.checks.standalone import Standalone
-from wayfarer.detector.persistent import Persistent
 from wayfarer.errors import WayfarerError
 from wayfarer.hal import CompassReading, WheelCommand
 from wayfarer.pace import Pace
-from wayfarer.safety import Gate
+from wayfarer.safety.gate import Gate
+from wayfarer.safety.persistence import Persistent
 
 REST_S = 1.0  # between drives: from 1 m/s on the most slippery ground (a friction of 0.1) a body slides for a second
 MUST_NOT_FAIL = (board.motor_board, board.motor_faults, board.battery, deadman.proved)

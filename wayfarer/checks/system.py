@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.checks.api import Finding, Inspection, Place, fail, ok, skipped, warn
-from wayfarer.power import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
+from wayfarer.safety.supply import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
 # At 50 MB an hour of field log (``LogSettings``) this is what a mission takes, beside what its log leaves alone.
 MISSION_MB = 50.0
@@ -24,7 +24,7 @@ YEAR_MIN = 2024
 # The debug connector of a Raspberry Pi 5, which its /dev/serial0 leads to. Second hand, from the issue tracker of the
 # Raspberry Pi documentation (issue 3239, pull request 3294).
 PI5_DEBUG_PORT = "ttyAMA10"
-# The firmware's power and heat flags (``wayfarer.power``), in hexadecimal.
+# The firmware's power and heat flags (``wayfarer.safety.supply``), in hexadecimal.
 THROTTLED = "/sys/devices/platform/soc/soc:firmware/get_throttled"
 
 

@@ -18,7 +18,7 @@ from wayfarer.cli.watching import live_page
 from wayfarer.live import HOST, PORT
 
 if TYPE_CHECKING:
-    from wayfarer.mission import RunEnd
+    from wayfarer.safety.mission_limits import RunEnd
 
 EXAMPLES = """Examples:
 

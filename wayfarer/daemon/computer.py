@@ -79,7 +79,7 @@ def health(logs: Path, root: Path = Path("/")) -> Health:
 
 
 def power_flags(root: Path = Path("/")) -> int | None:
-    """Return the flags of ``wayfarer.power``, None where the computer does not tell."""
+    """Return the flags of ``wayfarer.safety.supply``, None where the computer does not tell."""
     try:
         return int(_text(root, THROTTLED) or "", 16)
     except ValueError:

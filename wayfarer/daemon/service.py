@@ -44,8 +44,8 @@ from wayfarer.fieldlog.thread import WriterThread
 from wayfarer.hal import Rover
 from wayfarer.lines import LineWriter
 from wayfarer.logbook.wording import unclean_text
-from wayfarer.mission import RunEnd
 from wayfarer.records import RunLog, Tee
+from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.stop_path import STOP_DEADLINE_S
 from wayfarer.supervisor import Supervisor, check_parts, first_cause
 from wayfarer.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s

@@ -6,8 +6,7 @@ and go to the safety gate.
 """
 
 from wayfarer.detector.detector import ALL_WELL, Detection, Detector
-from wayfarer.detector.persistent import Persistent
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.stall import Stall
 
-__all__ = ["ALL_WELL", "Detection", "Detector", "DetectorSettings", "Persistent", "Stall"]
+__all__ = ["ALL_WELL", "Detection", "Detector", "DetectorSettings", "Stall"]

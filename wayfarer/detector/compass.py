@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from math import inf
 
-from wayfarer.conditions import Condition
-from wayfarer.detector.persistent import Persistent
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.hal import CompassReading
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.persistence import Persistent
 
 
 class CompassWatch:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from math import inf
 
-from wayfarer.conditions import Condition
-from wayfarer.detector.persistent import Persistent
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import ContactReading
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.persistence import Persistent
 
 
 class ContactWatch:

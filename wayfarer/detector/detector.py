@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import radians
 from typing import NamedTuple
 
-from wayfarer.conditions import Condition
 from wayfarer.detector.compass import CompassWatch
 from wayfarer.detector.contact import ContactWatch
 from wayfarer.detector.drive import DriveWatch
@@ -15,8 +14,9 @@ from wayfarer.detector.tilt import TiltWatch
 from wayfarer.detector.turnable import TurnAbility
 from wayfarer.escape.api import Anomaly, Vehicle
 from wayfarer.hal import CompassReading, ContactReading
-from wayfarer.interval import Interval
 from wayfarer.latest import Snapshot
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.interval import Interval
 
 
 class Detection(NamedTuple):

@@ -12,11 +12,11 @@ from collections import deque
 from math import degrees, hypot, inf
 from typing import NamedTuple
 
-from wayfarer.conditions import Condition
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import WheelCommand
-from wayfarer.interval import Interval
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.interval import Interval
 
 # What a window shows: the side that lags behind, or wheels that go the wrong way.
 LEFT, RIGHT, REVERSED = -1, 1, 0

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from math import hypot, inf, radians
 
-from wayfarer.conditions import Condition
 from wayfarer.detector.runaway import Runaway
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.stall import Stall
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, MotionReading
-from wayfarer.interval import Interval
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.interval import Interval
 
 # Of what was commanded now or just before, for a rover that rolls on: no reading counts for more; a tenth is for noise.
 MOST_SHARE = 1.1

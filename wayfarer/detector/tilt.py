@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 
-from wayfarer.conditions import Condition
-from wayfarer.detector.persistent import Persistent
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import CompassReading
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.persistence import Persistent
 
 _TILTS = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.LEFT_DOWN)
 

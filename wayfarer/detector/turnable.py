@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from math import copysign
 
-from wayfarer.conditions import Condition
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.interval import Interval
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.interval import Interval
 
 # Of the duty that the gate allows; a Sabertooth knows 127 steps and an undervoltage leaves 0.7 of it.
 FULL_SHARE = 0.65

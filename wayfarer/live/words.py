@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from wayfarer.conditions import Condition, Level
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import Event
+from wayfarer.safety.conditions import Condition, Level
 
 PHASES: Mapping[str, str] = {
     Phase.FOLLOW.value: "Follows the goal heading",

@@ -9,7 +9,7 @@ from wayfarer.angles import wrap180, wrap360
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.track import Place
 from wayfarer.logbook.fields import number
-from wayfarer.mission import METRES_PER_DEG
+from wayfarer.safety.mission_limits import METRES_PER_DEG
 
 
 @dataclass(frozen=True, slots=True)

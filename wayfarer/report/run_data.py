@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.conditions import Level
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.fieldlog.reader import Damage, Record
 from wayfarer.logbook.account import Account
 from wayfarer.logbook.summary import Summary
+from wayfarer.safety.conditions import Level
 
 Floats = NDArray[np.float64]
 Columns = Mapping[str, Floats]

@@ -7,8 +7,8 @@ from statistics import median
 from typing import NamedTuple
 
 from wayfarer.angles import wrap180
-from wayfarer.mission import METRES_PER_DEG
 from wayfarer.report.run_data import Fix
+from wayfarer.safety.mission_limits import METRES_PER_DEG
 
 FAR_M = 10_000.0  # from the middle of all fixes: no rover walks there, a receiver that just woke up says so
 

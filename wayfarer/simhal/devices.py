@@ -10,7 +10,7 @@ from asyncio import get_running_loop, sleep
 from math import cos, radians
 
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, PositionFix, WheelCommand
-from wayfarer.mission import METRES_PER_DEG
+from wayfarer.safety.mission_limits import METRES_PER_DEG
 from wayfarer.simhal.senses import FLOW_M_PER_COUNT, FlowSense, HeadingSense
 from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.streams import Streams

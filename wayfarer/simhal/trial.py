@@ -6,11 +6,11 @@ import asyncio
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from wayfarer.conditions import Condition
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Rover
-from wayfarer.mission import RunEnd
 from wayfarer.records import PartialLog, Tee, TickRecord
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.referee import Outcome, Referee

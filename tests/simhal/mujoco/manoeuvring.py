@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 from tests.simhal.mujoco.fields import CLEARING, EXACT
 from wayfarer.config import RoverConfig, load_rover
+from wayfarer.detector.odometer import Odometer
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, MotionReading
-from wayfarer.interval import IntervalTimer
-from wayfarer.odometer import Odometer
-from wayfarer.safety import Gate
+from wayfarer.safety.gate import Gate
+from wayfarer.safety.interval import IntervalTimer
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.streams import Streams

@@ -28,13 +28,13 @@ from hypothesis.stateful import (
 
 from tests.checks.rigs import T_WALL
 from wayfarer.checks import ARMING, CALIBRATED, Place
-from wayfarer.conditions import LEVELS, Condition, Level
 from wayfarer.config import load_rover
 from wayfarer.control.protocol import Refused
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.inspection import Live
 from wayfarer.errors import NotArmed
 from wayfarer.helm import Mode
+from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.simhal.faults import KINDS, Fault
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.loop import VirtualLoop

@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from wayfarer.conditions import LEVELS, Condition, Level
 from wayfarer.detector import Detector
 from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.escape.api import Decision, Observation
 from wayfarer.escape.handler import PhasedHandler
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.helm import Helm, Mode
-from wayfarer.safety import Gate
+from wayfarer.safety.conditions import LEVELS, Condition, Level
+from wayfarer.safety.gate import Gate
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.devices import SimMotors
 from wayfarer.simhal.faults import Fault, LateAnswer, Lost, NotANumber, Stall
@@ -110,7 +110,7 @@ def test_gate_that_drives_on_in_a_hold_is_seen(monkeypatch: Patch) -> None:
 
 
 def test_gate_that_does_not_take_a_condition_for_what_it_is_is_seen(monkeypatch: Patch) -> None:
-    monkeypatch.setattr("wayfarer.safety.LEVELS", {**LEVELS, Condition.COMPASS_STALE: Level.NOTE})
+    monkeypatch.setattr("wayfarer.safety.gate.LEVELS", {**LEVELS, Condition.COMPASS_STALE: Level.NOTE})
     assert "rule 2: motion commanded at level hold" in broken(BRIEFLY_NO_COMPASS)
 
 

@@ -21,7 +21,7 @@ from rich.console import Console
 from wayfarer.config import load_rover
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.hal import WheelCommand
-from wayfarer.safety import Gate
+from wayfarer.safety.gate import Gate
 from wayfarer.simhal.fakebus import ChipMisuse
 from wayfarer.simhal.faults import KINDS, Fault
 from wayfarer.simhal.injection.wires import TamperedChip, Wire

@@ -9,7 +9,7 @@ from hypothesis.stateful import run_state_machine_as_test
 from tests.simhal.scenarios.daemon_machine import Daemon, DaemonMachine, machine_settings
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.hal import WheelCommand
-from wayfarer.safety import Gate
+from wayfarer.safety.gate import Gate
 from wayfarer.simhal.rig import Depth
 
 EXAMPLES, STEPS = 40, 30

@@ -22,11 +22,11 @@ from collections import deque
 from math import inf, isfinite
 from typing import Any, NamedTuple
 
-from wayfarer.conditions import LEVELS, Level
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.hal import STOP, CompassReading, Side
 from wayfarer.helm import Mode
 from wayfarer.records import PartialLog, TickRecord
+from wayfarer.safety.conditions import LEVELS, Level
 from wayfarer.simhal.faults import KINDS, Fault, Layer
 
 PERIODS = 2

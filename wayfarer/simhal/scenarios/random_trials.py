@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from rich.console import Console
 
-from wayfarer.conditions import Level
+from wayfarer.safety.conditions import Level
 from wayfarer.simhal.campaign import stop_on_signals
 from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
 from wayfarer.simhal.progress import say

@@ -15,8 +15,8 @@ from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.inspection import Live
 from wayfarer.errors import NotArmed
 from wayfarer.hal import Rover
-from wayfarer.mission import RunEnd
 from wayfarer.records import RunLog, Tee
+from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.faults import Fault
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.generate import generate_forest

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import inf
 from typing import NamedTuple
 
-from wayfarer.conditions import LEVELS, Condition, Level
+from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.simhal.faults import Fault, Lost, Stall
 from wayfarer.simhal.scenarios.conduct import misconduct
 from wayfarer.simhal.scenarios.difference import Difference, first_difference

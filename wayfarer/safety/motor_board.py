@@ -16,9 +16,9 @@ from typing import Annotated
 from annotated_types import Interval
 
 from wayfarer.bounds import Hertz, Seconds
-from wayfarer.conditions import Condition
-from wayfarer.detector import Persistent
 from wayfarer.hal import MotorHealth, WheelCommand
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.persistence import Persistent
 
 Volts = Annotated[float, Interval(gt=0, le=60)]
 

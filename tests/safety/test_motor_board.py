@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.board import BoardSettings, BoardWatch
-from wayfarer.conditions import Condition
 from wayfarer.hal import MotorHealth
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.motor_board import BoardSettings, BoardWatch
 
 SETTINGS = BoardSettings(battery_low_v=11.0, battery_critical_v=10.0, battery_low_s=10.0, battery_critical_s=5.0)
 FULL = MotorHealth(12.0, ())

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from math import inf
 
-from wayfarer.conditions import Condition
+from wayfarer.safety.conditions import Condition
 
 # The firmware's power and heat flags: bits 0 to 3 say what is now, 16 to 19 what was since boot (field.md 4).
 UNDER_VOLTAGE_NOW, SLOWED_NOW, UNDER_VOLTAGE_SINCE_BOOT, SLOWED_SINCE_BOOT = 0x1, 0xE, 0x10000, 0xE0000

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from wayfarer.conditions import Condition
 from wayfarer.hal import STOP
-from wayfarer.interval import IntervalTimer
-from wayfarer.resume_warning import FREE_S, LONG_HOLD_S, ResumeWarning
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.interval import IntervalTimer
+from wayfarer.safety.resume_warning import FREE_S, LONG_HOLD_S, ResumeWarning
 
 TICK_S = 0.0625  # binary, so that times are exact
 WARNING_S = 1.0

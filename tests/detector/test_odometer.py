@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.detector.motion import MOST_SHARE
+from wayfarer.detector.odometer import Odometer
 from wayfarer.hal import MotionReading, WheelCommand
-from wayfarer.interval import Interval
-from wayfarer.odometer import Odometer
+from wayfarer.safety.interval import Interval
 
 TICK_S = 0.05
 

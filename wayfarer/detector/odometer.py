@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from wayfarer.detector.motion import MOST_SHARE
 from wayfarer.hal import MotionReading
-from wayfarer.interval import Interval
+from wayfarer.safety.interval import Interval
 
 
 class Odometer:

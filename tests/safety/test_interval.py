@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.interval import Interval, IntervalTimer
+from wayfarer.safety.interval import Interval, IntervalTimer
 
 LATE_S = 0.2
 AHEAD = WheelCommand(0.5, 1.0)

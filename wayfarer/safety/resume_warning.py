@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
-from wayfarer.conditions import LEVELS, Condition, Level
-from wayfarer.interval import Interval
+from wayfarer.safety.conditions import LEVELS, Condition, Level
+from wayfarer.safety.interval import Interval
 
 LONG_HOLD_S = 1.0  # nobody steps up to a rover that stops for less
 FREE_S = 0.5  # wheels that turn for less, between two holds, do not drive off: the rover still stands

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.conditions import LEVELS, Condition, Level, worst
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety import Gate, SafetySettings
+from wayfarer.safety.conditions import LEVELS, Condition, Level, worst
+from wayfarer.safety.gate import Gate, SafetySettings
 
 HZ = 20.0
 AHEAD = WheelCommand(1.0, 1.0)

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.test_helm import Bench
-from wayfarer.conditions import Condition, Level
 from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
 from wayfarer.helm import Mode
-from wayfarer.interval import Interval
-from wayfarer.progress import Progress, ProgressSettings
+from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.entrapment import Progress, ProgressSettings
+from wayfarer.safety.interval import Interval
 
 TICK_S = 0.05
 SETTINGS = ProgressSettings()

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.conditions import Condition
-from wayfarer.power import DIPS, DIPS_S, PowerWatch, meaning
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.supply import DIPS, DIPS_S, PowerWatch, meaning
 
 LOW, WELL, SINCE_BOOT = 0x50005, 0x0, 0x50000
 UNDERVOLTAGE, UNSTABLE = (Condition.UNDERVOLTAGE,), (Condition.POWER_UNSTABLE,)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import cos, hypot, inf, isfinite, radians, sin
 
 from wayfarer.hal import PositionFix
-from wayfarer.safety import SafetySettings
+from wayfarer.safety.gate import SafetySettings
 
 FIX_FRESH_S = 3.0  # an older fix does not count (field catalogue, fault 56)
 FIXES_BEYOND = 5  # fixes in a row, so that one that jumps ends nothing
