@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal import campaign
 from wayfarer.simhal.plan import Campaign
 from wayfarer.simhal.results import ResultsFolder

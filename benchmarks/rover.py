@@ -13,8 +13,8 @@ from time import process_time
 
 from benchmarks.figures import Figure
 from benchmarks.stack import spec_of
-from wayfarer.assembly import assemble
-from wayfarer.config import load_rover, part_settings
+from wayfarer.config.factory import assemble
+from wayfarer.config.rover_file import load_rover, part_settings
 from wayfarer.drivers.threaded import ThreadedI2C
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.simhal.fakebus import FakeBuses, FakeI2C

@@ -26,14 +26,14 @@ from typing import Any, NamedTuple
 
 from benchmarks.figures import print_table
 from wayfarer.checks import Place
-from wayfarer.config import load_rover
+from wayfarer.config.log_settings import LogSettings
+from wayfarer.config.rover_file import load_rover
 from wayfarer.control.protocol import Refused
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.inspection import Live
 from wayfarer.errors import NotArmed
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.fieldlog.settings import LogSettings
 from wayfarer.helm import Mode
 from wayfarer.records import Tee
 from wayfarer.simhal.forest import WORLD_SIZE_M, Forest

@@ -9,7 +9,7 @@ from time import process_time
 
 from benchmarks.figures import Figure, timed
 from benchmarks.stock_loop import JumpingStockLoop
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.stage import TrialSpec

@@ -5,8 +5,8 @@ Run it: python examples/escape_handler_alone.py
 
 from random import Random
 
+from wayfarer.config.registry import find_algorithm
 from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Vehicle
-from wayfarer.registry import find_algorithm
 
 PERIOD_S = 0.05
 

@@ -14,11 +14,11 @@ from math import radians
 from random import Random
 from typing import NamedTuple
 
-from wayfarer.config import load_rover
+from wayfarer.config.registry import find_algorithm
+from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import EscapeSettings
 from wayfarer.escape.failsafe import FailSafe
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.registry import find_algorithm
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.senses import FLOW_M_PER_COUNT, FlowSense, HeadingSense

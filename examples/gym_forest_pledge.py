@@ -9,8 +9,8 @@ from random import Random
 import gymnasium
 import numpy as np
 
-from wayfarer.config import load_rover
-from wayfarer.registry import find_algorithm
+from wayfarer.config.registry import find_algorithm
+from wayfarer.config.rover_file import load_rover
 
 trial = int(sys.argv[1]) if len(sys.argv) > 1 else 7
 name = sys.argv[2] if len(sys.argv) > 2 else "forest-pledge"

@@ -73,7 +73,7 @@ def test_error_raised_on_purpose_is_one_line(
     def fail(name: str) -> None:
         raise error
 
-    monkeypatch.setattr("wayfarer.config.load_rover", fail)
+    monkeypatch.setattr("wayfarer.config.rover_file.load_rover", fail)
     text = str(error).replace("\n", " ")
     assert run("sim") == (code, "", f"wayfarer: {text}\n")
 
@@ -150,7 +150,7 @@ def test_list_says_where_third_party_algorithms_come_from_and_survives_broken_on
         EntryPoint("spiral", "tests.fake_plugins:spiral", group),
         EntryPoint("broken", "no_such_module:x", group),
     ]
-    monkeypatch.setattr("wayfarer.registry.entry_points", lambda group: points if "algorithms" in group else [])
+    monkeypatch.setattr("wayfarer.config.registry.entry_points", lambda group: points if "algorithms" in group else [])
     code, out, _ = run("list")
     assert code == 0
     assert "(from tests.fake_plugins:spiral)" in " ".join(out.split())

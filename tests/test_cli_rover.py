@@ -12,11 +12,19 @@ import pytest
 
 from wayfarer import cli
 from wayfarer.calibrate import STEPS
-from wayfarer.calibration import FILE_NAME, Calibration, DeadmanEntry, TurningEntry, TurnResponse, save, stamp
 from wayfarer.checks.deadman import board_settings
 from wayfarer.cli import care, terminal
 from wayfarer.cli.status_text import status_text
-from wayfarer.config import load_rover, part_settings
+from wayfarer.config.calibration_file import (
+    FILE_NAME,
+    Calibration,
+    DeadmanEntry,
+    TurningEntry,
+    TurnResponse,
+    save,
+    stamp,
+)
+from wayfarer.config.rover_file import load_rover, part_settings
 from wayfarer.control.motors_lock import MotorsLock
 from wayfarer.control.paths import SingleDaemon, daemon_socket
 from wayfarer.control.protocol import Refused

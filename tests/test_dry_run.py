@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.dry_run import DryMotors
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand, troubles_of
 from wayfarer.simhal import stage, trial

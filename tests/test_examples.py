@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.trial import run_trial
 

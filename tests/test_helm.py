@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, NotResponding
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase, Vehicle

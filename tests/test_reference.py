@@ -8,7 +8,7 @@ from statistics import fmean, median
 
 import pytest
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.plan import Campaign, ForestFile, Task, read_forest_file
 from wayfarer.simhal.trial import TrialResult, run_trial
 

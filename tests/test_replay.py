@@ -16,7 +16,7 @@ import pytest
 from tests.logbook.records import SAMPLE_LOGS
 from tests.virtual import virtual
 from wayfarer import cli
-from wayfarer.config import RoverConfig, load_rover
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.errors import BadInput, NotResponding
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.fieldlog.files import RunFiles

@@ -11,7 +11,7 @@ from subprocess import CompletedProcess
 import pytest
 
 from wayfarer import service
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 
 UNIT = "etc/systemd/system/wayfarer.service"

@@ -17,13 +17,13 @@ import pytest
 
 from tests.control.fake_daemon import FakeDaemon, serve
 from wayfarer import cli
+from wayfarer.config.registry import find_driver
 from wayfarer.control.client import NoDaemon
 from wayfarer.control.driven import Driven, DrivenRecord
 from wayfarer.control.motors_lock import MotorsLock
 from wayfarer.control.protocol import Refused
 from wayfarer.errors import BadInput, NotResponding, WayfarerError
 from wayfarer.escape.api import Vehicle
-from wayfarer.registry import find_driver
 from wayfarer.salvage import SHIPPED
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip

@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import pytest
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import NotResponding
 from wayfarer.escape import policies
 from wayfarer.escape.api import Decision, EscapeHandler, EscapeSettings, Observation, Phase, Vehicle

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import (

@@ -13,7 +13,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Protocol
 
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.detector import Detector
 from wayfarer.detector.odometer import Odometer
 from wayfarer.electrics import Electrics

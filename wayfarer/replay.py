@@ -17,8 +17,9 @@ from typing import Any, NamedTuple
 import orjson
 from pydantic import ValidationError
 
-from wayfarer.config import RoverConfig
-from wayfarer.config_errors import explain, most_telling
+from wayfarer.config.messages import explain, most_telling
+from wayfarer.config.registry import find_algorithm
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput, DriverError
 from wayfarer.fieldlog.log import tick_fields
 from wayfarer.fieldlog.reader import Record, RunReader
@@ -27,7 +28,6 @@ from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Mo
 from wayfarer.helm import Helm, Mode
 from wayfarer.latest import Cells
 from wayfarer.records import PartialLog
-from wayfarer.registry import find_algorithm
 from wayfarer.supervisor import make_detector, needs_of
 
 # What a tick concluded, the root first: a heading that is believed or not explains an anomaly, that a phase.

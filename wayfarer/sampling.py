@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from wayfarer.config import Rates
+from wayfarer.config.rover_file import Rates
 from wayfarer.errors import DriverError
 from wayfarer.hal import Driver, MotionReading, PositionFix, Rover
 from wayfarer.latest import Cells

@@ -18,7 +18,7 @@ from importlib.resources import files
 from pathlib import Path
 
 import wayfarer
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 
 HERE = Path("/")

@@ -16,10 +16,10 @@ from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
+from wayfarer.config.registry import find_driver, make_buses
 from wayfarer.control.driven import Driven
 from wayfarer.errors import BadConfig, BadInput, DriverError, NotResponding, WayfarerError, in_one_line
 from wayfarer.hal import STOP, DriveMotors
-from wayfarer.registry import find_driver, make_buses
 
 # The keys that say where a board is. Without them another board might be stopped, so they must be right.
 WHERE = {"bus", "address", "port", "baud"}

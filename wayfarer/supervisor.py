@@ -12,7 +12,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, MissingPart, NotArmed
 from wayfarer.escape.api import EscapeHandler

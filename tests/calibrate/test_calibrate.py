@@ -19,7 +19,7 @@ from tests.checks.rigs import Needle, Rig, Script, push_by_hand, run
 from wayfarer.calibrate import STEPS, Step, calibrate
 from wayfarer.calibrate.compass import LEARN, OFF, Levels, TeachableCompass, residual_deg
 from wayfarer.calibrate.motors import calibrate_motors
-from wayfarer.calibration import Calibration, FlowEntry, MotorsEntry, load, save, stamp
+from wayfarer.config.calibration_file import Calibration, FlowEntry, MotorsEntry, load, save, stamp
 from wayfarer.errors import BadInput, BadReading, NotResponding, WayfarerError
 from wayfarer.hal import MotionReading
 from wayfarer.simhal.streams import Streams

@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.checks.rigs import Flow, Rig, Script, run
-from wayfarer.assembly import calibrated
 from wayfarer.calibrate import calibrate
 from wayfarer.calibrate.response import Sample, rate_deg_s, speed_gain, turn_response
-from wayfarer.calibration import (
+from wayfarer.checks.bench import RATE_HZ
+from wayfarer.config.calibration_file import (
     Calibration,
     FlowEntry,
     MotorsEntry,
@@ -26,7 +26,7 @@ from wayfarer.calibration import (
     save,
     stamp,
 )
-from wayfarer.checks.bench import RATE_HZ
+from wayfarer.config.factory import calibrated
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.safety.gate import SafetySettings
 

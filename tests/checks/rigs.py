@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from wayfarer.checks import Place
-from wayfarer.config import RoverConfig, load_rover
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.errors import NotResponding
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import (

@@ -11,12 +11,12 @@ import pytest
 from tests.checks.rigs import T_WALL, Rig, Script, run
 from tests.checks.test_parts import whole_calibration
 from tests.checks.test_real_drivers import Bench
-from wayfarer.calibration import Calibration, load, save
 from wayfarer.checks import CALIBRATED, Finding, Inspection, Verdict, board, check, deadman
 from wayfarer.checks.deadman import board_settings, keep_proof, proved
 from wayfarer.checks.motion import deadman_trips
 from wayfarer.checks.standalone import Standalone
-from wayfarer.config import load_rover, part_settings
+from wayfarer.config.calibration_file import Calibration, load, save
+from wayfarer.config.rover_file import load_rover, part_settings
 from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.dry_run import DryMotors
 

@@ -12,7 +12,9 @@ from typing import Literal
 import pytest
 
 from tests.checks.rigs import T_WALL, Rig, run
-from wayfarer.calibration import (
+from wayfarer.checks import ARMING, Finding, Inspection, Verdict, board, calibrated, parts, passed, run_checks
+from wayfarer.checks.standalone import Standalone
+from wayfarer.config.calibration_file import (
     Calibration,
     CompassEntry,
     FlowEntry,
@@ -22,8 +24,6 @@ from wayfarer.calibration import (
     save,
     stamp,
 )
-from wayfarer.checks import ARMING, Finding, Inspection, Verdict, board, calibrated, parts, passed, run_checks
-from wayfarer.checks.standalone import Standalone
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.hal import CompassReading, ContactReading, MotorHealth, Side
 from wayfarer.safety.gate import SafetySettings

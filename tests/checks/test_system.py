@@ -16,7 +16,7 @@ import pytest
 from tests.checks.rigs import Rig, run
 from wayfarer.checks import Finding, Inspection, Verdict, system
 from wayfarer.checks.standalone import Standalone
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.control.fake_daemon import open_files
-from wayfarer.config import RoverConfig, load_rover
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.control.motors_lock import MotorsLock, MotorsTaken, device_of, motors_device, other_commander
 from wayfarer.control.paths import AlreadyRunning
 from wayfarer.drivers.gpio_motors import GpioMotorsSettings

@@ -14,10 +14,10 @@ import orjson
 import pytest
 
 from tests.checks.rigs import T_WALL, Flow, Needle, Rig
-from wayfarer.calibration import Calibration, MotorsEntry, save, stamp
 from wayfarer.checks import Verdict, run_checks
 from wayfarer.checks.deadman import keep_proof
 from wayfarer.checks.parts import contact
+from wayfarer.config.calibration_file import Calibration, MotorsEntry, save, stamp
 from wayfarer.control.protocol import Commands, Refused
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.inspection import FRESH_S, Live

@@ -9,7 +9,7 @@ import pytest
 
 from wayfarer import cli
 from wayfarer.checks import Place
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.ports import refuse_missing_ports
 from wayfarer.errors import BadConfig
 

@@ -21,7 +21,7 @@ import pytest
 from tests.fieldlog.disks import FailingCall
 from tests.logbook.records import HEADER, drive, event, numbered, write
 from tests.system.faulty import FAULTY
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.control.client import ask
 from wayfarer.control.paths import AlreadyRunning, SingleDaemon
 from wayfarer.daemon import computer

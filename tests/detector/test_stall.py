@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.detector.rover import BACK, FULL, PIVOT, STEP_M, Rover, started
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.detector import ALL_WELL
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import STOP, WheelCommand

@@ -29,8 +29,8 @@ print(json.dumps({name: [version(name), import_module(module).__file__] for name
 """
 EACH_PART = """
 import asyncio, json, sys
-from wayfarer.assembly import assemble
-from wayfarer.config import load_rover
+from wayfarer.config.factory import assemble
+from wayfarer.config.rover_file import load_rover
 from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.hal import WheelCommand
 

@@ -7,7 +7,7 @@ from random import Random
 
 from tests.escape.walk import observation
 from wayfarer.angles import wrap360
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.detector import Stall
 from wayfarer.escape.api import Anomaly, Decision, Phase
 from wayfarer.escape.catalogue import BUILT_IN

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from tests.escape.body import Body
 from tests.escape.walk import SETTINGS, TICK_S, VEHICLE, observation
 from wayfarer.angles import wrap180
-from wayfarer.config import rover_names
+from wayfarer.config.rover_file import rover_names
 from wayfarer.escape.api import Anomaly, Decision, Phase
 from wayfarer.escape.catalogue import BUILT_IN, CATALOGUE
 from wayfarer.escape.manoeuvres import SLACK, SLACK_S

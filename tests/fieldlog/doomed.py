@@ -14,10 +14,10 @@ from itertools import count
 from pathlib import Path
 
 from tests.fieldlog.lines import event, header, tick
+from wayfarer.config.log_settings import LogSettings
 from wayfarer.fieldlog import thread
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.folders import new_run_folder
-from wayfarer.fieldlog.settings import LogSettings
 from wayfarer.fieldlog.thread import WriterThread
 
 

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from tests.fieldlog.disks import FailingCall, files_no_longer_than
 from tests.fieldlog.lines import SMALL, Log, event, gaps, header, numbers, read, tick, write
+from wayfarer.config.log_settings import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import log_parts, read_header
-from wayfarer.fieldlog.settings import UNLIMITED, LogSettings
 
 
 def test_lines_are_written_in_order_and_closing_writes_the_rest(tmp_path: Path) -> None:

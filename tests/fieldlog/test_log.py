@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Decision, Phase
 from wayfarer.fieldlog.files import RunFiles

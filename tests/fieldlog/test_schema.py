@@ -17,7 +17,7 @@ import pytest
 import wayfarer
 from tests.fieldlog import lines
 from tests.logbook.outing import outing
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.log import FieldLog

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from tests.foxglove.logs import HEADER, Record, of_kind, stamped, tick, write
 from tests.foxglove.readers import Exported, read
 from wayfarer.angles import wrap180
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Anomaly
 from wayfarer.fieldlog.reader import RunReader

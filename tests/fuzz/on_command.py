@@ -19,7 +19,7 @@ from tests.fuzz.on_files import MEMORY
 from tests.fuzz.target import Target, Try, reading, shape
 from tests.logbook.records import SAMPLE_LOGS
 from wayfarer import cli
-from wayfarer.calibration import calibration_file
+from wayfarer.config.calibration_file import calibration_file
 from wayfarer.control.paths import known_sockets
 from wayfarer.watchdog import Notifier, watchdog_period_s
 
@@ -164,7 +164,7 @@ ENVIRONMENT = Target(
     [
         "wayfarer.watchdog:Notifier",
         "wayfarer.watchdog:watchdog_period_s",
-        "wayfarer.calibration:calibration_file",
+        "wayfarer.config.calibration_file:calibration_file",
         "wayfarer.control.paths:known_sockets",
     ],
     lambda kept: ENVIRONMENTS,

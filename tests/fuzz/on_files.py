@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.target import Case, Target, Try, reading
-from wayfarer import calibration
-from wayfarer.config import load_rover, rover_names
+from wayfarer.config import calibration_file
+from wayfarer.config.rover_file import load_rover, rover_names
 from wayfarer.report.reading import read_results
 from wayfarer.simhal.fakebus import FakeBuses, FakeSerial
 from wayfarer.simhal.forest_file import as_row, read_forests
@@ -28,7 +28,9 @@ from wayfarer.simhal.rows import COLUMNS, Row, csv_line
 from wayfarer.stop_motors import stop_motors
 
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # nothing here is about disks
-ROVERS = [(Path(calibration.__file__).parent / "rovers" / f"{name}.toml").read_bytes() for name in rover_names()]
+ROVERS = [
+    (Path(calibration_file.__file__).parents[1] / "rovers" / f"{name}.toml").read_bytes() for name in rover_names()
+]
 WORDS = sorted({word for rover in ROVERS for word in rover.split() if word[:1].isalpha() or word[:1] == b"["})
 CALIBRATION = {
     "schema": 1,
@@ -102,7 +104,7 @@ def _toml_value(value: Any) -> str:
 
 ROVER = Target(
     "rover",
-    ["wayfarer.config", "wayfarer.config_errors"],
+    ["wayfarer.config.rover_file", "wayfarer.config.messages"],
     lambda kept: bytes_of([*ROVERS, *kept], WORDS) | json_of(ROVER_TABLES).map(_toml),
     lambda: reading_a_file("rover.toml", _load_rover),
 )
@@ -168,16 +170,16 @@ STOPPING = Target(
 
 
 def _load_calibration(path: Path) -> str:
-    loaded = calibration.load(path)
+    loaded = calibration_file.load(path)
     check_finite(loaded)
     return f"calibrated: {[name for name in ('compass', 'flow', 'motors', 'turning') if getattr(loaded, name)]}"
 
 
 CALIBRATIONS = Target(
     "calibration",
-    ["wayfarer.calibration:load"],
+    ["wayfarer.config.calibration_file:load"],
     lambda kept: bytes_of([as_json(CALIBRATION), *kept]) | json_of([CALIBRATION]).map(as_json),
-    lambda: reading_a_file(calibration.FILE_NAME, _load_calibration),
+    lambda: reading_a_file(calibration_file.FILE_NAME, _load_calibration),
 )
 
 

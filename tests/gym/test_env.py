@@ -17,13 +17,13 @@ from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
 from tests.gym.agents import AHEAD, ahead, duties, play
-from wayfarer.config import load_rover
+from wayfarer.config.registry import find_algorithm
+from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import Anomaly, EscapeHandler
 from wayfarer.gym import ENV_ID
 from wayfarer.gym.env import HELD_BACK, ForestEnv
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.registry import find_algorithm
 from wayfarer.safety.gate import Gate
 from wayfarer.simhal.mujoco.terrain import Range, Terrains
 from wayfarer.simhal.plan import Campaign, Task

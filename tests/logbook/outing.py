@@ -12,7 +12,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.control.client import ask
 from wayfarer.daemon.service import Daemon, Service
 from wayfarer.escape.catalogue import CATALOGUE

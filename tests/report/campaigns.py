@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.simhal import command
 from wayfarer.simhal.forest_file import write_forests

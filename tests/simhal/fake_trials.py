@@ -12,7 +12,7 @@ from pathlib import Path
 from threading import Event
 from typing import cast
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import WayfarerError
 from wayfarer.simhal import command
 from wayfarer.simhal.plan import Campaign

@@ -17,8 +17,8 @@ from typing import Any
 
 import pytest
 
-from wayfarer.assembly import assemble
-from wayfarer.config import RoverConfig, load_rover
+from wayfarer.config.factory import assemble
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.drivers.buses import Buses
 from wayfarer.errors import BadConfig, BadInput, NotResponding
 from wayfarer.hal import STOP, Rover, WheelCommand

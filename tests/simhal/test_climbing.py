@@ -8,8 +8,8 @@ from math import degrees
 
 import pytest
 
-from wayfarer.chassis import AT_A_BRANCH, Chassis
-from wayfarer.config import load_rover
+from wayfarer.config.chassis import AT_A_BRANCH, Chassis
+from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.attendant import Attendant
 from wayfarer.simhal.climbing import Climbing
 from wayfarer.simhal.forest import Forest, Trunk

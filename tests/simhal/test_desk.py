@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.records import Tee
 from wayfarer.safety.mission_limits import RunEnd

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, Compass, ContactSensor, DriveMotors, MotionSensor, Rover, Side, WheelCommand
 from wayfarer.safety.mission_limits import METRES_PER_DEG

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import Phase
 from wayfarer.simhal.entrapment import Why, entrapment
 from wayfarer.simhal.forest import Forest, Trunk

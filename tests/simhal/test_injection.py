@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from tests.virtual import virtual
-from wayfarer.assembly import assemble
-from wayfarer.config import RoverConfig, load_rover
+from wayfarer.config.factory import assemble
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.errors import BadInput, NotResponding, WrongPart
 from wayfarer.hal import CompassReading
 from wayfarer.simhal import faults

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.simhal import fake_trials
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.simhal import campaign
 from wayfarer.simhal.forest import Forest

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.mujoco.terrain import Terrains

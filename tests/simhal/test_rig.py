@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from wayfarer.config import RoverConfig, load_rover
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.drivers.cmps14 import CMPS14
 from wayfarer.drivers.pmw3901 import PMW3901
 from wayfarer.drivers.sabertooth import Sabertooth

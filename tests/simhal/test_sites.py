@@ -11,7 +11,7 @@ from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from wayfarer.cli.sim import Scenario
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.forest import Forest, check_forest
 from wayfarer.simhal.forest_file import read_forests, write_forests
 from wayfarer.simhal.generate import Draw

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.chassis import STANDARD_GRAVITY_M_S2
-from wayfarer.config import load_rover
+from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.grounds import FRICTIONS, GroundName
 from wayfarer.simhal.physics import Physics

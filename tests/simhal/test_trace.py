@@ -8,7 +8,7 @@ from math import hypot
 
 import pytest
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import UnknownName
 from wayfarer.escape.api import Phase
 from wayfarer.simhal.forest import Forest, Trunk

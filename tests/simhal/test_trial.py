@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from wayfarer import sampling, supervisor
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.drivers.pmw3901 import OPEN_S
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.simhal import stage, trial

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import pytest
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.drivers.gpsd import Gpsd, GpsdSettings
 from wayfarer.errors import NotResponding
 from wayfarer.escape.catalogue import CATALOGUE

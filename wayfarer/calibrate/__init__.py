@@ -1,7 +1,7 @@
 """Guided calibration, ``wayfarer calibrate``: compass, motion sensor, what the motors do to the heading, and turning.
 
-What was found is kept in the calibration file (``wayfarer.calibration``) with its date and part; the compass keeps its
-own profile besides.
+What was found is kept in the calibration file (``wayfarer.config.calibration_file``) with its date and part; the
+compass keeps its own profile besides.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from wayfarer.calibrate.flow import calibrate_flow
 from wayfarer.calibrate.motors import calibrate_motors
 from wayfarer.calibrate.person import Person
 from wayfarer.calibrate.turning import calibrate_turning
-from wayfarer.calibration import Calibration, load, save
 from wayfarer.checks.api import Place
 from wayfarer.checks.standalone import Standalone
-from wayfarer.config import RoverConfig
+from wayfarer.config.calibration_file import Calibration, load, save
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover
 
 __all__ = ["STEPS", "Person", "Step", "calibrate"]

@@ -13,8 +13,8 @@ from typing import Protocol, runtime_checkable
 
 from wayfarer.angles import circular_mean, wrap180
 from wayfarer.calibrate.person import Person
-from wayfarer.calibration import CompassEntry, stamp
 from wayfarer.checks.bench import sample_headings
+from wayfarer.config.calibration_file import CompassEntry, stamp
 from wayfarer.errors import BadReading, WayfarerError
 from wayfarer.hal import Compass
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from wayfarer.calibrate.person import Person
 from wayfarer.calibrate.picture import SeesChange, calibrate_picture
-from wayfarer.calibration import FlowEntry, stamp
 from wayfarer.checks.api import Verdict
 from wayfarer.checks.bench import measure_push
 from wayfarer.checks.motion import judge_push
+from wayfarer.config.calibration_file import FlowEntry, stamp
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.hal import MotionSensor
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from wayfarer.angles import circular_mean, wrap180
 from wayfarer.calibrate.person import Person
-from wayfarer.calibration import MotorsEntry, stamp
 from wayfarer.checks.bench import RATE_HZ, wheels_stopped_after
+from wayfarer.config.calibration_file import MotorsEntry, stamp
 from wayfarer.hal import Compass, DriveMotors, WheelCommand
 from wayfarer.pace import Pace
 

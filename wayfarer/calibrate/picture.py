@@ -10,7 +10,7 @@ from statistics import median
 from typing import Protocol, runtime_checkable
 
 from wayfarer.calibrate.person import Person
-from wayfarer.calibration import FlowEntry, stamp
+from wayfarer.config.calibration_file import FlowEntry, stamp
 from wayfarer.errors import WayfarerError
 from wayfarer.hal import MotionReading
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from statistics import linear_regression
 from typing import NamedTuple
 
-from wayfarer.calibration import SLOPE_MIN, SpeedGain, TurnResponse
+from wayfarer.config.calibration_file import SLOPE_MIN, SpeedGain, TurnResponse
 
 # A compass with a noise of 1 degree, read for 0.6 s at 20 Hz, gives a rate within 1.7 deg/s (one standard deviation).
 TURNS_FROM_DEG_S = 8.0

@@ -16,9 +16,9 @@ from wayfarer.calibrate.free_ground import REST_S, FreeGround
 from wayfarer.calibrate.person import Person
 from wayfarer.calibrate.response import TURNS_FROM_DEG_S, rate_deg_s, speed_gain, turn_response
 from wayfarer.calibrate.turning_text import arc_duty_max, table
-from wayfarer.calibration import GROUND_MAX, Calibration, SpeedGain, TurningEntry, TurnResponse, stamp
 from wayfarer.checks.standalone import Standalone
-from wayfarer.config import RoverConfig
+from wayfarer.config.calibration_file import GROUND_MAX, Calibration, SpeedGain, TurningEntry, TurnResponse, stamp
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import WayfarerError
 from wayfarer.hal import WheelCommand
 

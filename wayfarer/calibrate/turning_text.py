@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import degrees
 
-from wayfarer.assembly import calibrated
-from wayfarer.calibration import Calibration, TurningEntry, TurnResponse
 from wayfarer.checks.calibrated import EASE_TURNING
-from wayfarer.config import RoverConfig
+from wayfarer.config.calibration_file import Calibration, TurningEntry, TurnResponse
+from wayfarer.config.factory import calibrated
+from wayfarer.config.rover_file import RoverConfig
 
 # Sides of a rover differ by some per cent; beyond this something drags. From no source.
 UNEVEN_DUTY, UNEVEN_SHARE = 0.1, 0.2

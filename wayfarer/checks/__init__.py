@@ -15,7 +15,7 @@ from wayfarer.checks import board, calibrated, deadman, parts, system
 from wayfarer.checks.api import Check, Finding, Inspection, Place, Verdict, passed, run_checks
 from wayfarer.checks.motion import Ask, check_motion
 from wayfarer.checks.standalone import Standalone
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover
 
 __all__ = [

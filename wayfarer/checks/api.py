@@ -13,7 +13,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
 
 
@@ -42,7 +42,7 @@ class Place:
 
     Attributes:
         log_folder: where runs are logged; it need not exist yet.
-        calibration_file: see ``wayfarer.calibration``.
+        calibration_file: see ``wayfarer.config.calibration_file``.
         devices: the device files that the rover's parts use, such as ``/dev/i2c-1``.
         t_wall: the wall clock in seconds since 1970.
         root: what all system files are looked up under.

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from wayfarer.angles import circular_mean, wrap180
-from wayfarer.calibration import STALE_S, CompassEntry, Entry, MotorsEntry, TurningEntry, load
 from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped, warn
 from wayfarer.checks.bench import sample_headings
 from wayfarer.checks.parts import heard
+from wayfarer.config.calibration_file import STALE_S, CompassEntry, Entry, MotorsEntry, TurningEntry, load
 from wayfarer.errors import BadInput, DriverError
 
 # A rotation-vector chip is typically right within 5 degrees (hardware.md 1.5); twice that is a bad calibration.

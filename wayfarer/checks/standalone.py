@@ -6,7 +6,7 @@ from types import TracebackType
 from typing import Self
 
 from wayfarer.checks.api import Place
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import DriverError
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
 

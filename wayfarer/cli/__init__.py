@@ -108,8 +108,8 @@ def list_names() -> None:
     """Show the algorithms, rovers and drivers that there are, third-party ones with where they come from."""
     from rich.console import Console
 
-    from wayfarer.config import rover_names
-    from wayfarer.registry import driver_names
+    from wayfarer.config.registry import driver_names
+    from wayfarer.config.rover_file import rover_names
 
     console = Console()
     console.print(_algorithm_table())
@@ -121,7 +121,7 @@ def _algorithm_table() -> Table:
     from rich import box
     from rich.table import Table
 
-    from wayfarer.registry import algorithm_names
+    from wayfarer.config.registry import algorithm_names
 
     table = Table("algorithm", "family", "needs", "what it does", box=box.SIMPLE_HEAD, pad_edge=False)
     for name in algorithm_names():
@@ -131,7 +131,7 @@ def _algorithm_table() -> Table:
 
 def _described(name: str) -> tuple[str, str, str]:
     """Say what an algorithm is; a third party's that cannot be loaded must not hide the others."""
-    from wayfarer.registry import find_algorithm
+    from wayfarer.config.registry import find_algorithm
 
     try:
         found = find_algorithm(name)

@@ -14,9 +14,9 @@ from wayfarer.cli.rover import Config, Logs, chosen, log_folder
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from wayfarer.calibration import Calibration
     from wayfarer.checks import Finding, Place
-    from wayfarer.config import RoverConfig
+    from wayfarer.config.calibration_file import Calibration
+    from wayfarer.config.rover_file import RoverConfig
 
 NOT_READY = 1
 
@@ -37,11 +37,11 @@ def check(
     logs: Logs = None,
 ) -> None:
     """Check every part, and with your consent that the wheels turn the right way and stop by themselves."""
-    from wayfarer.assembly import connect
     from wayfarer.checks import check as look
     from wayfarer.checks import passed
     from wayfarer.cli import terminal
-    from wayfarer.config import load_rover
+    from wayfarer.config.factory import connect
+    from wayfarer.config.rover_file import load_rover
 
     where = chosen(config)
     loaded = load_rover(where)
@@ -75,11 +75,11 @@ def calibrate(
     config: Config = None,
 ) -> None:
     """Calibrate compass and flow, measure what the motors do to the heading, and how it turns on its ground."""
-    from wayfarer.assembly import connect
     from wayfarer.calibrate import STEPS
     from wayfarer.calibrate import calibrate as guide
     from wayfarer.cli import terminal
-    from wayfarer.config import load_rover
+    from wayfarer.config.factory import connect
+    from wayfarer.config.rover_file import load_rover
     from wayfarer.errors import BadInput
 
     if not terminal.is_there():
@@ -126,10 +126,10 @@ def _print(findings: Iterable[Finding]) -> None:
 
 
 def _place(config: RoverConfig, logs: Path) -> Place:
-    from wayfarer.calibration import calibration_file
     from wayfarer.checks import Place
     from wayfarer.checks.system import device_files
-    from wayfarer.config import part_settings
+    from wayfarer.config.calibration_file import calibration_file
+    from wayfarer.config.rover_file import part_settings
     from wayfarer.fieldlog.clock import wall_clock
 
     devices = device_files(part_settings(part, table)[1] for part, table in config.parts.items())
@@ -139,7 +139,7 @@ def _place(config: RoverConfig, logs: Path) -> Place:
 
 
 def _stored(place: Place) -> Calibration:
-    from wayfarer.calibration import load
+    from wayfarer.config.calibration_file import load
 
     return load(place.calibration_file)
 

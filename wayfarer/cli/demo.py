@@ -61,9 +61,9 @@ def demo(
     ] = None,
 ) -> None:
     """Watch a simulated rover escape from a forest, in a browser, a few times faster than real."""
-    from wayfarer.config import load_rover
+    from wayfarer.config.registry import find_algorithm
+    from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.service import Service, serve
-    from wayfarer.registry import find_algorithm
     from wayfarer.simhal.fast_loop import FastLoop
     from wayfarer.simhal.showing import SelfArming
 

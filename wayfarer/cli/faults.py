@@ -137,7 +137,7 @@ def _measure_detector(
     if physics is not PhysicsName.mujoco:
         return run_detector(rover, trials, jobs, out, CELLS)
     require("--physics mujoco")
-    from wayfarer.config import load_rover
+    from wayfarer.config.rover_file import load_rover
     from wayfarer.simhal.command import check_body
     from wayfarer.simhal.mujoco.terrain import Terrains
     from wayfarer.simhal.plan import Campaign

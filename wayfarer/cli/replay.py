@@ -41,7 +41,7 @@ def replay(
 
     Exit code 0 where all do, 1 where one differs, 3 where records are missing, 2 where a run cannot be replayed.
     """
-    from wayfarer.config import load_rover
+    from wayfarer.config.rover_file import load_rover
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.replay import replay as replay_run
 

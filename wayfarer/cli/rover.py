@@ -17,7 +17,7 @@ from wayfarer.errors import BadInput
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from wayfarer.config import RoverConfig
+    from wayfarer.config.rover_file import RoverConfig
     from wayfarer.daemon.service import Vessel
 
 ROVER_FILE = Path("/etc/wayfarer/rover.toml")
@@ -70,10 +70,10 @@ def run(
     foxglove_port: FoxglovePort = None,
 ) -> None:
     """Run the daemon: it starts disarmed, and drives once it is armed from another terminal."""
-    from wayfarer.config import load_rover
+    from wayfarer.config.registry import find_algorithm
+    from wayfarer.config.rover_file import load_rover
     from wayfarer.control.paths import daemon_socket
     from wayfarer.daemon.service import Service, serve
-    from wayfarer.registry import find_algorithm
 
     if not sim and (depth is not None or seed is not None):
         raise BadInput("--depth and --seed are for the simulated rover: add --sim, or leave them out")
@@ -136,9 +136,9 @@ def _real(
     config: RoverConfig, where: str, logs: Path
 ) -> tuple[RoverConfig, Callable[[Any], Vessel], Callable[[], Any]]:
     """Return the rover as calibrated, what makes it, and what closes it."""
-    from wayfarer.assembly import calibrated, connect
-    from wayfarer.calibration import calibration_file, load
     from wayfarer.checks import Place
+    from wayfarer.config.calibration_file import calibration_file, load
+    from wayfarer.config.factory import calibrated, connect
     from wayfarer.daemon.ports import refuse_missing_ports
     from wayfarer.daemon.service import Vessel
     from wayfarer.fieldlog.clock import wall_clock

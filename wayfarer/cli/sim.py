@@ -229,7 +229,7 @@ def sim(
     if cluster is not None:
         _refuse_beside_cluster(jobs, trial, log)
         require("a cluster")
-    from wayfarer.config import load_rover
+    from wayfarer.config.rover_file import load_rover
     from wayfarer.simhal import command
     from wayfarer.simhal.grounds import GroundName
     from wayfarer.simhal.plan import Campaign, read_forest_file

@@ -74,7 +74,7 @@ def sweep(
 ) -> None:
     """Run the same trials at each point of a grid of settings, and see what that changes."""
     require("sweeping")
-    from wayfarer.config import load_rover
+    from wayfarer.config.rover_file import load_rover
     from wayfarer.simhal.command import algorithms, check_body, check_rover, cores
     from wayfarer.simhal.plan import Campaign, read_forest_file
     from wayfarer.simhal.sweep.axes import parse_axis

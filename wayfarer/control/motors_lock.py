@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Self
 from wayfarer.control.paths import AlreadyRunning
 
 if TYPE_CHECKING:
-    from wayfarer.config import RoverConfig
+    from wayfarer.config.rover_file import RoverConfig
 
 LOCKS = Path("/proc/locks")
 # A serial port must neither be waited for nor become the terminal of this process.
@@ -38,7 +38,7 @@ class MotorsTaken(AlreadyRunning):
 
 def motors_device(config: RoverConfig) -> str | None:
     """Return the device file that a rover's motors are on, None where there is none."""
-    from wayfarer.config import part_settings
+    from wayfarer.config.rover_file import part_settings
 
     table = config.parts.get("motors")
     return None if table is None else device_of(config.buses, part_settings("motors", table)[1])

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from wayfarer.checks.api import Place
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import NotResponding
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
 from wayfarer.latest import Snapshot

@@ -7,7 +7,7 @@ from dataclasses import fields
 
 from wayfarer.checks.api import Place
 from wayfarer.checks.system import diagnose
-from wayfarer.config import RoverConfig, line_in, part_settings
+from wayfarer.config.rover_file import RoverConfig, line_in, part_settings
 from wayfarer.errors import BadConfig
 
 

@@ -17,10 +17,10 @@ from typing import Any
 import orjson
 
 from wayfarer import __version__
-from wayfarer.calibration import Calibration, calibration_file
 from wayfarer.checks import ARMING, CALIBRATED, Place, system
 from wayfarer.checks.system import device_files
-from wayfarer.config import RoverConfig, part_settings
+from wayfarer.config.calibration_file import Calibration, calibration_file
+from wayfarer.config.rover_file import RoverConfig, part_settings
 from wayfarer.console_log import ConsoleLog
 from wayfarer.control.driven import Driven, DrivenRecord
 from wayfarer.control.motors_lock import MotorsLock, motors_device

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from wayfarer.bounds import Count, Degrees, DegreesPerSecond, Fraction, Metres, MetresPerSecond, Seconds, SecondsOrNone
+from wayfarer.units import Count, Degrees, DegreesPerSecond, Fraction, Metres, MetresPerSecond, Seconds, SecondsOrNone
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 from annotated_types import Interval, MultipleOf
 
-from wayfarer.bounds import Hertz, MetresPerSecond
 from wayfarer.drivers.buses import Buses
 from wayfarer.errors import BadReading, NotResponding
 from wayfarer.hal import MotionReading
+from wayfarer.units import Hertz, MetresPerSecond
 
 if TYPE_CHECKING:
     import numpy

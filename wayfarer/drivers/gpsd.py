@@ -19,10 +19,10 @@ from typing import Annotated, Any, ClassVar
 
 from annotated_types import Interval, Len
 
-from wayfarer.bounds import Seconds
 from wayfarer.drivers.buses import Buses
 from wayfarer.errors import NotResponding, WrongPart
 from wayfarer.hal import PositionFix
+from wayfarer.units import Seconds
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
 LINE_LIMIT = 65_536  # bytes; what gpsd says of a sky full of satellites is a tenth of it

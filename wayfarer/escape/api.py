@@ -14,8 +14,8 @@ from typing import Annotated, NamedTuple, Protocol
 
 from annotated_types import Interval
 
-from wayfarer.bounds import Degrees, DegreesPerSecond, Gain, Metres, MetresPerSecond
 from wayfarer.hal import ContactReading, WheelCommand
+from wayfarer.units import Degrees, DegreesPerSecond, Gain, Metres, MetresPerSecond
 
 
 class Anomaly(Enum):

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from math import inf, isfinite
 
-from wayfarer.bounds import Metres, Seconds
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase, Vehicle
 from wayfarer.hal import STOP
+from wayfarer.units import Metres, Seconds
 
 # What the wheels did in a longer time between two calls nobody knows; as ``SafetySettings.tick_late_s``.
 GAP_MAX_S = 0.2

@@ -12,10 +12,10 @@ from pathlib import Path
 from threading import Lock
 from typing import Protocol
 
+from wayfarer.config.log_settings import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.part import Part
 from wayfarer.fieldlog.parts import MB, Parts, at
-from wayfarer.fieldlog.settings import UNLIMITED, LogSettings
 from wayfarer.fieldlog.trouble import DRIVES_ON, Trouble, cure
 
 BATCH_BYTES = 65_536  # what is written at once, unless it is asked for earlier

@@ -13,9 +13,9 @@ from typing import Any
 
 import orjson
 
+from wayfarer.config.log_settings import LogSettings
 from wayfarer.fieldlog.folders import FILE_NAME, older_parts, part_path
 from wayfarer.fieldlog.part import Part, sync_folder
-from wayfarer.fieldlog.settings import LogSettings
 
 MB = 1_000_000
 

@@ -12,7 +12,7 @@ from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.escape.api import Anomaly, Observation
 from wayfarer.gym.seat import AGENT_NAME, Ending, Seat

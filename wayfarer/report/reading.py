@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from wayfarer.config import RoverConfig
-from wayfarer.config_errors import most_telling
+from wayfarer.config.messages import most_telling
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput
 from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.mujoco.terrain import terrains_of

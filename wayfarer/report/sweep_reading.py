@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from wayfarer.config_errors import most_telling
+from wayfarer.config.messages import most_telling
 from wayfarer.errors import BadInput
 from wayfarer.report.reading import Settings
 from wayfarer.simhal.rows import COLUMNS, Row

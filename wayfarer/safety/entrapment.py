@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from wayfarer.bounds import Count, Metres, Seconds
 from wayfarer.hal import STOP, MotionReading
 from wayfarer.safety.interval import Interval
+from wayfarer.units import Count, Metres, Seconds
 
 # A reading counts for no more than this share of what was commanded ahead, and the largest of so many not at all: what
 # else they say may be garbage, or rolling on.

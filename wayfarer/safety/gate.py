@@ -13,9 +13,9 @@ from typing import Annotated
 
 from annotated_types import Interval, MaxLen
 
-from wayfarer.bounds import Seconds
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import LEVELS, Condition, Level, worst
+from wayfarer.units import Seconds
 
 LOW_VOLTAGE_SHARE = 0.7  # of ``duty_max`` while the computer's supply sags: field catalogue, fault 32
 

@@ -15,10 +15,10 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from wayfarer.bounds import Hertz, Seconds
 from wayfarer.hal import MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.persistence import Persistent
+from wayfarer.units import Hertz, Seconds
 
 Volts = Annotated[float, Interval(gt=0, le=60)]
 

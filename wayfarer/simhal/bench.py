@@ -35,7 +35,7 @@ from typing import Any
 
 import orjson
 
-from wayfarer.config import RoverConfig, load_rover, part_settings
+from wayfarer.config.rover_file import RoverConfig, load_rover, part_settings
 from wayfarer.drivers.camera_motion import CameraMotion
 from wayfarer.errors import BadConfig, BadInput, NotResponding
 from wayfarer.escape.api import Vehicle

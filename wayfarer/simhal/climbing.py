@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import asin, atan, degrees, radians, sin
 
-from wayfarer.chassis import AT_A_BRANCH, STANDARD_GRAVITY_M_S2, Chassis
+from wayfarer.config.chassis import AT_A_BRANCH, STANDARD_GRAVITY_M_S2, Chassis
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.obstacles import Body, Map, Obstacle, low_trunks_of

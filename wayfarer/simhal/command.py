@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from wayfarer.chassis import AT_A_BRANCH
-from wayfarer.config import RoverConfig, with_place
+from wayfarer.config.chassis import AT_A_BRANCH
+from wayfarer.config.registry import find_algorithm
+from wayfarer.config.rover_file import RoverConfig, with_place
 from wayfarer.errors import BadConfig, BadInput, MissingPackage
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.registry import find_algorithm
 from wayfarer.simhal import campaign as campaigns
 from wayfarer.simhal.campaign import Finished
 from wayfarer.simhal.grounds import GroundName
@@ -120,7 +120,7 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
     """
     if depth == "device":
         return
-    from wayfarer.assembly import NEEDED
+    from wayfarer.config.factory import NEEDED
     from wayfarer.simhal.fakebus import ChipMisuse, FakeBuses
     from wayfarer.simhal.forest import Forest
     from wayfarer.simhal.physics import Physics

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.daemon.service import Vessel
 from wayfarer.simhal.forest_file import as_row
 from wayfarer.simhal.generate import generate_forest

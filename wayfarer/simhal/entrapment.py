@@ -12,7 +12,7 @@ from itertools import pairwise
 from math import hypot
 from typing import NamedTuple
 
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Phase
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.geodesic import is_closed

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from wayfarer.bounds import (
+from wayfarer.units import (
     BearingError,
     Degrees,
     DegreesOrNone,

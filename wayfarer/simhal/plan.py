@@ -18,7 +18,7 @@ from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.physics import PHYSICS, Physics
 
 if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
-    from wayfarer.config import RoverConfig
+    from wayfarer.config.rover_file import RoverConfig
     from wayfarer.simhal.mujoco.terrain import Terrains
     from wayfarer.simhal.sites.site import Site
     from wayfarer.simhal.stage import TrialSpec

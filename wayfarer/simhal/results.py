@@ -18,7 +18,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, Self
 
-from wayfarer.chassis import AT_A_BRANCH, Chassis
+from wayfarer.config.chassis import AT_A_BRANCH, Chassis
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.kept import Kept, columns_in, rows_in

@@ -12,8 +12,8 @@ from enum import StrEnum
 from importlib.util import find_spec
 from typing import Any
 
-from wayfarer.assembly import assemble
-from wayfarer.config import RoverConfig, part_settings
+from wayfarer.config.factory import assemble
+from wayfarer.config.rover_file import RoverConfig, part_settings
 from wayfarer.drivers import cmps14, pmw3901, sabertooth, thunderborg
 from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
 from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings

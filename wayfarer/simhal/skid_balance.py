@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.wheeled_body import ROLLING_RESISTANCE, Body
 
 Array = NDArray[np.float64]

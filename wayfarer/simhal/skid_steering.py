@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wayfarer.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.skid_balance import balance
 from wayfarer.simhal.wheeled_body import ROLLING_RESISTANCE, Body
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING
 
-from wayfarer.config import RoverConfig
+from wayfarer.config.registry import find_algorithm
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover
 from wayfarer.records import RunLog
-from wayfarer.registry import find_algorithm
 from wayfarer.simhal.attendant import Attendant
 from wayfarer.simhal.faults import Fault
 from wayfarer.simhal.forest import Forest

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import hypot
 from typing import NamedTuple
 
-from wayfarer.chassis import ON_WHEELS, Chassis
+from wayfarer.config.chassis import ON_WHEELS, Chassis
 from wayfarer.errors import BadConfig
 from wayfarer.escape.api import Vehicle
 

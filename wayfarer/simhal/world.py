@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, copysign, cos, degrees, exp, hypot, inf, radians, sin, sqrt
 
-from wayfarer.chassis import Chassis
+from wayfarer.config.chassis import Chassis
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.climbing import Climbing, Underfoot
 from wayfarer.simhal.forest import Forest

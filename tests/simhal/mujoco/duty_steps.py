@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tests.simhal.mujoco.fields import CLEARING, EXACT
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.simulated_world import SimulatedWorld

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from math import hypot
 
-from wayfarer.chassis import STANDARD_GRAVITY_M_S2
-from wayfarer.config import load_rover
+from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.mujoco.model import STEP_S
 from wayfarer.simhal.mujoco.terrain import Terrain

@@ -12,7 +12,7 @@ from random import Random
 from typing import NamedTuple
 
 from tests.simhal.mujoco.fields import CLEARING, EXACT
-from wayfarer.config import RoverConfig, load_rover
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.detector.odometer import Odometer
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.escape.catalogue import CATALOGUE

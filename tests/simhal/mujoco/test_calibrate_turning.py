@@ -8,11 +8,11 @@ import pytest
 
 from tests.checks.rigs import T_WALL, run
 from tests.simhal.mujoco.fields import A_M, B_M, CONFIG, least_turning_duty, rover_on
-from wayfarer.assembly import calibrated
 from wayfarer.calibrate import calibrate
-from wayfarer.calibration import Calibration, TurningEntry
-from wayfarer.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.checks import Place
+from wayfarer.config.calibration_file import Calibration, TurningEntry
+from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.factory import calibrated
 from wayfarer.simhal.rig import device_depth
 from wayfarer.simhal.streams import Streams
 

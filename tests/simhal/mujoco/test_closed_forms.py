@@ -28,7 +28,7 @@ from tests.simhal.mujoco.fields import (
     tree_at,
     trunk_across,
 )
-from wayfarer.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.mujoco.world import MujocoWorld
 
 FREE_M_S = BODY.free_speed_m_s

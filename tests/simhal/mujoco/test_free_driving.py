@@ -6,7 +6,7 @@ from math import inf
 
 import pytest
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.faults import Drive, Fault
 from wayfarer.simhal.mujoco.terrain import Range, Terrains
 from wayfarer.simhal.scenarios.free_driving import drive_freely

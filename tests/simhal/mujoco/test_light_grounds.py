@@ -16,8 +16,8 @@ from tests.simhal.mujoco.duty_steps import (
     take,
 )
 from tests.simhal.mujoco.fields import CLEARING
-from wayfarer.chassis import STANDARD_GRAVITY_M_S2
-from wayfarer.config import load_rover
+from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.skid_steering import SkidSteering
 from wayfarer.simhal.streams import Streams

@@ -16,7 +16,7 @@ from pyarrow import parquet
 
 from tests.conftest import Run
 from tests.simhal import fake_trials
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.report.reading import read_results
 from wayfarer.report.words import facts
 from wayfarer.simhal.mujoco.terrain import BOUNDS, Range, Terrain, Terrains, parse_range

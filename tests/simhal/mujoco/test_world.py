@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.simhal.mujoco.fields import BODY, CLEARING, drive, rover_on, speed_m_s, tree_at, trunk_across
-from wayfarer.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.hal import Side
 from wayfarer.simhal.faults import KINDS, Drive, Fault, Layer, Slope
 from wayfarer.simhal.injection.world_layer import world_fault

@@ -28,7 +28,7 @@ from hypothesis.stateful import (
 
 from tests.checks.rigs import T_WALL
 from wayfarer.checks import ARMING, CALIBRATED, Place
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.control.protocol import Refused
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.inspection import Live

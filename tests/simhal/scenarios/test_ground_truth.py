@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import Anomaly
 from wayfarer.simhal.scenarios.detector_trials import Cell, measure
 from wayfarer.simhal.scenarios.ground_truth import NOTHING, Score, Span, Timeline, score

@@ -9,7 +9,7 @@ from random import Random
 from struct import pack
 from typing import Any
 
-from wayfarer.config import RoverConfig, part_settings
+from wayfarer.config.rover_file import RoverConfig, part_settings
 from wayfarer.drivers.buses import Frame
 from wayfarer.drivers.camera_motion import CameraMotionSettings
 from wayfarer.drivers.cmps14 import CMPS14Settings

@@ -9,7 +9,7 @@ from dataclasses import replace
 from math import inf
 from typing import Any, Protocol
 
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput, NotResponding
 from wayfarer.hal import Rover
 from wayfarer.simhal.faults import KINDS, Fault, Layer

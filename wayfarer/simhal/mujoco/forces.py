@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import cos, radians, sin
 
-from wayfarer.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 
 SHOVE_S = 0.1  # in which a shove brings the body to its speed
 MOST_WEIGHTS = 2.0  # and with no more force than this many times its weight

@@ -16,7 +16,7 @@ from typing import Any
 
 import mujoco
 
-from wayfarer.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.forest import WORLD_SIZE_M
 from wayfarer.simhal.mujoco.ground import HeightField
 from wayfarer.simhal.mujoco.terrain import Terrain

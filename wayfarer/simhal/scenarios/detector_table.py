@@ -12,7 +12,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from wayfarer.config import RoverConfig, load_rover
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.escape.api import Anomaly
 from wayfarer.simhal.campaign import stop_on_signals
 from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder

@@ -10,7 +10,7 @@ import asyncio
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Anomaly
 from wayfarer.simhal.faults import Fault, Slope
 from wayfarer.simhal.generate import generate_forest

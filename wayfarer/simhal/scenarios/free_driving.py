@@ -16,7 +16,7 @@ from random import Random
 from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.angles import wrap180
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.hal import WheelCommand

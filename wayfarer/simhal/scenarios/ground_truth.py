@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Anomaly
 from wayfarer.records import PartialLog, TickRecord
 from wayfarer.simhal.simulated_world import SimulatedWorld

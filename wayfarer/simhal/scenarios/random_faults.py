@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hint
 
 from annotated_types import Interval
 
-from wayfarer.config import RoverConfig, load_rover
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.errors import BadInput, MissingPackage
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.simhal.faults import KINDS, Fault, Layer

@@ -8,9 +8,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from wayfarer.assembly import NEEDED
-from wayfarer.config import RoverConfig, load_rover
-from wayfarer.config_errors import explain, most_telling
+from wayfarer.config.factory import NEEDED
+from wayfarer.config.messages import explain, most_telling
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.errors import BadConfig
 from wayfarer.simhal.faults import KINDS, Fault, Layer
 from wayfarer.simhal.injection.bus_layer import misplaced

@@ -18,11 +18,11 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 from annotated_types import Interval
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, with_config
 
-from wayfarer.config import RoverConfig
-from wayfarer.config_errors import explain, line_of, most_telling, named_key, one_line
+from wayfarer.config.messages import explain, line_of, most_telling, named_key, one_line
+from wayfarer.config.registry import find_algorithm
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
-from wayfarer.registry import find_algorithm
 from wayfarer.simhal.faults import KINDS, Fault
 from wayfarer.simhal.rig import Depth
 from wayfarer.simhal.scenarios.rovers import OVERLAY, laid_over, misfit, rover_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from wayfarer.config import load_rover
+from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.simhal.rig import missing_package
 from wayfarer.simhal.scenarios.result import Procedure, Result, Tried

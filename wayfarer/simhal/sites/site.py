@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import count
 from math import hypot
 
-from wayfarer.config import RoverConfig
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.generate import Draw, draw_from

@@ -16,8 +16,7 @@ from typing import Annotated, Any, TypeVar
 from annotated_types import Interval
 from pydantic import TypeAdapter, ValidationError
 
-from wayfarer.bounds import Metres
-from wayfarer.config_errors import explain, most_telling
+from wayfarer.config.messages import explain, most_telling
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.simhal.forest import TREES_PER_HA
 from wayfarer.simhal.grounds import GroundName
@@ -25,6 +24,7 @@ from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.plan import Campaign
 from wayfarer.simhal.scenarios.rovers import laid_over
 from wayfarer.simhal.sweep.axes import Value
+from wayfarer.units import Metres
 
 T = TypeVar("T")
 

@@ -6,10 +6,10 @@ from math import inf
 from typing import Any
 
 from wayfarer.calibrate import calibrate
-from wayfarer.calibration import FILE_NAME, Calibration, DeadmanEntry, save, stamp
 from wayfarer.checks import Finding, Verdict
 from wayfarer.checks.deadman import board_settings
-from wayfarer.config import RoverConfig, load_rover
+from wayfarer.config.calibration_file import FILE_NAME, Calibration, DeadmanEntry, save, stamp
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.control.protocol import Refused
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.faults import Drive, Fault, MotorField

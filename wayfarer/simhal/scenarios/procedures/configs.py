@@ -8,7 +8,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from wayfarer.calibration import FILE_NAME, Calibration, CompassEntry, save, stamp
+from wayfarer.config.calibration_file import FILE_NAME, Calibration, CompassEntry, save, stamp
 from wayfarer.control.protocol import Refused
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.scenarios.procedures.launching import command

@@ -12,9 +12,9 @@ from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from wayfarer.assembly import assemble
 from wayfarer.checks import Finding, Place, check
-from wayfarer.config import RoverConfig, load_rover
+from wayfarer.config.factory import assemble
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.hal import Rover
 from wayfarer.simhal.bench import RecordedWorld
 from wayfarer.simhal.faults import Fault

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from tests import fake_plugins
-from wayfarer import registry
+from wayfarer.config import registry
+from wayfarer.config.registry import algorithm_names, driver_names, find_algorithm, find_driver
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.escape.catalogue import BUILT_IN, CATALOGUE
-from wayfarer.registry import algorithm_names, driver_names, find_algorithm, find_driver
 
 
 @pytest.fixture

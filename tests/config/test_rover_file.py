@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wayfarer.config import RoverConfig, load_rover, part_settings, rover_names
+from wayfarer.config.rover_file import RoverConfig, load_rover, part_settings, rover_names
 from wayfarer.control.driven import Driven
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.salvage import motors_of

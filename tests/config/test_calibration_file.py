@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.calibration import (
+from wayfarer.config.calibration_file import (
     FILE_NAME,
     Calibration,
     CompassEntry,
@@ -76,7 +76,7 @@ def test_what_is_saved_is_loaded(tmp_path_factory: pytest.TempPathFactory, calib
 
 def test_what_checks_a_file_is_built_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     load(tmp_path / FILE_NAME)
-    monkeypatch.setattr("wayfarer.calibration.TypeAdapter", None)
+    monkeypatch.setattr("wayfarer.config.calibration_file.TypeAdapter", None)
     save(tmp_path / FILE_NAME, Calibration())
     assert load(tmp_path / FILE_NAME) == Calibration()
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 from math import radians
 from typing import TYPE_CHECKING, Any
 
-from wayfarer.calibration import Calibration
-from wayfarer.config import RoverConfig, part_settings, with_place
+from wayfarer.config.calibration_file import Calibration
+from wayfarer.config.registry import make_buses
+from wayfarer.config.rover_file import RoverConfig, part_settings, with_place
 from wayfarer.errors import BadConfig, BadInput
 from wayfarer.hal import MotionReading, MotionSensor, Rover, troubles_of
-from wayfarer.registry import make_buses
 
 if TYPE_CHECKING:
     from wayfarer.drivers.buses import Buses

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer.assembly import Scaled, assemble, calibrated
-from wayfarer.calibration import Calibration, FlowEntry, TurningEntry, TurnResponse, stamp
-from wayfarer.config import RoverConfig, load_rover
+from wayfarer.config.calibration_file import Calibration, FlowEntry, TurningEntry, TurnResponse, stamp
+from wayfarer.config.factory import Scaled, assemble, calibrated
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.drivers.bumper import Bumper
 from wayfarer.drivers.buses import Buses
 from wayfarer.drivers.camera_motion import CameraMotion
@@ -74,7 +74,7 @@ def test_rover_without_a_part_that_every_rover_needs_can_only_be_simulated(
 
 
 def test_driver_of_a_third_party_is_named_by_module_and_attribute(tmp_path: Path) -> None:
-    own = '[parts.compass]\ndriver = "tests.test_assembly:OwnCompass"\naddress = 0x62\n'
+    own = '[parts.compass]\ndriver = "tests.config.test_factory:OwnCompass"\naddress = 0x62\n'
     rover = assemble(loaded(tmp_path, own, MOTORS), FakeBuses())
     assert type(rover.compass).__name__ == "OwnCompass"
     assert "0x62" in rover.compass.name

@@ -9,7 +9,7 @@ from typing import ClassVar
 import pytest
 
 from wayfarer import cli
-from wayfarer.config import RoverConfig, load_rover, rover_names
+from wayfarer.config.rover_file import RoverConfig, load_rover, rover_names
 from wayfarer.drivers.buses import Buses
 from wayfarer.drivers.thunderborg import ThunderBorg
 from wayfarer.errors import BadConfig
@@ -45,7 +45,7 @@ class OwnThunderBorg(ThunderBorg):
     """A third party's driver of a board that wayfarer knows."""
 
 
-BUMPER = '[parts.contact]\ndriver = "tests.test_wiring:SerialBumper"\n'
+BUMPER = '[parts.contact]\ndriver = "tests.config.test_wiring:SerialBumper"\n'
 SABERTOOTH = '[parts.motors]\ndriver = "sabertooth"\nport = "{}"\n'
 
 
@@ -119,7 +119,7 @@ def test_one_address_on_two_buses_is_no_clash(tmp_path: Path) -> None:
 
 def test_motors_and_light_of_one_board_share_it(tmp_path: Path) -> None:
     assert loaded(tmp_path, COMPASS, THUNDERBORG.format("0x15"), LIGHT.format("0x15"))
-    own = THUNDERBORG.format("0x15").replace('"thunderborg"', '"tests.test_wiring:OwnThunderBorg"')
+    own = THUNDERBORG.format("0x15").replace('"thunderborg"', '"tests.config.test_wiring:OwnThunderBorg"')
     assert loaded(tmp_path, COMPASS, own, LIGHT.format("0x15"))
 
 
