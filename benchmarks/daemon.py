@@ -16,7 +16,7 @@ from pathlib import Path
 from statistics import quantiles
 
 from benchmarks.figures import Figure
-from wayfarer.control.client import ask
+from wayfarer.daemon.socket.client import ask
 
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 PERIOD_MS = 50.0

@@ -28,9 +28,9 @@ from benchmarks.figures import print_table
 from wayfarer.checks import Place
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.config.rover_file import load_rover
-from wayfarer.control.protocol import Refused
+from wayfarer.daemon.arming_inspection import Live
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.daemon.inspection import Live
+from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog

@@ -22,7 +22,7 @@ from statistics import quantiles
 from aiohttp import ClientSession, ClientWebSocketResponse
 
 from benchmarks.figures import HEADER, Figure, print_table
-from wayfarer.control.client import ask
+from wayfarer.daemon.socket.client import ask
 
 VIEWERS = 10
 SETTLE_S = 1.0  # ten snapshots are no steady state

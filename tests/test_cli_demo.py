@@ -14,7 +14,7 @@ import pytest
 
 from wayfarer import cli
 from wayfarer.cli import demo
-from wayfarer.control.paths import SingleDaemon, daemon_socket
+from wayfarer.daemon.socket.paths import SingleDaemon, daemon_socket
 from wayfarer.safety.mission_limits import RunEnd
 
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
@@ -24,7 +24,7 @@ pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
 def own_place(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Keep away from daemons and browsers that there may be on this machine."""
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
-    monkeypatch.setattr("wayfarer.control.paths.SYSTEM_FOLDER", tmp_path / "none")
+    monkeypatch.setattr("wayfarer.daemon.socket.paths.SYSTEM_FOLDER", tmp_path / "none")
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.chdir(tmp_path)
@@ -53,7 +53,7 @@ def served(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
                 getattr(viewer, "_viewer", viewer).close()
         return RunEnd("escaped", "the simulated rover has escaped after 76.0 m")
 
-    monkeypatch.setattr("wayfarer.daemon.service.serve", serve)
+    monkeypatch.setattr("wayfarer.daemon.daemon.serve", serve)
     return kept
 
 

@@ -25,10 +25,10 @@ from wayfarer.config.calibration_file import (
     stamp,
 )
 from wayfarer.config.rover_file import load_rover, part_settings
-from wayfarer.control.motors_lock import MotorsLock
-from wayfarer.control.paths import SingleDaemon, daemon_socket
-from wayfarer.control.protocol import Refused
-from wayfarer.daemon.service import Service
+from wayfarer.daemon.daemon import Service
+from wayfarer.daemon.motors_lock import MotorsLock
+from wayfarer.daemon.socket.paths import SingleDaemon, daemon_socket
+from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.forest import Forest
@@ -50,7 +50,7 @@ STATUS: dict[str, Any] = {
 def own_socket(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Keep away from daemons that may run on this machine."""
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
-    monkeypatch.setattr("wayfarer.control.paths.SYSTEM_FOLDER", tmp_path / "none")
+    monkeypatch.setattr("wayfarer.daemon.socket.paths.SYSTEM_FOLDER", tmp_path / "none")
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "state"))
 
@@ -61,7 +61,7 @@ class Daemon:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, answer: dict[str, Any] | Exception) -> None:
         self.asked: list[dict[str, object]] = []
         self.answer = answer
-        monkeypatch.setattr("wayfarer.control.client.ask", self.ask)
+        monkeypatch.setattr("wayfarer.daemon.socket.client.ask", self.ask)
 
     def ask(self, request: dict[str, object], timeout_s: float) -> dict[str, Any]:
         self.asked.append(request)
@@ -317,7 +317,7 @@ def test_motors_of_a_daemon_on_another_socket_are_left_alone(
     rover_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: list[str]
 ) -> None:
     monkeypatch.setattr(terminal, "is_there", lambda: True)
-    monkeypatch.setattr("wayfarer.control.motors_lock.motors_device", lambda config: "/dev/ptmx")
+    monkeypatch.setattr("wayfarer.daemon.motors_lock.motors_device", lambda config: "/dev/ptmx")
     with MotorsLock("/dev/ptmx"):
         assert cli.run([*command, "--config", str(rover_file)]) == 75
     assert "drives these motors (/dev/ptmx)" in capsys.readouterr().err
@@ -327,7 +327,7 @@ def test_rover_is_run_as_it_was_calibrated_to_turn_and_the_simulated_one_is_not(
     rover_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     services: list[Service] = []
-    monkeypatch.setattr("wayfarer.daemon.service.serve", services.append)
+    monkeypatch.setattr("wayfarer.daemon.daemon.serve", services.append)
     response = TurnResponse(stood_at_duty=0.3, from_duty=0.34, deg_s_per_duty=250.0)
     turning = TurningEntry(
         **stamp("Sabertooth", 1.0), ground="grass", duty_max=1.0,

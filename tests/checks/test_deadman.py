@@ -17,8 +17,8 @@ from wayfarer.checks.motion import deadman_trips
 from wayfarer.checks.standalone import Standalone
 from wayfarer.config.calibration_file import Calibration, load, save
 from wayfarer.config.rover_file import load_rover, part_settings
+from wayfarer.daemon.dry_run import DryMotors
 from wayfarer.drivers.sabertooth import Sabertooth
-from wayfarer.dry_run import DryMotors
 
 FOREST_ROVER = load_rover("forestrover")
 

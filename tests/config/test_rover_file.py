@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wayfarer.config.rover_file import RoverConfig, load_rover, part_settings, rover_names
-from wayfarer.control.driven import Driven
+from wayfarer.daemon.salvage import motors_of
+from wayfarer.daemon.socket.driven import Driven
 from wayfarer.errors import BadConfig, BadInput, UnknownName
-from wayfarer.salvage import motors_of
 
 BODY = {"length_m": "0.4", "width_m": "0.4", "track_m": "0.5", "max_speed_m_s": "1.4"}
 

@@ -146,7 +146,7 @@ def test_shipped_rovers_have_a_wire_for_each_chip(name: str) -> None:
 def test_every_command_refuses_such_a_rover_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, command: list[str]
 ) -> None:
-    monkeypatch.setattr("wayfarer.daemon.service.serve", lambda _: pytest.fail("a daemon was started"))
+    monkeypatch.setattr("wayfarer.daemon.daemon.serve", lambda _: pytest.fail("a daemon was started"))
     path = tmp_path / "rover.toml"
     path.write_text(TOP.format(buses="") + COMPASS + SABERTOOTH.format("/dev/i2c-1"), encoding="utf-8")
     assert cli.run([*command, str(path)]) == 2

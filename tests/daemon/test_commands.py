@@ -18,9 +18,9 @@ from wayfarer.checks import Verdict, run_checks
 from wayfarer.checks.deadman import keep_proof
 from wayfarer.checks.parts import contact
 from wayfarer.config.calibration_file import Calibration, MotorsEntry, save, stamp
-from wayfarer.control.protocol import Commands, Refused
+from wayfarer.daemon.arming_inspection import FRESH_S, Live
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.daemon.inspection import FRESH_S, Live
+from wayfarer.daemon.socket.protocol import Commands, Refused
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE

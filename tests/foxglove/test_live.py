@@ -21,7 +21,7 @@ from tests.foxglove.logs import HEADER, Record, stamped, tick
 from tests.foxglove.protobuf import Descriptors
 from tests.foxglove.test_scene import WORLD
 from wayfarer.cli.watching import viewers
-from wayfarer.control.protocol import Commands
+from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.daemon.viewer import Viewer
 from wayfarer.errors import BadInput
 from wayfarer.foxglove.live import FoxgloveLive

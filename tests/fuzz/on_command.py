@@ -20,8 +20,8 @@ from tests.fuzz.target import Target, Try, reading, shape
 from tests.logbook.records import SAMPLE_LOGS
 from wayfarer import cli
 from wayfarer.config.calibration_file import calibration_file
-from wayfarer.control.paths import known_sockets
-from wayfarer.watchdog import Notifier, watchdog_period_s
+from wayfarer.daemon.socket.paths import known_sockets
+from wayfarer.daemon.watchdog import Notifier, watchdog_period_s
 
 CODES = {0, 1, 2, 3, 75}
 
@@ -68,7 +68,7 @@ def _commanded() -> Iterator[Try]:
 @contextmanager
 def _socket_in(folder: Path) -> Iterator[None]:
     """Have the client look for the daemon in a folder, and nowhere else: there may be real ones."""
-    with patch("wayfarer.control.client.known_sockets", lambda: iter([folder / "control.sock"])):
+    with patch("wayfarer.daemon.socket.client.known_sockets", lambda: iter([folder / "control.sock"])):
         yield
 
 
@@ -162,10 +162,10 @@ def _environment(environment: Mapping[str, str]) -> str:
 ENVIRONMENT = Target(
     "environment",
     [
-        "wayfarer.watchdog:Notifier",
-        "wayfarer.watchdog:watchdog_period_s",
+        "wayfarer.daemon.watchdog:Notifier",
+        "wayfarer.daemon.watchdog:watchdog_period_s",
         "wayfarer.config.calibration_file:calibration_file",
-        "wayfarer.control.paths:known_sockets",
+        "wayfarer.daemon.socket.paths:known_sockets",
     ],
     lambda kept: ENVIRONMENTS,
     _set,

@@ -14,12 +14,12 @@ from pathlib import Path
 
 from hypothesis import strategies as st
 
-from tests.control.fake_daemon import FakeDaemon, open_files, serve
+from tests.daemon.socket.fake_daemon import FakeDaemon, open_files, serve
 from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.target import Case, Target, Try, reading, shape
-from wayfarer.control.client import ask
-from wayfarer.control.protocol import REQUEST_BYTES, VERBS, accept, check, read_line
-from wayfarer.control.server import Limits
+from wayfarer.daemon.socket.client import ask
+from wayfarer.daemon.socket.protocol import REQUEST_BYTES, VERBS, accept, check, read_line
+from wayfarer.daemon.socket.server import Limits
 
 REQUESTS = [
     {"do": "status"}, {"do": "arm", "heading_deg": 12.5, "north": "true"}, {"do": "goal", "heading_deg": 0},
@@ -53,7 +53,11 @@ def _parsed() -> Iterator[Try]:
 
 PROTOCOL = Target(
     "protocol",
-    ["wayfarer.control.protocol:read_line", "wayfarer.control.protocol:check", "wayfarer.control.protocol:_checked"],
+    [
+        "wayfarer.daemon.socket.protocol:read_line",
+        "wayfarer.daemon.socket.protocol:check",
+        "wayfarer.daemon.socket.protocol:_checked",
+    ],
     _lines,
     _parsed,
 )
@@ -136,8 +140,8 @@ def _word(line: bytes) -> str:
 
 SERVER = Target(
     "server",
-    ["wayfarer.control.server:ControlServer", "wayfarer.control.server:_turn_away", "wayfarer.control.protocol:perform",
-     "wayfarer.control.protocol:accept", "wayfarer.control.protocol:refuse"],
+    ["wayfarer.daemon.socket.server:ControlServer", "wayfarer.daemon.socket.server:_turn_away",
+     "wayfarer.daemon.socket.protocol:perform", "wayfarer.daemon.socket.protocol:accept", "wayfarer.daemon.socket.protocol:refuse"],
     lambda kept: CLIENTS,
     _served,
     quick=60,
@@ -193,7 +197,11 @@ def _asked() -> Iterator[Try]:
 
 CLIENT = Target(
     "client",
-    ["wayfarer.control.client:ask", "wayfarer.control.client:_exchange", "wayfarer.control.client:_read_reply"],
+    [
+        "wayfarer.daemon.socket.client:ask",
+        "wayfarer.daemon.socket.client:_exchange",
+        "wayfarer.daemon.socket.client:_read_reply",
+    ],
     lambda kept: st.tuples(
         bytes_of([accept({"mode": "disarmed"}), accept({"log": "x" * 60_000})], [b'"ok"', b"true", b'"why"'])
         | json_of(REPLIES, 3).map(lambda reply: as_json(reply) + b"\n"),

@@ -19,13 +19,13 @@ from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.target import Case, Target, Try, reading
 from wayfarer.config import calibration_file
 from wayfarer.config.rover_file import load_rover, rover_names
+from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.report.reading import read_results
 from wayfarer.simhal.fakebus import FakeBuses, FakeSerial
 from wayfarer.simhal.forest_file import as_row, read_forests
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.results import FORESTS, PARTIAL, SETTINGS, TRIALS, ResultsFolder
 from wayfarer.simhal.rows import COLUMNS, Row, csv_line
-from wayfarer.stop_motors import stop_motors
 
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # nothing here is about disks
 ROVERS = [
@@ -147,7 +147,7 @@ def _stop(path: Path) -> str:
 def _stopping() -> Iterator[Try]:
     """Stop by the rover file of each case; daemons are not looked for, because there may be real ones."""
     with (
-        patch("wayfarer.control.paths.known_sockets", lambda: iter(())),
+        patch("wayfarer.daemon.socket.paths.known_sockets", lambda: iter(())),
         reading_a_file("rover.toml", _stop) as attempt,
     ):
         yield attempt
@@ -155,8 +155,8 @@ def _stopping() -> Iterator[Try]:
 
 STOPPING = Target(
     "stop-motors",
-    ["wayfarer.stop_motors:_sources", "wayfarer.salvage", "wayfarer.stop_board:_stop_board",
-     "wayfarer.stop_board:_usable", "wayfarer.stop_board:_try_to_stop"],
+    ["wayfarer.daemon.stop_motors:_sources", "wayfarer.daemon.salvage", "wayfarer.daemon.stop_board:_stop_board",
+     "wayfarer.daemon.stop_board:_usable", "wayfarer.daemon.stop_board:_try_to_stop"],
     lambda kept: st.builds(
         lambda *pieces: b"".join(pieces),
         st.just(f'buses = "{Wheels.__module__}:Wheels"\n'.encode()),

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from wayfarer.control.client import ask
+from wayfarer.daemon.socket.client import ask
 
 WAYFARER = str(Path(sys.executable).with_name("wayfarer"))
 

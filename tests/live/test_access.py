@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from wayfarer.control.protocol import Refused
+from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.live.access import Access, host_name, is_local
 
 TOKEN = "s3cret"

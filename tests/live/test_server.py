@@ -16,7 +16,7 @@ import pytest
 from yarl import URL
 
 from tests.live.records import run_log, tick
-from wayfarer.control.protocol import Details, Refused
+from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.live.audience import LIMITS, Limits

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from wayfarer.config.rover_file import load_rover
-from wayfarer.control.client import ask
-from wayfarer.daemon.service import Daemon, Service
+from wayfarer.daemon.daemon import Daemon, Service
+from wayfarer.daemon.socket.client import ask
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.simhal.desk import desk_vessel
 from wayfarer.simhal.rig import Depth

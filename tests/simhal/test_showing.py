@@ -11,7 +11,7 @@ import pytest
 
 from tests.test_imports import MODULES, wayfarer_modules, within
 from tests.virtual import virtual
-from wayfarer.control.protocol import Commands
+from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.fieldlog.log import Record
 from wayfarer.simhal.showing import SelfArming
 

@@ -108,12 +108,12 @@ def install_service(
     show: Annotated[bool, typer.Option("--print", help="Print the unit and change nothing.")] = False,
 ) -> None:
     """Install the systemd service; it starts disarmed at each boot."""
-    from wayfarer import service
+    from wayfarer.daemon import install
 
     if show:
-        print(service.unit_text(root), end="")
+        print(install.unit_text(root), end="")
         return
-    service.install(rover, root)
+    install.install(rover, root)
 
 
 def _print(findings: Iterable[Finding]) -> None:
@@ -146,13 +146,13 @@ def _stored(place: Place) -> Calibration:
 
 def _no_daemon() -> Any:
     """Keep a daemon from running at the same time: two programs on one bus corrupt each other's answers."""
-    from wayfarer.control.paths import SingleDaemon, daemon_socket
+    from wayfarer.daemon.socket.paths import SingleDaemon, daemon_socket
 
     return SingleDaemon(daemon_socket())
 
 
 def _own_motors(config: RoverConfig) -> Any:
     """Keep away from the bus of a daemon on another socket: the service's, or another user's."""
-    from wayfarer.control.motors_lock import MotorsLock, motors_device
+    from wayfarer.daemon.motors_lock import MotorsLock, motors_device
 
     return MotorsLock(motors_device(config))

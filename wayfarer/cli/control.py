@@ -114,6 +114,6 @@ def _as_this_version() -> Iterator[None]:
 
 
 def _ask(do: str, **keys: object) -> dict[str, Any]:
-    from wayfarer.control.client import ask
+    from wayfarer.daemon.socket.client import ask
 
     return ask({"do": do, **keys}, timeout_s=ARM_S if do == "arm" else ANSWER_S)

@@ -63,7 +63,7 @@ def demo(
     """Watch a simulated rover escape from a forest, in a browser, a few times faster than real."""
     from wayfarer.config.registry import find_algorithm
     from wayfarer.config.rover_file import load_rover
-    from wayfarer.daemon.service import Service, serve
+    from wayfarer.daemon.daemon import Service, serve
     from wayfarer.simhal.fast_loop import FastLoop
     from wayfarer.simhal.showing import SelfArming
 

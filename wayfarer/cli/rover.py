@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from wayfarer.config.rover_file import RoverConfig
-    from wayfarer.daemon.service import Vessel
+    from wayfarer.daemon.daemon import Vessel
 
 ROVER_FILE = Path("/etc/wayfarer/rover.toml")
 RUN_EXAMPLES = """Examples:
@@ -72,8 +72,8 @@ def run(
     """Run the daemon: it starts disarmed, and drives once it is armed from another terminal."""
     from wayfarer.config.registry import find_algorithm
     from wayfarer.config.rover_file import load_rover
-    from wayfarer.control.paths import daemon_socket
-    from wayfarer.daemon.service import Service, serve
+    from wayfarer.daemon.daemon import Service, serve
+    from wayfarer.daemon.socket.paths import daemon_socket
 
     if not sim and (depth is not None or seed is not None):
         raise BadInput("--depth and --seed are for the simulated rover: add --sim, or leave them out")
@@ -103,7 +103,7 @@ def run(
 
 def stop_motors(*, config: Config = None) -> None:
     """Stop the wheels without the daemon: those that it drives or drove, and the rover file's."""
-    from wayfarer.stop_motors import stop_motors as stop
+    from wayfarer.daemon.stop_motors import stop_motors as stop
 
     print(stop(str(ROVER_FILE) if config is None else config))
 
@@ -139,8 +139,8 @@ def _real(
     from wayfarer.checks import Place
     from wayfarer.config.calibration_file import calibration_file, load
     from wayfarer.config.factory import calibrated, connect
-    from wayfarer.daemon.ports import refuse_missing_ports
-    from wayfarer.daemon.service import Vessel
+    from wayfarer.daemon.daemon import Vessel
+    from wayfarer.daemon.device_files import refuse_missing_ports
     from wayfarer.fieldlog.clock import wall_clock
 
     file = calibration_file(os.environ, Path.home())

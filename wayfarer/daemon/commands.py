@@ -9,7 +9,7 @@ from typing import Any
 
 from wayfarer.checks import ARMING, Check, Finding, Inspection, Verdict, run_checks
 from wayfarer.checks.api import fail
-from wayfarer.control.protocol import Details, Refused
+from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.errors import DriverError
 from wayfarer.hal import DriveMotors
 from wayfarer.helm import Mode

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import AbstractAsyncContextManager
 from typing import Protocol
 
-from wayfarer.control.protocol import Commands
+from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.fieldlog.log import Record
 
 

@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager
 from foxglove import Context, start_server
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 
-from wayfarer.control.protocol import Commands
+from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.log import Record
 from wayfarer.foxglove.channels import Channels, nanoseconds

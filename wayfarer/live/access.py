@@ -13,7 +13,7 @@ from hmac import compare_digest
 from ipaddress import IPv6Address, ip_address
 from urllib.parse import urlsplit
 
-from wayfarer.control.protocol import Refused
+from wayfarer.daemon.socket.protocol import Refused
 
 OF_PROXIES = ("Forwarded", "Via", "X-Forwarded-For", "X-Real-IP")
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from aiohttp import web
 
-from wayfarer.control.protocol import Commands, Refused
+from wayfarer.daemon.socket.protocol import Commands, Refused
 from wayfarer.fieldlog.log import Record
 from wayfarer.live.access import Access
 from wayfarer.live.address import address_to_open, bind

@@ -14,7 +14,7 @@ from contextlib import suppress
 import orjson
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from wayfarer.control.protocol import Commands, Refused, check, perform, read_line
+from wayfarer.daemon.socket.protocol import Commands, Refused, check, perform, read_line
 from wayfarer.errors import WayfarerError
 from wayfarer.live.audience import Limits, TooSlow, Viewer
 from wayfarer.pace import Allowance

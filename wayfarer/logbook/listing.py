@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from wayfarer.daemon.stderr_writer import clean
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.ending import end_of_log
 from wayfarer.fieldlog.folders import run_folders, run_number
 from wayfarer.fieldlog.reader import Record, RunReader, log_parts, read_header
-from wayfarer.lines import clean
 from wayfarer.logbook.fields import began_wall_s, local_time, name, number, span, whole
 from wayfarer.logbook.wording import marks
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Any
 
+from wayfarer.daemon.stderr_writer import clean
 from wayfarer.fieldlog.reader import Record
-from wayfarer.lines import clean
 from wayfarer.logbook.fields import ABSURD, local_time, name, names, number
 
 

@@ -8,7 +8,7 @@ from math import isnan
 
 import numpy as np
 
-from wayfarer.lines import clean
+from wayfarer.daemon.stderr_writer import clean
 from wayfarer.logbook.fields import name, span
 from wayfarer.report.run_data import RunData
 from wayfarer.report.run_track import drift_m

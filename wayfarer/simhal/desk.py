@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable
 
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.daemon.service import Vessel
+from wayfarer.daemon.daemon import Vessel
 from wayfarer.simhal.forest_file import as_row
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.physics import Physics

@@ -10,7 +10,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 
-from wayfarer.control.protocol import Commands
+from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.daemon.viewer import Viewer
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.log import Record

@@ -29,9 +29,9 @@ from hypothesis.stateful import (
 from tests.checks.rigs import T_WALL
 from wayfarer.checks import ARMING, CALIBRATED, Place
 from wayfarer.config.rover_file import load_rover
-from wayfarer.control.protocol import Refused
+from wayfarer.daemon.arming_inspection import Live
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.daemon.inspection import Live
+from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.helm import Mode
 from wayfarer.safety.conditions import LEVELS, Condition, Level

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from math import ceil
 
-from wayfarer.daemon.computer import POWER_EVERY_S
+from wayfarer.daemon.host_health import POWER_EVERY_S
 from wayfarer.simhal.faults import Fault, Stall, Undervoltage
 from wayfarer.simhal.loop import VirtualLoop
 

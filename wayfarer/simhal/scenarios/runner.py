@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.checks import Place
-from wayfarer.control.protocol import Refused
+from wayfarer.daemon.arming_inspection import Live
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.daemon.inspection import Live
+from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.hal import Rover
 from wayfarer.records import RunLog, Tee

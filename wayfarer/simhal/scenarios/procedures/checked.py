@@ -10,7 +10,7 @@ from wayfarer.checks import Finding, Verdict
 from wayfarer.checks.deadman import board_settings
 from wayfarer.config.calibration_file import FILE_NAME, Calibration, DeadmanEntry, save, stamp
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.control.protocol import Refused
+from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.faults import Drive, Fault, MotorField
 from wayfarer.simhal.scenarios.procedures.site import UNPROVED, Site, site, wait_for

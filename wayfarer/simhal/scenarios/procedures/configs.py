@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from wayfarer.config.calibration_file import FILE_NAME, Calibration, CompassEntry, save, stamp
-from wayfarer.control.protocol import Refused
+from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.scenarios.procedures.launching import command
 from wayfarer.simhal.scenarios.procedures.site import Site, rover_toml, site, wait_for

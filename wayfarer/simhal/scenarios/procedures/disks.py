@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from wayfarer.control.protocol import Refused
+from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.fieldlog.folders import FILE_NAME, run_folders
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.simhal.scenarios.procedures.site import Site, site, wait_for

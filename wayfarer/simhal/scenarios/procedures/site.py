@@ -21,8 +21,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
-from wayfarer.control.client import ask
-from wayfarer.control.paths import SOCKET_NAME
+from wayfarer.daemon.socket.client import ask
+from wayfarer.daemon.socket.paths import SOCKET_NAME
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.reader import Record, RunReader

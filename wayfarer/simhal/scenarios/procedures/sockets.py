@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 
-from wayfarer.control.protocol import Refused
+from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.simhal.scenarios.procedures.site import Site, site, wait_for
 from wayfarer.simhal.scenarios.procedures.ticks import jitter
 from wayfarer.simhal.scenarios.procedures.trying import Found, procedure

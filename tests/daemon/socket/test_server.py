@@ -20,11 +20,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tests.control.fake_daemon import FakeDaemon, RawClient, open_files, serve
-from wayfarer.control import server
-from wayfarer.control.client import ask
-from wayfarer.control.protocol import REQUEST_BYTES, VERBS
-from wayfarer.control.server import Limits
+from tests.daemon.socket.fake_daemon import FakeDaemon, RawClient, open_files, serve
+from wayfarer.daemon.socket import server
+from wayfarer.daemon.socket.client import ask
+from wayfarer.daemon.socket.protocol import REQUEST_BYTES, VERBS
+from wayfarer.daemon.socket.server import Limits
 from wayfarer.errors import BadInput, NotResponding
 
 STATUS = b'{"do": "status"}\n'

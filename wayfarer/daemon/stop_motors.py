@@ -1,7 +1,7 @@
 """Stopping the wheels without the daemon: what is left when it has died, and the last line of its systemd unit.
 
 Stopped are the motors that a daemon drives or drove, by the record that it keeps beside its socket
-(``control/driven.py``), and those of the rover file, which may be others by now. A stop does no harm to either.
+(``daemon/socket/driven.py``), and those of the rover file, which may be others by now. A stop does no harm to either.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import sys
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from wayfarer.control.driven import Driven, known_records, read_record
+from wayfarer.daemon.salvage import motors_of, rover_path
+from wayfarer.daemon.socket.driven import Driven, known_records, read_record
+from wayfarer.daemon.stop_board import stop_board
 from wayfarer.errors import BadInput, WayfarerError, in_one_line
-from wayfarer.salvage import motors_of, rover_path
-from wayfarer.stop_board import stop_board
 
 RIGHTS_S = 15.0  # for a stop with another user's rights: TimeoutStopSec in the unit
 MOST_SAID = 500  # characters of what another user's code has to say
@@ -123,7 +123,7 @@ def _stop_as(owner: int, driven: Driven) -> str:
     try:
         account = pwd.getpwuid(owner)
         done = subprocess.run(
-            [sys.executable, "-P", "-m", "wayfarer.stop_board"],
+            [sys.executable, "-P", "-m", "wayfarer.daemon.stop_board"],
             input=json.dumps(driven._asdict()),
             user=owner,
             group=account.pw_gid,

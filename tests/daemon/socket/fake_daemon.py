@@ -8,8 +8,8 @@ from typing import Any
 
 import orjson
 
-from wayfarer.control.protocol import Details, Refused
-from wayfarer.control.server import LIMITS, ControlServer, Limits
+from wayfarer.daemon.socket.protocol import Details, Refused
+from wayfarer.daemon.socket.server import LIMITS, ControlServer, Limits
 
 
 class FakeDaemon:

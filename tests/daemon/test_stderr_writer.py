@@ -12,7 +12,7 @@ import time
 
 import pytest
 
-from wayfarer.lines import CLOSE_S, LINES, LineWriter
+from wayfarer.daemon.stderr_writer import CLOSE_S, LINES, LineWriter
 
 PATIENCE_S = 20.0
 BYTES = 65_536  # what a pipe holds until somebody reads
@@ -91,7 +91,7 @@ def test_process_ends_though_its_terminal_is_stalled() -> None:
     """The thread that waits holds nothing that Python needs to exit."""
     reading, writing = os.pipe()
     os.write(writing, b"." * BYTES)
-    code = "from wayfarer.lines import LineWriter; lines = LineWriter(); lines.write('x'); lines.close()"
+    code = "from wayfarer.daemon.stderr_writer import LineWriter; lines = LineWriter(); lines.write('x'); lines.close()"
     try:
         assert subprocess.run([sys.executable, "-c", code], stderr=writing, timeout=20.0, check=False).returncode == 0
     finally:

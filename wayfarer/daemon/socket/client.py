@@ -14,8 +14,8 @@ from typing import Any
 
 import orjson
 
-from wayfarer.control.paths import known_sockets
-from wayfarer.control.protocol import REPLY_BYTES, Refused, check, read_line
+from wayfarer.daemon.socket.paths import known_sockets
+from wayfarer.daemon.socket.protocol import REPLY_BYTES, Refused, check, read_line
 from wayfarer.errors import BadInput, WayfarerError
 
 

@@ -1,7 +1,7 @@
 """Stopping one motor board, of which a table of settings says where it is.
 
 A daemon that is still there, and would turn the wheels again, is asked to stop. As a program (``python -m
-wayfarer.stop_board``) it takes the board as JSON: ``stop_motors`` starts it with the rights of another user.
+wayfarer.daemon.stop_board``) it takes the board as JSON: ``stop_motors`` starts it with the rights of another user.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from wayfarer.config.registry import find_driver, make_buses
-from wayfarer.control.driven import Driven
+from wayfarer.daemon.socket.driven import Driven
 from wayfarer.errors import BadConfig, BadInput, DriverError, NotResponding, WayfarerError, in_one_line
 from wayfarer.hal import STOP, DriveMotors
 
@@ -70,7 +70,7 @@ def _stop_board(driven: Driven) -> str:
 
 async def _stop(driver: Any, given: Mapping[str, Any], buses_name: str) -> str:
     """Stop the wheels first; then see whether a daemon would turn them again; then ask the board."""
-    from wayfarer.control.motors_lock import device_of, other_commander
+    from wayfarer.daemon.motors_lock import device_of, other_commander
 
     buses = make_buses(buses_name)
     settings = driver.Settings(**given)
@@ -127,8 +127,8 @@ async def _why_not_open(motors: DriveMotors) -> None:
 
 def _ask_daemons() -> dict[Path, bool]:
     """Ask every daemon that may be asked to stop; return by socket whether it will."""
-    from wayfarer.control.client import NoDaemon, ask
-    from wayfarer.control.paths import known_sockets
+    from wayfarer.daemon.socket.client import NoDaemon, ask
+    from wayfarer.daemon.socket.paths import known_sockets
 
     agreed: dict[Path, bool] = {}
     with suppress(BadInput):  # a folder that is not private is nobody's

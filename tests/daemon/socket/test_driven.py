@@ -10,8 +10,8 @@ from stat import S_IMODE
 
 import pytest
 
-from wayfarer.control import paths
-from wayfarer.control.driven import MOST_BYTES, Driven, DrivenRecord, known_records, read_record
+from wayfarer.daemon.socket import paths
+from wayfarer.daemon.socket.driven import MOST_BYTES, Driven, DrivenRecord, known_records, read_record
 from wayfarer.errors import BadInput
 
 DRIVEN = Driven({"driver": "sabertooth", "port": "/dev/ttyAMA0", "duty_limit": 0.5}, "linux")

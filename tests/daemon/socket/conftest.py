@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from tests.control.fake_daemon import FakeDaemon
+from tests.daemon.socket.fake_daemon import FakeDaemon
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from pathlib import Path
 from stat import S_IMODE, S_ISREG
 from typing import Any, NamedTuple
 
-from wayfarer.control import paths
+from wayfarer.daemon.socket import paths
 from wayfarer.errors import BadInput
 from wayfarer.whole_file import whole_file
 

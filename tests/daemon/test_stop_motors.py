@@ -15,16 +15,17 @@ from typing import ClassVar
 
 import pytest
 
-from tests.control.fake_daemon import FakeDaemon, serve
+from tests.daemon.socket.fake_daemon import FakeDaemon, serve
 from wayfarer import cli
 from wayfarer.config.registry import find_driver
-from wayfarer.control.client import NoDaemon
-from wayfarer.control.driven import Driven, DrivenRecord
-from wayfarer.control.motors_lock import MotorsLock
-from wayfarer.control.protocol import Refused
+from wayfarer.daemon.motors_lock import MotorsLock
+from wayfarer.daemon.salvage import SHIPPED
+from wayfarer.daemon.socket.client import NoDaemon
+from wayfarer.daemon.socket.driven import Driven, DrivenRecord
+from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.errors import BadInput, NotResponding, WayfarerError
 from wayfarer.escape.api import Vehicle
-from wayfarer.salvage import SHIPPED
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.fakebus import FakeBuses
@@ -32,13 +33,12 @@ from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
-from wayfarer.stop_motors import stop_motors
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 NOBODY = 65534
 AHEAD = (1.0, 1.0)
 STILL = (0.0, 0.0)
-BUSES = 'buses = "tests.test_stop_motors:buses"\n'
+BUSES = 'buses = "tests.daemon.test_stop_motors:buses"\n'
 THUNDERBORG = '[parts.motors]\ndriver = "thunderborg"\n'
 SABERTOOTH = '[parts.motors]\ndriver = "sabertooth"\n'
 
@@ -87,7 +87,7 @@ def control_socket() -> Iterator[Path]:
 @pytest.fixture(autouse=True)
 def own_sockets(monkeypatch: pytest.MonkeyPatch, control_socket: Path) -> None:
     """Keep away from daemons that may run on this machine."""
-    monkeypatch.setattr("wayfarer.control.paths.known_sockets", lambda: iter([control_socket]))
+    monkeypatch.setattr("wayfarer.daemon.socket.paths.known_sockets", lambda: iter([control_socket]))
 
 
 @pytest.fixture(autouse=True)
@@ -184,7 +184,7 @@ def test_rover_without_motors_has_no_wheels_to_stop(rover_file: Path, text: str)
         (BUSES + '[parts.motors]\ndriver = "gpio_motors"\nleft_forward = 17\n', BadInput, "missing 3 required"),
         ('buses = "os:getcwd"\n' + THUNDERBORG, BadInput, "os:getcwd gives no wayfarer.drivers.buses.Buses"),
         (
-            '[parts.motors]\ndriver = "tests.test_stop_motors:Careless"\n',
+            '[parts.motors]\ndriver = "tests.daemon.test_stop_motors:Careless"\n',
             WayfarerError,
             "nothing may have been stopped",
         ),
@@ -213,7 +213,7 @@ def test_rover_file_is_found_in_the_working_folder_and_without_a_suffix(
 
 
 def test_shipped_rover_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wayfarer.stop_board.make_buses", lambda name: bench.buses)
+    monkeypatch.setattr("wayfarer.daemon.stop_board.make_buses", lambda name: bench.buses)
     port = tomllib.loads((SHIPPED / "forestrover.toml").read_text(encoding="utf-8"))["parts"]["motors"]["port"]
     bench.buses.serial(port).chip = bench.buses.serial("/dev/serial0").chip
     assert "Sabertooth" in stop_motors("forestrover")
@@ -227,7 +227,7 @@ def test_shipped_rover_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.fixture
 def record(control_socket: Path) -> Path:
     """What a daemon that drives the ThunderBorg left beside its socket."""
-    DrivenRecord(control_socket).write(Driven({"driver": "thunderborg"}, "tests.test_stop_motors:buses"))
+    DrivenRecord(control_socket).write(Driven({"driver": "thunderborg"}, "tests.daemon.test_stop_motors:buses"))
     return control_socket.with_name("motors.json")
 
 
@@ -267,7 +267,7 @@ def test_board_that_does_not_answer_is_told_beside_the_one_that_was_stopped(
     rover_file: Path, record: Path, control_socket: Path, table: str, silent: str
 ) -> None:
     if silent == "motors.json":
-        elsewhere = Driven({"driver": "thunderborg", "address": 0x18}, "tests.test_stop_motors:buses")
+        elsewhere = Driven({"driver": "thunderborg", "address": 0x18}, "tests.daemon.test_stop_motors:buses")
         DrivenRecord(control_socket).write(elsewhere)
     with pytest.raises(WayfarerError) as caught:
         stop(rover_file, table)
@@ -309,14 +309,14 @@ def test_root_stops_what_another_user_recorded_with_that_user_s_rights(
         os.chown(each, NOBODY, -1)
     monkeypatch.setattr("sys.executable", str(asked))
     only_ours = {"sabertooth": find_driver("sabertooth")}  # the other one is not imported as root
-    monkeypatch.setattr("wayfarer.stop_board.find_driver", only_ours.__getitem__)
+    monkeypatch.setattr("wayfarer.daemon.stop_board.find_driver", only_ours.__getitem__)
     said = stop(rover_file, BUSES + SABERTOOTH)
     account = pwd.getpwuid(NOBODY)
     groups = " ".join(map(str, sorted(os.getgrouplist(account.pw_name, account.pw_gid))))
     assert f"{record}: I am {NOBODY} of {groups}, and was given " in said
     assert said.startswith(str(rover_file)), "what needs nobody else's process is stopped first"
-    assert '{"motors": {"driver": "thunderborg"}, "buses": "tests.test_stop_motors:buses"}' in said
-    assert "by -P -m wayfarer.stop_board (stopped as user" in said
+    assert '{"motors": {"driver": "thunderborg"}, "buses": "tests.daemon.test_stop_motors:buses"}' in said
+    assert "by -P -m wayfarer.daemon.stop_board (stopped as user" in said
     monkeypatch.setattr("sys.executable", str(tmp_path / "none"))
     with pytest.raises(WayfarerError, match=rf"no process of user {NOBODY}, whose file this is, could stop them"):
         stop_motors(str(rover_file))
@@ -415,7 +415,7 @@ def ask_that(monkeypatch: pytest.MonkeyPatch, control_socket: Path, answers: Cal
         return answers()
 
     control_socket.touch()
-    monkeypatch.setattr("wayfarer.control.client.ask", ask)
+    monkeypatch.setattr("wayfarer.daemon.socket.client.ask", ask)
     return asked
 
 
@@ -440,7 +440,7 @@ def test_daemon_whose_socket_is_known_twice_is_asked_once(
     rover_file: Path, monkeypatch: pytest.MonkeyPatch, control_socket: Path
 ) -> None:
     asked = ask_that(monkeypatch, control_socket, dict)
-    monkeypatch.setattr("wayfarer.control.paths.known_sockets", lambda: iter([control_socket] * 2))
+    monkeypatch.setattr("wayfarer.daemon.socket.paths.known_sockets", lambda: iter([control_socket] * 2))
     stop(rover_file, BUSES + THUNDERBORG)
     assert asked == [{"do": "stop"}]
 
@@ -463,7 +463,7 @@ def test_daemon_of_another_user_is_found_by_its_lock(rover_file: Path, monkeypat
     ends = os.openpty()
     port = os.ttyname(ends[1])
     bench.buses.serial(port).chip = bench.buses.serial("/dev/serial0").chip
-    monkeypatch.setattr("wayfarer.stop_board.make_buses", lambda name: bench.buses)
+    monkeypatch.setattr("wayfarer.daemon.stop_board.make_buses", lambda name: bench.buses)
     table = SABERTOOTH + f'port = "{port}"\n'
     who = rf"another wayfarer \(process {os.getpid()}\)"
     with MotorsLock(port), pytest.raises(WayfarerError, match=f"stop was sent, but {who} still commands these wheels"):

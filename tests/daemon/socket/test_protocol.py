@@ -10,8 +10,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tests.control.fake_daemon import FakeDaemon
-from wayfarer.control.protocol import (
+from tests.daemon.socket.fake_daemon import FakeDaemon
+from wayfarer.daemon.socket.protocol import (
     REPLY_BYTES,
     REQUEST_BYTES,
     VERBS,

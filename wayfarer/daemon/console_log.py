@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from wayfarer.daemon.stderr_writer import clean
 from wayfarer.escape.api import Phase
-from wayfarer.lines import clean
 from wayfarer.records import PartialLog, TickRecord
 
 

@@ -10,16 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from tests.control.fake_daemon import open_files
+from tests.daemon.socket.fake_daemon import open_files
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.control.motors_lock import MotorsLock, MotorsTaken, device_of, motors_device, other_commander
-from wayfarer.control.paths import AlreadyRunning
+from wayfarer.daemon.motors_lock import MotorsLock, MotorsTaken, device_of, motors_device, other_commander
+from wayfarer.daemon.socket.paths import AlreadyRunning
 from wayfarer.drivers.gpio_motors import GpioMotorsSettings
 from wayfarer.drivers.thunderborg import ThunderBorgSettings
 
 HOLDER = """
 import sys
-from wayfarer.control.motors_lock import MotorsLock
+from wayfarer.daemon.motors_lock import MotorsLock
 with MotorsLock(sys.argv[1]):
     print("held", flush=True)
     sys.stdin.read()
@@ -67,7 +67,7 @@ def test_lock_ends_with_its_context_and_leaves_no_file_open(device: str) -> None
 def test_kernel_that_does_not_tell_leaves_the_holder_unnamed(
     device: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("wayfarer.control.motors_lock.LOCKS", tmp_path / "none")
+    monkeypatch.setattr("wayfarer.daemon.motors_lock.LOCKS", tmp_path / "none")
     with MotorsLock(device):
         assert other_commander(device) == "another wayfarer"
 

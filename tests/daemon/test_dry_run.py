@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.config.rover_file import load_rover
-from wayfarer.dry_run import DryMotors
+from wayfarer.daemon.dry_run import DryMotors
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand, troubles_of
 from wayfarer.simhal import stage, trial
 from wayfarer.simhal.generate import generate_forest

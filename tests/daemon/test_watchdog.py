@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from wayfarer.daemon.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
 from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
 
 
 class Listener:
@@ -149,7 +149,7 @@ async def test_blocked_loop_has_its_wheels_stopped_again_and_again(capfd: pytest
     assert len(while_blocked_s) >= 3
     assert wheels.recoveries_s == [pytest.approx(ended_s - began_s, abs=0.1)]
     (where,) = wheels.places
-    assert "tests/test_watchdog.py:" in where, where
+    assert "daemon/test_watchdog.py:" in where, where
     assert " block < " in where, "taken while it stood still, and who called"
     assert "\n" not in where
     told = capfd.readouterr().err

@@ -21,7 +21,7 @@ from itertools import islice
 from pathlib import Path
 from types import FrameType
 
-from wayfarer.lines import LineWriter
+from wayfarer.daemon.stderr_writer import LineWriter
 
 STALL_LIMIT_S = 0.2  # field.md, fault 37: ArduPilot's rover disarms after as long without its main loop
 WHERE_FRAMES = 4  # the innermost ones: what blocks, and who called it

@@ -11,13 +11,13 @@ from stat import S_IMODE
 
 import pytest
 
-from tests.control.fake_daemon import open_files
-from wayfarer.control import paths
-from wayfarer.control.paths import AlreadyRunning, SingleDaemon, daemon_socket, known_sockets
+from tests.daemon.socket.fake_daemon import open_files
+from wayfarer.daemon.socket import paths
+from wayfarer.daemon.socket.paths import AlreadyRunning, SingleDaemon, daemon_socket, known_sockets
 from wayfarer.errors import BadInput
 
 HOLDER = """
-import sys, pathlib, wayfarer.control.paths as paths
+import sys, pathlib, wayfarer.daemon.socket.paths as paths
 with paths.SingleDaemon(pathlib.Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

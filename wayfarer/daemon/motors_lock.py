@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from wayfarer.control.paths import AlreadyRunning
+from wayfarer.daemon.socket.paths import AlreadyRunning
 
 if TYPE_CHECKING:
     from wayfarer.config.rover_file import RoverConfig

@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
-from tests.control.fake_daemon import FakeDaemon, RawClient, serve
-from wayfarer.control import client, server
-from wayfarer.control.client import NoDaemon, ask
-from wayfarer.control.protocol import Refused
-from wayfarer.control.server import Limits
+from tests.daemon.socket.fake_daemon import FakeDaemon, RawClient, serve
+from wayfarer.daemon.socket import client, server
+from wayfarer.daemon.socket.client import NoDaemon, ask
+from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.server import Limits
 from wayfarer.errors import BadInput, WayfarerError
 
 STATUS = {"do": "status"}

@@ -22,10 +22,10 @@ from tests.fieldlog.disks import FailingCall
 from tests.logbook.records import HEADER, drive, event, numbered, write
 from tests.system.faulty import FAULTY
 from wayfarer.config.rover_file import load_rover
-from wayfarer.control.client import ask
-from wayfarer.control.paths import AlreadyRunning, SingleDaemon
-from wayfarer.daemon import computer
-from wayfarer.daemon.service import Daemon, Service, Vessel, serve
+from wayfarer.daemon import host_health
+from wayfarer.daemon.daemon import Daemon, Service, Vessel, serve
+from wayfarer.daemon.socket.client import ask
+from wayfarer.daemon.socket.paths import AlreadyRunning, SingleDaemon
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, WheelCommand
@@ -218,7 +218,7 @@ async def test_log_says_where_the_loop_stood_still(site: Site) -> None:
         await site.ask("stop")
         await daemon.end()
     where = site.events("loop_stalled")[0]["where"]
-    assert where.startswith("daemon/test_service.py:"), where
+    assert where.startswith("daemon/test_daemon.py:"), where
     assert "test_log_says_where_the_loop_stood_still" in where.split(" < ")[0]
 
 
@@ -299,7 +299,7 @@ async def test_low_voltage_of_the_computer_is_noticed_within_a_second(
     site: Site, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     flags = tmp_path / "get_throttled"
-    monkeypatch.setattr(computer, "THROTTLED", str(flags))
+    monkeypatch.setattr(host_health, "THROTTLED", str(flags))
     async with Running(site) as daemon:
         flags.write_text("50005\n", encoding="ascii")
         async with asyncio.timeout(1.5):  # a second, and this machine's patience

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from wayfarer.console_log import ConsoleLog
+from wayfarer.daemon.console_log import ConsoleLog
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.hal import STOP, PositionFix
 from wayfarer.latest import Snapshot

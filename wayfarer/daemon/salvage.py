@@ -10,10 +10,10 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from wayfarer.control.driven import Driven
+from wayfarer.daemon.socket.driven import Driven
 from wayfarer.errors import BadConfig, BadInput, in_one_line
 
-SHIPPED = Path(__file__).parent / "rovers"
+SHIPPED = Path(__file__).parents[1] / "rovers"
 
 
 def rover_path(name_or_path: str) -> Path:

@@ -23,7 +23,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from wayfarer.control.protocol import REQUEST_BYTES, Commands, Refused, accept, check, perform, read_line, refuse
+from wayfarer.daemon.socket.protocol import REQUEST_BYTES, Commands, Refused, accept, check, perform, read_line, refuse
 from wayfarer.errors import BadInput, WayfarerError
 
 _CREDENTIALS = struct.Struct("iII")  # struct ucred of unix(7): process, user and group

@@ -10,8 +10,8 @@ from subprocess import CompletedProcess
 
 import pytest
 
-from wayfarer import service
 from wayfarer.config.rover_file import load_rover
+from wayfarer.daemon import install
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 
 UNIT = "etc/systemd/system/wayfarer.service"
@@ -30,7 +30,7 @@ def environment(folder: Path) -> Path:
 @pytest.fixture
 def python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The interpreter of an environment that the service's user can reach, as pytest's own folders are not."""
-    monkeypatch.setattr(service, "check_reachable", lambda executable, python: None)
+    monkeypatch.setattr(install, "check_reachable", lambda executable, python: None)
     return environment(tmp_path / "opt/wayfarer/bin")
 
 
@@ -53,7 +53,7 @@ def given(root: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
         commands.append(list(command))
         return CompletedProcess(command, 0, "", "")
 
-    monkeypatch.setattr(service, "HERE", root)
+    monkeypatch.setattr(install, "HERE", root)
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     monkeypatch.setattr(subprocess, "run", give)
     return commands
@@ -81,7 +81,7 @@ def settings(unit: str) -> dict[str, list[str]]:
 
 
 def test_unit_starts_this_installation(root: Path, python: Path) -> None:
-    unit = settings(service.unit_text(root, python))
+    unit = settings(install.unit_text(root, python))
     command = python.parent / "wayfarer"
     assert unit["ExecStart"] == [f"{command} run --config /etc/wayfarer/rover.toml --logs /var/lib/wayfarer/field_logs"]
     assert unit["ExecStopPost"] == [f"-{command} stop-motors --config /etc/wayfarer/rover.toml"]
@@ -89,15 +89,15 @@ def test_unit_starts_this_installation(root: Path, python: Path) -> None:
 
 
 def test_unit_names_only_the_groups_that_exist_there(root: Path, python: Path) -> None:
-    assert settings(service.unit_text(root, python))["SupplementaryGroups"] == ["i2c spi"]
+    assert settings(install.unit_text(root, python))["SupplementaryGroups"] == ["i2c spi"]
 
 
 def test_system_without_a_group_file_has_no_groups(tmp_path: Path, python: Path) -> None:
-    assert settings(service.unit_text(tmp_path, python))["SupplementaryGroups"] == [""]
+    assert settings(install.unit_text(tmp_path, python))["SupplementaryGroups"] == [""]
 
 
 def test_parts_are_not_hidden_from_the_service(root: Path, python: Path) -> None:
-    unit = settings(service.unit_text(root, python))
+    unit = settings(install.unit_text(root, python))
     assert "PrivateDevices" not in unit
     assert {"char-i2c rw", "char-spi rw", "char-gpiochip rw", "char-video4linux rw"} <= set(unit["DeviceAllow"])
 
@@ -106,8 +106,8 @@ def test_install_writes_unit_and_rover_file_and_says_what_is_next(
     root: Path, python: Path, given: list[list[str]]
 ) -> None:
     said: list[str] = []
-    service.install("sim", root, python, said.append)
-    assert (root / UNIT).read_text(encoding="utf-8") == service.unit_text(root, python)
+    install.install("sim", root, python, said.append)
+    assert (root / UNIT).read_text(encoding="utf-8") == install.unit_text(root, python)
     assert load_rover(str(root / ROVER_FILE)) == load_rover("sim")
     assert any("systemctl enable --now wayfarer" in line for line in said)
     assert sorted(path.name for path in root.rglob("*") if path.is_file()) == [
@@ -120,7 +120,7 @@ def test_on_a_card_only_files_are_written_and_the_rest_is_to_be_done_there(
 ) -> None:
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: pytest.fail("a command was given to the host"))
     said: list[str] = []
-    service.install("sim", root, python, said.append)
+    install.install("sim", root, python, said.append)
     text, command = "\n".join(said), python.parent / "wayfarer"
     assert f"the unit starts {command}: wayfarer must be installed at that path" in text
     assert f"sudo {command} install-service" in text
@@ -129,14 +129,14 @@ def test_on_a_card_only_files_are_written_and_the_rest_is_to_be_done_there(
 
 
 def test_user_is_made_with_the_groups_there_are(root: Path, python: Path, given: list[list[str]]) -> None:
-    service.install("sim", root, python, lambda line: None)
+    install.install("sim", root, python, lambda line: None)
     (made,) = [command for command in given if command[0] == "useradd"]
     assert made[-3:] == ["--groups", "i2c,spi", "wayfarer"]
 
 
 def test_user_is_made_without_groups_where_there_are_none(root: Path, python: Path, given: list[list[str]]) -> None:
     (root / "etc/group").write_text("root:x:0:\n", encoding="utf-8")
-    service.install("sim", root, python, lambda line: None)
+    install.install("sim", root, python, lambda line: None)
     (made,) = [command for command in given if command[0] == "useradd"]
     assert "--groups" not in made
 
@@ -150,7 +150,7 @@ def test_user_who_is_there_is_added_to_the_groups_that_he_lacks(
 ) -> None:
     (root / "etc/passwd").write_text("wayfarer:x:990:990::/var/lib/wayfarer:/usr/sbin/nologin\n", encoding="utf-8")
     (root / "etc/group").write_text(f"i2c:x:990:{i2c}\nspi:x:989:wayfarer\n", encoding="utf-8")
-    service.install("sim", root, python, lambda line: None)
+    install.install("sim", root, python, lambda line: None)
     assert [command for command in given if command[0].startswith("user")] == commands
 
 
@@ -158,7 +158,7 @@ def test_folder_for_calibration_and_logs_is_there_before_the_first_start(
     root: Path, python: Path, given: list[list[str]], umask: Callable[[int], int]
 ) -> None:
     umask(0o077)
-    service.install("sim", root, python, lambda line: None)
+    install.install("sim", root, python, lambda line: None)
     folder = root / "var/lib/wayfarer"
     assert mode(folder) == 0o755
     assert given[-1] == ["chown", "--recursive", "--no-dereference", "wayfarer:wayfarer", str(folder)]
@@ -170,33 +170,33 @@ def test_command_that_fails_is_told_in_one_line(
     failed = CompletedProcess((), 1, "", "useradd: cannot lock /etc/passwd;\ntry again later.\n")
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: failed)
     with pytest.raises(BadInput, match=r"^useradd --system .* try again later\.$"):
-        service.install("sim", root, python, lambda line: None)
+        install.install("sim", root, python, lambda line: None)
 
 
 def test_files_can_be_read_by_the_service_whatever_the_umask(
     root: Path, python: Path, umask: Callable[[int], int]
 ) -> None:
     umask(0o077)
-    service.install("sim", root, python, lambda line: None)
+    install.install("sim", root, python, lambda line: None)
     assert {mode(root / file) for file in (UNIT, ROVER_FILE)} == {0o644}
     assert {mode((root / file).parent) for file in (UNIT, ROVER_FILE)} == {0o755}
 
 
 def test_rover_file_may_be_ones_own(root: Path, python: Path, tmp_path: Path) -> None:
-    service.install("sim", root, python, lambda line: None)
+    install.install("sim", root, python, lambda line: None)
     own = tmp_path / "mine.toml"
     own.write_text((root / ROVER_FILE).read_text(encoding="utf-8").replace('"sim"', '"mine"'), encoding="utf-8")
     (root / ROVER_FILE).unlink()
-    service.install(str(own), root, python, lambda line: None)
+    install.install(str(own), root, python, lambda line: None)
     assert load_rover(str(root / ROVER_FILE)).name == "mine"
 
 
 def test_existing_rover_file_is_kept(root: Path, python: Path) -> None:
-    service.install("sim", root, python, lambda line: None)
+    install.install("sim", root, python, lambda line: None)
     calibrated = (root / ROVER_FILE).read_text(encoding="utf-8") + "# calibrated in the yard\n"
     (root / ROVER_FILE).write_text(calibrated, encoding="utf-8")
     said: list[str] = []
-    service.install("sim", root, python, said.append)
+    install.install("sim", root, python, said.append)
     assert (root / ROVER_FILE).read_text(encoding="utf-8") == calibrated
     assert f"kept {root / ROVER_FILE}" in said
 
@@ -209,7 +209,7 @@ def test_without_a_usable_rover_nothing_is_written(
     root: Path, python: Path, rover: str | None, error: type[Exception], text: str
 ) -> None:
     with pytest.raises(error, match=text):
-        service.install(rover, root, python, lambda line: None)
+        install.install(rover, root, python, lambda line: None)
     assert not (root / UNIT).exists()
     assert not (root / ROVER_FILE).exists()
 
@@ -218,7 +218,7 @@ def test_rover_file_that_is_there_and_unusable_is_told_at_once(root: Path, pytho
     (root / ROVER_FILE).parent.mkdir()
     (root / ROVER_FILE).write_text("nonsense", encoding="utf-8")
     with pytest.raises(BadConfig, match="not valid TOML"):
-        service.install(None, root, python, lambda line: None)
+        install.install(None, root, python, lambda line: None)
 
 
 def made_user(root: Path, uid: int) -> None:
@@ -238,13 +238,13 @@ def made_user(root: Path, uid: int) -> None:
 def test_rover_file_that_the_service_could_not_read_is_told_and_nothing_is_enabled(
     root: Path, python: Path, given: list[list[str]], closed: str, closed_mode: int, remedy: str
 ) -> None:
-    service.install("sim", root, python, lambda line: None)
+    install.install("sim", root, python, lambda line: None)
     (root / UNIT).unlink()
     given.clear()
     (root / closed).chmod(closed_mode)
     said: list[str] = []
     with pytest.raises(BadInput) as caught:
-        service.install(None, root, python, said.append)
+        install.install(None, root, python, said.append)
     (root / closed).chmod(0o755)
     assert str(caught.value) == (
         f"{root / ROVER_FILE}: the user 'wayfarer' could not read it, because {root / closed} is closed to it (mode "
@@ -256,14 +256,14 @@ def test_rover_file_that_the_service_could_not_read_is_told_and_nothing_is_enabl
 
 
 def test_rover_file_of_the_service_s_own_user_or_group_is_readable(root: Path, python: Path) -> None:
-    service.install("sim", root, python, lambda line: None)
+    install.install("sim", root, python, lambda line: None)
     path = root / ROVER_FILE
     path.chmod(0o600)
     made_user(root, path.stat().st_uid)
-    service.install(None, root, python, lambda line: None)
+    install.install(None, root, python, lambda line: None)
     path.chmod(0o040)
     with pytest.raises(BadInput, match=r"mode 0040\): sudo chmod u\+r"):
-        service.install(None, root, python, lambda line: None)
+        install.install(None, root, python, lambda line: None)
 
 
 @pytest.mark.parametrize(
@@ -272,20 +272,20 @@ def test_rover_file_of_the_service_s_own_user_or_group_is_readable(root: Path, p
 def test_group_of_the_rover_file_counts_where_the_service_is_in_it(
     root: Path, python: Path, line: str, readable: bool
 ) -> None:
-    service.install("sim", root, python, lambda line: None)
+    install.install("sim", root, python, lambda line: None)
     path = root / ROVER_FILE
     path.chmod(0o640)
     made_user(root, 54_321)
     (root / "etc/group").write_text(line.format(path.stat().st_gid), encoding="utf-8")
     if readable:
-        service.install(None, root, python, lambda line: None)
+        install.install(None, root, python, lambda line: None)
     else:
         with pytest.raises(BadInput, match=r"sudo chmod o\+r"):
-            service.install(None, root, python, lambda line: None)
+            install.install(None, root, python, lambda line: None)
 
 
 def test_interrupted_writing_leaves_the_old_unit(root: Path, python: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    service.install("sim", root, python, lambda line: None)
+    install.install("sim", root, python, lambda line: None)
     (root / UNIT).write_text("the old unit", encoding="utf-8")
 
     def fail(file_number: int) -> None:
@@ -293,36 +293,36 @@ def test_interrupted_writing_leaves_the_old_unit(root: Path, python: Path, monke
 
     monkeypatch.setattr(os, "fsync", fail)
     with pytest.raises(BadInput, match="No space left on device"):
-        service.install(None, root, python, lambda line: None)
+        install.install(None, root, python, lambda line: None)
     assert (root / UNIT).read_text(encoding="utf-8") == "the old unit"
 
 
 def test_installing_into_the_running_system_needs_root(python: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
     with pytest.raises(BadInput, match="run it with sudo"):
-        service.install("sim", Path("/"), python, lambda line: None)
+        install.install("sim", Path("/"), python, lambda line: None)
 
 
 def test_environment_without_the_command_is_refused(root: Path, tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="no such command"):
-        service.unit_text(root, tmp_path / "python")
+        install.unit_text(root, tmp_path / "python")
 
 
 @pytest.mark.parametrize("folder", ["my rover", "100%", "a$b", 'a"b', "grün"])
 def test_path_that_systemd_would_read_otherwise_is_refused(tmp_path: Path, folder: str) -> None:
     with pytest.raises(BadInput, match="without blanks or signs"):
-        service.unit_text(tmp_path, environment(tmp_path / folder))
+        install.unit_text(tmp_path, environment(tmp_path / folder))
 
 
 def test_environment_below_tmp_is_refused() -> None:
     with pytest.raises(BadInput, match="install into /opt/wayfarer"):
-        service.check_reachable(Path("/tmp/venv/bin/wayfarer"), Path("/usr/bin/python3"))
+        install.check_reachable(Path("/tmp/venv/bin/wayfarer"), Path("/usr/bin/python3"))
 
 
 def test_environment_behind_a_closed_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(service, "OWN_FOLDERS", ())
+    monkeypatch.setattr(install, "OWN_FOLDERS", ())
     home = tmp_path / "home/pi"
     interpreter = environment(home / "venv/bin")
     home.chmod(0o700)
     with pytest.raises(BadInput, match=f"because {home} is closed to others"):
-        service.check_reachable(interpreter.with_name("wayfarer"), interpreter)
+        install.check_reachable(interpreter.with_name("wayfarer"), interpreter)

@@ -21,18 +21,20 @@ from wayfarer.checks import ARMING, CALIBRATED, Place, system
 from wayfarer.checks.system import device_files
 from wayfarer.config.calibration_file import Calibration, calibration_file
 from wayfarer.config.rover_file import RoverConfig, part_settings
-from wayfarer.console_log import ConsoleLog
-from wayfarer.control.driven import Driven, DrivenRecord
-from wayfarer.control.motors_lock import MotorsLock, motors_device
-from wayfarer.control.paths import SingleDaemon
-from wayfarer.control.server import ControlServer
+from wayfarer.daemon.arming_inspection import Live
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.daemon.computer import ComputerWatch, Health
+from wayfarer.daemon.console_log import ConsoleLog
+from wayfarer.daemon.dry_run import DryMotors
 from wayfarer.daemon.heartbeat import Heartbeat
-from wayfarer.daemon.inspection import Live
+from wayfarer.daemon.host_health import ComputerWatch, Health
+from wayfarer.daemon.motors_lock import MotorsLock, motors_device
 from wayfarer.daemon.signals import handle_signals
+from wayfarer.daemon.socket.driven import Driven, DrivenRecord
+from wayfarer.daemon.socket.paths import SingleDaemon
+from wayfarer.daemon.socket.server import ControlServer
+from wayfarer.daemon.stderr_writer import LineWriter
 from wayfarer.daemon.viewer import Viewer
-from wayfarer.dry_run import DryMotors
+from wayfarer.daemon.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.clock import wall_clock
@@ -42,13 +44,11 @@ from wayfarer.fieldlog.folders import new_run_folder
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.thread import WriterThread
 from wayfarer.hal import Rover
-from wayfarer.lines import LineWriter
 from wayfarer.logbook.wording import unclean_text
 from wayfarer.records import RunLog, Tee
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.stop_path import STOP_DEADLINE_S
 from wayfarer.supervisor import Supervisor, check_parts, first_cause
-from wayfarer.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
 
 
 @dataclass(frozen=True, slots=True)
