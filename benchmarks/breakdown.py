@@ -24,18 +24,18 @@ OTHER = "other (tally, set-up of the trial)"
 PARTS = {
     "/asyncio/": "event loop",
     "/wayfarer/simhal/loop.py": "event loop",
-    "/wayfarer/pace.py": "event loop",
+    "/wayfarer/control/rate.py": "event loop",
     "/wayfarer/simhal/world.py": "world",
     "/wayfarer/simhal/obstacles.py": "world",
     "/wayfarer/simhal/streams.py": "world",
     "/wayfarer/simhal/referee.py": "world",
     "/wayfarer/simhal/devices.py": "sensors and motors",
-    "/wayfarer/supervisor.py": "sensors and motors",
-    "/wayfarer/latest.py": "sensors and motors",
+    "/wayfarer/control/supervisor.py": "sensors and motors",
+    "/wayfarer/control/latest.py": "sensors and motors",
     "/wayfarer/detector/": "detector",
     "/wayfarer/escape/": "escape handler",
     "/wayfarer/safety/gate.py": "safety gate",
-    "/wayfarer/helm.py": "helm",
+    "/wayfarer/control/controller.py": "helm",
 }
 
 

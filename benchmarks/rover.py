@@ -15,6 +15,7 @@ from benchmarks.figures import Figure
 from benchmarks.stack import spec_of
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import load_rover, part_settings
+from wayfarer.control.supervisor import Supervisor
 from wayfarer.drivers.threaded import ThreadedI2C
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.simhal.fakebus import FakeBuses, FakeI2C
@@ -24,7 +25,6 @@ from wayfarer.simhal.rig import Depth, Solder
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.trial import Tally, run_trial
 from wayfarer.simhal.world import World
-from wayfarer.supervisor import Supervisor
 
 HANG_S = 1.0
 HEARTBEAT_S = 0.001

@@ -28,14 +28,14 @@ from benchmarks.figures import print_table
 from wayfarer.checks import Place
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.config.rover_file import load_rover
+from wayfarer.control.controller import Mode
+from wayfarer.control.records import Tee
 from wayfarer.daemon.arming_inspection import Live
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.helm import Mode
-from wayfarer.records import Tee
 from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.loop import VirtualLoop

@@ -22,11 +22,11 @@ MODULES = {
 # Lowest first: a module may import from its own layer and from those before it.
 LAYERS = [
     ["angles", "units", "errors", "hal", "drivers.buses", "whole_file"],
-    ["escape", "safety", "latest", "daemon.stderr_writer"],
-    ["detector", "records", "daemon.watchdog"],
-    ["electrics", "config", "pace"],
-    ["helm", "fieldlog", "daemon.console_log", "status_light"],
-    ["supervisor", "fresh_wheels", "sampling", "stop_path", "troubles"],
+    ["escape", "safety", "control.latest", "daemon.stderr_writer"],
+    ["detector", "control.records", "daemon.watchdog"],
+    ["config", "control.power_reports", "control.rate"],
+    ["control.controller", "control.status_light", "daemon.console_log", "fieldlog"],
+    ["control"],
     [
         "checks", "daemon.dry_run", "daemon.stop_motors", "daemon.stop_board", "daemon.salvage", "daemon.install",
         "daemon.motors_lock", "daemon.socket",
@@ -35,7 +35,8 @@ LAYERS = [
     ["calibrate", "daemon", "replay", "live"],
 ]  # fmt: skip
 PURE = [
-    "angles", "units", "hal", "escape", "detector", "latest", "safety", "electrics", "status_light",
+    "angles", "units", "hal", "escape", "detector", "safety", "control.latest", "control.power_reports",
+    "control.status_light",
 ]  # fmt: skip
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
 BUS_LIBRARIES = {"cv2", "smbus2", "spidev", "serial", "gpiozero", "picamera2"}
@@ -176,7 +177,7 @@ def test_walk_over_imports_tells_types_functions_and_real_imports_apart() -> Non
     ("modules", "kept_out"),
     [
         (["wayfarer.cli"], {"numpy", "scipy", "pydantic", "asyncio"}),
-        (["wayfarer.supervisor"], HEAVY),
+        (["wayfarer.control.supervisor"], HEAVY),
         (["wayfarer.testing"], HEAVY),
         (["wayfarer.daemon.daemon"], HEAVY),
         (["wayfarer.daemon.stop_motors", "wayfarer.daemon.stop_board"], HEAVY),

@@ -17,13 +17,14 @@ from tests.logbook.records import SAMPLE_LOGS
 from tests.virtual import virtual
 from wayfarer import cli
 from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.control.controller import Mode
+from wayfarer.control.records import Tee
+from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import BadInput, NotResponding
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
-from wayfarer.helm import Mode
-from wayfarer.records import Tee
 from wayfarer.replay import Replay, replay
 from wayfarer.safety.motor_board import BoardSettings
 from wayfarer.safety.supply import DIPS_S
@@ -31,7 +32,6 @@ from wayfarer.simhal.desk import desk_vessel
 from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.rig import Depth
 from wayfarer.simhal.trial import run_trial
-from wayfarer.supervisor import Supervisor
 
 SIM = load_rover("sim")
 

@@ -6,10 +6,10 @@ import errno
 from pathlib import Path
 from typing import Any
 
-from tests.test_helm import Bench
+from tests.control.test_controller import Bench
+from wayfarer.control.controller import Mode
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.drivers.threaded import ThreadedSerial
-from wayfarer.helm import Mode
 
 BY_ID = "/dev/serial/by-id/usb-adapter"
 TIMEOUT_COMMAND = 14  # serial timeout, in tenths of a second

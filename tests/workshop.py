@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.control.records import TickRecord
+from wayfarer.control.supervisor import Supervisor
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import (
@@ -20,11 +22,9 @@ from wayfarer.hal import (
     Rover,
     WheelCommand,
 )
-from wayfarer.records import TickRecord
 from wayfarer.safety.gate import SafetySettings
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.supervisor import Supervisor
 
 AHEAD = WheelCommand(0.5, 0.5)
 VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=1.0)

@@ -20,15 +20,15 @@ from pydantic import ValidationError
 from wayfarer.config.messages import explain, most_telling
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.control.controller import Helm, Mode
+from wayfarer.control.latest import Cells
+from wayfarer.control.records import PartialLog
+from wayfarer.control.supervisor import make_detector, needs_of
 from wayfarer.errors import BadInput, DriverError
 from wayfarer.fieldlog.log import tick_fields
 from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.fieldlog.schema import SCHEMA
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, Side, WheelCommand
-from wayfarer.helm import Helm, Mode
-from wayfarer.latest import Cells
-from wayfarer.records import PartialLog
-from wayfarer.supervisor import make_detector, needs_of
 
 # What a tick concluded, the root first: a heading that is believed or not explains an anomaly, that a phase.
 CONCLUSIONS = ("heading_deg", "anomalies", "level", "cause", "goal_heading_deg", "phase", "why", "wanted_left")

@@ -18,6 +18,8 @@ from wayfarer.checks import Verdict, run_checks
 from wayfarer.checks.deadman import keep_proof
 from wayfarer.checks.parts import contact
 from wayfarer.config.calibration_file import Calibration, MotorsEntry, save, stamp
+from wayfarer.control.records import PartialLog
+from wayfarer.control.supervisor import Supervisor
 from wayfarer.daemon.arming_inspection import FRESH_S, Live
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Commands, Refused
@@ -25,13 +27,11 @@ from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, Side, WheelCommand
-from wayfarer.records import PartialLog
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.streams import Streams
-from wayfarer.supervisor import Supervisor
 
 ABOUT = {"version": "1", "rover": "sim", "algorithm": "pledge", "log": "logs/00001", "start_delay_s": 2.0}
 DELAY_S = 2.0

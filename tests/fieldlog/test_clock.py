@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from tests.fieldlog.lines import read
+from wayfarer.control.latest import Snapshot
+from wayfarer.control.records import TickRecord
 from wayfarer.escape.api import Decision, Phase
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.hal import STOP
-from wayfarer.latest import Snapshot
-from wayfarer.records import TickRecord
 from wayfarer.safety.conditions import Level
 
 BOOT_S = 1.7e9  # what a computer without a clock of its own believes until it finds the right time

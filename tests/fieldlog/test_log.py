@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from wayfarer.config.rover_file import load_rover
+from wayfarer.control.latest import Snapshot
+from wayfarer.control.records import TickRecord
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Decision, Phase
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog, Record
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.hal import STOP
-from wayfarer.latest import Snapshot
-from wayfarer.records import TickRecord
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.stage import TrialSpec

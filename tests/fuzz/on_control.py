@@ -141,7 +141,8 @@ def _word(line: bytes) -> str:
 SERVER = Target(
     "server",
     ["wayfarer.daemon.socket.server:ControlServer", "wayfarer.daemon.socket.server:_turn_away",
-     "wayfarer.daemon.socket.protocol:perform", "wayfarer.daemon.socket.protocol:accept", "wayfarer.daemon.socket.protocol:refuse"],
+     "wayfarer.daemon.socket.protocol:perform", "wayfarer.daemon.socket.protocol:accept",
+     "wayfarer.daemon.socket.protocol:refuse"],
     lambda kept: CLIENTS,
     _served,
     quick=60,

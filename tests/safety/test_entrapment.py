@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.test_helm import Bench
+from tests.control.test_controller import Bench
+from wayfarer.control.controller import Mode
 from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
-from wayfarer.helm import Mode
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.entrapment import Progress, ProgressSettings
 from wayfarer.safety.interval import Interval

@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 
 from wayfarer.config.rover_file import load_rover
+from wayfarer.control.records import Tee
+from wayfarer.control.supervisor import Supervisor
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.records import Tee
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.desk import desk_vessel
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.rig import Depth
 from wayfarer.simhal.world import World
-from wayfarer.supervisor import Supervisor
 
 UPTIME_S = 86_400.0  # a desk computer's clock does not begin at 0
 

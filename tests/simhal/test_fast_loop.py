@@ -14,8 +14,8 @@ from typing import Any, TypeVar
 import pytest
 
 from tests.simhal.test_loop import timeouts, timers_in_time_order, trace_of, waiting_for
+from wayfarer.control.rate import Pace
 from wayfarer.daemon.watchdog import StallGuard
-from wayfarer.pace import Pace
 from wayfarer.simhal.fast_loop import CATCH_UP_S, LATE_S, FastLoop
 
 T = TypeVar("T")

@@ -14,6 +14,7 @@ import pytest
 from tests.virtual import virtual
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.control.supervisor import first_cause
 from wayfarer.errors import BadInput, NotResponding, WrongPart
 from wayfarer.hal import CompassReading
 from wayfarer.simhal import faults
@@ -31,7 +32,6 @@ from wayfarer.simhal.scenarios.monitor import Monitor
 from wayfarer.simhal.scenarios.rovers import laid_over
 from wayfarer.simhal.scenarios.runner import CLEARING
 from wayfarer.simhal.stage import Stage, TrialSpec
-from wayfarer.supervisor import first_cause
 
 # Driving, with all that is read every so often read several times before the fault begins.
 BEGINS_S, LASTS_S, ENDS_S = 4.0, 2.0, 7.0

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from wayfarer import sampling, supervisor
 from wayfarer.config.rover_file import load_rover
+from wayfarer.control import sensors, supervisor
 from wayfarer.drivers.pmw3901 import OPEN_S
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.simhal import stage, trial
@@ -83,10 +83,10 @@ def test_trial_runs_the_very_supervisor_that_drives_the_rover() -> None:
 
 def run_without(sensor: str, spec: TrialSpec, monkeypatch: pytest.MonkeyPatch) -> TrialResult:
     """Run a trial with one row of the task table taken away."""
-    rows_of: Any = sampling.sensor_tasks
+    rows_of: Any = sensors.sensor_tasks
 
-    def fewer(*args: Any) -> tuple[sampling.SensorTask, ...]:
-        rows: tuple[sampling.SensorTask, ...] = rows_of(*args)
+    def fewer(*args: Any) -> tuple[sensors.SensorTask, ...]:
+        rows: tuple[sensors.SensorTask, ...] = rows_of(*args)
         left = tuple(row for row in rows if row.name != sensor)
         assert len(left) == len(rows) - 1
         return left

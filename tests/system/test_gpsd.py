@@ -20,20 +20,20 @@ from typing import NamedTuple
 import pytest
 
 from wayfarer.config.rover_file import load_rover
+from wayfarer.control.controller import Mode
+from wayfarer.control.supervisor import Supervisor
 from wayfarer.drivers.gpsd import Gpsd, GpsdSettings
 from wayfarer.errors import NotResponding
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.hal import PositionFix
-from wayfarer.helm import Mode
 from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.rig import device_depth
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World
-from wayfarer.supervisor import Supervisor
 
 START_S = 20.0  # a busy machine takes seconds to start both
 

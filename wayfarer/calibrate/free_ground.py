@@ -16,9 +16,9 @@ from wayfarer.checks import board, deadman
 from wayfarer.checks.api import Verdict, run_checks
 from wayfarer.checks.bench import RATE_HZ, wheels_stopped_after
 from wayfarer.checks.standalone import Standalone
+from wayfarer.control.rate import Pace
 from wayfarer.errors import WayfarerError
 from wayfarer.hal import CompassReading, WheelCommand
-from wayfarer.pace import Pace
 from wayfarer.safety.gate import Gate
 from wayfarer.safety.persistence import Persistent
 

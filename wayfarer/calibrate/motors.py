@@ -10,8 +10,8 @@ from wayfarer.angles import circular_mean, wrap180
 from wayfarer.calibrate.person import Person
 from wayfarer.checks.bench import RATE_HZ, wheels_stopped_after
 from wayfarer.config.calibration_file import MotorsEntry, stamp
+from wayfarer.control.rate import Pace
 from wayfarer.hal import Compass, DriveMotors, WheelCommand
-from wayfarer.pace import Pace
 
 SHIFT_MAX_DEG = 10.0
 TICKS = round(2.0 * RATE_HZ)  # of each duty; the heading is taken in the second half

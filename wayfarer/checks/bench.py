@@ -7,8 +7,8 @@ from collections.abc import AsyncGenerator, Awaitable, Callable, Coroutine
 from contextlib import asynccontextmanager
 from typing import Any, NamedTuple
 
+from wayfarer.control.rate import Pace
 from wayfarer.hal import CompassReading, DriveMotors, MotionReading, WheelCommand
-from wayfarer.pace import Pace
 
 RATE_HZ = 20.0  # of commands: a ThunderBorg stops after 0.25 s without one; and of readings
 

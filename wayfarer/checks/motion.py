@@ -18,10 +18,10 @@ from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped
 from wayfarer.checks.bench import RATE_HZ, Push, keep_driving, measure_push, wheels_stopped_after
 from wayfarer.checks.deadman import keep_proof
 from wayfarer.checks.parts import heard, silent
+from wayfarer.control.rate import Pace
 from wayfarer.detector import Stall
 from wayfarer.errors import DriverError, WayfarerError
 from wayfarer.hal import STOP, DriveMotors, WheelCommand, can_be_asked
-from wayfarer.pace import Pace
 
 Ask = Callable[[str], Awaitable[bool]]
 """Asks a person a question of yes or no."""

@@ -8,10 +8,10 @@ from typing import TypeVar
 
 from wayfarer.checks.api import Place
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.control.latest import Snapshot
+from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
-from wayfarer.latest import Snapshot
-from wayfarer.supervisor import Supervisor
 
 R = TypeVar("R", CompassReading, MotionReading, ContactReading)
 

@@ -9,14 +9,14 @@ from typing import Any
 
 from wayfarer.checks import ARMING, Check, Finding, Inspection, Verdict, run_checks
 from wayfarer.checks.api import fail
+from wayfarer.control.controller import Mode
+from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ, Allowance
+from wayfarer.control.records import RunLog, TickRecord
+from wayfarer.control.supervisor import Supervisor
 from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.errors import DriverError
 from wayfarer.hal import DriveMotors
-from wayfarer.helm import Mode
-from wayfarer.pace import ASKED_AT_ONCE, ASKED_HZ, Allowance
-from wayfarer.records import RunLog, TickRecord
 from wayfarer.safety.conditions import Condition
-from wayfarer.supervisor import Supervisor
 
 # Faults that arming anew cannot mend, as long as they last; the others it forgets, or finds again by itself.
 REMEDIES: Mapping[Condition, tuple[str, str]] = {

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.daemon.stderr_writer import clean
 from wayfarer.escape.api import Phase
-from wayfarer.records import PartialLog, TickRecord
 
 
 class ConsoleLog(PartialLog):

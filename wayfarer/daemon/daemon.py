@@ -21,6 +21,9 @@ from wayfarer.checks import ARMING, CALIBRATED, Place, system
 from wayfarer.checks.system import device_files
 from wayfarer.config.calibration_file import Calibration, calibration_file
 from wayfarer.config.rover_file import RoverConfig, part_settings
+from wayfarer.control.records import RunLog, Tee
+from wayfarer.control.shutdown import STOP_DEADLINE_S
+from wayfarer.control.supervisor import Supervisor, check_parts, first_cause
 from wayfarer.daemon.arming_inspection import Live
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.console_log import ConsoleLog
@@ -45,10 +48,7 @@ from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.thread import WriterThread
 from wayfarer.hal import Rover
 from wayfarer.logbook.wording import unclean_text
-from wayfarer.records import RunLog, Tee
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.stop_path import STOP_DEADLINE_S
-from wayfarer.supervisor import Supervisor, check_parts, first_cause
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.daemon.watchdog import Notifier, StallGuard
-from wayfarer.records import PartialLog, TickRecord
 
 
 class Heartbeat(PartialLog):

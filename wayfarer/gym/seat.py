@@ -15,6 +15,7 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import NamedTuple
 
+from wayfarer.control.supervisor import first_cause
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.hal import STOP, WheelCommand
@@ -23,7 +24,6 @@ from wayfarer.simhal.referee import Outcome
 from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.stage import Stage, TrialSpec
 from wayfarer.simhal.trial import GAVE_UP, Tally
-from wayfarer.supervisor import first_cause
 
 
 class Ending(NamedTuple):

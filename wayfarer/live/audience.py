@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import orjson
 
-from wayfarer.pace import ASKED_AT_ONCE, ASKED_HZ
+from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ
 
 
 class Limits(NamedTuple):

@@ -14,10 +14,10 @@ from contextlib import suppress
 import orjson
 from aiohttp import WSCloseCode, WSMsgType, web
 
+from wayfarer.control.rate import Allowance
 from wayfarer.daemon.socket.protocol import Commands, Refused, check, perform, read_line
 from wayfarer.errors import WayfarerError
 from wayfarer.live.audience import Limits, TooSlow, Viewer
-from wayfarer.pace import Allowance
 
 VERBS = ("hold", "resume", "stop", "mark")
 STOPPING = ("hold", "stop")  # are done whoever asks, and however often

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.control.records import RunLog
+from wayfarer.control.supervisor import Supervisor
 from wayfarer.hal import Rover
-from wayfarer.records import RunLog
 from wayfarer.simhal.attendant import Attendant
 from wayfarer.simhal.faults import Fault
 from wayfarer.simhal.forest import Forest
@@ -24,7 +25,6 @@ from wayfarer.simhal.skid_steering import SkidSteering
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.wheeled_body import body_of
 from wayfarer.simhal.world import World
-from wayfarer.supervisor import Supervisor
 
 if TYPE_CHECKING:
     from wayfarer.simhal.mujoco.terrain import Terrain, Terrains

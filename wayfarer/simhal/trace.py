@@ -9,9 +9,9 @@ from __future__ import annotations
 from math import degrees, hypot
 from typing import NamedTuple
 
+from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Rover
-from wayfarer.records import PartialLog, TickRecord
 from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.trial import TrialResult, run_watched

@@ -6,9 +6,9 @@ import asyncio
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from wayfarer.control.records import PartialLog, Tee, TickRecord
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Rover
-from wayfarer.records import PartialLog, Tee, TickRecord
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.grounds import GroundName

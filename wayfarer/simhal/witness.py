@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict
 from math import degrees, inf
 
+from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.records import PartialLog, TickRecord
 from wayfarer.simhal.faults import Fault
 from wayfarer.simhal.simulated_world import SimulatedWorld
 

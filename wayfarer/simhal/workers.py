@@ -261,7 +261,7 @@ def _end_with_parent() -> None:
 
 
 def _fault(error: Exception) -> Fault:
-    from wayfarer.supervisor import first_cause  # the simulator is imported only where trials run
+    from wayfarer.control.supervisor import first_cause  # the simulator is imported only where trials run
 
     cause = first_cause(error)
     frame = traceback.extract_tb(cause.__traceback__)[-1]

@@ -29,11 +29,12 @@ from hypothesis.stateful import (
 from tests.checks.rigs import T_WALL
 from wayfarer.checks import ARMING, CALIBRATED, Place
 from wayfarer.config.rover_file import load_rover
+from wayfarer.control.controller import Mode
+from wayfarer.control.supervisor import first_cause
 from wayfarer.daemon.arming_inspection import Live
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
-from wayfarer.helm import Mode
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.simhal.faults import KINDS, Fault
 from wayfarer.simhal.generate import generate_forest
@@ -45,7 +46,6 @@ from wayfarer.simhal.scenarios.random_faults import Place as FaultPlace
 from wayfarer.simhal.scenarios.random_trials import REFUSALS
 from wayfarer.simhal.scenarios.rovers import rover_of
 from wayfarer.simhal.stage import Stage, TrialSpec
-from wayfarer.supervisor import first_cause
 
 SOON_S = 0.05  # an answer may take longer, and other commands come meanwhile
 POWER_FLAGS = (None, 0, 0x1, 0x10001, 0x50005)

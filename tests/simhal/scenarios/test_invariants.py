@@ -9,12 +9,13 @@ from typing import Any
 
 import pytest
 
+from wayfarer.control.controller import Helm, Mode
+from wayfarer.control.shutdown import StopPath
 from wayfarer.detector import Detector
 from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.escape.api import Decision, Observation
 from wayfarer.escape.handler import PhasedHandler
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.helm import Helm, Mode
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.gate import Gate
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
@@ -23,7 +24,6 @@ from wayfarer.simhal.faults import Fault, LateAnswer, Lost, NotANumber, Stall
 from wayfarer.simhal.rig import Depth
 from wayfarer.simhal.scenarios.runner import play
 from wayfarer.simhal.scenarios.scenario import Command, Expectation, Reached, Scenario
-from wayfarer.stop_path import StopPath
 
 AHEAD = WheelCommand(0.3, 0.3)
 NO_COMPASS = Fault(3.0, inf, "compass", "silent")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-from wayfarer.latest import Snapshot
+from wayfarer.control.latest import Snapshot
 from wayfarer.simhal.scenarios.monitor import Monitor
 
 

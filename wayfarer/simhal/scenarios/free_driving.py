@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.hal import WheelCommand
-from wayfarer.records import PartialLog, TickRecord
 from wayfarer.simhal.faults import Fault
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.loop import VirtualLoop

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.escape.api import Anomaly
-from wayfarer.records import PartialLog, TickRecord
 from wayfarer.simhal.simulated_world import SimulatedWorld
 
 SPEED_OVER_S = 0.1  # a body that rubs at a trunk jerks: its speed is a mean

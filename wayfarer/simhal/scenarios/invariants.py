@@ -22,10 +22,10 @@ from collections import deque
 from math import inf, isfinite
 from typing import Any, NamedTuple
 
+from wayfarer.control.controller import Mode
+from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.hal import STOP, CompassReading, Side
-from wayfarer.helm import Mode
-from wayfarer.records import PartialLog, TickRecord
 from wayfarer.safety.conditions import LEVELS, Level
 from wayfarer.simhal.faults import KINDS, Fault, Layer
 

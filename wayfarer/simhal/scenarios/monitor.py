@@ -6,10 +6,10 @@ import asyncio
 from math import inf
 from typing import Any, NamedTuple
 
+from wayfarer.control.controller import Mode
+from wayfarer.control.latest import Snapshot
+from wayfarer.control.records import TickRecord
 from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
-from wayfarer.helm import Mode
-from wayfarer.latest import Snapshot
-from wayfarer.records import TickRecord
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.simhal.faults import Fault
 

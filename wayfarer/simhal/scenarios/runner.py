@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.checks import Place
+from wayfarer.control.records import RunLog, Tee
+from wayfarer.control.supervisor import first_cause
 from wayfarer.daemon.arming_inspection import Live
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.hal import Rover
-from wayfarer.records import RunLog, Tee
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.faults import Fault
 from wayfarer.simhal.forest import Forest
@@ -29,7 +30,6 @@ from wayfarer.simhal.scenarios.scenario import Command, Scenario
 from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.stage import Stage, TrialSpec
 from wayfarer.simhal.trial import field_log
-from wayfarer.supervisor import first_cause
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 BUDGET_M = 1000.0

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.control.records import PartialLog, Tee, TickRecord
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Rover
-from wayfarer.records import PartialLog, Tee, TickRecord
 from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.simulated_world import SimulatedWorld
 from wayfarer.simhal.stage import TrialSpec

@@ -22,7 +22,7 @@ from wayfarer.hal import Colour
 from wayfarer.safety.conditions import Condition, Level
 
 if TYPE_CHECKING:
-    from wayfarer.helm import Helm
+    from wayfarer.control.controller import Helm
 
 LIGHT_HZ = 8.0
 STEADY, SLOW_HZ, FAST_HZ = 0.0, 1.0, 4.0

@@ -26,6 +26,10 @@ from tests.workshop import (
     mending,
     supervisor,
 )
+from wayfarer.control.controller import Mode
+from wayfarer.control.sensors import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S
+from wayfarer.control.status_light import BLUE, GREEN, OFF, RED, YELLOW
+from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import DriverError, MissingPart, NotArmed, NotResponding, WayfarerError
 from wayfarer.escape.api import Decision, Observation
 from wayfarer.hal import (
@@ -33,13 +37,9 @@ from wayfarer.hal import (
     Colour,
     WheelCommand,
 )
-from wayfarer.helm import Mode
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.sampling import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S
 from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.status_light import BLUE, GREEN, OFF, RED, YELLOW
-from wayfarer.supervisor import Supervisor
 
 # -- a run as it should be ---------------------------------------------------------------------------------------
 

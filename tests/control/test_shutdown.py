@@ -20,14 +20,14 @@ from tests.workshop import (
     breaking,
     drive,
 )
+from wayfarer.control.shutdown import unhindered
+from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
 from wayfarer.hal import (
     STOP,
     CompassReading,
     WheelCommand,
 )
-from wayfarer.stop_path import unhindered
-from wayfarer.supervisor import Supervisor
 
 ENDS_WITHIN_S = 2.0  # after a request, a signal or a bug: what systemd and a person may rely on
 

@@ -10,19 +10,19 @@ from typing import Any
 import pytest
 
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.control.controller import Helm, Mode, Wheels
+from wayfarer.control.latest import Cells
+from wayfarer.control.records import TickRecord
+from wayfarer.control.status_light import YELLOW, colour
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, NotResponding
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, CompassReading, MotorHealth, PositionFix, WheelCommand
-from wayfarer.helm import Helm, Mode, Wheels
-from wayfarer.latest import Cells
-from wayfarer.records import TickRecord
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.gate import SafetySettings
 from wayfarer.safety.mission_limits import FIX_FRESH_S, FIXES_BEYOND, METRES_PER_DEG
 from wayfarer.safety.motor_board import BoardSettings
-from wayfarer.status_light import YELLOW, colour
 
 TICK_S = 0.05
 AHEAD = WheelCommand(0.5, 0.5)

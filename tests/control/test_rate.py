@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wayfarer.pace import Allowance
+from wayfarer.control.rate import Allowance
 
 
 def test_allowance_is_used_up_and_comes_back() -> None:

@@ -6,9 +6,9 @@ from math import inf, nan
 
 import pytest
 
-from tests.test_helm import TICK_S, Bench, Motors
+from tests.control.test_controller import TICK_S, Bench, Motors
+from wayfarer.control.controller import Mode
 from wayfarer.hal import STOP, ContactReading, MotionReading, PositionFix, Side, WheelCommand
-from wayfarer.helm import Mode
 from wayfarer.safety.conditions import Condition, Level
 
 

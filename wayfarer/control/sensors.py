@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wayfarer.config.rover_file import Rates
+from wayfarer.control.latest import Cells
+from wayfarer.control.rate import Pace
+from wayfarer.control.records import RunLog
 from wayfarer.errors import DriverError
 from wayfarer.hal import Driver, MotionReading, PositionFix, Rover
-from wayfarer.latest import Cells
-from wayfarer.pace import Pace
-from wayfarer.records import RunLog
 
 RETRY_PAUSE_S = 0.05  # a single missed answer is asked again within one control period (field catalogue, fault 1)
 RETRY_PAUSE_MAX_S = 2.0

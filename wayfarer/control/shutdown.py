@@ -7,9 +7,9 @@ from collections.abc import Coroutine, Sequence
 from contextlib import AsyncExitStack
 from typing import Any
 
+from wayfarer.control.records import RunLog
 from wayfarer.errors import DriverError
 from wayfarer.hal import STOP, DriveMotors, Driver
-from wayfarer.records import RunLog
 from wayfarer.safety.mission_limits import RunEnd
 
 STOP_DEADLINE_S = 0.3  # for the wheels, before the stop is sent without waiting for it

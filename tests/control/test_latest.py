@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from wayfarer.control.latest import Cells
 from wayfarer.hal import CompassReading, ContactReading, MotionReading
-from wayfarer.latest import Cells
 
 
 def test_nothing_is_there_before_the_sensors_speak() -> None:

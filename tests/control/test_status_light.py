@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer import status_light
+from wayfarer.control import status_light
+from wayfarer.control.controller import Helm, Mode
+from wayfarer.control.status_light import LIGHT_HZ, OFF, colour
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Colour
-from wayfarer.helm import Helm, Mode
 from wayfarer.safety.conditions import LEVELS, Condition, Level
-from wayfarer.status_light import LIGHT_HZ, OFF, colour
 
 COLOURS = {name: getattr(status_light, name.upper()) for name in ("blue", "yellow", "green", "white", "magenta", "red")}
 BLINKS_HZ = {"steady": 0.0, "slow": 1.0, "fast": 4.0}

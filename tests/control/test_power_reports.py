@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.electrics import Electrics
+from wayfarer.control.power_reports import Electrics
+from wayfarer.control.records import PartialLog
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
-from wayfarer.records import PartialLog
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.motor_board import SAME_DUTY, BoardSettings
 

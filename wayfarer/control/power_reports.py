@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from wayfarer.control.records import RunLog
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
-from wayfarer.records import RunLog
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.motor_board import BoardSettings, BoardWatch
 from wayfarer.safety.supply import PowerWatch, meaning

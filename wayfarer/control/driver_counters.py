@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from wayfarer.control.records import RunLog
 from wayfarer.hal import Counting, Driver
-from wayfarer.records import RunLog
 
 NOTE_HZ = 1.0
 

@@ -7,8 +7,8 @@ import asyncio
 import pytest
 
 from tests.virtual import virtual
+from wayfarer.control.fresh_wheels import FreshWheels
 from wayfarer.escape.api import Vehicle
-from wayfarer.fresh_wheels import FreshWheels
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.simhal.devices import SimMotors
 from wayfarer.simhal.forest import Forest

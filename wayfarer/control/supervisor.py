@@ -13,22 +13,22 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.control.controller import Helm, Mode
+from wayfarer.control.driver_counters import NOTE_HZ, TroubleNotes
+from wayfarer.control.fresh_wheels import FreshWheels
+from wayfarer.control.latest import Cells
+from wayfarer.control.rate import Pace
+from wayfarer.control.records import RunLog
+from wayfarer.control.sensors import keep_sampling, sensor_tasks
+from wayfarer.control.shutdown import StopPath, unhindered
+from wayfarer.control.status_light import LIGHT_HZ, colour
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, MissingPart, NotArmed
 from wayfarer.escape.api import EscapeHandler
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.fresh_wheels import FreshWheels
 from wayfarer.hal import Driver, Rover, StatusLight
-from wayfarer.helm import Helm, Mode
-from wayfarer.latest import Cells
-from wayfarer.pace import Pace
-from wayfarer.records import RunLog
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.sampling import keep_sampling, sensor_tasks
-from wayfarer.status_light import LIGHT_HZ, colour
-from wayfarer.stop_path import StopPath, unhindered
-from wayfarer.troubles import NOTE_HZ, TroubleNotes
 
 FRESH_S = 1.0  # a control tick older than this feeds no watchdog
 STALE = frozenset(
