@@ -16,10 +16,10 @@ from benchmarks.figures import Figure, timed
 from wayfarer.control.latest import Snapshot
 from wayfarer.control.records import TickRecord
 from wayfarer.escape.api import Decision, Observation, Phase
-from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.fieldlog.thread import WriterThread
+from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import CompassReading, MotionReading, WheelCommand
 from wayfarer.safety.conditions import Level
 

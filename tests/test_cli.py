@@ -13,8 +13,8 @@ from tests.conftest import Run
 from tests.simhal import fake_trials
 from wayfarer import __version__
 from wayfarer.errors import BadReading, MissingPart
-from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.trial import TrialResult
 

@@ -21,18 +21,19 @@ MODULES = {
 
 # Lowest first: a module may import from its own layer and from those before it.
 LAYERS = [
-    ["angles", "units", "errors", "hal", "drivers.buses", "whole_file"],
+    ["angles", "units", "errors", "hal", "drivers.buses", "fieldlog.atomic_file"],
     ["escape", "safety", "control.latest", "daemon.stderr_writer"],
     ["detector", "control.records", "daemon.watchdog"],
     ["config", "control.power_reports", "control.rate"],
-    ["control.controller", "control.status_light", "daemon.console_log", "fieldlog"],
+    ["control.controller", "control.status_light", "daemon.console_log"],
     ["control"],
+    ["fieldlog"],
     [
         "checks", "daemon.dry_run", "daemon.stop_motors", "daemon.stop_board", "daemon.salvage", "daemon.install",
         "daemon.motors_lock", "daemon.socket",
     ],
     ["logbook", "foxglove"],
-    ["calibrate", "daemon", "replay", "live"],
+    ["calibrate", "daemon", "live"],
 ]  # fmt: skip
 PURE = [
     "angles", "units", "hal", "escape", "detector", "safety", "control.latest", "control.power_reports",

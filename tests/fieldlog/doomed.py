@@ -15,10 +15,10 @@ from pathlib import Path
 
 from tests.fieldlog.lines import event, header, tick
 from wayfarer.config.log_settings import LogSettings
-from wayfarer.fieldlog import thread
-from wayfarer.fieldlog.files import RunFiles
+from wayfarer.fieldlog import writer_thread
 from wayfarer.fieldlog.folders import new_run_folder
-from wayfarer.fieldlog.thread import WriterThread
+from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.writer_thread import WriterThread
 
 
 class TellingFiles(RunFiles):
@@ -52,7 +52,7 @@ class HangingFiles(RunFiles):
 
 def write(logs: Path) -> None:
     """Write a log in small parts, as fast as it goes."""
-    thread.WRITE_S = 0.001
+    writer_thread.WRITE_S = 0.001
     log = WriterThread(TellingFiles(new_run_folder(logs), LogSettings(part_mb=0.01, free_mb=0.0)))
     log.open(header)
     for number in count(1):
@@ -65,7 +65,7 @@ def write(logs: Path) -> None:
 
 def hang(run: Path) -> None:
     """Write a line that never arrives, and end."""
-    thread.CLOSE_S = 0.1
+    writer_thread.CLOSE_S = 0.1
     log = WriterThread(HangingFiles(run))
     log.open(header)
     log.urgent(event(1))

@@ -8,8 +8,8 @@ from pathlib import Path
 import orjson
 
 from wayfarer.config.log_settings import LogSettings
-from wayfarer.fieldlog.files import LineSink, RunFiles
 from wayfarer.fieldlog.reader import Record, RunReader, log_parts
+from wayfarer.fieldlog.writer import LineSink, RunFiles
 
 FREE = LogSettings(free_mb=0.0)
 SMALL = LogSettings(part_mb=0.001, run_mb=1.0, free_mb=0.0)  # about ten ticks a part

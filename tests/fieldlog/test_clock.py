@@ -10,8 +10,8 @@ from tests.fieldlog.lines import read
 from wayfarer.control.latest import Snapshot
 from wayfarer.control.records import TickRecord
 from wayfarer.escape.api import Decision, Phase
-from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import STOP
 from wayfarer.safety.conditions import Level
 

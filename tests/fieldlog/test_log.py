@@ -13,9 +13,9 @@ from wayfarer.control.latest import Snapshot
 from wayfarer.control.records import TickRecord
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Decision, Phase
-from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog, Record
 from wayfarer.fieldlog.reader import Damage, RunReader
+from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import STOP
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.generate import generate_forest

@@ -18,11 +18,11 @@ import wayfarer
 from tests.fieldlog import lines
 from tests.logbook.outing import outing
 from wayfarer.config.rover_file import load_rover
-from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.fieldlog.schema import KEYS, KINDS, READINGS, SCHEMA
+from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import PositionFix
 from wayfarer.logbook import account, wording
 from wayfarer.simhal.faults import Fault, Slope

@@ -18,8 +18,8 @@ from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Anomaly
+from wayfarer.fieldlog.dead_reckoning import DeadReckoning
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.fieldlog.track import DeadReckoning
 from wayfarer.foxglove.mcap_file import export
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.stage import TrialSpec

@@ -19,6 +19,7 @@ from tests.fuzz.on_files import MEMORY, check_finite
 from tests.fuzz.target import Case, Target, Try, reading
 from tests.logbook.records import SAMPLE_LOGS, event, numbered, record
 from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.replay import replay
 from wayfarer.logbook.account import summarise
 from wayfarer.logbook.export import export, write_table
 from wayfarer.logbook.listing import lines, rows
@@ -26,7 +27,6 @@ from wayfarer.logbook.story import Story
 from wayfarer.logbook.summary_text import summary_text
 from wayfarer.logbook.tail import RunTail
 from wayfarer.logbook.verdict import judge
-from wayfarer.replay import replay
 from wayfarer.report.run import write_run_report
 from wayfarer.report.run_reading import read_run
 
@@ -128,7 +128,7 @@ STORY = Target(
     "log",
     ["wayfarer.fieldlog.reader", "wayfarer.logbook.account", "wayfarer.logbook.fields", "wayfarer.logbook.listing",
      "wayfarer.logbook.story", "wayfarer.logbook.summary_text", "wayfarer.logbook.verdict", "wayfarer.logbook.wording",
-     "wayfarer.logbook.whereabouts", "wayfarer.fieldlog.track", "wayfarer.logbook.tail:RunTail"],
+     "wayfarer.logbook.whereabouts", "wayfarer.fieldlog.dead_reckoning", "wayfarer.logbook.tail:RunTail"],
     lambda kept: logs_of(KINDS, kept),
     lambda: _runs(_tell),
 )  # fmt: skip
@@ -170,7 +170,7 @@ def _told_while_driving(told: Any) -> bytes:
 
 REPLAY = Target(
     "replay",
-    ["wayfarer.replay"],
+    ["wayfarer.fieldlog.replay"],
     lambda kept: logs_of(BEGINNING, kept, most=2) | json_of([*TOLD, DRIVING[-5]], 2).map(_told_while_driving),
     lambda: _runs(_replay),
 )

@@ -25,8 +25,8 @@ from wayfarer.control.supervisor import Supervisor
 from wayfarer.drivers.gpsd import Gpsd, GpsdSettings
 from wayfarer.errors import NotResponding
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import PositionFix
 from wayfarer.simhal.fakebus import FakeBuses
 from wayfarer.simhal.forest import Forest

@@ -12,7 +12,7 @@ from wayfarer.cli.rover import Logs, log_folder
 from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
-    from wayfarer.replay import Replay
+    from wayfarer.fieldlog.replay import Replay
 
 # As wayfarer logs check: something is lost, so that not all of the run was compared.
 DIFFERS, BAD_INPUT, CUT = 1, 2, 3
@@ -43,7 +43,7 @@ def replay(
     """
     from wayfarer.config.rover_file import load_rover
     from wayfarer.fieldlog.folders import find_run
-    from wayfarer.replay import replay as replay_run
+    from wayfarer.fieldlog.replay import replay as replay_run
 
     settings = load_rover(config) if config else None
     folders = [find_run(run, log_folder(logs)) for run in runs or ["last"]]

@@ -41,11 +41,11 @@ from wayfarer.daemon.watchdog import Notifier, StallGuard, feed_watchdog, watchd
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.fieldlog.ending import Unfinished, unfinished_run
-from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.folders import new_run_folder
+from wayfarer.fieldlog.last_run import Unfinished, unfinished_run
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.fieldlog.thread import WriterThread
+from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import Rover
 from wayfarer.logbook.wording import unclean_text
 from wayfarer.safety.mission_limits import RunEnd

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.trouble import cure
+from wayfarer.fieldlog.disk_errors import cure
 
 FILE_NAME = "run.jsonl"  # the newest part of a run's log; older ones are run.00001.jsonl and so on
 RUN_NAME = re.compile(r"(\d+)-\d{8}T\d{6}Z", re.ASCII)

@@ -22,7 +22,7 @@ from wayfarer.control.records import TickRecord
 from wayfarer.escape.api import Observation
 from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.clock import WallClock, wall_clock
-from wayfarer.fieldlog.files import LineSink
+from wayfarer.fieldlog.writer import LineSink
 from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
 
 CLOCK_STEP_S = 1.0  # more than a clock is slewed between two records; finding the right time steps it by hours

@@ -10,10 +10,10 @@ from typing import BinaryIO, NamedTuple
 from foxglove import Context, open_mcap
 
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.fieldlog.reader import Damage, Record, RunReader
 from wayfarer.foxglove.channels import Channels
 from wayfarer.logbook.fields import clock_zero_s
-from wayfarer.whole_file import whole_file
 
 
 class Exported(NamedTuple):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from foxglove.messages import Point3
 
+from wayfarer.fieldlog.dead_reckoning import DeadReckoning, Place
 from wayfarer.fieldlog.reader import Record
-from wayfarer.fieldlog.track import DeadReckoning, Place
 from wayfarer.foxglove.path import ThinnedPath
 from wayfarer.foxglove.scene import ROVER, TRUTH, point
 

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TextIO
 
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.logbook.tables import csv_rows, further_columns, tsv_rows
 from wayfarer.logbook.verdict import readable
-from wayfarer.whole_file import whole_file
 
 
 def export(run: Path, form: str, out: Path, *, overwrite: bool) -> Damage:

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from wayfarer.daemon.stderr_writer import clean
+from wayfarer.fieldlog.dead_reckoning import DeadReckoning
 from wayfarer.fieldlog.reader import Record
-from wayfarer.fieldlog.track import DeadReckoning
 
 ABSURD = 1e10  # no time, way, angle or voltage of a run comes near it: the bytes of a number beyond it were changed
 CLOCK_SET_S = 1_704_067_200.0  # 2024-01-01: a clock before that was never set (as in ``checks.system``)

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from wayfarer.daemon.stderr_writer import clean
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.ending import end_of_log
 from wayfarer.fieldlog.folders import run_folders, run_number
+from wayfarer.fieldlog.last_run import end_of_log
 from wayfarer.fieldlog.reader import Record, RunReader, log_parts, read_header
 from wayfarer.logbook.fields import began_wall_s, local_time, name, number, span, whole
 from wayfarer.logbook.wording import marks

@@ -18,8 +18,8 @@ from functools import lru_cache
 from typing import Any
 
 from wayfarer.daemon.stderr_writer import clean
+from wayfarer.fieldlog.dead_reckoning import DeadReckoning
 from wayfarer.fieldlog.reader import Record
-from wayfarer.fieldlog.track import DeadReckoning
 from wayfarer.logbook.fields import local_time, number, reckoning, sound_tick
 from wayfarer.logbook.wording import event_text, fault_text, outcome_text
 

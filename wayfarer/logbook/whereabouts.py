@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import atan2, cos, degrees, hypot, isfinite, radians
 
 from wayfarer.angles import wrap180, wrap360
+from wayfarer.fieldlog.dead_reckoning import Place
 from wayfarer.fieldlog.reader import Record
-from wayfarer.fieldlog.track import Place
 from wayfarer.logbook.fields import number
 from wayfarer.safety.mission_limits import METRES_PER_DEG
 

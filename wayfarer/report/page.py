@@ -9,8 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.report.drawing import Drawing
-from wayfarer.whole_file import whole_file
 
 PAGE = "report.html"
 FIGURES = "figures"  # the folder beside the page

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from wayfarer.escape.api import Phase
+from wayfarer.fieldlog.dead_reckoning import QUALITY_MIN, Place
 from wayfarer.fieldlog.reader import Damage, Record, RunReader
-from wayfarer.fieldlog.track import QUALITY_MIN, Place
 from wayfarer.logbook.account import Account
 from wayfarer.logbook.fields import name, names, reckoning, sound_tick
 from wayfarer.logbook.verdict import readable

@@ -17,8 +17,8 @@ from reprlib import Repr
 from typing import NoReturn, TypeVar
 
 from wayfarer.errors import BadForest
+from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.simhal.forest import LEANS, Forest, Trunk, check_forest
-from wayfarer.whole_file import whole_file
 
 Value = TypeVar("Value")
 

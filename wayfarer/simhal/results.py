@@ -20,11 +20,11 @@ from typing import Any, Self
 
 from wayfarer.config.chassis import AT_A_BRANCH, Chassis
 from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.kept import Kept, columns_in, rows_in
 from wayfarer.simhal.plan import Tasks
 from wayfarer.simhal.rows import Row, columns_of, csv_line
-from wayfarer.whole_file import whole_file
 
 SETTINGS = "campaign.json"
 FORESTS = "forests.jsonl"

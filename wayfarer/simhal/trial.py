@@ -130,8 +130,8 @@ def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover
 
     Its wall clock is the trial's, and it is written as it comes, without a thread: the same trial gives the same bytes.
     """
-    from wayfarer.fieldlog.files import RunFiles  # a thousand trials without a log need neither structlog nor orjson
     from wayfarer.fieldlog.log import FieldLog
+    from wayfarer.fieldlog.writer import RunFiles  # a thousand trials without a log need neither structlog nor orjson
     from wayfarer.simhal.forest_file import as_row
     from wayfarer.simhal.witness import Witness
 

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from wayfarer.daemon.socket import paths
 from wayfarer.errors import BadInput
-from wayfarer.whole_file import whole_file
+from wayfarer.fieldlog.atomic_file import whole_file
 
 NAME = "motors.json"
 MOST_BYTES = 65_536

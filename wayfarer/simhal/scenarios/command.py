@@ -13,6 +13,7 @@ from typing import Any
 from rich.console import Console
 
 from wayfarer.errors import WayfarerError
+from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.simhal.campaign import stop_on_signals
 from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
 from wayfarer.simhal.progress import say
@@ -24,7 +25,6 @@ from wayfarer.simhal.scenarios.selection import Row, unplayed
 from wayfarer.simhal.scenarios.table import print_results
 from wayfarer.simhal.scenarios.verdict import judge
 from wayfarer.simhal.workers import Stopped, stream
-from wayfarer.whole_file import whole_file
 
 CSV_FILE, JSON_FILE = "results.csv", "results.json"
 COLUMNS = (*Result._fields, "passed")

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.escape.api import Anomaly
+from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.simhal.campaign import stop_on_signals
 from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
 from wayfarer.simhal.progress import say
@@ -22,7 +23,6 @@ from wayfarer.simhal.scenarios.ground_truth import NOTHING, Score
 from wayfarer.simhal.scenarios.many import shown, worker_death_explained
 from wayfarer.simhal.statistics import wilson_interval
 from wayfarer.simhal.workers import Stopped, stream
-from wayfarer.whole_file import whole_file
 
 TRIALS = 50  # of each cell, where nobody says how many
 JSON_FILE = "detector.json"

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from rich.console import Console
 
+from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.campaign import stop_on_signals
 from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
@@ -28,7 +29,6 @@ from wayfarer.simhal.scenarios.scenario import Expectation, Reached, Scenario
 from wayfarer.simhal.scenarios.scenario_text import as_toml
 from wayfarer.simhal.scenarios.smallest import smallest
 from wayfarer.simhal.workers import Stopped, stream
-from wayfarer.whole_file import whole_file
 
 ROWS_FILE = "trials.jsonl"
 SHOWN = 10  # trials with a broken rule, one after the other; further ones are counted

@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any, Self
 
 from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.simhal.parquet import ParquetRows, types_of
 from wayfarer.simhal.results import differences, write_whole
 from wayfarer.simhal.rows import COLUMNS, Row, csv_line, parse_row, without_kinds
 from wayfarer.simhal.sweep.axes import Axis
 from wayfarer.simhal.sweep.plan import PointTask, Sweep
-from wayfarer.whole_file import whole_file
 
 SETTINGS = "sweep.json"
 PARTIAL = "trials.partial.csv"

@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image
 
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.simhal.mujoco.film import screen
 from wayfarer.simhal.mujoco.film.camera import views
 from wayfarer.simhal.mujoco.film.caption import Caption, Words
@@ -20,7 +21,6 @@ from wayfarer.simhal.mujoco.film.footage import Footage
 from wayfarer.simhal.mujoco.film.scenery import Scenery
 from wayfarer.simhal.mujoco.film.track import add_bars, bars_of
 from wayfarer.simhal.obstacles import obstacles_of
-from wayfarer.whole_file import whole_file
 
 DRAWN = (960, 540)
 BEFORE_S, AFTER_S = 1.0, 1.5  # of the film, before the rover starts and after the trial has ended

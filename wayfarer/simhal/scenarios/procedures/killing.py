@@ -19,7 +19,7 @@ from random import Random
 from typing import NamedTuple
 
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.fieldlog.thread import WRITE_S, WRITES_A_SYNC
+from wayfarer.fieldlog.writer_thread import WRITE_S, WRITES_A_SYNC
 from wayfarer.simhal.scenarios.procedures.read_back import ReadBack, all_folders, cut_off, numbered_twice, read_back
 from wayfarer.simhal.scenarios.procedures.site import Site, site, wait_for
 from wayfarer.simhal.scenarios.procedures.wheels import Commands, told_to_turn

@@ -22,10 +22,10 @@ from wayfarer.control.records import Tee
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import BadInput, NotResponding
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.fieldlog.files import RunFiles
 from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.replay import Replay, replay
+from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
-from wayfarer.replay import Replay, replay
 from wayfarer.safety.motor_board import BoardSettings
 from wayfarer.safety.supply import DIPS_S
 from wayfarer.simhal.desk import desk_vessel

@@ -15,7 +15,7 @@ import orjson
 
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.fieldlog.folders import FILE_NAME, older_parts, part_path
-from wayfarer.fieldlog.part import Part, sync_folder
+from wayfarer.fieldlog.segment import Part, sync_folder
 
 MB = 1_000_000
 

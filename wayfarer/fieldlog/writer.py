@@ -14,9 +14,9 @@ from typing import Protocol
 
 from wayfarer.config.log_settings import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.part import Part
-from wayfarer.fieldlog.parts import MB, Parts, at
-from wayfarer.fieldlog.trouble import DRIVES_ON, Trouble, cure
+from wayfarer.fieldlog.disk_errors import DRIVES_ON, Trouble, cure
+from wayfarer.fieldlog.rotation import MB, Parts, at
+from wayfarer.fieldlog.segment import Part
 
 BATCH_BYTES = 65_536  # what is written at once, unless it is asked for earlier
 LOG_GAP = {"record": "event", "t_s": None, "t_wall": None, "name": "log_gap"}  # the times come from ``at``

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wayfarer.fieldlog.trouble import Trouble
+from wayfarer.fieldlog.disk_errors import Trouble
 
 
 def test_present_trouble_is_known_until_it_is_over() -> None:

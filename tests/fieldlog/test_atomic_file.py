@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from wayfarer.errors import BadInput
-from wayfarer.whole_file import whole_file
+from wayfarer.fieldlog.atomic_file import whole_file
 
 
 def write(path: Path, text: str = "new") -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from wayfarer.fieldlog.track import DeadReckoning
+from wayfarer.fieldlog.dead_reckoning import DeadReckoning
 
 SPEED_M_S = 1.5
 HEADER = {"config": {"vehicle": {"max_speed_m_s": SPEED_M_S}}}

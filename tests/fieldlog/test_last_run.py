@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.logbook.records import BEGAN_WALL_S, HEADER, drive, event, numbered, outcome, tick, write
-from wayfarer.fieldlog import ending
-from wayfarer.fieldlog.ending import TAIL_BYTES, Unfinished, unfinished_run
+from wayfarer.fieldlog import last_run
 from wayfarer.fieldlog.folders import FILE_NAME, new_run_folder
+from wayfarer.fieldlog.last_run import TAIL_BYTES, Unfinished, unfinished_run
 from wayfarer.fieldlog.reader import Record, parse
 
 RUN = "00017-20261121T061405Z"
@@ -66,7 +66,7 @@ def test_only_the_end_of_a_long_log_is_read(tmp_path: Path, monkeypatch: pytest.
         read.append(len(line))
         return parse(line)
 
-    monkeypatch.setattr(ending, "parse", counted)
+    monkeypatch.setattr(last_run, "parse", counted)
     assert unfinished_run(tmp_path) == Unfinished(RUN, 599.95, BEGAN_WALL_S + 499.95, "armed")
     assert sum(read) <= TAIL_BYTES < size_b
 

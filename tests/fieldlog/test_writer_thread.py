@@ -13,11 +13,11 @@ import pytest
 
 from tests.fieldlog.lines import event, gaps, header, numbers, read, tick, write
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog import thread
-from wayfarer.fieldlog.files import RunFiles
+from wayfarer.fieldlog import writer_thread
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.reader import read_header
-from wayfarer.fieldlog.thread import URGENT_BYTES, WriterThread
+from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.writer_thread import URGENT_BYTES, WriterThread
 
 PATIENCE_S = 20.0
 
@@ -83,7 +83,7 @@ def test_lines_arrive_in_order_from_any_thread_and_closing_waits_for_them(tmp_pa
 def test_urgent_line_is_on_the_disk_without_waiting_for_the_next_second(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(thread, "WRITE_S", PATIENCE_S)
+    monkeypatch.setattr(writer_thread, "WRITE_S", PATIENCE_S)
     files = WatchedFiles(tmp_path)
     log = WriterThread(files)
     log.open(header)
@@ -95,7 +95,7 @@ def test_urgent_line_is_on_the_disk_without_waiting_for_the_next_second(
 
 
 def test_other_lines_are_on_the_disk_after_a_few_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(thread, "WRITE_S", 0.001)
+    monkeypatch.setattr(writer_thread, "WRITE_S", 0.001)
     files = WatchedFiles(tmp_path)
     log = WriterThread(files)
     log.open(header)
@@ -198,7 +198,7 @@ def test_even_urgent_lines_cannot_fill_the_memory(stalled: StallingFiles) -> Non
 def test_closing_leaves_a_disk_that_does_not_answer_and_says_what_is_missing(
     stalled: StallingFiles, told: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(thread, "CLOSE_S", 0.01)
+    monkeypatch.setattr(writer_thread, "CLOSE_S", 0.01)
     log = WriterThread(stalled)
     log.open(header)
     write(log, range(1, 31))

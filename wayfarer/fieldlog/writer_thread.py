@@ -7,8 +7,8 @@ from collections.abc import Callable
 from itertools import count
 from typing import NamedTuple
 
-from wayfarer.fieldlog.files import RunFiles
-from wayfarer.fieldlog.trouble import DRIVES_ON
+from wayfarer.fieldlog.disk_errors import DRIVES_ON
+from wayfarer.fieldlog.writer import RunFiles
 
 WRITE_S = 0.2  # what a killed process can lose; a power cut takes what was written since the last sync
 WRITES_A_SYNC = 5  # so that each second, and whatever was written at once, is on the disk
