@@ -25,7 +25,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from benchmarks.figures import print_table
-from wayfarer.checks import Place
+from wayfarer.commissioning.checks import Place
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.controller import Mode

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from wayfarer import cli
-from wayfarer.calibrate import STEPS
-from wayfarer.checks.deadman import board_settings
 from wayfarer.cli import care, terminal
 from wayfarer.cli.status_text import status_text
+from wayfarer.commissioning.calibrate import STEPS
+from wayfarer.commissioning.checks.deadman import board_settings
 from wayfarer.config.calibration_file import (
     FILE_NAME,
     Calibration,

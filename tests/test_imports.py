@@ -29,11 +29,11 @@ LAYERS = [
     ["control"],
     ["fieldlog"],
     [
-        "checks", "daemon.dry_run", "daemon.stop_motors", "daemon.stop_board", "daemon.salvage", "daemon.install",
-        "daemon.motors_lock", "daemon.socket",
+        "commissioning", "daemon.dry_run", "daemon.stop_motors", "daemon.stop_board", "daemon.salvage",
+        "daemon.install", "daemon.motors_lock", "daemon.socket",
     ],
     ["logbook", "foxglove"],
-    ["calibrate", "daemon", "live"],
+    ["daemon", "live"],
 ]  # fmt: skip
 PURE = [
     "angles", "units", "hal", "escape", "detector", "safety", "control.latest", "control.power_reports",
@@ -182,7 +182,7 @@ def test_walk_over_imports_tells_types_functions_and_real_imports_apart() -> Non
         (["wayfarer.testing"], HEAVY),
         (["wayfarer.daemon.daemon"], HEAVY),
         (["wayfarer.daemon.stop_motors", "wayfarer.daemon.stop_board"], HEAVY),
-        (modules_of("checks", "calibrate", "config"), HEAVY),
+        (modules_of("commissioning", "config"), HEAVY),
         (modules_of("drivers"), HEAVY),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",

@@ -13,10 +13,10 @@ from typing import Any
 import orjson
 import pytest
 
-from tests.checks.rigs import T_WALL, Flow, Needle, Rig
-from wayfarer.checks import Verdict, run_checks
-from wayfarer.checks.deadman import keep_proof
-from wayfarer.checks.parts import contact
+from tests.commissioning.checks.rigs import T_WALL, Flow, Needle, Rig
+from wayfarer.commissioning.checks import Verdict, run_checks
+from wayfarer.commissioning.checks.deadman import keep_proof
+from wayfarer.commissioning.checks.parts import contact
 from wayfarer.config.calibration_file import Calibration, MotorsEntry, save, stamp
 from wayfarer.control.records import PartialLog
 from wayfarer.control.supervisor import Supervisor

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from wayfarer import cli
-from wayfarer.checks import Place
+from wayfarer.commissioning.checks import Place
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.device_files import refuse_missing_ports
 from wayfarer.errors import BadConfig

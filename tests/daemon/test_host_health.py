@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer.checks.system import THROTTLED
+from wayfarer.commissioning.checks.system import THROTTLED
 from wayfarer.daemon import host_health
 from wayfarer.daemon.host_health import CPU_TEMPERATURE, ComputerWatch, health, power_flags
 

@@ -14,7 +14,7 @@ from wayfarer.cli.rover import Config, Logs, chosen, log_folder
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from wayfarer.checks import Finding, Place
+    from wayfarer.commissioning.checks import Finding, Place
     from wayfarer.config.calibration_file import Calibration
     from wayfarer.config.rover_file import RoverConfig
 
@@ -37,9 +37,9 @@ def check(
     logs: Logs = None,
 ) -> None:
     """Check every part, and with your consent that the wheels turn the right way and stop by themselves."""
-    from wayfarer.checks import check as look
-    from wayfarer.checks import passed
     from wayfarer.cli import terminal
+    from wayfarer.commissioning.checks import check as look
+    from wayfarer.commissioning.checks import passed
     from wayfarer.config.factory import connect
     from wayfarer.config.rover_file import load_rover
 
@@ -75,9 +75,9 @@ def calibrate(
     config: Config = None,
 ) -> None:
     """Calibrate compass and flow, measure what the motors do to the heading, and how it turns on its ground."""
-    from wayfarer.calibrate import STEPS
-    from wayfarer.calibrate import calibrate as guide
     from wayfarer.cli import terminal
+    from wayfarer.commissioning.calibrate import STEPS
+    from wayfarer.commissioning.calibrate import calibrate as guide
     from wayfarer.config.factory import connect
     from wayfarer.config.rover_file import load_rover
     from wayfarer.errors import BadInput
@@ -126,8 +126,8 @@ def _print(findings: Iterable[Finding]) -> None:
 
 
 def _place(config: RoverConfig, logs: Path) -> Place:
-    from wayfarer.checks import Place
-    from wayfarer.checks.system import device_files
+    from wayfarer.commissioning.checks import Place
+    from wayfarer.commissioning.checks.system import device_files
     from wayfarer.config.calibration_file import calibration_file
     from wayfarer.config.rover_file import part_settings
     from wayfarer.fieldlog.clock import wall_clock

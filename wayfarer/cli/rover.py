@@ -136,7 +136,7 @@ def _real(
     config: RoverConfig, where: str, logs: Path
 ) -> tuple[RoverConfig, Callable[[Any], Vessel], Callable[[], Any]]:
     """Return the rover as calibrated, what makes it, and what closes it."""
-    from wayfarer.checks import Place
+    from wayfarer.commissioning.checks import Place
     from wayfarer.config.calibration_file import calibration_file, load
     from wayfarer.config.factory import calibrated, connect
     from wayfarer.daemon.daemon import Vessel

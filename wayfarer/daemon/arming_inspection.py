@@ -6,7 +6,7 @@ import asyncio
 from dataclasses import replace
 from typing import TypeVar
 
-from wayfarer.checks.api import Place
+from wayfarer.commissioning.checks.api import Place
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.latest import Snapshot
 from wayfarer.control.supervisor import Supervisor

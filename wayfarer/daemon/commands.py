@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-from wayfarer.checks import ARMING, Check, Finding, Inspection, Verdict, run_checks
-from wayfarer.checks.api import fail
+from wayfarer.commissioning.checks import ARMING, Check, Finding, Inspection, Verdict, run_checks
+from wayfarer.commissioning.checks.api import fail
 from wayfarer.control.controller import Mode
 from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ, Allowance
 from wayfarer.control.records import RunLog, TickRecord

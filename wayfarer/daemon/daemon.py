@@ -17,8 +17,8 @@ from typing import Any
 import orjson
 
 from wayfarer import __version__
-from wayfarer.checks import ARMING, CALIBRATED, Place, system
-from wayfarer.checks.system import device_files
+from wayfarer.commissioning.checks import ARMING, CALIBRATED, Place, system
+from wayfarer.commissioning.checks.system import device_files
 from wayfarer.config.calibration_file import Calibration, calibration_file
 from wayfarer.config.rover_file import RoverConfig, part_settings
 from wayfarer.control.records import RunLog, Tee

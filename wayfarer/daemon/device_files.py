@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import fields
 
-from wayfarer.checks.api import Place
-from wayfarer.checks.system import diagnose
+from wayfarer.commissioning.checks.api import Place
+from wayfarer.commissioning.checks.system import diagnose
 from wayfarer.config.rover_file import RoverConfig, line_in, part_settings
 from wayfarer.errors import BadConfig
 

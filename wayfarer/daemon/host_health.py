@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from wayfarer.checks.system import THROTTLED
+from wayfarer.commissioning.checks.system import THROTTLED
 
 EVERY_S = 10.0  # field.md, users' complaint 34
 POWER_EVERY_S = 1.0  # field catalogue, fault 32

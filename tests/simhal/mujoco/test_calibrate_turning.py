@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.checks.rigs import T_WALL, run
+from tests.commissioning.checks.rigs import T_WALL, run
 from tests.simhal.mujoco.fields import A_M, B_M, CONFIG, least_turning_duty, rover_on
-from wayfarer.calibrate import calibrate
-from wayfarer.checks import Place
+from wayfarer.commissioning.calibrate import calibrate
+from wayfarer.commissioning.checks import Place
 from wayfarer.config.calibration_file import Calibration, TurningEntry
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.factory import calibrated

@@ -26,8 +26,8 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from tests.checks.rigs import T_WALL
-from wayfarer.checks import ARMING, CALIBRATED, Place
+from tests.commissioning.checks.rigs import T_WALL
+from wayfarer.commissioning.checks import ARMING, CALIBRATED, Place
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.controller import Mode
 from wayfarer.control.supervisor import first_cause

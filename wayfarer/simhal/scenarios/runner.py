@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from wayfarer.checks import Place
+from wayfarer.commissioning.checks import Place
 from wayfarer.control.records import RunLog, Tee
 from wayfarer.control.supervisor import first_cause
 from wayfarer.daemon.arming_inspection import Live

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import inf
 from typing import Any
 
-from wayfarer.calibrate import calibrate
-from wayfarer.checks import Finding, Verdict
-from wayfarer.checks.deadman import board_settings
+from wayfarer.commissioning.calibrate import calibrate
+from wayfarer.commissioning.checks import Finding, Verdict
+from wayfarer.commissioning.checks.deadman import board_settings
 from wayfarer.config.calibration_file import FILE_NAME, Calibration, DeadmanEntry, save, stamp
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.daemon.socket.protocol import Refused

@@ -17,8 +17,8 @@ DEVICES = {"/dev/i2c-1": "i2c", "/dev/spidev0.1": "spi", "/dev/ttyAMA0": "dialou
 LOOK = """
 import os, sys
 from pathlib import Path
-from wayfarer.checks.api import Place
-from wayfarer.checks.system import diagnose
+from wayfarer.commissioning.checks.api import Place
+from wayfarer.commissioning.checks.system import diagnose
 root, user, *devices = sys.argv[1:]
 if os.geteuid() == 0:
     os.setgroups([])

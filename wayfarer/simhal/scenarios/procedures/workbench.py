@@ -12,7 +12,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from wayfarer.checks import Finding, Place, check
+from wayfarer.commissioning.checks import Finding, Place, check
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.hal import Rover

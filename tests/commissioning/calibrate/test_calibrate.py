@@ -15,10 +15,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.checks.rigs import Needle, Rig, Script, push_by_hand, run
-from wayfarer.calibrate import STEPS, Step, calibrate
-from wayfarer.calibrate.compass import LEARN, OFF, Levels, TeachableCompass, residual_deg
-from wayfarer.calibrate.motors import calibrate_motors
+from tests.commissioning.checks.rigs import Needle, Rig, Script, push_by_hand, run
+from wayfarer.commissioning.calibrate import STEPS, Step, calibrate
+from wayfarer.commissioning.calibrate.compass import LEARN, OFF, Levels, TeachableCompass, residual_deg
+from wayfarer.commissioning.calibrate.motors import calibrate_motors
 from wayfarer.config.calibration_file import Calibration, FlowEntry, MotorsEntry, load, save, stamp
 from wayfarer.errors import BadInput, BadReading, NotResponding, WayfarerError
 from wayfarer.hal import MotionReading

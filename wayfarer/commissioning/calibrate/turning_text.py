@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import degrees
 
-from wayfarer.checks.calibrated import EASE_TURNING
+from wayfarer.commissioning.checks.calibrated import EASE_TURNING
 from wayfarer.config.calibration_file import Calibration, TurningEntry, TurnResponse
 from wayfarer.config.factory import calibrated
 from wayfarer.config.rover_file import RoverConfig

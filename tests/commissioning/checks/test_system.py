@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from tests.checks.rigs import Rig, run
-from wayfarer.checks import Finding, Inspection, Verdict, system
-from wayfarer.checks.standalone import Standalone
+from tests.commissioning.checks.rigs import Rig, run
+from wayfarer.commissioning.checks import Finding, Inspection, Verdict, system
+from wayfarer.commissioning.checks.standalone import Standalone
 from wayfarer.config.rover_file import load_rover
 
 

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from functools import partial
 
-from wayfarer.checks import board, calibrated, deadman, parts, system
-from wayfarer.checks.api import Check, Finding, Inspection, Place, Verdict, passed, run_checks
-from wayfarer.checks.motion import Ask, check_motion
-from wayfarer.checks.standalone import Standalone
+from wayfarer.commissioning.checks import board, calibrated, deadman, parts, system
+from wayfarer.commissioning.checks.api import Check, Finding, Inspection, Place, Verdict, passed, run_checks
+from wayfarer.commissioning.checks.motion import Ask, check_motion
+from wayfarer.commissioning.checks.standalone import Standalone
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover
 

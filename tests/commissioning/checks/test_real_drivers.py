@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.checks.rigs import Rig, Script, WatchedWorld, run
-from wayfarer.calibrate import calibrate
-from wayfarer.calibrate.compass import OFF
-from wayfarer.checks import Check, Finding, Inspection, Verdict, board, parts, run_checks
-from wayfarer.checks.motion import deadman_trips
-from wayfarer.checks.standalone import Standalone
-from wayfarer.checks.system import device_files
+from tests.commissioning.checks.rigs import Rig, Script, WatchedWorld, run
+from wayfarer.commissioning.calibrate import calibrate
+from wayfarer.commissioning.calibrate.compass import OFF
+from wayfarer.commissioning.checks import Check, Finding, Inspection, Verdict, board, parts, run_checks
+from wayfarer.commissioning.checks.motion import deadman_trips
+from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.checks.system import device_files
 from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Self
 
-from wayfarer.checks.api import Place
+from wayfarer.commissioning.checks.api import Place
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import DriverError
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from wayfarer.angles import circular_mean, wrap180
-from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped, warn
-from wayfarer.checks.bench import sample_headings
-from wayfarer.checks.parts import heard
+from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, skipped, warn
+from wayfarer.commissioning.checks.parts import heard
+from wayfarer.commissioning.manual_drive import sample_headings
 from wayfarer.config.calibration_file import STALE_S, CompassEntry, Entry, MotorsEntry, TurningEntry, load
 from wayfarer.errors import BadInput, DriverError
 

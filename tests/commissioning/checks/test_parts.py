@@ -11,9 +11,19 @@ from typing import Literal
 
 import pytest
 
-from tests.checks.rigs import T_WALL, Rig, run
-from wayfarer.checks import ARMING, Finding, Inspection, Verdict, board, calibrated, parts, passed, run_checks
-from wayfarer.checks.standalone import Standalone
+from tests.commissioning.checks.rigs import T_WALL, Rig, run
+from wayfarer.commissioning.checks import (
+    ARMING,
+    Finding,
+    Inspection,
+    Verdict,
+    board,
+    calibrated,
+    parts,
+    passed,
+    run_checks,
+)
+from wayfarer.commissioning.checks.standalone import Standalone
 from wayfarer.config.calibration_file import (
     Calibration,
     CompassEntry,

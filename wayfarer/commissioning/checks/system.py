@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from wayfarer.checks.api import Finding, Inspection, Place, fail, ok, skipped, warn
+from wayfarer.commissioning.checks.api import Finding, Inspection, Place, fail, ok, skipped, warn
 from wayfarer.safety.supply import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
 # At 50 MB an hour of field log (``LogSettings``) this is what a mission takes, beside what its log leaves alone.

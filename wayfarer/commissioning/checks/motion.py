@@ -14,10 +14,10 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from functools import partial
 
-from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped
-from wayfarer.checks.bench import RATE_HZ, Push, keep_driving, measure_push, wheels_stopped_after
-from wayfarer.checks.deadman import keep_proof
-from wayfarer.checks.parts import heard, silent
+from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, skipped
+from wayfarer.commissioning.checks.deadman import keep_proof
+from wayfarer.commissioning.checks.parts import heard, silent
+from wayfarer.commissioning.manual_drive import RATE_HZ, Push, keep_driving, measure_push, wheels_stopped_after
 from wayfarer.control.rate import Pace
 from wayfarer.detector import Stall
 from wayfarer.errors import DriverError, WayfarerError

@@ -9,8 +9,8 @@ import re
 from collections.abc import Awaitable
 from typing import NamedTuple, TypeVar
 
-from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped, warn
-from wayfarer.checks.system import diagnose
+from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, skipped, warn
+from wayfarer.commissioning.checks.system import diagnose
 from wayfarer.errors import BadReading, DriverError, NotResponding, WrongPart
 
 # A rover that is set down for a start stands about level; beyond this the compass is mounted otherwise than believed.

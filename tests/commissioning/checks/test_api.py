@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from tests.checks.rigs import Rig, run
-from wayfarer.checks import Finding, Inspection, Verdict, passed, run_checks
-from wayfarer.checks.api import fail, ok, skipped, warn
-from wayfarer.checks.standalone import Standalone
+from tests.commissioning.checks.rigs import Rig, run
+from wayfarer.commissioning.checks import Finding, Inspection, Verdict, passed, run_checks
+from wayfarer.commissioning.checks.api import fail, ok, skipped, warn
+from wayfarer.commissioning.checks.standalone import Standalone
 
 ALL = (ok("a", "fine"), skipped("b", "no b"), warn("c", "odd", "why", "do"), fail("d", "bad", "why", "do"))
 

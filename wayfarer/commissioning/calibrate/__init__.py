@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
-from wayfarer.calibrate.compass import calibrate_compass
-from wayfarer.calibrate.flow import calibrate_flow
-from wayfarer.calibrate.motors import calibrate_motors
-from wayfarer.calibrate.person import Person
-from wayfarer.calibrate.turning import calibrate_turning
-from wayfarer.checks.api import Place
-from wayfarer.checks.standalone import Standalone
+from wayfarer.commissioning.calibrate.compass import calibrate_compass
+from wayfarer.commissioning.calibrate.flow import calibrate_flow
+from wayfarer.commissioning.calibrate.motors import calibrate_motors
+from wayfarer.commissioning.calibrate.turning import calibrate_turning
+from wayfarer.commissioning.checks.api import Place
+from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.operator import Person
 from wayfarer.config.calibration_file import Calibration, load, save
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover

@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable, Coroutine
 from pathlib import Path
 from typing import Any, TypeVar
 
-from wayfarer.checks import Place
+from wayfarer.commissioning.checks import Place
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.errors import NotResponding
 from wayfarer.escape.api import Vehicle

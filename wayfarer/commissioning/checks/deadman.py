@@ -13,7 +13,7 @@ from typing import Any
 
 from pydantic_core import to_jsonable_python
 
-from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped, warn
+from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, skipped, warn
 from wayfarer.config.calibration_file import STALE_S, DeadmanEntry, load, save, stamp
 from wayfarer.config.rover_file import RoverConfig, part_settings
 from wayfarer.errors import BadInput, DriverError

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from math import ceil
 from statistics import fmean
 
-from wayfarer.calibrate.free_ground import REST_S, FreeGround
-from wayfarer.calibrate.person import Person
-from wayfarer.calibrate.response import TURNS_FROM_DEG_S, rate_deg_s, speed_gain, turn_response
-from wayfarer.calibrate.turning_text import arc_duty_max, table
-from wayfarer.checks.standalone import Standalone
+from wayfarer.commissioning.calibrate.free_ground import REST_S, FreeGround
+from wayfarer.commissioning.calibrate.response import TURNS_FROM_DEG_S, rate_deg_s, speed_gain, turn_response
+from wayfarer.commissioning.calibrate.turning_text import arc_duty_max, table
+from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.operator import Person
 from wayfarer.config.calibration_file import GROUND_MAX, Calibration, SpeedGain, TurningEntry, TurnResponse, stamp
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import WayfarerError

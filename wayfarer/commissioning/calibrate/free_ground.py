@@ -11,11 +11,11 @@ from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 
 from wayfarer.angles import wrap180
-from wayfarer.calibrate.response import Sample
-from wayfarer.checks import board, deadman
-from wayfarer.checks.api import Verdict, run_checks
-from wayfarer.checks.bench import RATE_HZ, wheels_stopped_after
-from wayfarer.checks.standalone import Standalone
+from wayfarer.commissioning.calibrate.response import Sample
+from wayfarer.commissioning.checks import board, deadman
+from wayfarer.commissioning.checks.api import Verdict, run_checks
+from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.manual_drive import RATE_HZ, wheels_stopped_after
 from wayfarer.control.rate import Pace
 from wayfarer.errors import WayfarerError
 from wayfarer.hal import CompassReading, WheelCommand

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.checks.rigs import Flow, Rig, Script, run
-from wayfarer.calibrate import calibrate
-from wayfarer.calibrate.response import Sample, rate_deg_s, speed_gain, turn_response
-from wayfarer.checks.bench import RATE_HZ
+from tests.commissioning.checks.rigs import Flow, Rig, Script, run
+from wayfarer.commissioning.calibrate import calibrate
+from wayfarer.commissioning.calibrate.response import Sample, rate_deg_s, speed_gain, turn_response
+from wayfarer.commissioning.manual_drive import RATE_HZ
 from wayfarer.config.calibration_file import (
     Calibration,
     FlowEntry,
@@ -134,7 +134,7 @@ def test_rover_that_cannot_turn_is_told_what_to_do_and_left_as_its_file_says(rig
 
 def test_uneven_sides_are_told(rig: Rig) -> None:
     def told(one: float, other: float) -> bool:
-        from wayfarer.calibrate.turning_text import table
+        from wayfarer.commissioning.calibrate.turning_text import table
 
         ways = [TurnResponse(stood_at_duty=0.3, from_duty=0.3, deg_s_per_duty=rate) for rate in (one, other)]
         entry = TurningEntry(

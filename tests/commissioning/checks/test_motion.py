@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from tests.checks.rigs import Rig, Script, push_by_hand, run
-from wayfarer.checks import Finding, Verdict, check
-from wayfarer.checks.bench import Push
-from wayfarer.checks.motion import WATCH_S, check_motion, judge_push
-from wayfarer.checks.standalone import Standalone
+from tests.commissioning.checks.rigs import Rig, Script, push_by_hand, run
+from wayfarer.commissioning.checks import Finding, Verdict, check
+from wayfarer.commissioning.checks.motion import WATCH_S, check_motion, judge_push
+from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.manual_drive import Push
 from wayfarer.hal import WheelCommand
 
 NAMES = ["deadman trips", "left wheels", "right wheels", "notices being stuck", "push"]

@@ -9,7 +9,7 @@ import asyncio
 from statistics import median
 from typing import Protocol, runtime_checkable
 
-from wayfarer.calibrate.person import Person
+from wayfarer.commissioning.operator import Person
 from wayfarer.config.calibration_file import FlowEntry, stamp
 from wayfarer.errors import WayfarerError
 from wayfarer.hal import MotionReading

@@ -5,8 +5,8 @@ Of a board that cannot be asked none of it is claimed.
 
 from __future__ import annotations
 
-from wayfarer.checks.api import Finding, Inspection, fail, ok, skipped, warn
-from wayfarer.checks.parts import heard, silent
+from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, skipped, warn
+from wayfarer.commissioning.checks.parts import heard, silent
 from wayfarer.errors import DriverError
 from wayfarer.hal import can_be_asked
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from tests.checks.rigs import T_WALL, Rig, Script, run
-from tests.checks.test_parts import whole_calibration
-from tests.checks.test_real_drivers import Bench
-from wayfarer.checks import CALIBRATED, Finding, Inspection, Verdict, board, check, deadman
-from wayfarer.checks.deadman import board_settings, keep_proof, proved
-from wayfarer.checks.motion import deadman_trips
-from wayfarer.checks.standalone import Standalone
+from tests.commissioning.checks.rigs import T_WALL, Rig, Script, run
+from tests.commissioning.checks.test_parts import whole_calibration
+from tests.commissioning.checks.test_real_drivers import Bench
+from wayfarer.commissioning.checks import CALIBRATED, Finding, Inspection, Verdict, board, check, deadman
+from wayfarer.commissioning.checks.deadman import board_settings, keep_proof, proved
+from wayfarer.commissioning.checks.motion import deadman_trips
+from wayfarer.commissioning.checks.standalone import Standalone
 from wayfarer.config.calibration_file import Calibration, load, save
 from wayfarer.config.rover_file import load_rover, part_settings
 from wayfarer.daemon.dry_run import DryMotors

@@ -8,11 +8,11 @@ has its own way (``picture``).
 
 from __future__ import annotations
 
-from wayfarer.calibrate.person import Person
-from wayfarer.calibrate.picture import SeesChange, calibrate_picture
-from wayfarer.checks.api import Verdict
-from wayfarer.checks.bench import measure_push
-from wayfarer.checks.motion import judge_push
+from wayfarer.commissioning.calibrate.camera import SeesChange, calibrate_picture
+from wayfarer.commissioning.checks.api import Verdict
+from wayfarer.commissioning.checks.motion import judge_push
+from wayfarer.commissioning.manual_drive import measure_push
+from wayfarer.commissioning.operator import Person
 from wayfarer.config.calibration_file import FlowEntry, stamp
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.hal import MotionSensor
