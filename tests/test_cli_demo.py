@@ -149,7 +149,7 @@ def test_foxglove_takes_a_port_or_its_own(
 
         def close(self) -> None: ...
 
-    monkeypatch.setattr("wayfarer.foxglove.live.FoxgloveLive", Channels)
+    monkeypatch.setattr("wayfarer.views.foxglove.live.FoxgloveLive", Channels)
     assert cli.run(["run", "--sim", *arguments]) == 0
     assert asked == [port]
 
@@ -157,4 +157,4 @@ def test_foxglove_takes_a_port_or_its_own(
 def test_command_line_loads_no_server_until_it_is_asked_for() -> None:
     code = "import sys, wayfarer.cli; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert {"aiohttp", "asyncio", "orjson", "wayfarer.live.server"} & set(loaded) == set()
+    assert {"aiohttp", "asyncio", "orjson", "wayfarer.views.live.server"} & set(loaded) == set()

@@ -15,9 +15,9 @@ from threading import Event, Timer
 
 import pytest
 
-from tests.logbook.records import HEADER, SAMPLE_LOGS, drive, event, numbered, outcome, tick, write
+from tests.views.text.records import HEADER, SAMPLE_LOGS, drive, event, numbered, outcome, tick, write
 from wayfarer import cli
-from wayfarer.logbook.verdict import NO_OUTCOME
+from wayfarer.views.text.verdict import NO_OUTCOME
 
 FIRST, SECOND = "00001-20261121T061405Z", "00002-20261121T071405Z"
 LONG_S = 20.0

@@ -19,8 +19,8 @@ from typing import Any
 import pytest
 
 from tests.fieldlog.disks import FailingCall
-from tests.logbook.records import HEADER, drive, event, numbered, write
 from tests.system.faulty import FAULTY
+from tests.views.text.records import HEADER, drive, event, numbered, write
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon import host_health
 from wayfarer.daemon.daemon import Daemon, Service, Vessel, serve

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.logbook.records import BEGAN_WALL_S, HEADER, drive, event, numbered, outcome, tick, write
+from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, numbered, outcome, tick, write
 from wayfarer.fieldlog import last_run
 from wayfarer.fieldlog.folders import FILE_NAME, new_run_folder
 from wayfarer.fieldlog.last_run import TAIL_BYTES, Unfinished, unfinished_run

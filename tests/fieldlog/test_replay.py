@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.logbook.records import SAMPLE_LOGS
+from tests.views.text.records import SAMPLE_LOGS
 from tests.virtual import virtual
 from wayfarer import cli
 from wayfarer.config.rover_file import RoverConfig, load_rover

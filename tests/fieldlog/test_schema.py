@@ -16,7 +16,7 @@ import pytest
 
 import wayfarer
 from tests.fieldlog import lines
-from tests.logbook.outing import outing
+from tests.views.text.outing import outing
 from wayfarer.config.rover_file import load_rover
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.log import FieldLog
@@ -24,7 +24,6 @@ from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.fieldlog.schema import KEYS, KINDS, READINGS, SCHEMA
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import PositionFix
-from wayfarer.logbook import account, wording
 from wayfarer.simhal.faults import Fault, Slope
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.grounds import GroundName
@@ -36,6 +35,7 @@ from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.trial import field_log, run_trial
 from wayfarer.simhal.witness import Witness
 from wayfarer.simhal.world import World
+from wayfarer.views.text import account, wording
 
 README = Path(__file__).resolve().parents[2] / "field_logs" / "README.md"
 CODE = Path(wayfarer.__file__).parent

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from tests.fuzz.damage import Choices, as_json, bytes_of, json_of
 from tests.fuzz.target import Case, Target, Try, reading, shape
-from tests.live.records import run_log
-from tests.live.test_server import TOKEN, Rover
-from wayfarer.live.access import Access
-from wayfarer.live.audience import LIMITS
-from wayfarer.live.server import LivePage
+from tests.views.live.records import run_log
+from tests.views.live.test_server import TOKEN, Rover
+from wayfarer.views.live.access import Access
+from wayfarer.views.live.audience import LIMITS
+from wayfarer.views.live.server import LivePage
 
 KEY = base64.b64encode(b"0123456789abcdef")
 PAGE = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
@@ -76,7 +76,7 @@ class Bugs(logging.Handler):
 
 @contextmanager
 def _shown() -> Iterator[Try]:
-    bugs, logger = Bugs(), logging.getLogger("wayfarer.live")
+    bugs, logger = Bugs(), logging.getLogger("wayfarer.views.live")
     logger.addHandler(bugs)
     with asyncio.Runner() as runner:
         runner.get_loop().set_exception_handler(lambda _, context: bugs.said.append(str(context)))
@@ -129,9 +129,9 @@ async def _heard(reader: asyncio.StreamReader, quiet_s: float) -> bytes:
 
 LIVE = Target(
     "live",
-    ["wayfarer.live.talk", "wayfarer.live.server:LivePage._answer", "wayfarer.live.server:LivePage._answer_page",
-     "wayfarer.live.server:LivePage._answer_socket", "wayfarer.live.server:_plain",
-     "wayfarer.live.audience:Viewer.acknowledge"],
+    ["wayfarer.views.live.talk", "wayfarer.views.live.server:LivePage._answer",
+     "wayfarer.views.live.server:LivePage._answer_page", "wayfarer.views.live.server:LivePage._answer_socket",
+     "wayfarer.views.live.server:_plain", "wayfarer.views.live.audience:Viewer.acknowledge"],
     _conversations,
     _shown,
     quick=60,
@@ -178,4 +178,4 @@ def _visitors(_kept: Sequence[Case]) -> st.SearchStrategy[Any]:
     return st.tuples(TEXT | st.ip_addresses().map(str), HEADERS, TEXT)
 
 
-ACCESS = Target("access", ["wayfarer.live.access"], _visitors, _judged)
+ACCESS = Target("access", ["wayfarer.views.live.access"], _visitors, _judged)

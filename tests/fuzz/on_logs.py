@@ -17,24 +17,24 @@ from hypothesis import strategies as st
 from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.on_files import MEMORY, check_finite
 from tests.fuzz.target import Case, Target, Try, reading
-from tests.logbook.records import SAMPLE_LOGS, event, numbered, record
+from tests.views.text.records import SAMPLE_LOGS, event, numbered, record
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import replay
-from wayfarer.logbook.account import summarise
-from wayfarer.logbook.export import export, write_table
-from wayfarer.logbook.listing import lines, rows
-from wayfarer.logbook.story import Story
-from wayfarer.logbook.summary_text import summary_text
-from wayfarer.logbook.tail import RunTail
-from wayfarer.logbook.verdict import judge
-from wayfarer.report.run import write_run_report
-from wayfarer.report.run_reading import read_run
+from wayfarer.views.run_report.reading import read_run
+from wayfarer.views.run_report.run import write_run_report
+from wayfarer.views.text.account import summarise
+from wayfarer.views.text.export import export, write_table
+from wayfarer.views.text.listing import lines, rows
+from wayfarer.views.text.story import Story
+from wayfarer.views.text.summary_text import summary_text
+from wayfarer.views.text.tail import RunTail
+from wayfarer.views.text.verdict import judge
 
 RUN = "00017-20261121T061405Z"
 (SAMPLE,) = SAMPLE_LOGS.glob("00001-*")
 WHOLE = [orjson.loads(line) for line in (SAMPLE / "run.jsonl").read_bytes().splitlines()]
 DRIVEN = next(count for count, each in enumerate(WHOLE) if each.get("phase") == "back_off")
-BEGAN_S = WHOLE[0]["t_s"] - 100.0  # where tests.logbook.records begin
+BEGAN_S = WHOLE[0]["t_s"] - 100.0  # where tests.views.text.records begin
 TOLD = [
     {**each, "t_s": each["t_s"] + BEGAN_S}
     for each in (
@@ -126,9 +126,10 @@ def _followed(run: Path) -> Iterator[Any]:
 
 STORY = Target(
     "log",
-    ["wayfarer.fieldlog.reader", "wayfarer.logbook.account", "wayfarer.logbook.fields", "wayfarer.logbook.listing",
-     "wayfarer.logbook.story", "wayfarer.logbook.summary_text", "wayfarer.logbook.verdict", "wayfarer.logbook.wording",
-     "wayfarer.logbook.whereabouts", "wayfarer.fieldlog.dead_reckoning", "wayfarer.logbook.tail:RunTail"],
+    ["wayfarer.fieldlog.reader", "wayfarer.views.text.account", "wayfarer.views.text.fields",
+     "wayfarer.views.text.listing", "wayfarer.views.text.story", "wayfarer.views.text.summary_text",
+     "wayfarer.views.text.verdict", "wayfarer.views.text.wording", "wayfarer.views.text.whereabouts",
+     "wayfarer.fieldlog.dead_reckoning", "wayfarer.views.text.tail:RunTail"],
     lambda kept: logs_of(KINDS, kept),
     lambda: _runs(_tell),
 )  # fmt: skip
@@ -147,10 +148,10 @@ def _export(run: Path) -> str:
 
 EXPORT = Target(
     "export",
-    ["wayfarer.logbook.tables", "wayfarer.logbook.export:write_table", "wayfarer.foxglove.mcap_file",
-     "wayfarer.foxglove.channels",     "wayfarer.foxglove.notes", "wayfarer.foxglove.places",
-     "wayfarer.foxglove.plots", "wayfarer.foxglove.scene",
-     "wayfarer.foxglove.path"],
+    ["wayfarer.views.text.tables", "wayfarer.views.text.export:write_table", "wayfarer.views.foxglove.mcap_file",
+     "wayfarer.views.foxglove.channels",     "wayfarer.views.foxglove.notes", "wayfarer.views.foxglove.places",
+     "wayfarer.views.foxglove.plots", "wayfarer.views.foxglove.scene",
+     "wayfarer.views.foxglove.path"],
     lambda kept: logs_of(KINDS, kept),
     lambda: _runs(_export),
 )  # fmt: skip
@@ -184,7 +185,7 @@ def _read_run(run: Path) -> str:
 
 RUN_READING = Target(
     "run-reading",
-    ["wayfarer.report.run_reading"],
+    ["wayfarer.views.run_report.reading"],
     lambda kept: logs_of([*KINDS, WHOLE[:DRIVEN]], kept),
     lambda: _runs(_read_run),
 )
@@ -197,8 +198,8 @@ def _report(run: Path) -> str:
 
 REPORT = Target(
     "report",
-    [f"wayfarer.report.run{part}" for part in ("", "_map", "_marks", "_panels", "_tables", "_timeline", "_track",
-     "_words", "_labels", "_series", "_position")],
+    [f"wayfarer.views.run_report.{part}" for part in ("run", "map", "marks", "panels", "tables", "timeline", "track",
+     "words", "labels", "series", "position")],
     lambda kept: logs_of(KINDS, kept),
     lambda: _runs(_report),
     quick=2,

@@ -19,9 +19,8 @@ from matplotlib.transforms import Bbox
 
 from tests.report.campaigns import STRANGERS, names, row, rows_of
 from wayfarer.escape.api import Phase
-from wayfarer.report.drawing import house_style, log_distances, save
 from wayfarer.report.escape_figure import escape_figure
-from wayfarer.report.forest_figure import STROKES, forest_figure, legend_figure
+from wayfarer.report.forest_figure import forest_figure, legend_figure
 from wayfarer.report.groups import grouped
 from wayfarer.report.paths_figure import paths_figure
 from wayfarer.report.ratio_figure import quantile, ratio_figure, ratios
@@ -29,6 +28,8 @@ from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.rows import Row
 from wayfarer.simhal.statistics import summarise
 from wayfarer.simhal.trace import Point, Trace
+from wayfarer.views.run_report.drawing import house_style, log_distances, save
+from wayfarer.views.run_report.forest_map import STROKES
 
 Rows = Mapping[str, Sequence[Row]]
 

@@ -15,7 +15,6 @@ from tests.report.test_campaign_figures import assert_readable
 from tests.simhal import fake_trials
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
-from wayfarer.report.drawing import house_style
 from wayfarer.report.sweep import write_sweep_report
 from wayfarer.report.sweep_curves import curves_figure
 from wayfarer.report.sweep_maps import maps_figure
@@ -26,6 +25,7 @@ from wayfarer.simhal.sweep.command import run_all
 from wayfarer.simhal.sweep.folder import TRIALS
 from wayfarer.simhal.sweep.measures import mean, spl_difference
 from wayfarer.simhal.sweep.plan import PointTask, make_sweep
+from wayfarer.views.run_report.drawing import house_style
 
 ANGLES = Axis("escape.turn_angle_deg", (50, 10, 30))
 SLIPS = Axis("slip_mean_m", (2, 10))

@@ -15,7 +15,7 @@ import typer
 from wayfarer.cli.rover import simulated
 from wayfarer.cli.sim import Depth
 from wayfarer.cli.watching import live_page
-from wayfarer.live import HOST, PORT
+from wayfarer.views.live import HOST, PORT
 
 if TYPE_CHECKING:
     from wayfarer.safety.mission_limits import RunEnd

@@ -20,7 +20,7 @@ from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.reader import Damage
-    from wayfarer.logbook.story import Line
+    from wayfarer.views.text.story import Line
 
 POLL_S = 0.3  # how long a line waits until it is shown, at most
 STDOUT = Path("-")
@@ -62,7 +62,7 @@ def _root() -> None:
 def list_runs(*, logs: Logs = None) -> None:
     """Show all runs, the newest last."""
     from wayfarer.fieldlog.clock import wall_clock
-    from wayfarer.logbook.listing import lines, rows
+    from wayfarer.views.text.listing import lines, rows
 
     folder = log_folder(logs)
     found = rows(folder, wall_clock(0.0))
@@ -77,9 +77,9 @@ def list_runs(*, logs: Logs = None) -> None:
 def follow(run: Run = None, *, logs: Logs = None) -> None:
     """Tell what happens while it happens, run after run; with RUN until that run ends. Ctrl-C ends it."""
     from wayfarer.fieldlog.folders import find_run, run_folders
-    from wayfarer.logbook.story import Story
-    from wayfarer.logbook.tail import follow as follow_records
-    from wayfarer.logbook.verdict import NO_OUTCOME
+    from wayfarer.views.text.story import Story
+    from wayfarer.views.text.tail import follow as follow_records
+    from wayfarer.views.text.verdict import NO_OUTCOME
 
     folder = log_folder(logs)
     chosen = None if run in (None, "last") else find_run(run, folder)
@@ -115,8 +115,8 @@ def show(
     """Tell a run from its beginning."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import Damage, RunReader
-    from wayfarer.logbook.story import Story
-    from wayfarer.logbook.verdict import NO_OUTCOME, readable
+    from wayfarer.views.text.story import Story
+    from wayfarer.views.text.verdict import NO_OUTCOME, readable
 
     story, ended = Story(ticks=ticks), False
     reader = RunReader(find_run(run, log_folder(logs)))
@@ -140,8 +140,8 @@ def summary(
     """Say what came of a run: how far, how long, what went wrong, and where the rover is likely to be."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import RunReader
-    from wayfarer.logbook.account import summarise
-    from wayfarer.logbook.verdict import readable
+    from wayfarer.views.text.account import summarise
+    from wayfarer.views.text.verdict import readable
 
     reader = RunReader(find_run(run, log_folder(logs)))
     found = summarise(readable(reader))
@@ -152,7 +152,7 @@ def summary(
 
         text = json.dumps({"run": title, **asdict(found), "damage": asdict(reader.damage)})
     else:
-        from wayfarer.logbook.summary_text import summary_text
+        from wayfarer.views.text.summary_text import summary_text
 
         text = summary_text(title, found, reader.damage)
     with _whoever_reads():
@@ -172,7 +172,7 @@ def check(
 ) -> None:
     """Read logs to their ends, and say what of them is lost."""
     from wayfarer.fieldlog.folders import find_run
-    from wayfarer.logbook.verdict import judge
+    from wayfarer.views.text.verdict import judge
 
     folder = log_folder(logs)
     verdicts = []
@@ -203,8 +203,8 @@ def export(
 ) -> None:
     """Write a run as a table, or for a viewer."""
     from wayfarer.fieldlog.folders import find_run
-    from wayfarer.logbook.export import export as export_run
-    from wayfarer.logbook.export import write_table
+    from wayfarer.views.text.export import export as export_run
+    from wayfarer.views.text.export import write_table
 
     found = find_run(run, log_folder(logs))
     form = _form(form, out)

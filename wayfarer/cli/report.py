@@ -51,7 +51,7 @@ def report(
     if run is None:
         page = _of_trials(Path(what), out, gallery, jobs)
     else:
-        from wayfarer.report.run import write_run_report
+        from wayfarer.views.run_report.run import write_run_report
 
         page = write_run_report(run, out)
     print(f"the report is {page}")

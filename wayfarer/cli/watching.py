@@ -8,11 +8,11 @@ import typer
 
 from wayfarer.cli.extras import require
 from wayfarer.errors import BadInput
-from wayfarer.live import HOST, PORT
+from wayfarer.views.live import HOST, PORT
 
 if TYPE_CHECKING:
     from wayfarer.daemon.viewer import Viewer
-    from wayfarer.live.server import LivePage
+    from wayfarer.views.live.server import LivePage
 
 LOOKING_ON = "Looking on"
 FOXGLOVE_PORT = 8765  # where Foxglove looks first
@@ -67,7 +67,7 @@ def viewers(
         found.append(page)
     if foxglove:
         require("Foxglove")
-        from wayfarer.foxglove.live import FoxgloveLive
+        from wayfarer.views.foxglove.live import FoxgloveLive
 
         channels = FoxgloveLive(port=FOXGLOVE_PORT if foxglove_port is None else foxglove_port)
         print(f"for Foxglove: {channels.url}", flush=True)
@@ -85,6 +85,6 @@ def live_page(host: str, port: int, speed: float = 1.0) -> LivePage:
     require("the live page")
     from secrets import token_urlsafe
 
-    from wayfarer.live.server import LivePage
+    from wayfarer.views.live.server import LivePage
 
     return LivePage(host, port, token_urlsafe(16), speed)

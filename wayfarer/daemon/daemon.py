@@ -47,8 +47,8 @@ from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import Rover
-from wayfarer.logbook.wording import unclean_text
 from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.views.text.wording import unclean_text
 
 
 @dataclass(frozen=True, slots=True)

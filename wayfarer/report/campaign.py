@@ -9,8 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from wayfarer.errors import BadInput
-from wayfarer.report import page, words
-from wayfarer.report.drawing import house_style, save
+from wayfarer.report import words
 from wayfarer.report.escape_figure import escape_figure
 from wayfarer.report.forest_figure import close_up_figure, forest_figure, legend_figure
 from wayfarer.report.gallery import Again, choose, run_again
@@ -22,6 +21,8 @@ from wayfarer.simhal.entrapment import entrapment
 from wayfarer.simhal.plan import Campaign
 from wayfarer.simhal.progress import shown_progress
 from wayfarer.simhal.rows import Row
+from wayfarer.views.run_report import page
+from wayfarer.views.run_report.drawing import house_style, save
 
 
 def write_report(folder: Path, out: Path | None = None, *, gallery: int = 12, jobs: int) -> Path:

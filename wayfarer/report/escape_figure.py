@@ -8,10 +8,21 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wayfarer.report.drawing import BLACK, BLUE, GREEN, ORANGE, PALE, PURPLE, SKY, VERMILION, WIDTH_IN, log_distances
 from wayfarer.report.groups import Group, grouped, short
 from wayfarer.report.survival import Curve, escape_curve
 from wayfarer.simhal.rows import Row
+from wayfarer.views.run_report.drawing import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PALE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    WIDTH_IN,
+    log_distances,
+)
 
 PANEL_IN = 1.55
 LEGEND_LINE_IN = 0.19

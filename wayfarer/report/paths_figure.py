@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from wayfarer.report.drawing import BLACK, GREY, ORANGE, VERMILION, WIDTH_IN, Style, log_distances
 from wayfarer.report.groups import grouped
 from wayfarer.report.rows_layout import Rows, label_rows, lay_out
 from wayfarer.simhal.report_table import PAPER
 from wayfarer.simhal.rows import SUCCESSES, Row
 from wayfarer.simhal.statistics import Summary
+from wayfarer.views.run_report.drawing import BLACK, GREY, ORANGE, VERMILION, WIDTH_IN, Style, log_distances
 
 BOX = "#A9CBE3"
 MARGINS_IN = 1.15  # axis labels and legend

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from wayfarer.report.drawing import BLACK, BLUE, EDGE, GREY, SKY, WIDTH_IN, log_axis
 from wayfarer.report.groups import grouped
 from wayfarer.report.rows_layout import label_rows, lay_out
 from wayfarer.simhal.rows import SUCCESSES, Row
+from wayfarer.views.run_report.drawing import BLACK, BLUE, EDGE, GREY, SKY, WIDTH_IN, log_axis
 
 MARGINS_IN = 1.15
 TIMES = "\N{MULTIPLICATION SIGN}"

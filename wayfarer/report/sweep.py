@@ -6,13 +6,14 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from wayfarer.report import page, words
-from wayfarer.report.drawing import house_style, save
+from wayfarer.report import words
 from wayfarer.report.sweep_curves import curves_figure
 from wayfarer.report.sweep_maps import maps_figure
 from wayfarer.report.sweep_reading import SweepResults, read_sweep
 from wayfarer.simhal.sweep.axes import Value
 from wayfarer.simhal.sweep.measures import MEASURES, Estimate, spl_difference
+from wayfarer.views.run_report import page
+from wayfarer.views.run_report.drawing import house_style, save
 
 PAIRED = (
     "All points met the same forests and noise, so they can be compared trial by trial: the last column is "

@@ -7,11 +7,11 @@ import math
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wayfarer.report.drawing import GREY, WIDTH_IN, Style
 from wayfarer.report.escape_figure import COLOURS, DASHES
 from wayfarer.report.groups import short
 from wayfarer.report.sweep_reading import SweepResults
 from wayfarer.simhal.sweep.measures import MEASURES, Estimate, Measure
+from wayfarer.views.run_report.drawing import GREY, WIDTH_IN, Style
 
 PANEL_IN = 1.9
 LEGEND_LINE_IN = 0.19

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from wayfarer.report.drawing import PALE, WIDTH_IN
 from wayfarer.report.sweep_reading import SweepResults, SweptAxis
 from wayfarer.simhal.sweep.measures import MEASURES, Measure
+from wayfarer.views.run_report.drawing import PALE, WIDTH_IN
 
 PANEL_IN = 2.3
 COLOURS = "cividis"  # read alike by colour-blind readers

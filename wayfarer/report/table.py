@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from wayfarer.report import page
 from wayfarer.report.groups import grouped
 from wayfarer.report.reading import Results
 from wayfarer.simhal.entrapment import Why
 from wayfarer.simhal.report_table import FAULTS, NAME, OUTCOMES, PAPER, PATHS, Column
+from wayfarer.views.run_report import page
 
 CAPTION = "Success with its 95 % interval; path: of the successes; time and anomalies: mean a trial."
 

@@ -1,0 +1,325 @@
+"""A log as an MCAP file, read back by another library and compared with the log."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tests.views.foxglove.logs import HEADER, Record, of_kind, stamped, tick, write
+from tests.views.foxglove.readers import Exported, read
+from wayfarer.angles import wrap180
+from wayfarer.config.rover_file import load_rover
+from wayfarer.errors import BadInput
+from wayfarer.escape.api import Anomaly
+from wayfarer.fieldlog.dead_reckoning import DeadReckoning
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.stage import TrialSpec
+from wayfarer.simhal.trial import run_trial
+from wayfarer.views.foxglove.mcap_file import export
+
+JSON_TYPES: dict[str, Any] = {"number": (int, float), "boolean": bool, "string": str}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The log of a simulated trial with a few episodes."""
+    folder = tmp_path_factory.mktemp("run")
+    run_trial(TrialSpec(3, "forest-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"), budget_m=25.0), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def records(run: Path) -> list[Record]:
+    return list(RunReader(run))
+
+
+@pytest.fixture(scope="module")
+def exported(run: Path) -> Exported:
+    export(run, run / "run.mcap")
+    return read(run / "run.mcap")
+
+
+def round_trip(folder: Path, *records: Record | bytes) -> Exported:
+    export(write(folder, records), folder / "run.mcap")
+    return read(folder / "run.mcap")
+
+
+def nanoseconds(time_s: float) -> int:
+    return round(time_s * 1e6) * 1000
+
+
+@pytest.mark.parametrize(
+    ("topic", "kind", "keys"),
+    [
+        ("/heading", "tick", ["heading_deg", "goal_heading_deg"]),
+        ("/tilt", "tick", ["pitch_deg", "roll_deg"]),
+        ("/phase", "tick", ["phase", "why", "level"]),
+        ("/counter", "tick", ["counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty"]),
+        ("/wheels", "tick", ["wanted_left", "wanted_right", "applied_left", "applied_right"]),
+        ("/motion", "tick", ["travelled_m", "covered_m"]),
+        ("/battery", "board", ["battery_v"]),
+        ("/truth_contact", "truth", ["slipping", "touching"]),
+    ],
+)
+def test_every_record_has_its_message_with_its_time_and_values(
+    exported: Exported, records: list[Record], topic: str, kind: str, keys: list[str]
+) -> None:
+    told = of_kind(records, kind)
+    assert told
+    messages = exported.messages[topic]
+    assert [time_ns for time_ns, _ in messages] == [nanoseconds(record["t_s"]) for record in told]
+    assert [[value[key] for key in keys] for _, value in messages] == [[each[key] for key in keys] for each in told]
+
+
+def test_derived_values_are_those_of_the_log(exported: Exported, records: list[Record]) -> None:
+    ticks = of_kind(records, "tick")
+    for record, (_, heading), (_, anomalies), (_, phase) in zip(
+        ticks, *(exported.messages[topic] for topic in ("/heading", "/anomalies", "/phase")), strict=True
+    ):
+        assert heading["error_deg"] == wrap180(record["goal_heading_deg"] - record["heading_deg"])
+        assert anomalies == {kind.value: kind.value in record["anomalies"] for kind in Anomaly}
+        assert phase["cause"] == (record["cause"] or "none")
+    assert any(any(value.values()) for _, value in exported.messages["/anomalies"])
+
+
+def test_pose_of_every_tick_is_dead_reckoning_from_the_forests_start(exported: Exported, records: list[Record]) -> None:
+    reckoning = DeadReckoning(records[0])
+    east_m, north_m = records[0]["world"]["start_m"]
+    for record, (_, pose), (_, motion) in zip(
+        of_kind(records, "tick"), exported.messages["/pose"], exported.messages["/motion"], strict=True
+    ):
+        place = reckoning.take(record)
+        assert place is not None
+        assert pose["translation"] == {"x": place.east_m + east_m, "y": place.north_m + north_m, "z": 0.0}
+        assert motion["path_m"] == reckoning.path_m
+
+
+def test_true_pose_and_paths_are_those_of_the_log(exported: Exported, records: list[Record]) -> None:
+    truth = of_kind(records, "truth")
+    places = [(pose["translation"]["x"], pose["translation"]["y"]) for _, pose in exported.messages["/truth"]]
+    assert places == [(record["x_m"], record["y_m"]) for record in truth]
+    points = exported.messages["/truth_track"][-1].value["entities"][0]["lines"][0]["points"]
+    drawn = [(point["x"], point["y"]) for point in points]
+    assert drawn[0] == places[0]
+    assert set(drawn) <= set(places)
+    assert len(drawn) > 50
+
+
+def test_every_path_message_is_the_whole_path_so_far(exported: Exported) -> None:
+    for topic in ("/track", "/truth_track"):
+        lengths = [len(message.value["entities"][0]["lines"][0]["points"]) for message in exported.messages[topic]]
+        assert lengths == sorted(lengths)
+        assert len({message.value["entities"][0]["id"] for message in exported.messages[topic]}) == 1
+
+
+def test_forest_and_bodies_are_there_from_the_beginning(exported: Exported, records: list[Record]) -> None:
+    world = records[0]["world"]
+    (forest,) = exported.messages["/forest"]
+    assert len(forest.value["entities"][0]["cylinders"]) == len(world["trunks_m"]) + len(world["trees_m"])
+    (bodies,) = exported.messages["/rover"]
+    assert [entity["frame_id"] for entity in bodies.value["entities"]] == ["rover", "truth"]
+    assert forest.time_ns == bodies.time_ns == nanoseconds(records[0]["t_s"])
+
+
+def test_messages_come_in_the_order_of_the_log(exported: Exported) -> None:
+    times = [message.time_ns for _, message in exported.all]
+    assert times == sorted(times)
+
+
+def test_schemas_say_what_every_value_means(exported: Exported) -> None:
+    plots = {topic: schema for topic, schema in exported.schemas.items() if schema.encoding == "jsonschema"}
+    assert len(plots) == 9
+    for topic, schema in plots.items():
+        declared = json.loads(schema.data)
+        assert declared["type"] == "object"
+        assert declared["title"] == schema.name == f"wayfarer.{topic[1:]}"
+        assert all(field["description"] for field in declared["properties"].values())
+        for _, value in exported.messages[topic]:
+            for name, found in value.items():
+                assert isinstance(found, JSON_TYPES[declared["properties"][name]["type"]]), f"{topic}.{name}"
+
+
+def test_well_known_schemas_are_used_where_panels_know_them(exported: Exported) -> None:
+    names = {topic: schema.name for topic, schema in exported.schemas.items() if schema.encoding == "protobuf"}
+    scenes = dict.fromkeys(("/forest", "/rover", "/track", "/truth_track"), "foxglove.SceneUpdate")
+    poses = dict.fromkeys(("/pose", "/truth"), "foxglove.FrameTransform")
+    assert names == {**scenes, **poses, "/log": "foxglove.Log"}
+
+
+def test_number_of_messages_is_returned_and_the_bytes_are_the_same_each_time(run: Path, tmp_path: Path) -> None:
+    first, second = export(run, tmp_path / "a.mcap"), export(run, tmp_path / "b.mcap")
+    assert first.messages == second.messages == len(read(tmp_path / "a.mcap").all)
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+
+
+def test_clock_that_was_set_does_not_tear_the_file_apart(tmp_path: Path) -> None:
+    """The last record says when the run was; two hours are missing from what the clock said before."""
+    found = round_trip(
+        tmp_path,
+        {**HEADER, "t_wall": 1_000_000.0},
+        {**tick(100.05), "t_wall": 1_000_000.05},
+        {**stamped("event", 101.0, name="clock_step", by_s=7200.0), "t_wall": 1_007_201.0},
+        {**tick(101.0), "t_wall": 1_007_201.0},
+    )
+    assert [message.time_ns for message in found.messages["/pose"]] == [1_007_200_050_000_000, 1_007_201_000_000_000]
+
+
+def test_run_with_a_faster_clock_begins_when_its_first_record_says(tmp_path: Path) -> None:
+    """Six seconds of a demo in one of the clock."""
+    faster = {**HEADER, "t_wall": 1_000_000.0, "time_scale": 6.0}
+    found = round_trip(
+        tmp_path, faster, {**tick(100.5), "t_wall": 1_000_000.083}, {**tick(106.0), "t_wall": 1_000_001.0}
+    )
+    assert [message.time_ns for message in found.messages["/pose"]] == [1_000_000_500_000_000, 1_000_006_000_000_000]
+
+
+def test_log_panel_tells_events_by_their_severity(tmp_path: Path) -> None:
+    found = round_trip(
+        tmp_path,
+        HEADER,
+        stamped("event", 101.0, name="mark", text="hit log"),
+        tick(102.0, anomalies=["immobilised"]),
+        tick(102.05, anomalies=["immobilised", "nose_up"], phase="back_off"),
+        stamped("event", 103.0, name="health", level="hold", cause="compass_stale"),
+        stamped("event", 104.0, name="motors_failed", error="no answer"),
+        stamped("event", 105.0, name="made_up_tomorrow"),
+        stamped("outcome", 106.0, reason="requested", text="stopped", dropped=0),
+    )
+    lines = [(message.value["level"], message.value["message"]) for message in found.messages["/log"]]
+    info, warning, error = 2, 3, 4
+    assert lines == [
+        (info, "run of forestrover, forest-pledge, wayfarer 1"),
+        (info, "mark: hit log"),
+        (warning, "immobilised in follow"),
+        (warning, "nose_up in back_off"),
+        (warning, "health: hold, compass_stale"),
+        (error, "motors failed: no answer"),
+        (info, "made up tomorrow"),
+        (info, "ended: requested: stopped"),
+    ]
+
+
+def test_position_has_its_error_as_a_variance(tmp_path: Path) -> None:
+    fix = {"latitude_deg": 51.5, "longitude_deg": -0.5}
+    known, unknown = stamped("position", 101.0, **fix, error_m=3.0), stamped("position", 102.0, **fix, error_m=None)
+    first, second = (message.value for message in round_trip(tmp_path, HEADER, known, unknown).messages["/location"])
+    assert (first["latitude"], first["longitude"]) == (51.5, -0.5)
+    assert first["position_covariance"] == [9.0, 0, 0, 0, 9.0, 0, 0, 0, 0]
+    assert (first["position_covariance_type"], second["position_covariance_type"]) == (1, 0)
+
+
+def test_computer_and_battery_leave_out_what_cannot_be_read(tmp_path: Path) -> None:
+    found = round_trip(
+        tmp_path,
+        HEADER,
+        stamped("computer", 101.0, cpu_c=51.5, throttled=None, load_1min=0.5, disk_free_mb=None, log_dropped=0),
+        stamped("board", 102.0, battery_v=None, faults=["overheated", "short circuit"]),
+    )
+    assert found.messages["/computer"][0].value == {"cpu_c": 51.5, "load_1min": 0.5, "log_dropped": 0}
+    assert found.messages["/battery"][0].value == {"faults": "overheated, short circuit"}
+
+
+def test_another_algorithms_memory_breaks_nothing(tmp_path: Path) -> None:
+    odd = {"counter_deg": "three", "side": None, "episodes": [1], "place": "home", "path_m": "long", "mood": {"a": 1}}
+    found = round_trip(tmp_path, HEADER, tick(101.0, **odd), tick(101.5))
+    assert "/counter" not in found.messages
+    assert [message.value["translation"]["x"] for message in found.messages["/pose"]] == [0.5, 1.0]
+    assert [message.value["path_m"] for message in found.messages["/motion"]] == [0.5, 1.0]
+
+
+def test_run_goes_on_over_the_parts_of_its_log(tmp_path: Path) -> None:
+    write(tmp_path, [HEADER, tick(101.0)])
+    (tmp_path / "run.jsonl").rename(tmp_path / "run.00001.jsonl")
+    found = round_trip(tmp_path, {**HEADER, "t_s": 101.0, "part": 2}, tick(102.0))
+    assert [message.value["translation"]["x"] for message in found.messages["/pose"]] == [0.5, 1.0]
+    assert len(found.messages["/log"]) == 1
+
+
+def test_damaged_log_is_exported_as_far_as_it_can_be_read(tmp_path: Path) -> None:
+    torn = json.dumps(tick(103.0)).encode()[:200]
+    found = round_trip(tmp_path, HEADER, tick(101.0), b"\0" * 500 + b"\n", b"{garbled}\n", tick(102.0), torn)
+    assert len(found.messages["/pose"]) == 2
+
+
+def test_log_without_its_beginning_still_shows_the_rover(tmp_path: Path) -> None:
+    found = round_trip(tmp_path, tick(101.0), {**HEADER, "t_s": 101.0, "part": 2}, tick(102.0))
+    assert len(found.messages["/pose"]) == 2
+
+
+ODD_VALUES = (
+    st.none() | st.booleans() | st.floats(allow_nan=False) | st.text(max_size=3) | st.lists(st.integers(), max_size=2)
+)
+KEYS = [
+    *("t_wall", "heading_deg", "goal_heading_deg", "pitch_deg", "motion", "anomalies", "phase", "cause", "world"),
+    *("config", "part", "name", "level", "faults", "x_m", "y_m", "latitude_deg", "longitude_deg", "error_m"),
+]
+ODD_RECORDS = st.builds(
+    lambda kind, t_s, fields: {**stamped(kind, t_s), **fields},
+    st.sampled_from(["run", "tick", "event", "position", "board", "computer", "truth", "outcome"]),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.dictionaries(
+        st.sampled_from(KEYS),
+        ODD_VALUES | st.dictionaries(st.sampled_from(["forward_m", "vehicle", "start_m"]), ODD_VALUES),
+    ),
+)
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(ODD_RECORDS, max_size=6))
+def test_whatever_is_in_a_log_its_export_is_a_file_that_can_be_read(tmp_path: Path, records: list[Record]) -> None:
+    found = round_trip(tmp_path, *records, tick(1e4))
+    assert "/heading" in found.messages
+
+
+@pytest.mark.parametrize("lines", [[], [b"\0" * 100], [b'{"record": "tick"']])
+def test_log_of_which_nothing_can_be_read_is_refused(tmp_path: Path, lines: list[bytes]) -> None:
+    with pytest.raises(BadInput, match="nothing in this log can be read"):
+        export(write(tmp_path, lines), tmp_path / "run.mcap")
+    assert not list(tmp_path.glob("*mcap*"))
+
+
+def test_folder_without_a_log_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"no run\.jsonl"):
+        export(tmp_path, tmp_path / "run.mcap")
+
+
+def test_file_that_is_refused_more_room_is_one_line_and_leaves_nothing_behind(
+    run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run.mcap"
+    out.write_bytes(b"the one before")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, limits[1]))
+    try:
+        with pytest.raises(BadInput, match=r"run\.mcap: cannot be written \(File too large\)"):
+            export(run, out)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
+    assert out.read_bytes() == b"the one before"
+    assert capfd.readouterr() == ("", "")
+
+
+def test_pipe_is_refused_and_a_symlink_is_written_through(run: Path, tmp_path: Path) -> None:
+    pipe, link, target = tmp_path / "pipe", tmp_path / "link", tmp_path / "run.mcap"
+    os.mkfifo(pipe)
+    link.symlink_to(target)
+    with pytest.raises(BadInput, match="is no ordinary file"):
+        export(run, pipe)
+    assert pipe.is_fifo()
+    assert export(run, link).messages > 0
+    assert link.is_symlink()
+    assert read(target).messages["/pose"]
+
+
+def test_folder_that_cannot_be_written_is_one_line(run: Path) -> None:
+    with pytest.raises(BadInput, match=r"cannot be written \(Not a directory\)"):
+        export(run, Path("/dev/null/run.mcap"))

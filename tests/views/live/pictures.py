@@ -1,0 +1,50 @@
+"""Pictures of the live page for the documents: ``python -m tests.views.live.pictures``; half a minute.
+
+A demo is photographed in the middle of its escape and at its end, on a desk and on a telephone.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from playwright.sync_api import Page, ViewportSize, sync_playwright
+
+from tests.browser import DESKTOP, NAMES, PHONE, QUIET
+from tests.views.live.daemons import running
+
+FOLDER = Path(__file__).parents[3] / "docs" / "images"
+SIZES: dict[str, ViewportSize] = {
+    "desktop": {"width": DESKTOP[0], "height": DESKTOP[1]},
+    "phone": {"width": PHONE[0], "height": PHONE[1]},
+}
+MIDDLE_M = 45.0  # of the 75 m or so of the default demo: on its way out of the worst corner
+
+
+def main() -> None:
+    """Take the pictures."""
+    chromium = next(filter(None, map(shutil.which, NAMES)))
+    with running("demo", "--no-browser", "--live-port", "0") as demo, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=list(QUIET))
+        pages = {name: browser.new_page(viewport=size) for name, size in SIZES.items()}
+        for page in pages.values():
+            page.goto(demo.url)
+        _wait_for_metres(pages["desktop"], MIDDLE_M)
+        _take(pages, "middle")
+        pages["desktop"].locator("body.ended").wait_for(timeout=60_000)
+        _take(pages, "end")
+        browser.close()
+
+
+def _wait_for_metres(page: Page, metres: float) -> None:
+    while float(page.locator("#mission-m").inner_text().split()[0]) < metres:
+        page.wait_for_timeout(50)
+
+
+def _take(pages: dict[str, Page], when: str) -> None:
+    for name, page in pages.items():
+        page.screenshot(path=FOLDER / f"live-{name}-{when}.png")
+
+
+if __name__ == "__main__":
+    main()

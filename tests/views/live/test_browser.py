@@ -1,0 +1,228 @@
+"""The page in a real browser, over real daemons."""
+
+# ruff: noqa: TID251 - a person's clock
+from __future__ import annotations
+
+import re
+import signal
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from tests.browser import DESKTOP, PHONE, Opened, OpenPage
+from tests.views.live.contrast import ratio, texts, weak_texts
+from tests.views.live.daemons import Daemon, running
+
+pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
+pytestmark = pytest.mark.slow
+
+NARROW = (360, 640)
+STOP_S = 0.2
+BLANK = "\N{EN DASH}"
+ARMED = re.compile("^Armed")  # not disarmed
+
+
+@pytest.fixture
+def daemon() -> Iterator[Daemon]:
+    with running("run", "--sim", "--live", "--live-port", "0") as found:
+        yield found
+
+
+def look(browser_page: OpenPage, daemon: Daemon, viewport: tuple[int, int] = DESKTOP) -> Opened:
+    """Open the page and wait until it is alive."""
+    opened = browser_page(viewport)
+    opened.page.goto(daemon.url)
+    alive(opened)
+    return opened
+
+
+def alive(opened: Opened) -> None:
+    opened.page.locator("body:not(.stale)").wait_for()
+    opened.page.locator("#age", has_text="live").wait_for()
+
+
+def text(opened: Opened, where: str) -> str:
+    return opened.page.locator(where).inner_text()
+
+
+def test_demo_reaches_escaped_on_the_page_and_asks_nobody_else(browser_page: OpenPage) -> None:
+    with running("demo", "--no-browser", "--live-port", "0", "--speed", "30") as demo:
+        opened = browser_page()
+        asked: list[str] = []
+        opened.page.on("request", lambda request: asked.append(request.url))
+        opened.page.on("websocket", lambda socket: asked.append(socket.url))
+        opened.page.goto(demo.url)
+        opened.page.locator("#banner.good", has_text="escaped after").wait_for(timeout=60_000)
+        assert demo.process.wait(timeout=10) == 0
+        assert "ended" in (opened.page.locator("body").get_attribute("class") or "")
+        assert int(text(opened, "#episodes")) > 3
+        assert opened.page.locator("#lines li").count() > 20
+        assert opened.trouble == []
+        assert [url for url in asked if not url.startswith("data:")] == [demo.url, f"ws://127.0.0.1:{demo.port}/ws"]
+
+
+def test_stop_on_the_page_stops_the_wheels_at_once(browser_page: OpenPage, daemon: Daemon) -> None:
+    opened = look(browser_page, daemon, PHONE)
+    daemon.arm()
+    opened.page.locator("#mode", has_text=ARMED).wait_for()
+    opened.page.evaluate("addEventListener('click', () => { document.body.dataset.pressed = Date.now() }, true)")
+    opened.page.locator("#stop").click()
+    opened.page.locator("#banner", has_text="The run has ended").wait_for()
+    assert daemon.process.wait(timeout=5) == 0
+    pressed_s = float(opened.page.locator("body").get_attribute("data-pressed") or "nan") / 1e3
+    records = daemon.log()
+    driven_s = [r["t_wall"] for r in records if r["record"] == "tick" and (r["applied_left"] or r["applied_right"])]
+    (stopped_s,) = [r["t_wall"] for r in records if r.get("name") == "wheels_stopped"]
+    assert driven_s[-1] > pressed_s - 0.5, "it drove when Stop was pressed"
+    print(f"wheels stopped {1e3 * (stopped_s - pressed_s):.0f} ms after Stop was pressed")
+    assert max(stopped_s, driven_s[-1]) - pressed_s < STOP_S
+    assert opened.trouble == []
+
+
+def test_hold_resume_and_mark_work_from_the_keyboard(browser_page: OpenPage, daemon: Daemon) -> None:
+    opened = look(browser_page, daemon)
+    page = opened.page
+    page.locator("#hold").press("Enter")
+    page.locator("#reply", has_text="the rover is disarmed").wait_for()
+    daemon.arm()
+    page.locator("#mode", has_text=ARMED).wait_for()
+    page.locator("#hold").press("Enter")
+    page.locator("#mode", has_text="Held").wait_for()
+    page.locator("#health", has_text="somebody asked to hold").wait_for()
+    page.locator("#health", has_text="until Resume").wait_for()
+    page.locator("#resume").press("Enter")
+    page.locator("#mode", has_text=ARMED).wait_for()
+    assert page.locator("#resume").is_hidden()
+    page.locator("#mark").press_sequentially("<b>hit</b> log")
+    page.locator("#mark").press("Enter")
+    page.locator("#lines li", has_text="<b>hit</b> log").wait_for()
+    assert page.locator("#mark").input_value() == ""
+    assert daemon.ask("status")["mode"] == "armed"
+    assert opened.trouble == []
+
+
+def test_daemon_that_is_killed_is_noticed_at_once_and_the_page_comes_back_with_the_next_one(
+    browser_page: OpenPage, daemon: Daemon
+) -> None:
+    opened = look(browser_page, daemon)
+    daemon.process.kill()
+    stop_at = opened.page.locator("#stop").bounding_box()
+    killed_s = time.monotonic()
+    opened.page.locator("body.stale").wait_for(timeout=2000)
+    opened.page.locator("#banner", has_text="No connection to the rover. What you see is").wait_for(timeout=2000)
+    print(f"shown {1e3 * (time.monotonic() - killed_s):.0f} ms after the daemon was killed")
+    opened.page.locator("#stop").click()
+    assert "Not sent" in text(opened, "#reply")
+    assert opened.page.locator("#stop").bounding_box() == stop_at, "neither the banner nor the reply moves Stop"
+    with running("run", "--sim", "--live", "--live-port", str(daemon.port)):
+        alive(opened)
+        assert opened.page.locator("#banner").is_hidden()
+        assert text(opened, "#reply") == "", "the new run was asked for nothing"
+
+
+@pytest.mark.parametrize("viewport", [PHONE, DESKTOP], ids=str)
+def test_pressing_hold_twice_holds(browser_page: OpenPage, daemon: Daemon, viewport: tuple[int, int]) -> None:
+    page = look(browser_page, daemon, viewport).page
+    daemon.arm()
+    page.locator("#mode", has_text=ARMED).wait_for()
+    hold, stop_at = page.locator("#hold").bounding_box(), page.locator("#stop").bounding_box()
+    assert hold is not None
+    middle = (hold["x"] + hold["width"] / 2, hold["y"] + hold["height"] / 2)
+    page.mouse.dblclick(*middle)
+    page.locator("#resume").wait_for()
+    page.mouse.click(*middle)
+    page.locator("#reply", has_text="Held").wait_for()
+    assert daemon.ask("status")["held"] is True
+    assert page.locator("#stop").bounding_box() == stop_at
+
+
+def test_resume_on_a_page_that_is_old_starts_no_wheels_later(browser_page: OpenPage, daemon: Daemon) -> None:
+    opened = look(browser_page, daemon)
+    daemon.arm()
+    opened.page.locator("#hold").click()
+    opened.page.locator("#resume").wait_for()
+    daemon.process.send_signal(signal.SIGSTOP)
+    opened.page.locator("body.stale").wait_for(timeout=3000)
+    assert opened.page.locator("#resume").is_disabled()
+    assert opened.page.locator("#send-mark").is_disabled()
+    opened.page.locator("#resume").click(force=True)
+    opened.page.locator("#hold").click()
+    opened.page.locator("#reply", has_text="Hold: no answer yet").wait_for()
+    daemon.process.send_signal(signal.SIGCONT)
+    opened.page.locator("#reply", has_text="Held").wait_for()
+    alive(opened)
+    assert daemon.ask("status")["held"] is True
+
+
+def test_daemon_that_stands_still_does_not_look_alive(browser_page: OpenPage, daemon: Daemon) -> None:
+    opened = look(browser_page, daemon)
+    daemon.process.send_signal(signal.SIGSTOP)
+    opened.page.locator("#banner", has_text="The rover says nothing").wait_for(timeout=3000)
+    assert text(opened, "#age").startswith("old")
+    daemon.process.send_signal(signal.SIGCONT)
+    alive(opened)
+
+
+def test_network_that_goes_away_is_noticed_and_its_return_as_well(browser_page: OpenPage, daemon: Daemon) -> None:
+    opened = look(browser_page, daemon, PHONE)
+    opened.page.context.set_offline(True)
+    opened.page.locator("#banner", has_text="No connection").wait_for(timeout=3000)
+    opened.page.context.set_offline(False)
+    alive(opened)
+    assert opened.page.locator("#banner").is_hidden()
+
+
+@pytest.mark.parametrize("viewport", [NARROW, PHONE, DESKTOP], ids=str)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_everything_can_be_read_in_sunlight_and_fits(
+    browser_page: OpenPage, daemon: Daemon, viewport: tuple[int, int], scheme: str
+) -> None:
+    opened = browser_page(viewport)
+    page = opened.page
+    page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
+    page.goto(daemon.url)
+    alive(opened)
+    daemon.arm()
+    daemon.ask("mark", text="a note with averyveryveryveryveryveryveryveryveryveryveryveryverylongword in it")
+    page.locator("#lines li", has_text="mark").wait_for()
+    assert len(texts(page)) > 40
+    for name in ("#stop", "#hold"):
+        box = page.locator(name).bounding_box()
+        assert box is not None
+        assert min(box["width"], box["height"]) >= 60, "for gloves"
+        assert box["y"] + box["height"] <= viewport[1], "without scrolling"
+    assert (weak_texts(page), opened.overflow_px()) == ([], 0)
+    daemon.process.kill()
+    page.locator("body.stale").wait_for()
+    assert (weak_texts(page), opened.overflow_px()) == ([], 0)
+
+
+def test_end_can_be_read_as_well(browser_page: OpenPage, daemon: Daemon) -> None:
+    opened = look(browser_page, daemon, NARROW)
+    daemon.ask("stop")
+    opened.page.locator("#banner.plain", has_text="The run has ended").wait_for()
+    assert (text(opened, "#wheels"), text(opened, "#health")) == (BLANK, "")
+    assert opened.page.locator("#sensor-rows td:nth-child(2)").all_inner_texts() == [BLANK, BLANK]
+    assert (weak_texts(opened.page), opened.overflow_px()) == ([], 0)
+    opened.page.locator("#again").click()
+    opened.page.locator("#banner", has_text="There is no new one yet").wait_for()
+
+
+def test_controls_have_names_and_states_are_spoken(browser_page: OpenPage, daemon: Daemon) -> None:
+    page = look(browser_page, daemon).page
+    for role, name in (
+        ("button", "Stop"),
+        ("button", "Hold"),
+        ("textbox", "Mark: a note"),
+        ("img", "Map"),
+        ("log", ""),
+    ):
+        assert page.get_by_role(role, name=name).count() >= 1, (role, name)  # type: ignore[arg-type]
+    assert page.locator("[aria-live=polite] #mode").count() == 1
+    assert page.locator("#banner").get_attribute("role") == "alert"
+
+
+def test_contrast_is_that_of_the_standard() -> None:
+    assert ratio((0, 0, 0), (255, 255, 255)) == pytest.approx(21.0)
+    assert ratio((119, 119, 119), (255, 255, 255)) == pytest.approx(4.48, abs=0.01)

@@ -1,0 +1,126 @@
+"""What viewers do that nobody should: old presses, floods, requests that are none."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from typing import Any
+
+import aiohttp
+import pytest
+
+from tests.views.live.test_server import TOKEN, first, nobody_is_local, pieces, serving  # noqa: F401 - a fixture
+from wayfarer.views.live.address import RECEIVED_BYTES, address_to_open, bind
+from wayfarer.views.live.audience import LIMITS
+
+ENDS = {aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSING, aiohttp.WSMsgType.CLOSED}
+
+
+async def resumed_from(state_t_s: object) -> str:
+    """Return why a press on Resume was refused."""
+    async with serving() as site, site.connect() as connection:
+        await connection.send_json({"do": "resume", "state_t_s": state_t_s})
+        return str((await first(connection, "reply"))["why"])
+
+
+@pytest.mark.parametrize("age_s", [0.0, 0.5])
+async def test_resume_from_a_page_of_now_reaches_the_rover(age_s: float) -> None:
+    assert "not held" in await resumed_from(asyncio.get_running_loop().time() - age_s)
+
+
+@pytest.mark.parametrize("age_s", [1.1, 3600.0, -1.1])
+async def test_resume_that_was_pressed_on_an_old_page_is_refused(age_s: float) -> None:
+    """As one that waited while the daemon was stopped, or the network away."""
+    assert "look again" in await resumed_from(asyncio.get_running_loop().time() - age_s)
+
+
+@pytest.mark.parametrize("nonsense", [None, "now", [], {}])
+async def test_resume_that_does_not_say_what_its_page_shows_is_refused(nonsense: object) -> None:
+    assert "look again" in await resumed_from(nonsense)
+
+
+async def test_marks_are_limited_and_stopping_is_not() -> None:
+    async with serving() as site, site.connect() as connection:
+        for request in [{"do": "mark", "text": "log"}] * 20 + [{"do": "hold"}] * 20 + [{"do": "stop"}]:
+            await connection.send_json(request)
+        replies: list[Any] = []
+        async for reply in pieces(connection, "reply"):
+            replies.append(reply)
+            if reply["do"] == "stop":
+                break
+    marks = [reply for reply in replies if reply["do"] == "mark"]
+    assert LIMITS.requests <= sum(reply["ok"] for reply in marks) < 2 * LIMITS.requests
+    assert "wait a second" in marks[-1]["why"]
+    assert all(reply["ok"] for reply in replies if reply["do"] != "mark")
+
+
+async def test_request_too_deep_to_be_sent_back_is_refused_and_the_connection_stays() -> None:
+    deep: Any = "hold"
+    for _ in range(300):  # more than can be encoded, and fewer than are read
+        deep = [deep]
+    async with serving() as site, site.connect() as connection:
+        await connection.send_json({"do": deep})
+        reply = await first(connection, "reply")
+        assert (reply["ok"], reply["do"]) == (False, None)
+        await connection.send_json({"do": "hold"})
+        assert (await first(connection, "reply"))["ok"]
+
+
+@pytest.mark.parametrize("send", ["ping", "pong"])
+async def test_who_pings_is_cut_off(send: str) -> None:
+    async with serving() as site, site.connect() as connection, asyncio.timeout(5.0):
+        await getattr(connection, send)()
+        kinds = [(await connection.receive()).type]
+        while kinds[-1] not in ENDS and len(kinds) < 100:
+            kinds.append((await connection.receive()).type)
+    assert kinds[-1] in ENDS
+
+
+def test_little_is_received_in_one_turn_of_the_loop() -> None:
+    with bind("127.0.0.1", 0) as listening, socket.create_connection(listening.getsockname()):
+        accepted, _ = listening.accept()
+        with accepted:
+            assert accepted.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) <= 2 * RECEIVED_BYTES
+
+
+async def test_socket_that_is_asked_for_as_a_page_is_refused_in_words() -> None:
+    async with serving() as site, site.client.get(f"{site.url}ws", headers={"Origin": site.origin}) as response:
+        assert response.status == 400
+        assert "open /" in await response.text()
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        b"Upgrade: \x80",
+        b"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: \x80",
+    ],
+)
+async def test_socket_that_is_asked_for_in_bytes_that_are_no_text_is_refused_in_words(header: bytes) -> None:
+    async with serving() as site:
+        reader, writer = await asyncio.open_connection("127.0.0.1", site.port)
+        host = site.origin.removeprefix("http://").encode()
+        asked = b"GET /ws HTTP/1.1\r\nHost: %s\r\nOrigin: http://%s\r\n%s\r\n\r\n" % (host, host, header)
+        writer.write(asked)
+        async with asyncio.timeout(5.0):
+            assert b" 400 " in await reader.readline()
+        writer.close()
+
+
+@pytest.mark.usefixtures("nobody_is_local")
+async def test_cookie_that_is_no_text_is_a_wrong_token() -> None:
+    async with serving() as site:
+        reader, writer = await asyncio.open_connection("127.0.0.1", site.port)
+        writer.write(b"GET / HTTP/1.1\r\nHost: x\r\nCookie: wayfarer-%d=\xff\xfe\r\n\r\n" % site.port)
+        async with asyncio.timeout(5.0):
+            assert b" 403 " in await reader.readline()
+        writer.close()
+
+
+async def test_every_address_of_this_computer_means_both_kinds() -> None:
+    with bind("::", 0) as listening:
+        assert address_to_open(listening, TOKEN).endswith(f"?token={TOKEN}")
+        port = listening.getsockname()[1]
+        for host in ("127.0.0.1", "::1"):
+            _, writer = await asyncio.open_connection(host, port)
+            writer.close()

@@ -1,0 +1,65 @@
+"""Records of a log, as short as they can be, and logs made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from wayfarer.fieldlog.reader import Record
+
+SAMPLE_LOGS = Path(__file__).resolve().parents[3] / "field_logs"
+BEGAN_WALL_S = 1_800_000_000.0
+HEADER: Record = {
+    "record": "run", "t_s": 100.0, "t_wall": BEGAN_WALL_S, "schema": 2, "part": 1, "version": "9.9",
+    "rover": "minirover", "algorithm": "forest-pledge", "seed": 7, "simulated": False, "dry_run": False,
+    "config": {"vehicle": {"max_speed_m_s": 1.0}, "safety": {"tick_late_s": 0.2}},
+}  # fmt: skip
+
+
+def record(kind: str, t_s: float, **fields: Any) -> Record:
+    """Return a record so long after the beginning."""
+    return {"record": kind, "t_s": 100.0 + t_s, "t_wall": BEGAN_WALL_S + t_s, **fields}
+
+
+def event(name: str, t_s: float, **details: Any) -> Record:
+    return record("event", t_s, name=name, **details)
+
+
+def tick(t_s: float, **fields: Any) -> Record:
+    """Return a tick of a rover that drives north at half duty, unless ``fields`` say otherwise."""
+    usual: dict[str, Any] = {
+        "compass": None, "motion": None, "contact": None, "heading_deg": 0.0, "goal_heading_deg": 0.0, "anomalies": [],
+        "travelled_m": 0.5 * t_s, "phase": "follow", "why": "follow", "wanted_left": 0.5, "wanted_right": 0.5,
+        "applied_left": 0.5, "applied_right": 0.5, "level": "well", "cause": None, "counter_deg": 0.0, "episodes": 0,
+    }  # fmt: skip
+    return record("tick", t_s, **usual | fields)
+
+
+def drive(begins_s: float, ends_s: float, **fields: Any) -> list[Record]:
+    """Return ticks every 0.05 s, the end left out."""
+    return [tick(begins_s + count * 0.05, **fields) for count in range(round((ends_s - begins_s) / 0.05))]
+
+
+def numbered(records: Iterable[Record]) -> list[Record]:
+    """Return records with the numbers that a log gives them; a header has none."""
+    count = 0
+    found = []
+    for each in records:
+        count += each["record"] != "run"
+        found.append(each if each["record"] == "run" else {**each, "n": count})
+    return found
+
+
+def write(run: Path, records: Iterable[Record], name: str = "run.jsonl") -> Path:
+    """Write records to the end of a log; return the run's folder."""
+    run.mkdir(parents=True, exist_ok=True)
+    with (run / name).open("ab") as file:
+        file.writelines(orjson.dumps(each) + b"\n" for each in records)
+    return run
+
+
+def outcome(t_s: float, reason: str = "requested") -> Record:
+    return record("outcome", t_s, reason=reason, text="enough", dropped=0)

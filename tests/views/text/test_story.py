@@ -1,0 +1,198 @@
+"""The story of a run: what a person reads of it."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.views.text.records import HEADER, drive, event, numbered, outcome, record, tick
+from wayfarer.fieldlog.reader import Record
+from wayfarer.views.text.story import Story
+from wayfarer.views.text.wording import Tone
+
+
+def told(*records: Record, ticks: bool = False) -> list[str]:
+    """The lines that follow the header's."""
+    story = Story(ticks=ticks)
+    return [str(line) for each in [HEADER, *records] for line in story.take(each)][1:]
+
+
+def tone(each: Record) -> Tone:
+    (line,) = Story().take(each)
+    return line.tone
+
+
+def test_first_line_says_what_runs() -> None:
+    (line,) = Story().take(HEADER | {"dry_run": True})
+    assert str(line) == "0:00:00.00  run of minirover, forest-pledge, dry run, wayfarer 9.9"
+
+
+def test_change_of_phase_is_a_line_with_what_was_felt() -> None:
+    lines = told(
+        tick(1.0),
+        tick(1.05),
+        tick(
+            1.1, phase="back_off", why="follow.anomaly", anomalies=["immobilised"], counter_deg=-0.4, heading_deg=359.7
+        ),
+        tick(1.15, phase="back_off", why="back_off", anomalies=["immobilised"]),
+        tick(3725.0, phase="probe", why="turn_away.exhausted", counter_deg=390.0, travelled_m=3.25),
+    )
+    assert lines == [
+        "0:00:01.00  follow     heading   0  counter   +0     0.5 m",
+        "0:00:01.10  back_off   heading   0  counter   -0     0.6 m  immobilised",
+        "1:02:05.00  probe      heading   0  counter +390     3.2 m  turn_away.exhausted",
+    ]
+
+
+def test_anomaly_that_changes_no_phase_is_a_line_once() -> None:
+    felt = [tick(1.0 + count / 20, phase="turn_away", anomalies=["nose_up"] if count > 2 else []) for count in range(9)]
+    assert [line.endswith("nose_up") for line in told(*felt)] == [False, True]
+
+
+def test_status_comes_every_few_seconds_and_seldom_while_the_rover_stands() -> None:
+    battery = record("board", 0.0, battery_v=12.04, faults=[])
+    assert told(battery, *drive(0.0, 12.0))[2:] == [
+        "0:00:05.00  follow     heading   0  counter   +0     2.5 m  goal 0, 12.0 V",
+        "0:00:10.00  follow     heading   0  counter   +0     5.0 m  goal 0, 12.0 V",
+    ]
+    assert len(told(*drive(0.0, 121.0, phase="halt"))) == 3
+
+
+def test_no_line_is_wider_than_a_terminal() -> None:
+    widest = tick(35999.9, phase="turn_away", why="turn_away.exhausted", counter_deg=-1080.0, travelled_m=9999.9)
+    assert len(told(widest)[0]) <= 80
+
+
+def test_battery_is_told_when_it_is_lower_than_ever_or_another_one() -> None:
+    volts = [12.6, 11.9, 12.5, 11.95, 11.7, None, 12.7]
+    lines = told(*(record("board", count, battery_v=each, faults=[]) for count, each in enumerate(volts)))
+    assert [line.split("battery ")[1] for line in lines] == ["12.6 V", "11.9 V", "11.7 V", "12.7 V"]
+
+
+def test_faults_of_the_board_are_told_when_they_come_and_go() -> None:
+    faults: list[list[str]] = [[], ["short"], ["short"], []]
+    lines = told(*(record("board", count, battery_v=None, faults=each) for count, each in enumerate(faults)))
+    assert [line[12:] for line in lines] == ["motor board: short", "motor board: well again"]
+
+
+def test_computer_is_told_when_its_power_sags() -> None:
+    bits = [None, "0", "0x50005", "50005", "0x0"]
+    lines = told(*(record("computer", count, throttled=each) for count, each in enumerate(bits)))
+    assert [line[12:].partition(" (")[0] for line in lines] == [
+        "computer: power and heat bits 50005", "computer: power and heat are well again",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("each", "text", "meant"),
+    [
+        (event("mark", 1.0, text="hit log"), "mark: hit log", Tone.PERSON),
+        (event("arming", 1.0, start_delay_s=10.0, goal_heading_deg=None), "arming: start delay 10 s", Tone.PERSON),
+        (event("goal", 1.0, goal_heading_deg=20.0), "goal: heading 20 degrees", Tone.PERSON),
+        (event("goal", 1.0, goal_heading_deg=0.2381), "goal: heading 0.2 degrees", Tone.PERSON),
+        (event("goal", 1.0, goal_heading_deg=-0.04), "goal: heading 0 degrees", Tone.PERSON),
+        (event("clock_step", 1.0, by_s=-10799.61), "clock step: by -10800 s", Tone.WARNING),
+        (event("clock_step", 1.0, by_s=12.34567), "clock step: by 12.35 s", Tone.WARNING),
+        (event("hold", 1.0), "hold", Tone.PERSON),
+        (event("health", 1.0, level="well", cause=None), "health: well", Tone.PLAIN),
+        (event("health", 1.0, level="hold", cause="compass_stale"), "health: hold, compass_stale", Tone.WARNING),
+        (event("health", 1.0, level="fault", cause="overturned"), "health: fault, overturned", Tone.FAULT),
+        (
+            event("sensor_failed", 1.0, sensor="compass", error="no answer", retry_in_s=0.1),
+            "sensor failed: sensor compass, no answer, retry in 0.1 s",
+            Tone.WARNING,
+        ),
+        (event("loop_stalled", 1.0, stall_s=0.512), "loop stalled: stall 0.512 s", Tone.FAULT),
+        (
+            event("power", 1.0, flags="0x1", text="under-voltage now"),
+            "power: flags 0x1, under-voltage now",
+            Tone.WARNING,
+        ),
+        (
+            event("part_troubles", 1.0, part="CMPS14", counts={"reads retried": 3, "garbage": 1}),
+            "part troubles: part CMPS14, counts 3 reads retried, 1 garbage",
+            Tone.PLAIN,
+        ),
+        (
+            event("unclean_shutdown", 1.0, run="00016-x", last_t_s=9.0, last_t_wall=None, mode="armed", error=None),
+            "unclean shutdown: the run before (00016-x) was cut off while armed: killed, or without power",
+            Tone.WARNING,
+        ),
+        (
+            event("unclean_shutdown", 1.0, run="00016-x", last_t_s=None, last_t_wall=None, mode=None, error="no entry"),
+            "unclean shutdown: the run before (00016-x) cannot be read: no entry",
+            Tone.WARNING,
+        ),
+        (
+            event("unclean_shutdown", 1.0),
+            "unclean shutdown: the run before (?) was cut off: killed, or without power",
+            Tone.WARNING,
+        ),
+        (event("opened", 1.0, parts=["CMPS14", "PMW3901"]), "opened: parts CMPS14, PMW3901", Tone.PLAIN),
+        (event("of a third party", 1.0, deeply={"a": [1]}), "of a third party: deeply {'a': [1]}", Tone.PLAIN),
+        (outcome(1.0), "ended: requested: enough", Tone.END),
+    ],
+)
+def test_event_is_told_in_words(each: Record, text: str, meant: Tone) -> None:
+    assert told(each) == [f"0:00:01.00  {text}"]
+    assert tone(each) is meant
+
+
+def test_position_is_told_now_and_then() -> None:
+    fixes = [record("position", at_s, latitude_deg=50.9, longitude_deg=-1.4, error_m=4.0) for at_s in range(61)]
+    assert told(*fixes) == [f"{at}  position 50.900000, -1.400000 (error 4 m)" for at in ("0:00:00.00", "0:01:00.00")]
+
+
+def test_missing_records_are_told_where_they_are_missing() -> None:
+    records = numbered([event("armed", 1.0), *drive(1.0, 2.0), event("hold", 2.0)])
+    lines = told(records[0], *records[8:])
+    assert lines[1] == "0:00:01.35  7 records are missing"
+
+
+def test_what_the_log_says_of_missing_records_is_not_said_again() -> None:
+    records = numbered([event("armed", 1.0), *drive(1.0, 2.0), event("hold", 2.0)])
+    gap = event("log_gap", 1.35, dropped=7)
+    assert told(records[0], gap, *records[8:])[1:3] == [
+        "0:00:01.35  log gap: dropped 7", "0:00:01.35  follow     heading   0  counter   +0     0.7 m",
+    ]  # fmt: skip
+    assert "8 records are missing" in told(records[0], gap, *records[9:])[2]
+
+
+def test_header_that_only_a_later_part_has_says_what_runs() -> None:
+    story = Story()
+    lines = [str(line) for each in [event("armed", 1.0) | {"n": 1}, HEADER | {"part": 2}] for line in story.take(each)]
+    assert lines[1:] == ["-0:00:01.00  run of minirover, forest-pledge, wayfarer 9.9"]
+
+
+def test_log_whose_beginning_is_gone_says_so() -> None:
+    first, second = Story().take(HEADER | {"part": 3})
+    assert "part 3" in second.text
+    assert first.tone is Tone.PLAIN
+
+
+def test_header_of_a_further_part_is_no_news() -> None:
+    assert told(numbered([event("armed", 1.0)])[0], HEADER | {"part": 2}) == ["0:00:01.00  armed"]
+
+
+def test_every_tick_is_told_when_asked_for() -> None:
+    lines = told(*drive(0.0, 0.1), tick(0.1, cause="compass_stale", level="hold", applied_left=0.0), ticks=True)
+    assert lines == [
+        "0:00:00.00  follow     heading   0  wanted +0.50/+0.50, applied +0.50/+0.50",
+        "0:00:00.05  follow     heading   0  wanted +0.50/+0.50, applied +0.50/+0.50",
+        "0:00:00.10  follow     heading   0  wanted +0.50/+0.50, applied +0.00/+0.50, hold compass_stale",
+    ]
+
+
+@pytest.mark.parametrize("nasty", ["\x1b[2J", "\x07", "a\rb", "a\nb", "\x9b31m", "\u202e", "\x00"])
+def test_nothing_that_a_terminal_obeys_gets_through(nasty: str) -> None:
+    records = [
+        HEADER | {"rover": nasty},
+        event("mark", 1.0, text=nasty),
+        event(nasty, 1.0, **{nasty: [nasty], "error": {nasty: nasty}}),
+        tick(1.0, phase=nasty, why=nasty, anomalies=[nasty], cause=nasty, level=nasty),
+        record("board", 1.0, faults=[nasty], battery_v=1.0),
+        record("computer", 1.0, throttled=nasty),
+        record("outcome", 1.0, reason=nasty, text=nasty),
+    ]
+    for story in (Story(), Story(ticks=True)):
+        for each in records:
+            assert all(str(line).isprintable() for line in story.take(each))

@@ -1,0 +1,236 @@
+"""The summary of a run: every figure from a log that was made for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+
+from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, numbered, outcome, record, tick
+from wayfarer.fieldlog.reader import Damage, Record
+from wayfarer.views.text.account import summarise
+from wayfarer.views.text.summary import LowBattery, Mark, Summary
+from wayfarer.views.text.summary_text import summary_text
+from wayfarer.views.text.verdict import NO_OUTCOME
+
+
+def summary(*records: Record) -> Summary:
+    return summarise(numbered([HEADER, *records]))
+
+
+def text(*records: Record) -> dict[str, list[str]]:
+    """The lines for people, by their titles."""
+    found: dict[str, list[str]] = {}
+    title = ""
+    for line in summary_text("00017", summary(*records), Damage()).splitlines():
+        title = line[:11].strip() or title
+        found.setdefault(title, []).append(line[11:])
+    return found
+
+
+def test_it_says_what_ran_and_how_it_ended() -> None:
+    found = summary(outcome(3.0))
+    assert (found.rover, found.algorithm, found.version, found.seed) == ("minirover", "forest-pledge", "9.9", 7)
+    assert (found.reason, found.text, found.dropped) == ("requested", "enough", 0)
+    assert text(outcome(3.0))["outcome"] == ["requested: enough"]
+
+
+def test_run_without_an_outcome_is_told_as_such() -> None:
+    assert summary(tick(1.0)).reason is None
+    assert "cut off" in text(tick(1.0))["outcome"][0]
+
+
+def test_time_is_total_armed_and_held_by_cause() -> None:
+    found = summary(
+        *drive(0.0, 2.0),
+        event("armed", 2.0, goal_heading_deg=0.0),
+        *drive(2.0, 5.0),
+        *drive(5.0, 6.0, level="hold", cause="operator_hold"),
+        *drive(6.0, 7.0, level="degrade", cause="battery_low"),
+        event("disarmed", 7.0, reason="asked for"),
+        *drive(7.0, 10.0, level="hold", cause="compass_stale"),
+    )
+    assert found.lasted_s == pytest.approx(9.95)
+    assert found.armed_s == pytest.approx(5.0)
+    assert found.held_s == {"operator_hold": pytest.approx(1.0)}
+
+
+def test_run_with_a_faster_clock_began_when_its_first_record_says() -> None:
+    """A demo: ``t_s`` goes six times as fast as the clock."""
+    ended = outcome(180.0) | {"t_wall": BEGAN_WALL_S + 30.0}
+    found = summarise([HEADER | {"time_scale": 6.0}, tick(60.0, t_wall=BEGAN_WALL_S + 10.0), ended])
+    assert (found.began_wall_s, found.lasted_s) == (BEGAN_WALL_S, 180.0)
+
+
+def test_run_began_when_the_clock_that_was_right_at_its_end_says() -> None:
+    wrong = {"t_wall": 100.0}
+    assert summarise([HEADER | wrong, tick(1.0) | wrong, outcome(3.0)]).began_wall_s == pytest.approx(BEGAN_WALL_S)
+    assert summarise([HEADER | wrong, tick(1.0) | wrong]).began_wall_s is None
+    assert "clock was not set" in summary_text("1", summarise([HEADER | wrong]), Damage())
+
+
+def test_way_is_commanded_and_reckoned() -> None:
+    found = summary(*drive(0.0, 10.05))
+    assert found.commanded_m == pytest.approx(5.0)
+    assert found.reckoned_m == pytest.approx(5.0)
+
+
+def test_anomalies_are_counted_when_they_begin() -> None:
+    felt = [["immobilised"], ["immobilised"], ["immobilised", "nose_up"], [], ["immobilised"], ["nose_up"]]
+    found = summary(*(tick(count / 20, anomalies=each) for count, each in enumerate(felt)))
+    assert found.anomalies == {"immobilised": 2, "nose_up": 2}
+
+
+def test_escapes_are_counted_over_all_missions() -> None:
+    phases = ["follow", "back_off", "back_off", "turn_away", "back_off", "turn_away", "probe", "follow"]
+    whys = ["follow", "follow.anomaly", "back_off", "back_off.done", "turn_away.anomaly", "back_off.exhausted",
+            "turn_away.exhausted", "probe.realigned"]  # fmt: skip
+    episodes = [0, 1, 1, 1, 1, 1, 2, 2]
+    mission = [
+        tick(count / 20, phase=phase, why=why, episodes=each)
+        for count, (phase, why, each) in enumerate(zip(phases, whys, episodes, strict=True))
+    ]
+    found = summary(*mission, *mission)
+    assert (found.episodes, found.recoveries) == (4, 4)
+    assert found.exhausted == {"back_off": 2, "turn_away": 2}
+
+
+def test_battery_is_told_with_the_duty_at_that_moment() -> None:
+    found = summary(
+        record("board", 0.0, battery_v=12.0, faults=[]),
+        tick(1.0, applied_left=-0.9, applied_right=0.2),
+        record("board", 1.0, battery_v=11.1, faults=[]),
+        tick(2.0),
+        record("board", 2.0, battery_v=11.4, faults=[]),
+        record("board", 3.0, battery_v=None, faults=[]),
+    )
+    assert found.low_battery == LowBattery(11.1, 1.0, 0.9)
+
+
+def test_periods_are_measured_and_late_ticks_counted() -> None:
+    found = summary(*drive(0.0, 5.0), *drive(5.25, 10.0), tick(10.5))
+    assert found.period is not None
+    assert found.period.p50_s == pytest.approx(0.05)
+    assert found.period.max_s == pytest.approx(0.55)
+    assert (found.ticks, found.late_ticks) == (196, 2)
+
+
+@pytest.mark.parametrize(
+    "between",
+    [[], [event("log_gap", 3.0, dropped=40)], [HEADER | {"part": 2}], [HEADER | {"part": 2}, event("log_gap", 3.0)]],
+)
+def test_ticks_that_were_lost_are_no_late_ones(between: list[Record]) -> None:
+    records = numbered([HEADER, *drive(0.0, 5.0)])
+    found = summarise([*records[:20], *between, *records[60:]])
+    assert found.late_ticks == 0
+    assert found.period is not None
+    assert found.period.max_s == pytest.approx(0.05)
+
+
+def test_failures_and_interventions_are_counted() -> None:
+    found = summary(
+        *(event("sensor_failed", 1.0, sensor=sensor, error="no answer") for sensor in ("compass", "motion", "compass")),
+        event("motors_failed", 2.0, error="no answer"),
+        event("clock_step", 3.0, by_s=-3600.0),
+        event("hold", 4.0),
+        event("resume", 5.0),
+        event("goal", 6.0, goal_heading_deg=20.0),
+        event("mark", 7.0, text="hit log"),
+    )
+    assert found.sensor_failures == {"compass": 2, "motion": 1}
+    assert found.failures == {"motors_failed": 1}
+    assert found.clock_steps_s == (-3600.0,)
+    assert (found.holds, found.goals, found.marks) == (1, 1, (Mark(7.0, "hit log"),))
+
+
+def test_lost_rover_is_searched_from_where_it_was_armed() -> None:
+    found = summary(
+        *drive(0.0, 4.0),  # carried about before it is armed
+        event("armed", 4.0, goal_heading_deg=90.0),
+        *drive(4.0, 44.0, heading_deg=90.0),
+    )
+    assert found.where.by_reckoning is not None
+    assert found.where.by_reckoning.distance_m == pytest.approx(20.0, abs=0.1)
+    assert found.where.by_reckoning.bearing_deg == pytest.approx(90.0, abs=0.5)
+    assert found.where.last_fix is None
+
+
+def place_text(records: Iterable[Record], missing: int = 0) -> list[str]:
+    """What is said of where to search."""
+    lines = summary_text("1", summarise(records), Damage(missing=missing)).splitlines()
+    return lines[[line.startswith("where") for line in lines].index(True) :][: 2 if missing else 1]
+
+
+def test_place_is_called_partly_known_where_records_are_missing() -> None:
+    records = [HEADER, event("armed", 0.0), *drive(0.0, 10.05)]
+    assert place_text(records, missing=40) == [
+        "where      5 m at bearing 0 degrees magnetic from the start (dead reckoning)",
+        "           40 records are missing, so its way is only partly known",
+    ]
+    assert "missing" not in summary_text("1", summarise(records), Damage())
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        [HEADER],  # it was armed in what is gone
+        [],
+        [HEADER | {"part": 2}],
+        [HEADER | {"part": 2}, *drive(-8.0, 0.0), event("armed", 0.0)],  # not for the first time
+    ],
+)
+def test_place_counts_from_where_the_log_begins_if_that_is_not_the_start(before: list[Record]) -> None:
+    at = summarise([*before, *drive(0.0, 10.05, motion={"forward_m": 0.025, "right_m": 0.0, "quality": 1.0})]).where
+    assert at.by_reckoning is not None
+    assert not at.from_start
+    (line,) = place_text([*before, *drive(0.0, 10.05, motion={"forward_m": 0.1, "right_m": 0.0, "quality": 1.0})])
+    assert "magnetic from where the log begins (dead reckoning)" in line
+
+
+def test_rover_armed_before_it_knew_its_heading_is_searched_from_its_first_place() -> None:
+    found = summary(
+        event("armed", 0.0), *drive(0.0, 20.05), event("disarmed", 20.0), event("armed", 21.0), *drive(20.1, 30.0)
+    )
+    assert found.where.from_start
+    assert found.where.by_reckoning is not None
+    assert found.where.by_reckoning.distance_m == pytest.approx(15.0, abs=0.2)
+
+
+def test_receiver_says_where_and_how_long_ago() -> None:
+    first = record("position", 0.0, latitude_deg=50.0, longitude_deg=179.9999, error_m=3.0)
+    last = record("position", 5.0, latitude_deg=50.001, longitude_deg=-179.9999, error_m=None)
+    found = summary(first, last, record("position", 6.0, latitude_deg=None, longitude_deg=1.0), tick(9.0))
+    assert found.where.by_receiver is not None
+    assert found.where.by_receiver.distance_m == pytest.approx(112.2, abs=0.1)
+    assert found.where.by_receiver.bearing_deg == pytest.approx(7.3, abs=0.1)
+    assert found.where.fix_age_s == pytest.approx(4.0)
+    assert text(first, last, tick(9.0))["where"] == [
+        "50.001000, -179.999900, 4 s before the end",
+        "112 m at bearing 7 degrees true from the first position",
+        "0 m at bearing 0 degrees magnetic from the start (dead reckoning)",
+    ]
+
+
+def test_log_tells_how_many_of_the_missing_records_could_not_be_written() -> None:
+    found = summarise([HEADER, event("log_gap", 1.0, dropped=100), event("log_gap", 2.0, dropped=11), tick(3.0)])
+    assert found.dropped == 111
+    log = summary_text("1", found, Damage(missing=150)).splitlines()[-1]
+    assert log == f"log        150 records are missing, 111 of them could not be written; {NO_OUTCOME}"
+
+
+def test_text_tells_only_what_there_is_to_tell() -> None:
+    assert text(outcome(1.0)).keys() == {"run", "outcome", "time", "log"}
+
+
+def test_every_line_fits_a_terminal() -> None:
+    records = [
+        event("armed", 0.0), *drive(0.0, 30.0, anomalies=["immobilised"]), *drive(30.0, 40.0, level="hold", cause="x"),
+        record("board", 40.0, battery_v=12.0, faults=[]), event("mark", 41.0, text="hit log"), outcome(42.0),
+    ]  # fmt: skip
+    assert max(len(line) for lines in text(*records).values() for line in lines) <= 80 - 11
+
+
+def test_nothing_at_all_is_a_summary_too() -> None:
+    assert summary_text("1", summarise([]), Damage()).startswith(
+        "run        1\n           unknown rover: nothing says what ran, "
+    )

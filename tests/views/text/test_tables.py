@@ -1,0 +1,109 @@
+"""Logs as tables, read back as a spreadsheet would."""
+
+from __future__ import annotations
+
+import csv
+import io
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, outcome, record, tick, write
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.reader import Record
+from wayfarer.views.text.export import export, write_table
+from wayfarer.views.text.tables import COLUMNS
+
+COMPASS = {"t_s": 101.0, "heading_deg": 3.0, "pitch_deg": 1.0, "roll_deg": -1.0, "calibration": None}
+CONTACT = {"t_s": 101.0, "sides": ["front", "left"], "obstacle_bearing_deg": 80.0}
+
+
+def table(folder: Path, *records: Record, form: str = "csv") -> str:
+    text = io.StringIO()
+    write_table(write(folder / "run", [HEADER, *records]), form, text)
+    return text.getvalue()
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_each_tick_is_a_row_with_flat_columns(tmp_path: Path) -> None:
+    felt = tick(1.0, compass=COMPASS, contact=CONTACT, anomalies=["nose_up", "touched"], cause=None)
+    (row,) = rows(table(tmp_path, felt))
+    told = {column: row[column] for column in ("t_s", "heading_deg", "compass_heading_deg", "anomalies", "cause")}
+    assert told == {
+        "t_s": "101.0", "heading_deg": "0.0", "compass_heading_deg": "3.0", "anomalies": "nose_up; touched",
+        "cause": "",
+    }  # fmt: skip
+    assert (row["contact_sides"], row["compass_calibration"], row["motion_quality"]) == ("front; left", "", "")
+
+
+def test_every_table_has_the_same_columns_and_another_memory_is_added(tmp_path: Path) -> None:
+    assert tuple(rows(table(tmp_path, *drive(0.0, 1.0)))[0]) == COLUMNS
+    assert tuple(rows(table(tmp_path / "2", tick(0.0), tick(1.0, mood="good")))[0]) == (*COLUMNS, "mood")
+
+
+def test_what_others_say_stands_in_the_row_of_the_next_tick_and_only_there(tmp_path: Path) -> None:
+    first, second = rows(
+        table(
+            tmp_path,
+            record("board", 0.5, battery_v=12.1, faults=[]),
+            event("armed", 0.6, goal_heading_deg=20.0),
+            event("mark", 0.7, text="hit\nlog"),
+            record("truth", 0.8, x_m=1.5, slipping=True),
+            tick(1.0),
+            tick(2.0),
+        )
+    )
+    assert (first["board_battery_v"], first["truth_x_m"], first["truth_slipping"]) == ("12.1", "1.5", "1")
+    assert first["event"] == r"armed: goal heading 20 degrees; mark: hit\nlog"
+    assert (second["board_battery_v"], second["truth_x_m"], second["event"]) == ("", "", "")
+
+
+def test_what_comes_after_the_last_tick_has_a_row_of_its_own(tmp_path: Path) -> None:
+    *_, last = rows(table(tmp_path, tick(1.0), event("disarmed", 2.0, reason="enough"), outcome(3.0)))
+    assert last["event"] == "disarmed: enough; ended: requested: enough"
+    assert (last["t_s"], last["heading_deg"]) == ("103.0", "")
+
+
+def test_path_is_in_the_table(tmp_path: Path) -> None:
+    last = rows(table(tmp_path, *drive(0.0, 4.05, heading_deg=90.0)))[-1]
+    assert (last["reckoned_north_m"], last["reckoned_east_m"]) == ("0.000", "2.000")
+
+
+def test_tsv_has_the_columns_of_the_released_code(tmp_path: Path) -> None:
+    time_of_day = time.strftime("%H%M_%S", time.localtime(BEGAN_WALL_S + 61.0))
+    text = table(tmp_path, tick(61.0, applied_left=0.12345, heading_deg=359.987), event("hold", 62.0), form="tsv")
+    assert text == f"{time_of_day}\t0.12\t0.5\t359.99\t\t\n"
+
+
+@pytest.mark.parametrize("form", ["csv", "tsv"])
+def test_file_is_there_whole_and_never_replaced_unasked(tmp_path: Path, form: str) -> None:
+    run, out = write(tmp_path / "run", [HEADER, *drive(0.0, 1.0)]), tmp_path / "out"
+    export(run, form, out, overwrite=False)
+    content = out.read_bytes()
+    write(run, [tick(1.0)])
+    with pytest.raises(BadInput, match="--force"):
+        export(run, form, out, overwrite=False)
+    assert out.read_bytes() == content
+    export(run, form, out, overwrite=True)
+    assert len(out.read_bytes()) > len(content)
+    assert {path.name for path in tmp_path.iterdir()} == {"run", "out"}
+
+
+@pytest.mark.parametrize("form", ["csv", "tsv"])
+def test_log_without_a_record_gives_no_file(tmp_path: Path, form: str) -> None:
+    run = write(tmp_path / "run", [])
+    with pytest.raises(BadInput, match="nothing in this log can be read"):
+        export(run, form, tmp_path / "out", overwrite=False)
+    assert {path.name for path in tmp_path.iterdir()} == {"run"}
+
+
+def test_file_that_cannot_be_written_is_told_with_its_cause(tmp_path: Path) -> None:
+    run = write(tmp_path / "run", [HEADER, tick(1.0)])
+    with pytest.raises(BadInput, match="No such file or directory"):
+        export(run, "csv", tmp_path / "nowhere" / "out.csv", overwrite=False)
+    with pytest.raises(BadInput, match="is there already"):
+        export(run, "csv", tmp_path, overwrite=True)

@@ -1,0 +1,86 @@
+"""A run as it happens, in Foxglove: a WebSocket server that only shows."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from foxglove import Context, start_server
+from foxglove.websocket import Capability, ChannelView, Client, ServerListener
+
+from wayfarer.daemon.socket.protocol import Commands
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.log import Record
+from wayfarer.views.foxglove.channels import Channels, nanoseconds
+
+HOST, PORT = "127.0.0.1", 8765  # 8765 is where Foxglove looks first
+LASTING_EVERY_S = 0.5  # so that viewers who come and go all the time cost no more than that
+IN_USE = "Address already in use"
+
+
+class FoxgloveLive:
+    """Shows a run to Foxglove; implements ``daemon.viewer.Viewer``.
+
+    The server's own threads send; a viewer that is too slow loses messages and never holds anything up. It offers
+    viewers no way to say anything to the rover, and sends nothing to anybody else. A viewer's time is the rover's: in
+    the wood that clock may be hours off, and poses from a viewer's future would not be drawn.
+
+    Args:
+        host: the address to listen at; whoever reaches it may look on.
+        port: 0 takes a free one.
+
+    Raises:
+        BadInput: it cannot listen there; the text says why.
+    """
+
+    def __init__(self, host: str = HOST, port: int = PORT) -> None:
+        self._context = context = Context()  # kept: the SDK takes the channels down with it
+        self._channels = Channels(context)
+        self._viewers = _Viewers()
+        self._lasting_s = float("-inf")
+        try:
+            self._server = start_server(
+                name="wayfarer",
+                host=host,
+                port=port,
+                context=context,
+                server_listener=self._viewers,
+                capabilities=[Capability.Time],
+            )
+        except RuntimeError as error:  # the SDK has no error of its own for it
+            raise BadInput(_refusal(host, port, str(error))) from None
+        self.url = f"ws://{f'[{host}]' if ':' in host else host}:{self._server.port}"
+
+    def show(self, record: Record) -> None:
+        """Send a record to whoever looks on."""
+        t_s, time_s = record["t_s"], record["t_wall"]
+        self._server.broadcast_time(nanoseconds(time_s))
+        self._channels.take(record, time_s)
+        if self._viewers.changed and t_s >= self._lasting_s + LASTING_EVERY_S:
+            self._viewers.changed = False
+            self._lasting_s = t_s
+            self._channels.send_lasting(time_s)
+
+    @asynccontextmanager
+    async def serving(self, commands: Commands) -> AsyncIterator[None]:  # noqa: ARG002
+        """Stop listening in the end."""
+        try:
+            yield
+        finally:
+            self._server.stop()
+
+
+class _Viewers(ServerListener):
+    """Notes that a viewer began to look at a channel; called by the server's threads."""
+
+    changed = False
+
+    def on_subscribe(self, client: Client, channel: ChannelView) -> None:  # noqa: ARG002
+        """Note it: what was sent long ago must be sent again."""
+        self.changed = True
+
+
+def _refusal(host: str, port: int, error: str) -> str:
+    if IN_USE in error:
+        return f"port {port} on {host} is in use; see what has it with ss -ltnp, or choose another with --foxglove-port"
+    return f"Foxglove cannot be served at {host} port {port}: {error.rpartition('FoxgloveError: ')[2]}"

@@ -1,0 +1,117 @@
+"""A run's log as an MCAP file, for Foxglove and whatever else reads MCAP."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from foxglove import Context, open_mcap
+
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.atomic_file import whole_file
+from wayfarer.fieldlog.reader import Damage, Record, RunReader
+from wayfarer.views.foxglove.channels import Channels
+from wayfarer.views.text.fields import clock_zero_s
+
+
+class Exported(NamedTuple):
+    """How many messages a file has, and what of the log could not be read."""
+
+    messages: int
+    damage: Damage
+
+
+def export(run: Path, out: Path) -> Exported:
+    """Write a run's log as an MCAP file.
+
+    The same log gives the same bytes. The file appears whole or not at all, in the place of one that is there.
+
+    Args:
+        run: the run's folder.
+        out: the file to write.
+
+    Raises:
+        BadInput: there is no log, nothing in it can be read, or the file cannot be written or is no ordinary one.
+    """
+    reader = RunReader(run)
+    zero_s = _clock_zero_s(reader)
+    try:
+        with whole_file(out) as draft, draft.open("wb") as file:
+            return Exported(_write(run, zero_s, file), reader.damage)
+    except OSError as error:
+        raise BadInput(
+            f"{out}: cannot be written ({error.strerror}); check the folder, its rights and the disk"
+        ) from None
+
+
+def _clock_zero_s(reader: RunReader) -> float:
+    """Return the time since 1970 at which the log's own clock was zero, as every tool tells it."""
+    header: Record = {}
+    first: Record = {}
+    last: Record = {}
+    for record in reader:
+        if record["record"] == "run":
+            header = header or record
+        if record.get("t_wall") is not None:
+            first, last = first or record, record
+    zero_s = clock_zero_s(header, first, last)
+    if zero_s is None:
+        raise BadInput(f"{reader.run}: nothing in this log can be read (see wayfarer logs check)")
+    return zero_s
+
+
+def _write(run: Path, zero_s: float, file: BinaryIO) -> int:
+    context = Context()
+    channels = Channels(context)
+    sink = _Sink(file)
+    writer = open_mcap(sink, context=context)
+    sent = 0
+    try:
+        for record in RunReader(run):
+            sent += channels.take(record, zero_s + record["t_s"])
+            sink.check()
+    finally:
+        try:
+            writer.close()
+        except RuntimeError:  # it says that something was not written; the sink knows why
+            sink.check()
+            raise
+    return sent
+
+
+class _Sink:
+    """A file for the SDK's writer that remembers its first error: the SDK passes none on when it takes a message."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._error: OSError | None = None
+
+    def check(self) -> None:
+        """Raise the error that kept something from being written."""
+        if self._error is not None:
+            raise self._error
+
+    def write(self, data: bytes | bytearray) -> int:
+        """Write."""
+        with self._remembered():
+            return self._file.write(data)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Seek."""
+        with self._remembered():
+            return self._file.seek(offset, whence)
+
+    def flush(self) -> None:
+        """Flush."""
+        with self._remembered():
+            self._file.flush()
+
+    @contextmanager
+    def _remembered(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self._error = self._error or error
+            raise

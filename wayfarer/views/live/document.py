@@ -1,0 +1,45 @@
+"""The page: one HTML file made of the files in ``page/``, and what a browser is told that it may do."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from hashlib import sha256
+from importlib.resources import files
+from typing import NamedTuple
+
+# In this order they make one script; each is about one thing.
+SCRIPTS = ("words.js", "map.js", "dial.js", "panel.js", "connection.js", "main.js")
+
+
+class Document(NamedTuple):
+    """The page and its headers."""
+
+    html: bytes
+    headers: dict[str, str]
+
+
+def document() -> Document:
+    """Put the page together. Its own style and script are all that a browser may run, this server all it may ask."""
+    folder = files("wayfarer.views.live") / "page"
+    style = (folder / "page.css").read_text(encoding="utf-8")
+    script = "\n".join((folder / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    html = (folder / "page.html").read_text(encoding="utf-8").replace("/* style */", style)
+    policy = (
+        f"default-src 'none'; style-src {_hash(style)}; script-src {_hash(script)}; connect-src 'self'; img-src data:;"
+        " base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+    return Document(
+        html.replace("/* script */", script).encode(),
+        {
+            "Content-Security-Policy": policy,
+            "Content-Type": "text/html; charset=utf-8",
+            "Cache-Control": "no-store",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Referrer-Policy": "no-referrer",  # the address may hold the token
+            "X-Content-Type-Options": "nosniff",
+        },
+    )
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'"

@@ -1,0 +1,225 @@
+"""The server of the live page, on the daemon's own loop: the page at ``/``, a WebSocket at ``/ws``, and nothing else.
+
+It costs the control tick little, whatever its clients do: states go out ten times a second at most, each is encoded
+once for all, and all that clients can use up is bounded (``audience.Limits``).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from typing import Any
+
+from aiohttp import web
+
+from wayfarer.daemon.socket.protocol import Commands, Refused
+from wayfarer.fieldlog.log import Record
+from wayfarer.views.live.access import Access
+from wayfarer.views.live.address import address_to_open, bind
+from wayfarer.views.live.audience import LIMITS, Audience, Limits, Viewer
+from wayfarer.views.live.document import document
+from wayfarer.views.live.feed import Feed
+from wayfarer.views.live.talk import Talk
+
+STATE_S = 0.1
+REST_S = 0.02  # between two floods of events
+
+_bugs = logging.getLogger("wayfarer.views.live")
+_clients = logging.getLogger("wayfarer.views.live.clients")  # who speaks no HTTP is no news
+_clients.addHandler(logging.NullHandler())
+_clients.propagate = False
+
+
+class LivePage:
+    """Shows a run to browsers; implements ``daemon.viewer.Viewer``.
+
+    ``url`` is the address to open, and ``watched`` is set once somebody looks on.
+
+    Args:
+        host: the address to serve at; peers from anywhere but this computer need the token.
+        port: 0 takes any that is free.
+        token: what they must know; make a new one at each start.
+        speed: how many seconds of the loop pass in one of the clock's.
+        limits: what viewers may use up.
+
+    Raises:
+        BadInput: the port cannot be had.
+    """
+
+    def __init__(self, host: str, port: int, token: str, speed: float = 1.0, limits: Limits = LIMITS) -> None:
+        self._socket = bind(host, port)
+        self.url = address_to_open(self._socket, token)
+        self.watched = asyncio.Event()
+        self._cookie = f"wayfarer-{self._socket.getsockname()[1]}"  # cookies do not tell ports apart
+        self._token = token
+        self._access = Access(token)
+        self._speed = speed
+        self._limits = limits
+        self._feed = Feed()
+        self._audience = Audience(self._snapshot, limits)
+        self._page = document()
+        self._soon = asyncio.Event()
+        self._turn = asyncio.Lock()
+        self._talks: dict[web.RequestHandler, Talk] = {}
+        self._routes = {"/": self._answer_page, "/ws": self._answer_socket}
+
+    def close(self) -> None:
+        """Let go of the port, for a page that was never served. Safe twice."""
+        self._socket.close()
+
+    def show(self, record: Record) -> None:
+        """Take a record; see ``Viewer``."""
+        if self._feed.take(record):
+            self._soon.set()
+
+    @asynccontextmanager
+    async def serving(self, commands: Commands) -> AsyncIterator[None]:
+        """Serve while entered; see ``Viewer``. What was shown last still goes out at the end."""
+        self._commands = commands
+        loop = asyncio.get_running_loop()
+        self._http = web.Server(self._answer, access_log=None, logger=_clients, lingering_time=0.0)
+        server = await loop.create_server(self._meet, sock=self._socket)
+        telling = loop.create_task(self._tell_regularly(), name="live page")
+        try:
+            yield
+        finally:
+            telling.cancel()
+            server.close()
+            await self._end()
+
+    # -- what viewers are told -----------------------------------------------------------------------------------
+
+    async def _tell_regularly(self) -> None:
+        try:
+            while True:
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(STATE_S * self._speed):
+                        await self._soon.wait()
+                self._soon.clear()
+                self._tell()
+                await asyncio.sleep(REST_S * self._speed)
+        except Exception:
+            _bugs.exception("in telling viewers: the live page stands still from now on")
+
+    def _tell(self) -> None:
+        news = self._feed.news()
+        if self._audience.viewers:
+            self._audience.tell(news, self._feed.state())
+
+    def _snapshot(self) -> dict[str, Any]:
+        self._tell()  # what is in the snapshot must not be news afterwards
+        return self._feed.snapshot()
+
+    async def _end(self) -> None:
+        """Tell how it ended, and let everybody go; each of the three has its time."""
+        self._tell()
+        limit_s = self._limits.end_s * self._speed
+        with suppress(TimeoutError):
+            async with asyncio.timeout(limit_s):
+                await asyncio.gather(*(viewer.catch_up() for viewer in self._audience.viewers))
+        with suppress(TimeoutError):
+            async with asyncio.timeout(limit_s):
+                await asyncio.gather(*(talk.end("the run has ended") for talk in self._talks.values()))
+        for connection in self._http.connections:
+            _abort(connection)
+        await self._http.shutdown(limit_s)
+
+    # -- connections ---------------------------------------------------------------------------------------------
+
+    def _meet(self) -> asyncio.Protocol:
+        """Return what serves a new connection; it must have become a viewer's in time.
+
+        Where all places are taken it gets that of the oldest which is no viewer's.
+        """
+        taken = [each for each in self._http.connections if each.transport and not each.transport.is_closing()]
+        if len(taken) >= self._limits.connections:
+            idle = next((each for each in taken if each not in self._talks), None)
+            if idle is None:
+                return _TurnedAway()
+            _abort(idle)
+        connection = self._http()
+        loop = asyncio.get_running_loop()
+        loop.call_later(self._limits.handshake_s * self._speed, self._drop_idle, connection)
+        return connection
+
+    def _drop_idle(self, connection: web.RequestHandler) -> None:
+        if connection not in self._talks:
+            _abort(connection)
+
+    async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
+        try:
+            if request.method != "GET" or request.path not in self._routes:
+                return _plain(404, "there is nothing here but a page at / and its connection at /ws")
+            return await self._routes[request.path](request)
+        except Refused as refusal:
+            return _plain(403, str(refusal))
+        except web.HTTPBadRequest:
+            return _plain(400, "this is where the page itself connects, with a WebSocket: open / instead")
+        except OSError:
+            raise  # the client has gone
+        except Exception:
+            _bugs.exception("in answering %s", request.path)
+            return _plain(500, "an error inside wayfarer")
+
+    async def _answer_page(self, request: web.BaseRequest) -> web.StreamResponse:
+        given = request.query.get("token") or request.cookies.get(self._cookie, "")
+        self._access.check_page(request.remote or "", request.headers, given)
+        response = web.Response(body=self._page.html, headers=self._page.headers)
+        if given:  # the page's own connection has no other place for it than a cookie
+            response.set_cookie(self._cookie, self._token, httponly=True, samesite="Strict")
+        response.force_close()
+        return response
+
+    async def _answer_socket(self, request: web.BaseRequest) -> web.StreamResponse:
+        self._access.check_socket(request.remote or "", request.headers, request.cookies.get(self._cookie, ""))
+        limits, speed = self._limits, self._speed
+        if len(self._talks) >= limits.viewers:
+            return _plain(503, f"{limits.viewers} viewers look on already, which is the limit")
+        socket = web.WebSocketResponse(
+            timeout=limits.end_s * speed, compress=False, max_msg_size=limits.message_bytes, autoping=False
+        )
+        viewer = Viewer(self._audience, socket.send_str, limits.silent_s * speed, limits.unseen)
+        talk = self._talks[request.protocol] = Talk(
+            socket, viewer, self._commands, self._turn, self.watched, limits, speed
+        )
+        try:
+            await _shake_hands(socket, request)
+            self._audience.viewers.add(viewer)
+            await talk.run()
+        finally:
+            self._audience.viewers.discard(viewer)
+            del self._talks[request.protocol]
+        return socket
+
+
+class _TurnedAway(asyncio.Protocol):
+    """Ends a connection for which there is no room."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """End it."""
+        transport.close()
+
+
+def _abort(connection: web.RequestHandler) -> None:
+    if connection.transport is not None:
+        connection.transport.abort()
+
+
+async def _shake_hands(socket: web.WebSocketResponse, request: web.BaseRequest) -> None:
+    """Begin a WebSocket.
+
+    Raises:
+        web.HTTPBadRequest: it is not asked for as it must be; aiohttp does not expect headers that are no text.
+    """
+    try:
+        await socket.prepare(request)
+    except ValueError as error:
+        raise web.HTTPBadRequest from error
+
+
+def _plain(status: int, text: str) -> web.Response:
+    response = web.Response(status=status, text=f"wayfarer: {text}\n")
+    response.force_close()
+    return response

@@ -1,0 +1,120 @@
+"""One viewer's connection: it is told what is new, and may ask for a few things.
+
+What it asks for goes the way of the control socket's requests. Arming is not among it: wheels must not start from a
+web page. Nor do they go on from a page that shows how things were: a request may have waited, in a network or for a
+daemon that stood still, until nobody looks on any more.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from contextlib import suppress
+
+import orjson
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from wayfarer.control.rate import Allowance
+from wayfarer.daemon.socket.protocol import Commands, Refused, check, perform, read_line
+from wayfarer.errors import WayfarerError
+from wayfarer.views.live.audience import Limits, TooSlow, Viewer
+
+VERBS = ("hold", "resume", "stop", "mark")
+STOPPING = ("hold", "stop")  # are done whoever asks, and however often
+SHOWN = "state_t_s"  # which state the page shows; to resume needs it
+
+_bugs = logging.getLogger("wayfarer.views.live")
+
+
+class Talk:
+    """Speaks with one viewer.
+
+    Args:
+        socket: its connection.
+        viewer: its place in the audience.
+        commands: what the daemon can do.
+        turn: shared by all: one message is taken in a turn of the loop, so that a flood waits for the control tick and
+            not the tick for the flood.
+        watched: is set when the page has shown something.
+        limits: what a viewer may use up.
+        speed: how many seconds of the loop pass in one of the clock's.
+    """
+
+    def __init__(
+        self, socket: web.WebSocketResponse, viewer: Viewer, commands: Commands, turn: asyncio.Lock,
+        watched: asyncio.Event, limits: Limits, speed: float,
+    ) -> None:  # fmt: skip
+        self._socket = socket
+        self._viewer = viewer
+        self._commands = commands
+        self._turn = turn
+        self._watched = watched
+        self._old_s = limits.old_s * speed
+        self._allowance = Allowance(limits.requests, limits.requests_hz / speed)
+
+    async def run(self) -> None:
+        """Speak until the viewer goes away, or has to."""
+        following = asyncio.create_task(self._follow(), name="live viewer")
+        try:
+            async for message in self._socket:
+                async with self._turn:
+                    await asyncio.sleep(0)
+                if message.type is not WSMsgType.TEXT:
+                    break
+                await self._take(message.data)
+        except ConnectionError:
+            pass  # it went away while it was being answered
+        finally:
+            following.cancel()
+            await asyncio.gather(following, return_exceptions=True)
+
+    async def end(self, why: str) -> None:
+        """Say goodbye."""
+        with suppress(ConnectionError, RuntimeError):  # it is gone already, or has not quite come
+            await self._socket.close(code=WSCloseCode.GOING_AWAY, message=why.encode())
+
+    async def _follow(self) -> None:
+        try:
+            await self._viewer.follow()
+        except TooSlow:
+            await self.end("nothing was acknowledged for too long")
+        except ConnectionError:
+            pass
+        except Exception:
+            _bugs.exception("in telling a viewer what is new")
+
+    async def _take(self, text: str) -> None:
+        """Take an acknowledgement, or do what is asked for and reply."""
+        fields: dict[str, object] = {}
+        try:
+            fields = read_line(text.encode())
+            if "seen" in fields:
+                self._viewer.acknowledge(fields["seen"])
+                self._watched.set()
+                return
+            await self._do(fields)
+            reply: dict[str, object] = {"ok": True}
+        except WayfarerError as refusal:
+            reply = {"ok": False, "why": str(refusal)}
+        except Exception:
+            _bugs.exception("in doing what a page asked for")
+            reply = {"ok": False, "why": "an error inside wayfarer: look at its terminal before you go on"}
+        do = fields.get("do")
+        told = {"do": do if isinstance(do, str) else None, **reply}  # what is no verb may be too deep to be sent back
+        await self._socket.send_str(orjson.dumps([{"reply": told}]).decode())
+
+    async def _do(self, fields: dict[str, object]) -> None:
+        request = check({key: value for key, value in fields.items() if key != SHOWN})
+        if request.do not in VERBS:
+            raise Refused(f"{request.do} is not done from the page: use wayfarer {request.do} in a terminal")
+        now_s = asyncio.get_running_loop().time()
+        if request.do not in STOPPING and not self._allowance.take(now_s):
+            raise Refused("too much was asked for at once: wait a second and ask again")
+        if request.do == "resume" and not _is_new(fields.get(SHOWN), now_s, self._old_s):
+            raise Refused("the page that this was pressed on was old: look again, and press it if it is still right")
+        await perform(request, self._commands, None)
+
+
+def _is_new(state_t_s: object, now_s: float, old_s: float) -> bool:
+    """Tell whether a state is of now; one from the future is of another run. What is no time is not."""
+    return isinstance(state_t_s, int | float) and abs(now_s - state_t_s) <= old_s

@@ -1,0 +1,173 @@
+"""What a report needs of one run, taken from its log in a single pass: see ``run_reading``.
+
+Times are seconds since the first record. A number that is not known is NaN, so that a line that is drawn of it has a
+gap there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import nan
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.escape.api import Anomaly, Phase
+from wayfarer.fieldlog.reader import Damage, Record
+from wayfarer.safety.conditions import Level
+from wayfarer.views.text.account import Account
+from wayfarer.views.text.summary import Summary
+
+Floats = NDArray[np.float64]
+Columns = Mapping[str, Floats]
+
+LARGEST = 1e10  # more than any time, distance or angle of a run; a garbled line may hold anything
+GAP_S = 1.0  # no record for so long: lines are broken there
+PHASES = tuple(phase.value for phase in Phase)
+LEVELS = {level.name.lower(): float(level) for level in Level}
+ANOMALIES = frozenset(anomaly.value for anomaly in Anomaly)
+
+
+class Tick(NamedTuple):
+    """One control tick, as drawn. ``phase`` counts in ``PHASES``; ``level`` is ``conditions.Level``.
+
+    ``period_s`` is the time since the tick before, NaN where records are missing between the two. ``stretch`` counts
+    the gaps before it: records are missing between two that differ in it.
+    """
+
+    t_s: float
+    phase: float
+    level: float
+    heading_deg: float
+    goal_heading_deg: float
+    counter_deg: float
+    pitch_deg: float
+    roll_deg: float
+    commanded_m_s: float
+    measured_m_s: float
+    duty: float
+    period_s: float
+    north_m: float
+    east_m: float
+    stretch: float
+
+
+class Truth(NamedTuple):
+    """Where a simulated rover really was, in the metres of its forest; ``stretch`` as in ``Tick``."""
+
+    t_s: float
+    x_m: float
+    y_m: float
+    phase: float
+    stretch: float
+
+
+class Onset(NamedTuple):
+    """An anomaly that was not there in the tick before, and where dead reckoning had the rover."""
+
+    t_s: float
+    kind: str
+    north_m: float
+    east_m: float
+
+
+class Event(NamedTuple):
+    """An ``event`` record, its name, and where dead reckoning had the rover.
+
+    ``mark`` counts the marks from 1 and is 0 for any other event.
+    """
+
+    t_s: float
+    name: str
+    record: Record
+    mark: int
+    north_m: float
+    east_m: float
+
+
+class Fix(NamedTuple):
+    """A position: degrees, the horizontal error in metres, and where dead reckoning had the rover then."""
+
+    t_s: float
+    latitude_deg: float
+    longitude_deg: float
+    error_m: float
+    north_m: float
+    east_m: float
+
+
+@dataclass(slots=True)
+class Episode:
+    """From an anomaly until the goal is followed again; ``ended_by`` is None where it was cut off."""
+
+    start_s: float
+    side: str
+    end_s: float
+    metres: float
+    turns: int = 0
+    ended_by: str | None = None
+
+
+@dataclass(slots=True)
+class Sensor:
+    """What one sensor said: how often, and after which pauses.
+
+    ``doubtful`` counts motion readings of a quality too low to be used, ``failures`` the ``sensor_failed`` events.
+    """
+
+    readings: int = 0
+    gaps: int = 0
+    spoken_s: float = 0.0
+    longest_gap_s: float = 0.0
+    last_t_s: float = nan
+    doubtful: int = 0
+    failures: int = 0
+
+    @property
+    def rate_hz(self) -> float:
+        """Return the readings a second, NaN where there are not two."""
+        return self.gaps / self.spoken_s if self.spoken_s > 0.0 else nan
+
+
+@dataclass
+class RunData:
+    """Everything of one run that its report shows."""
+
+    header: Record = field(default_factory=dict)
+    summary: Summary = field(default_factory=lambda: Account().summary())
+    damage: Damage = field(default_factory=Damage)
+    ticks: Columns = field(default_factory=lambda: columns(Tick, []))
+    truth: Columns = field(default_factory=lambda: columns(Truth, []))
+    batteries: list[tuple[float, float]] = field(default_factory=list)
+    onsets: list[Onset] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+    fixes: list[Fix] = field(default_factory=list)
+    episodes: list[Episode] = field(default_factory=list)
+    sensors: dict[str, Sensor] = field(default_factory=dict)
+
+    @property
+    def has_way(self) -> bool:
+        """Return whether anybody can say where the rover went."""
+        return bool(self.fixes) or not bool(np.isnan(self.ticks["north_m"]).all())
+
+    def setting(self, *keys: str) -> float:
+        """Return a number of the rover file, NaN where the header does not have it."""
+        value: Any = self.header.get("config")
+        for key in keys:
+            value = value.get(key) if isinstance(value, dict) else None
+        return number(value)
+
+
+def columns(kind: type[Tick] | type[Truth], flat: Any) -> Columns:
+    """Return the columns of rows that stand one after the other."""
+    names = kind._fields
+    return dict(zip(names, np.array(flat, dtype=np.float64).reshape(-1, len(names)).T, strict=True))
+
+
+def number(value: object) -> float:
+    """Return a number of a record, NaN for anything that cannot be one."""
+    if isinstance(value, int | float) and not isinstance(value, bool) and -LARGEST < value < LARGEST:
+        return float(value)
+    return nan

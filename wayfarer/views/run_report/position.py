@@ -1,0 +1,53 @@
+"""Position fixes on the same drawing as dead reckoning: in metres, from the place of the first fix."""
+
+from __future__ import annotations
+
+from math import cos, isnan, radians
+from statistics import median
+from typing import NamedTuple
+
+from wayfarer.angles import wrap180
+from wayfarer.safety.mission_limits import METRES_PER_DEG
+from wayfarer.views.run_report.data import Fix
+
+FAR_M = 10_000.0  # from the middle of all fixes: no rover walks there, a receiver that just woke up says so
+
+
+class Placed(NamedTuple):
+    """A fix in metres; ``error_m`` is NaN where the receiver did not tell."""
+
+    north_m: float
+    east_m: float
+    error_m: float
+
+
+def local_metres(fixes: list[Fix]) -> list[Placed]:
+    """Return fixes in metres north and east, where dead reckoning had the rover at the first of them.
+
+    Fixes that are ``FAR_M`` from most others are left out. Nobody turns them: dead reckoning counts from magnetic
+    north, the receiver from true north.
+    """
+    near = _believable(fixes)
+    if not near:
+        return []
+    first = near[0]
+    north_m, east_m = (0.0 if isnan(place_m) else place_m for place_m in (first.north_m, first.east_m))
+    return [Placed(north_m + dn_m, east_m + de_m, fix.error_m) for fix in near for dn_m, de_m in [_offset(first, fix)]]
+
+
+def _believable(fixes: list[Fix]) -> list[Fix]:
+    if not fixes:
+        return []
+    first = fixes[0]
+    middle = first._replace(
+        latitude_deg=median(fix.latitude_deg for fix in fixes),
+        longitude_deg=first.longitude_deg + median(wrap180(fix.longitude_deg - first.longitude_deg) for fix in fixes),
+    )
+    return [fix for fix in fixes if max(map(abs, _offset(middle, fix))) < FAR_M]
+
+
+def _offset(origin: Fix, fix: Fix) -> tuple[float, float]:
+    """Return metres north and east of an origin, on a plane."""
+    north_m = (fix.latitude_deg - origin.latitude_deg) * METRES_PER_DEG
+    east_deg = wrap180(fix.longitude_deg - origin.longitude_deg)
+    return north_m, east_deg * METRES_PER_DEG * cos(radians(origin.latitude_deg))

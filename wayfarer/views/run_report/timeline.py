@@ -1,0 +1,107 @@
+"""A run over time: one axis of time for everything that was measured, decided and reported."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path
+from matplotlib.ticker import FixedLocator, FuncFormatter
+
+from wayfarer.views.run_report.data import RunData
+from wayfarer.views.run_report.drawing import GREY, WIDTH_IN
+from wayfarer.views.run_report.forest_map import STROKES
+from wayfarer.views.run_report.labels import SIZE_PT, Label, Placed, place
+from wayfarer.views.run_report.marks import labelled, stroke_of
+from wayfarer.views.run_report.panels import panels_of
+from wayfarer.views.run_report.series import Span, spans
+
+LEFT_IN, RIGHT_IN = 0.95, 1.15  # beside the panels: what they show, and their legends
+ROOM_IN = WIDTH_IN - LEFT_IN - RIGHT_IN
+TOP_IN, BOTTOM_IN, BETWEEN_IN = 0.08, 0.75, 0.12
+LANE_IN, LANES = 0.155, 8
+MINUTES_FROM_S = 600.0  # a longer run is shown in minutes
+STEPS_S = (1, 2, 5, 10, 20, 50, 100, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 36000, 86400)
+STEPS_AT_MOST = 10
+SHADE = 0.17  # of a phase's colour, behind the lines
+
+
+def timeline_figure(data: RunData) -> tuple[Figure, int]:
+    """Return the figure, and how many labels found no room in it; there must be a panel to draw."""
+    end_s = max(data.summary.lasted_s, 1.0)
+    events = labelled(data)
+    labels = [Label(each.text, each.t_s / end_s * ROOM_IN * 72.0, each.rank, each.colour) for each in events]
+    placed = place(labels, ROOM_IN * 72.0, LANES)
+    panels = panels_of(data)
+    lanes = max((each.lane + 1 for each in placed), default=0)
+    figure, (top, *axes) = _lay_out([lanes * LANE_IN, *(panel.height_in for panel in panels)])
+    _write(top, placed, lanes)
+    bands = _bands(data)
+    for each, panel in zip(axes, panels, strict=True):
+        each.set_xlim(0.0, end_s)
+        _shade(each, bands)
+        _lead(each, [label.at_pt / 72.0 / ROOM_IN * end_s for label, _, _ in placed])
+        panel.draw(each, data)
+    _time_axis(axes, end_s)
+    shown = {int(band.value) for band in bands}
+    handles = [Patch(color=STROKES[at].colour, alpha=SHADE * 2, label=STROKES[at].text) for at in sorted(shown)]
+    figure.legend(handles=handles, loc="lower center", ncols=4)
+    return figure, len(labels) - len(placed)
+
+
+def _lay_out(heights_in: Sequence[float]) -> tuple[Figure, list[Axes]]:
+    """Return axes of these heights, one below the other, all from the same left to the same right."""
+    height_in = TOP_IN + BOTTOM_IN + sum(heights_in) + BETWEEN_IN * (len(heights_in) - 1)
+    figure = Figure((WIDTH_IN, height_in))
+    axes, top_in = [], height_in - TOP_IN
+    for each_in in heights_in:
+        top_in -= each_in
+        box = (LEFT_IN / WIDTH_IN, top_in / height_in, ROOM_IN / WIDTH_IN, max(each_in, 1e-3) / height_in)
+        axes.append(figure.add_axes(box))
+        top_in -= BETWEEN_IN
+    return figure, axes
+
+
+def _write(axes: Axes, placed: Sequence[Placed], lanes: int) -> None:
+    """Write the labels, each with a line down to the panels."""
+    axes.set_xlim(0.0, ROOM_IN * 72.0)
+    axes.set_ylim(max(lanes, 1) + BETWEEN_IN / LANE_IN, 0.0)
+    axes.set_axis_off()
+    paper = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
+    for label, lane, left_pt in placed:
+        axes.plot([label.at_pt] * 2, [lane + 0.5, lanes + 1], color=GREY, linewidth=0.4, clip_on=False, zorder=1)
+        axes.text(left_pt, lane + 0.5, label.text, color=label.colour, fontsize=SIZE_PT, va="center", bbox=paper)
+
+
+def _lead(axes: Axes, times_s: Sequence[float]) -> None:
+    """Draw the lines of the labels through a panel."""
+    axes.vlines(times_s, 0, 1, colors=GREY, alpha=0.6, linewidths=0.4, transform=axes.get_xaxis_transform(), zorder=0.9)
+
+
+def _bands(data: RunData) -> list[Span]:
+    return spans(data.ticks["t_s"], stroke_of(data.ticks["phase"]))
+
+
+def _shade(axes: Axes, bands: Sequence[Span]) -> None:
+    """Draw the phases behind a panel: one path for each colour, however often it comes."""
+    for at, stroke in enumerate(STROKES):
+        boxes = [[(a, 0.0), (a, 1.0), (b, 1.0), (b, 0.0), (a, 0.0)] for a, b, value in bands if value == at]
+        if boxes:
+            path = Path.make_compound_path_from_polys(np.array(boxes))
+            shade = PathPatch(path, facecolor=stroke.colour, alpha=SHADE, linewidth=0, zorder=0.5)
+            shade.set_transform(axes.get_xaxis_transform())
+            axes.add_artist(shade)
+
+
+def _time_axis(axes: Sequence[Axes], end_s: float) -> None:
+    """Give all panels the same ticks, and the last their names."""
+    step_s = next((step_s for step_s in STEPS_S if end_s / step_s <= STEPS_AT_MOST), end_s / STEPS_AT_MOST)
+    unit, divisor = ("min", 60.0) if end_s > MINUTES_FROM_S else ("s", 1.0)
+    for each in axes:
+        each.xaxis.set_major_locator(FixedLocator(np.arange(0.0, end_s * (1 + 1e-9), step_s).tolist()))
+        each.xaxis.set_major_formatter(FuncFormatter(lambda t_s, _: f"{t_s / divisor:g}"))
+        each.tick_params(axis="x", labelbottom=each is axes[-1], length=3 if each is axes[-1] else 0)
+    axes[-1].set_xlabel(f"time since the beginning, {unit}")

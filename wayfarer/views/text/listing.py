@@ -1,0 +1,144 @@
+"""All runs of a folder, a row each, told from the two ends of each log: hundreds of them are listed in a moment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from wayfarer.daemon.stderr_writer import clean
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.folders import run_folders, run_number
+from wayfarer.fieldlog.last_run import end_of_log
+from wayfarer.fieldlog.reader import Record, RunReader, log_parts, read_header
+from wayfarer.views.text.fields import began_wall_s, local_time, name, number, span, whole
+from wayfarer.views.text.wording import marks
+
+ALIVE_S = 5.0  # a log that was written to so recently has no outcome because its run still goes on
+
+
+class Row(NamedTuple):
+    """One run in a few words; what its log does not tell is empty."""
+
+    run: str
+    began: str
+    lasted: str
+    rover: str
+    algorithm: str
+    metres: str
+    episodes: str
+    outcome: str
+    size: str
+
+
+SHORT = {"simulated": " (sim)", "dry run": " (dry)"}
+TITLES = Row("run", "began", "lasted", "rover", "algorithm", "m", "episodes", "outcome", "MB")
+RIGHT = {"run", "lasted", "m", "episodes", "MB"}
+SPARED = ("size", "rover", "algorithm", "episodes")  # what a narrow terminal goes without, first to last
+
+
+def rows(logs: Path, now_wall_s: float) -> list[Row]:
+    """Return a row for each run, in the order of ``run_folders``.
+
+    Args:
+        logs: the folder of all runs.
+        now_wall_s: the wall time, which tells a run that goes on from one that was cut off.
+
+    Raises:
+        BadInput: the logs' folder cannot be read.
+    """
+    return [_row(run, now_wall_s) for run in run_folders(logs)]
+
+
+def lines(table: Sequence[Row], width: int | None) -> list[str]:
+    """Return rows as lines under their titles, with as many columns as ``width`` characters hold (None: all)."""
+    shown = list(Row._fields)
+    for spared in ("", *SPARED):
+        shown = [column for column in shown if column != spared]
+        laid_out = _laid_out(shown, [TITLES, *table])
+        if width is None or max(map(len, laid_out)) <= width:
+            break
+    return laid_out
+
+
+def _laid_out(columns: Sequence[str], table: Sequence[Row]) -> list[str]:
+    widths = {column: max(len(getattr(row, column)) for row in table) for column in columns}
+    return ["  ".join(_cell(row, column, widths[column]) for column in columns).rstrip() for row in table]
+
+
+def _cell(row: Row, column: str, width: int) -> str:
+    text = str(getattr(row, column))
+    return text.rjust(width) if getattr(TITLES, column) in RIGHT else text.ljust(width)
+
+
+def _row(run: Path, now_wall_s: float) -> Row:
+    title = _title(run)
+    try:
+        parts = log_parts(run)
+        size_b, written_s = sum(part.stat().st_size for part in parts), parts[-1].stat().st_mtime
+        first, last = next(iter(RunReader(run)), None), _last(parts)
+    except (BadInput, OSError):
+        first = None
+    if first is None:
+        return Row(title, "", "", "", "", "", "", "unreadable", "")
+    header, end, tick = _header(run, first), last.get("any", {}), last.get("tick", {})
+    return Row(
+        title,
+        _began(header, first, end),
+        _lasted(first, end),
+        "".join([name(header, "rover") or "", *(SHORT[mark] for mark in marks(header))]),
+        name(header, "algorithm") or "",
+        _rounded(tick, "travelled_m"),
+        _rounded(tick, "episodes"),
+        _outcome(last.get("outcome"), alive=abs(now_wall_s - written_s) < ALIVE_S),
+        f"{size_b / 1e6:.1f}",
+    )
+
+
+def _title(run: Path) -> str:
+    """Return a run's number, or the name of its folder where that has none."""
+    count = run_number(run)
+    return clean(run.name) if count is None else str(count)
+
+
+def _header(run: Path, first: Record) -> Record:
+    """Return what says what ran; where the first record does not, a later part of the log may."""
+    if first["record"] == "run":
+        return first
+    try:
+        return read_header(run)
+    except BadInput:
+        return {}
+
+
+def _outcome(outcome: Record | None, *, alive: bool) -> str:
+    if outcome is None:
+        return "goes on" if alive else "cut off"
+    return name(outcome, "reason") or "unknown"
+
+
+def _lasted(first: Record, end: Record) -> str:
+    first_t_s, end_t_s = number(first, "t_s"), number(end, "t_s")
+    return "" if first_t_s is None or end_t_s is None else span(end_t_s - first_t_s)
+
+
+def _rounded(record: Record, key: str) -> str:
+    value = number(record, key)
+    return "" if value is None else f"{value:.0f}"
+
+
+def _began(header: Record, first: Record, end: Record) -> str:
+    trial = whole(header, "trial")
+    if trial is not None:
+        return f"trial {trial}"  # in a time of its own
+    wall_s = began_wall_s(header, first, end)
+    return "clock not set" if wall_s is None else local_time(wall_s, "%Y-%m-%d %H:%M")
+
+
+def _last(parts: Sequence[Path]) -> dict[str, Record]:
+    """Return the last record of each kind, and the last of ``any``."""
+    found: dict[str, Record] = {}
+    for record in reversed(end_of_log(parts)):
+        found.setdefault("any", record)
+        found.setdefault(record["record"], record)
+    return found

@@ -1,0 +1,141 @@
+"""A summary for people: a line for each thing that they ask, the most important first. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from wayfarer.fieldlog.reader import Damage
+from wayfarer.views.text.fields import local_time, span
+from wayfarer.views.text.summary import Summary
+from wayfarer.views.text.verdict import NO_OUTCOME
+from wayfarer.views.text.whereabouts import Offset, Where
+from wayfarer.views.text.wording import whole_deg
+
+
+def summary_text(run: str, summary: Summary, damage: Damage) -> str:
+    """Return what became of a run, as lines; what there is nothing to tell of is left out."""
+    sections = (
+        ("run", [run, _about(summary)]),
+        ("outcome", [_outcome(summary)]),
+        ("where", list(_where(summary.where, damage.missing))),
+        ("time", list(_time(summary))),
+        ("way", [_way(summary)]),
+        ("anomalies", [_counted(summary.anomalies)]),
+        ("escapes", [_escapes(summary)]),
+        ("battery", [_battery(summary)]),
+        ("failures", [_counted({**_sensors(summary), **summary.failures})]),
+        ("by hand", list(_by_hand(summary))),
+        ("clock", [_clock(summary)]),
+        ("ticks", [_ticks(summary)]),
+        ("log", [_log(summary, damage)]),
+    )
+    return "\n".join(
+        f"{title if first else '':<11}{text}"
+        for title, texts in sections
+        for first, text in zip([True, *[False] * len(texts)], filter(None, texts), strict=False)
+    )
+
+
+def _about(summary: Summary) -> str:
+    if summary.version is None and summary.simulated is None:
+        return "unknown rover: nothing says what ran, nor whether it was simulated"
+    about = [summary.rover or "unknown rover", summary.algorithm, "simulated" if summary.simulated else None]
+    about += [None if summary.trial is None else f"trial {summary.trial}"]
+    about += ["dry run" if summary.dry_run else None, f"wayfarer {summary.version}" if summary.version else None]
+    return ", ".join(text for text in about if text)
+
+
+def _outcome(summary: Summary) -> str:
+    if summary.reason is None:
+        return NO_OUTCOME
+    return f"{summary.reason}: {summary.text}" if summary.text else summary.reason
+
+
+def _where(where: Where, missing: int) -> Iterator[str]:
+    """Say where to search; the receiver first, if there is one."""
+    fix = where.last_fix
+    if fix is not None:
+        error = "" if fix.error_m is None else f" (error {fix.error_m:.0f} m)"
+        yield f"{fix.latitude_deg:.6f}, {fix.longitude_deg:.6f}{error}, {where.fix_age_s:.0f} s before the end"
+    if where.by_receiver is not None:
+        yield f"{_offset(where.by_receiver)} true from the first position"
+    if where.by_reckoning is not None:
+        origin = "the start" if where.from_start else "where the log begins"
+        yield f"{_offset(where.by_reckoning)} magnetic from {origin} (dead reckoning)"
+        if missing:
+            yield f"{Damage(missing=missing)}, so its way is only partly known"
+
+
+def _offset(offset: Offset) -> str:
+    return f"{offset.distance_m:.0f} m at bearing {whole_deg(offset.bearing_deg)} degrees"
+
+
+def _time(summary: Summary) -> Iterator[str]:
+    yield f"{span(summary.lasted_s)} in all{_began(summary)}; armed for {span(summary.armed_s)}"
+    yield from (f"held for {span(held_s, 1)} by {cause}" for cause, held_s in summary.held_s.items())
+
+
+def _began(summary: Summary) -> str:
+    if summary.began_wall_s is not None:
+        return f" from {local_time(summary.began_wall_s, '%Y-%m-%d %H:%M:%S')}"
+    return "" if summary.trial is not None else " (nobody knows since when: the clock was not set)"
+
+
+def _way(summary: Summary) -> str:
+    if summary.commanded_m is None:
+        return ""
+    return f"{summary.commanded_m:.1f} m commanded, {summary.reckoned_m:.1f} m by dead reckoning"
+
+
+def _counted(counts: Mapping[str, int]) -> str:
+    told = [f"{what} {count}" for what, count in sorted(counts.items(), key=lambda item: -item[1]) if count]
+    return ", ".join(told)
+
+
+def _escapes(summary: Summary) -> str:
+    if not summary.ticks:
+        return ""
+    ran_out = _counted(summary.exhausted)
+    ended = f"; ran out: {ran_out}" if ran_out else ""
+    return f"episodes {summary.episodes}, backed off {summary.recoveries}{ended}"
+
+
+def _battery(summary: Summary) -> str:
+    lowest = summary.low_battery
+    if lowest is None:
+        return ""
+    duty = "" if lowest.duty is None else f", with the wheels at {lowest.duty:.0%}"
+    return f"{lowest.battery_v:.1f} V at least, at {span(lowest.at_s)}{duty}"
+
+
+def _sensors(summary: Summary) -> dict[str, int]:
+    return {f"{sensor} did not answer": count for sensor, count in summary.sensor_failures.items()}
+
+
+def _by_hand(summary: Summary) -> Iterator[str]:
+    asked = {"marks": len(summary.marks), "holds": summary.holds, "new goals": summary.goals}
+    yield _counted(asked)
+    yield from (f"{span(mark.at_s)} {mark.text}" for mark in summary.marks)
+
+
+def _clock(summary: Summary) -> str:
+    return ", ".join(f"set by {step_s:+.0f} s" for step_s in summary.clock_steps_s)
+
+
+def _ticks(summary: Summary) -> str:
+    period = summary.period
+    if period is None:
+        return ""
+    p50_ms, p99_ms, max_ms = (1e3 * period_s for period_s in (period.p50_s, period.p99_s, period.max_s))
+    return f"{summary.ticks}, every {p50_ms:.1f} ms (p99 {p99_ms:.1f}, longest {max_ms:.1f}); {summary.late_ticks} late"
+
+
+def _log(summary: Summary, damage: Damage) -> str:
+    told = [] if damage == Damage() else [str(damage)]
+    if summary.dropped and damage.missing:
+        told = [f"{damage}, {min(summary.dropped, damage.missing)} of them could not be written"]
+    elif summary.dropped:
+        told.append(f"{summary.dropped} records could not be written")
+    if summary.reason is None:
+        told.append(NO_OUTCOME)
+    return "; ".join(told) or "whole"

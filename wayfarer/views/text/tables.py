@@ -1,0 +1,163 @@
+"""A log as a table for spreadsheets and plotting: one row a control tick, with everything that was said since the last.
+
+``csv_rows`` has flat columns with units. Columns of ``tick`` keep their names, readings are flattened
+(``compass_heading_deg``), and what other records say stands in the row of the first tick after it, under the record's
+name (``board_battery_v``, ``truth_x_m``); events are joined in ``event``. What came after the last tick has a last row
+of its own, in which the other columns are empty.
+
+``tsv_rows`` has the six columns of the log that the paper's released code writes, in its formats and without a
+header: time of day, left and right duty, heading, and two of the flow sensor. Those two are empty, because this log has
+metres and a quality from 0 to 1, not the chip's counts. Where the released code wrote a row for each round of its outer
+loop, and none while it reversed, turned or probed, there is one for each tick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import lru_cache
+from typing import Any
+
+from wayfarer.daemon.stderr_writer import clean
+from wayfarer.fieldlog.dead_reckoning import DeadReckoning
+from wayfarer.fieldlog.reader import Record
+from wayfarer.views.text.fields import local_time, number, reckoning, sound_tick
+from wayfarer.views.text.wording import event_text, fault_text, outcome_text
+
+# Always there and in this order, so that the tables of two runs can be put below each other.
+COLUMNS = (
+    "t_s", "t_wall", "n", "event",
+    "phase", "why", "anomalies", "heading_deg", "goal_heading_deg", "pitch_deg", "roll_deg", "travelled_m",
+    "covered_m", "reckoned_north_m", "reckoned_east_m",
+    "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
+    "counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty", "decision_t_s",
+    "compass_t_s", "compass_heading_deg", "compass_pitch_deg", "compass_roll_deg", "compass_calibration",
+    "motion_t_s", "motion_forward_m", "motion_right_m", "motion_quality", "motion_signed",
+    "contact_t_s", "contact_sides", "contact_obstacle_bearing_deg",
+    "board_battery_v", "board_faults", "board_says_left", "board_says_right",
+    "position_latitude_deg", "position_longitude_deg", "position_error_m",
+    "computer_cpu_c", "computer_throttled", "computer_load_1min", "computer_disk_free_mb", "computer_log_dropped",
+    "truth_x_m", "truth_y_m", "truth_heading_deg", "truth_pitch_deg", "truth_roll_deg", "truth_slipping",
+    "truth_touching",
+)  # fmt: skip
+STAMP = ("t_s", "t_wall", "n")
+READINGS = {"compass", "motion", "contact"}  # a tick has them by name; null where a sensor has not spoken
+Cells = dict[str, str]
+
+
+def csv_rows(records: Iterable[Record], further: Iterable[str] = ()) -> Iterator[list[str]]:
+    """Give the titles, then a row for each tick; ``further`` are columns beyond those that every table has."""
+    columns = [*COLUMNS, *further]
+    yield columns
+    for row in _rows(records):
+        yield [row.get(column, "") for column in columns]
+
+
+def further_columns(records: Iterable[Record]) -> list[str]:
+    """Return the columns that a log needs beyond those that all have, such as another algorithm's memory."""
+    found = dict.fromkeys(COLUMNS)
+    shapes: set[tuple[str, ...]] = set()  # nearly all records have the same few
+    for record in records:
+        inner = (each for key, value in record.items() if isinstance(value, dict) for each in (key, *value))
+        shape = (record["record"], *record, *inner)
+        if shape not in shapes:
+            shapes.add(shape)
+            found |= dict.fromkeys(_told(record))
+    return list(found)[len(COLUMNS) :]
+
+
+def tsv_rows(records: Iterable[Record]) -> Iterator[list[str]]:
+    """Give a row for each tick as the released code would have written it; it has no titles."""
+    for record in records:
+        if record["record"] == "tick":
+            duties = [_rounded(number(record, key)) for key in ("applied_left", "applied_right")]
+            heading = _rounded(number(record, "heading_deg"))
+            yield [local_time(number(record, "t_wall") or 0.0, "%H%M_%S"), *duties, heading, "", ""]
+
+
+def _rows(records: Iterable[Record]) -> Iterator[Cells]:
+    sheet = _Sheet()
+    for record in records:
+        yield from sheet.take(record)
+    yield from sheet.rest()
+
+
+class _Sheet:
+    """Gathers what belongs into the row of the next tick."""
+
+    def __init__(self) -> None:
+        self._track: DeadReckoning | None = None
+        self._stamp: Cells = {}
+        self._beside: Cells = {}
+        self._events: list[str] = []
+
+    def take(self, record: Record) -> Iterator[Cells]:
+        """Take a record, and give the row if it is a tick."""
+        kind = record["record"]
+        self._stamp = {key: _cell(record.get(key)) for key in STAMP}
+        if kind == "tick":
+            yield self._row({**_told(record), **self._reckoned(record)})
+        elif kind == "run":
+            self._track = self._track or reckoning(record)
+        elif kind in TOLD:
+            self._events.append(TOLD[kind](record))
+        else:
+            self._beside |= _told(record)
+
+    def rest(self) -> Iterator[Cells]:
+        """Give a last row, if there is anything that no tick came after."""
+        if self._events or self._beside:
+            yield self._row({})
+
+    def _row(self, tick: Cells) -> Cells:
+        row = {**tick, **self._beside, **self._stamp, "event": "; ".join(self._events)}
+        self._beside, self._events = {}, []
+        return row
+
+    def _reckoned(self, tick: Record) -> Cells:
+        self._track = self._track or reckoning({})
+        place = self._track.take(sound_tick(tick))
+        if place is None:
+            return {}
+        return {"reckoned_north_m": f"{place.north_m:.3f}", "reckoned_east_m": f"{place.east_m:.3f}"}
+
+
+TOLD: Mapping[str, Callable[[Record], str]] = {"event": event_text, "fault": fault_text, "outcome": outcome_text}
+
+
+def _told(record: Record) -> Cells:
+    """Return the cells of what a record says; none of one that is told in words, or that is in every part."""
+    kind = record["record"]
+    if kind == "run" or kind in TOLD:
+        return {}
+    said = {key: value for key, value in record.items() if key != "record" and key not in STAMP}
+    return _flat(said, "" if kind == "tick" else f"{kind}_")
+
+
+def _flat(values: Mapping[str, Any], prefix: str) -> Cells:
+    """Return values as cells, those of a reading under its name."""
+    cells: Cells = {}
+    for key, value in values.items():
+        if isinstance(value, dict):
+            cells |= _flat(value, _title(prefix, f"{key}_"))
+        elif value is not None or key not in READINGS:
+            cells[_title(prefix, key)] = _cell(value)
+    return cells
+
+
+@lru_cache(maxsize=1000)
+def _title(prefix: str, key: str) -> str:
+    return clean(prefix + key)
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return repr(value)
+    if isinstance(value, bool):
+        return str(int(value))
+    return clean("; ".join(map(str, value)) if isinstance(value, list) else str(value))
+
+
+def _rounded(value: float | None) -> str:
+    return "" if value is None else str(round(value, 2))

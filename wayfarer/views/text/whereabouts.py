@@ -1,0 +1,108 @@
+"""Where to search for a rover: distance and bearing from its start, by dead reckoning and by its receiver. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, cos, degrees, hypot, isfinite, radians
+
+from wayfarer.angles import wrap180, wrap360
+from wayfarer.fieldlog.dead_reckoning import Place
+from wayfarer.fieldlog.reader import Record
+from wayfarer.safety.mission_limits import METRES_PER_DEG
+from wayfarer.views.text.fields import number
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """A place as people walk to it: so far from the start, in degrees clockwise from north."""
+
+    distance_m: float
+    bearing_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """A position from the receiver; ``error_m`` is None where it does not tell."""
+
+    t_s: float
+    latitude_deg: float
+    longitude_deg: float
+    error_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """Where the rover is at the end of its log; None is not known.
+
+    ``by_reckoning`` counts from where it was first armed if ``from_start``, else from where the log begins; its bearing
+    is from magnetic north, and it grows worse with the way and with every record that is missing.
+    ``by_receiver`` counts from the first fix, its bearing from true north; ``fix_age_s`` is how long before the end the
+    last fix was.
+    """
+
+    by_reckoning: Offset | None = None
+    by_receiver: Offset | None = None
+    last_fix: Fix | None = None
+    fix_age_s: float | None = None
+    from_start: bool = True
+
+
+class Search:
+    """Follows a run to where it ends."""
+
+    def __init__(self) -> None:
+        self._start: Place | None = None
+        self._place: Place | None = None
+        self._from_start: bool | None = None  # None: it was not armed yet
+        self._first_fix: Fix | None = None
+        self._last_fix: Fix | None = None
+
+    def starts(self) -> None:
+        """Note that the rover is armed: the first time, it stands where its people are."""
+        if self._from_start is None:
+            self._from_start, self._start = True, self._place
+
+    def begins_late(self) -> None:
+        """Note that the log's first part is gone: where the rover is armed from now on need not be where it set out."""
+        if self._from_start is None:
+            self._from_start = False
+
+    def reckoned(self, place: Place | None) -> None:
+        """Take where dead reckoning has the rover."""
+        self._place = place or self._place
+
+    def fix(self, position: Record) -> None:
+        """Take a ``position`` record."""
+        latitude_deg, longitude_deg = number(position, "latitude_deg"), number(position, "longitude_deg")
+        if latitude_deg is None or longitude_deg is None:
+            return
+        self._last_fix = Fix(position["t_s"], latitude_deg, longitude_deg, number(position, "error_m"))
+        self._first_fix = self._first_fix or self._last_fix
+
+    def where(self, t_s: float) -> Where:
+        """Return where the rover is at the end of the log, ``t_s``."""
+        last = self._last_fix
+        age_s = None if last is None else max(0.0, t_s - last.t_s)
+        reckoned = self._by_reckoning()
+        drove = reckoned is not None and reckoned.distance_m > 0.0
+        from_start = not drove if self._from_start is None else self._from_start
+        return Where(reckoned, self._by_receiver(), last, age_s, from_start)
+
+    def _by_reckoning(self) -> Offset | None:
+        if self._place is None:
+            return None
+        start_north_m, start_east_m = (self._start.north_m, self._start.east_m) if self._start else (0.0, 0.0)
+        return _offset(self._place.north_m - start_north_m, self._place.east_m - start_east_m)
+
+    def _by_receiver(self) -> Offset | None:
+        first, last = self._first_fix, self._last_fix
+        if first is None or last is None:
+            return None
+        north_m = (last.latitude_deg - first.latitude_deg) * METRES_PER_DEG
+        east_deg = wrap180(last.longitude_deg - first.longitude_deg)
+        return _offset(north_m, east_deg * METRES_PER_DEG * cos(radians(first.latitude_deg)))
+
+
+def _offset(north_m: float, east_m: float) -> Offset | None:
+    distance_m = hypot(north_m, east_m)
+    return Offset(distance_m, wrap360(degrees(atan2(east_m, north_m)))) if isfinite(distance_m) else None

@@ -1,0 +1,185 @@
+"""How records are put into words, for one line of a terminal. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+from typing import Any
+
+from wayfarer.daemon.stderr_writer import clean
+from wayfarer.fieldlog.reader import Record
+from wayfarer.views.text.fields import ABSURD, local_time, name, names, number
+
+
+class Tone(Enum):
+    """How a line is meant, for whoever gives it a colour."""
+
+    PLAIN = "plain"
+    QUIET = "quiet"  # nothing has changed
+    PHASE = "phase"
+    PERSON = "person"  # somebody asked for it
+    WARNING = "warning"
+    FAULT = "fault"
+    END = "end"
+
+
+PERSON = {"arming", "armed", "disarmed", "hold", "resume", "goal", "mark"}
+WARNINGS = {
+    "arming_refused", "sensor_failed", "board_silent", "light_failed", "part_failed", "clock_step", "log_gap",
+    "viewer_failed", "close_hangs", "unclean_shutdown", "power",
+}  # fmt: skip
+FAULTS = {"motors_failed", "loop_stalled", "stop_not_confirmed", "control_error"}
+LEVEL_TONES = {"degrade": Tone.WARNING, "hold": Tone.WARNING, "fault": Tone.FAULT}
+
+STAMP = {"record", "n", "t_s", "t_wall", "name"}  # what every event has
+BARE = {"text", "reason", "error", "level", "cause"}  # details that say what they are by themselves
+UNITS = {"deg": "degrees", "s": "s"}
+
+
+def run_text(header: Record) -> str:
+    """Say what ran."""
+    about = [name(header, "rover"), name(header, "algorithm"), *marks(header), f"wayfarer {name(header, 'version')}"]
+    return f"run of {', '.join(text for text in about if text)}"
+
+
+def marks(header: Mapping[str, Any]) -> list[str]:
+    """Say in what a run is not one of a rover with its wheels on the ground."""
+    known = (("simulated", "simulated"), ("dry_run", "dry run"))
+    return [text for key, text in known if header.get(key) is True]
+
+
+def event_text(event: Record) -> str:
+    """Say what happened, with its details."""
+    what = event_name(event)
+    if what == "unclean_shutdown":
+        return unclean_text(event)
+    details = {key.removeprefix(f"{what}_"): value for key, value in event.items() if key not in STAMP}
+    told = [_detail(key, value) for key, value in details.items() if value not in (None, [])]
+    return f"{what.replace('_', ' ')}{': ' if told else ''}{', '.join(told)}"
+
+
+def unclean_text(event: Record) -> str:
+    """Say how the run before this one was left."""
+    which = f"the run before ({name(event, 'run') or '?'})"
+    if error := name(event, "error"):
+        return f"unclean shutdown: {which} cannot be read: {error}"
+    mode, wall_s = name(event, "mode"), number(event, "last_t_wall")
+    told = [f"while {mode}" if mode else "", local_time(wall_s, "at %Y-%m-%d %H:%M:%S") if wall_s else ""]
+    return f"unclean shutdown: {' '.join([which, 'was cut off', *filter(None, told)])}: killed, or without power"
+
+
+def event_name(event: Record) -> str:
+    """Return the name of an event, whatever has become of it."""
+    return name(event, "name") or "event"
+
+
+def event_tone(event: Record) -> Tone:
+    """Return how an event is meant."""
+    what = event_name(event)
+    if what == "health":
+        return LEVEL_TONES.get(str(event.get("level")), Tone.PLAIN)
+    for group, tone in ((PERSON, Tone.PERSON), (WARNINGS, Tone.WARNING), (FAULTS, Tone.FAULT)):
+        if what in group:
+            return tone
+    return Tone.PLAIN
+
+
+def fault_text(fault: Record) -> str:
+    """Say which fault a scenario injects now, or takes away."""
+    begins = fault.get("begins") is True
+    lasting_s, params = number(fault, "for_s"), fault.get("params")
+    told = [_detail(key, value) for key, value in params.items()] if begins and isinstance(params, dict) else []
+    what = " ".join(filter(None, [name(fault, "target"), name(fault, "kind")])) or "?"
+    lasting = "" if lasting_s is None or not begins else f" for {lasting_s:g} s"
+    return ", ".join([f"a fault {'begins' if begins else 'ends'}: {what}{lasting}", *told])
+
+
+def outcome_text(outcome: Record) -> str:
+    """Say how a run ended."""
+    dropped = number(outcome, "dropped")
+    lost = f"; {dropped:.0f} records could not be written" if dropped else ""
+    return f"ended: {name(outcome, 'reason')}: {name(outcome, 'text')}{lost}"
+
+
+def place_text(fix: Mapping[str, Any]) -> str:
+    """Return a position as people type it into a map."""
+    latitude_deg, longitude_deg, error_m = (number(fix, key) for key in ("latitude_deg", "longitude_deg", "error_m"))
+    if latitude_deg is None or longitude_deg is None:
+        return "unknown"
+    return f"{latitude_deg:.6f}, {longitude_deg:.6f}{'' if error_m is None else f' (error {error_m:.0f} m)'}"
+
+
+def why_text(tick: Record) -> str:
+    """Return the event that began a phase, in the tick in which it began; else nothing."""
+    why = name(tick, "why")
+    return why if why and why != name(tick, "phase") else ""
+
+
+def reason_text(tick: Record) -> str:
+    """Return why the rover does something else now; an anomaly says that by itself."""
+    why, anomalies = why_text(tick), names(tick, "anomalies")
+    told = [] if anomalies and why.endswith(".anomaly") else [why]
+    return ", ".join(filter(None, [*told, *anomalies]))
+
+
+def state_text(tick: Record) -> str:
+    """Return phase, heading, counter and distance, in columns."""
+    counter_deg, travelled_m = number(tick, "counter_deg"), number(tick, "travelled_m")
+    counter = "" if counter_deg is None else f"counter {counter_deg:+4.0f}"
+    travelled = "" if travelled_m is None else f"{travelled_m:.1f} m"
+    return f"{name(tick, 'phase') or '?':<9}  {heading_text(tick)}  {counter:<12}  {travelled:>8}"
+
+
+def heading_text(tick: Record) -> str:
+    """Return the heading in whole degrees."""
+    heading_deg = number(tick, "heading_deg")
+    return "no heading " if heading_deg is None else f"heading {whole_deg(heading_deg):>3}"
+
+
+def aim_text(tick: Record, battery_v: float | None) -> str:
+    """Return the goal heading and the battery, as far as they are known."""
+    goal_deg = number(tick, "goal_heading_deg")
+    told = [] if goal_deg is None else [f"goal {whole_deg(goal_deg)}"]
+    return ", ".join(told if battery_v is None else [*told, f"{battery_v:.1f} V"])
+
+
+def whole_deg(angle_deg: float) -> str:
+    """Return an angle in whole degrees; 359.7 is north, not 360."""
+    return f"{float(f'{angle_deg:.0f}') % 360.0:.0f}"
+
+
+def tick_text(tick: Record) -> str:
+    """Say everything about a single tick that fits a line."""
+    cause = name(tick, "cause")
+    told = [why_text(tick), *names(tick, "anomalies"), f"{name(tick, 'level')} {cause}" if cause else ""]
+    wheels = f"wanted {_duties(tick, 'wanted')}, applied {_duties(tick, 'applied')}"
+    return ", ".join([f"{name(tick, 'phase') or '?':<9}  {heading_text(tick)}  {wheels}", *filter(None, told)])
+
+
+def _duties(tick: Record, which: str) -> str:
+    duties = (number(tick, f"{which}_{side}") for side in ("left", "right"))
+    return "/".join("?" if duty is None else f"{duty:+.2f}" for duty in duties)
+
+
+def _detail(key: str, value: object) -> str:
+    """Return a detail as a person says it: ``start_delay_s`` 10 is a start delay of 10 s."""
+    stem, _, unit = key.rpartition("_")
+    text = _degrees(value) if unit == "deg" else _value(value)
+    if key in BARE:
+        return text
+    if stem and unit in UNITS:
+        return f"{clean(stem).replace('_', ' ')} {text} {UNITS[unit]}"
+    return f"{clean(key).replace('_', ' ')} {text}"
+
+
+def _value(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.0f}" if 1e3 <= abs(value) < ABSURD else f"{value:.4g}"
+    if isinstance(value, dict) and all(isinstance(count, int) for count in value.values()):
+        return clean(", ".join(f"{count} {what}" for what, count in value.items()))
+    return clean(", ".join(map(str, value)) if isinstance(value, list) else str(value))
+
+
+def _degrees(value: object) -> str:
+    """Return an angle with a decimal at most: no compass has more."""
+    return f"{round(value, 1) + 0.0:g}" if isinstance(value, float) else _value(value)
