@@ -28,21 +28,21 @@ from benchmarks.figures import print_table
 from wayfarer.commissioning.checks import Place
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.config.rover_file import load_rover
+from wayfarer.config.rover_overlay import laid_over
 from wayfarer.control.controller import Mode
 from wayfarer.control.records import Tee
 from wayfarer.daemon.arming_inspection import Live
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
+from wayfarer.fault_scenarios.random_scenarios import draw_fault, possible_faults, quick_settings, ready_for
+from wayfarer.fault_scenarios.safety_rules import Invariants
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.rig import Depth
-from wayfarer.simhal.scenarios.invariants import Invariants
-from wayfarer.simhal.scenarios.random_faults import draw_fault, possible_faults, quick_settings, ready_for
-from wayfarer.simhal.scenarios.rovers import laid_over
 from wayfarer.simhal.stage import Stage, TrialSpec
 from wayfarer.simhal.world import World
 

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.simhal.scenarios import kinds_page
+from tests.fault_scenarios import kinds_page
 from wayfarer import cli
+from wayfarer.fault_scenarios.runner import Played, play
+from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.simhal.faults import Layer
-from wayfarer.simhal.scenarios.runner import Played, play
-from wayfarer.simhal.scenarios.scenario import Scenario
 
 PAGE = (Path(__file__).parents[1] / "docs" / "faults.md").read_text(encoding="utf-8")
 LOOSE = """\
@@ -172,7 +172,7 @@ def test_what_needs_no_camera_runs_without_opencv(capsys: pytest.CaptureFixture[
 
 
 def test_list_shows_names_and_runs_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wayfarer.simhal.scenarios.command.play", lambda *_: pytest.fail("a scenario was run"))
+    monkeypatch.setattr("wayfarer.fault_scenarios.command.play", lambda *_: pytest.fail("a scenario was run"))
     assert cli.run(["faults", "--list"]) == 0
     assert "board-fault" in capsys.readouterr().out
 
@@ -207,7 +207,7 @@ def test_an_error_inside_one_scenario_does_not_hide_the_others(
             raise ZeroDivisionError("by zero")
         return play(scenario, log_dir)
 
-    monkeypatch.setattr("wayfarer.simhal.scenarios.command.play", fails_once)
+    monkeypatch.setattr("wayfarer.fault_scenarios.command.play", fails_once)
     path = scenario_file(tmp_path, LOOSE.replace("loose-plug", "broken") + LOOSE)
     assert cli.run(["faults", "--scenario", path, "--jobs", "1"]) == 1
     out = capsys.readouterr().out

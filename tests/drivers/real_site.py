@@ -14,8 +14,8 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from tests.drivers.private_dev import PrivateDev, SerialLine
-from wayfarer.simhal.scenarios.procedures.launching import COMMAND_S, WAYFARER
-from wayfarer.simhal.scenarios.procedures.site import Site
+from wayfarer.fault_scenarios.process_tests.hil_setup import Site
+from wayfarer.fault_scenarios.process_tests.subprocesses import COMMAND_S, WAYFARER
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 BOTH = pytest.mark.parametrize("rover", ["forestrover", "minirover"], scope="module")

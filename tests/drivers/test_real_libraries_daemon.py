@@ -15,8 +15,8 @@ import pytest
 
 from tests.drivers.real_site import BOTH, FORESTROVER, I2C, SERIAL, SPI, RealSite
 from tests.system.test_stop_owners import turn_wheels
-from wayfarer.simhal.scenarios.procedures.site import wait_for
-from wayfarer.simhal.scenarios.procedures.wheels import first_stop, spans, stop_after
+from wayfarer.fault_scenarios.process_tests.hil_setup import wait_for
+from wayfarer.fault_scenarios.process_tests.wheel_history import first_stop, spans, stop_after
 
 pytestmark = pytest.mark.slow
 

@@ -14,8 +14,12 @@ import pytest
 from tests.virtual import virtual
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.config.rover_overlay import laid_over
 from wayfarer.control.supervisor import first_cause
 from wayfarer.errors import BadInput, NotResponding, WrongPart
+from wayfarer.fault_scenarios.first_difference import first_difference
+from wayfarer.fault_scenarios.recorder import Monitor
+from wayfarer.fault_scenarios.runner import CLEARING
 from wayfarer.hal import CompassReading
 from wayfarer.simhal import faults
 from wayfarer.simhal.fakebus import FakeBuses
@@ -27,10 +31,6 @@ from wayfarer.simhal.injection.reading_layer import TamperedPart, reading_fault
 from wayfarer.simhal.injection.wires import Wire
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.rig import Depth
-from wayfarer.simhal.scenarios.difference import first_difference
-from wayfarer.simhal.scenarios.monitor import Monitor
-from wayfarer.simhal.scenarios.rovers import laid_over
-from wayfarer.simhal.scenarios.runner import CLEARING
 from wayfarer.simhal.stage import Stage, TrialSpec
 
 # Driving, with all that is read every so often read several times before the fault begins.

@@ -19,8 +19,8 @@ from collections.abc import Iterator
 from random import Random
 from typing import NamedTuple
 
-from wayfarer.simhal.scenarios.procedures.site import DEADMAN_S, Site, SiteTrouble, site
-from wayfarer.simhal.scenarios.procedures.wheels import stop_after
+from wayfarer.fault_scenarios.process_tests.hil_setup import DEADMAN_S, Site, SiteTrouble, site
+from wayfarer.fault_scenarios.process_tests.wheel_history import stop_after
 
 LATEST_S = 0.5  # from the board's loss of power to the kill: longer than the health poll needs to see it
 MARGIN_S = 0.05  # between the two writes of one drive command, on a busy computer

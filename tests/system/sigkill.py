@@ -14,8 +14,8 @@ import sys
 from collections.abc import Callable, Iterable
 from statistics import median
 
-from wayfarer.simhal.scenarios.procedures.killing import Kill, Life, sweep
-from wayfarer.simhal.scenarios.procedures.site import SiteTrouble
+from wayfarer.fault_scenarios.process_tests.hil_setup import SiteTrouble
+from wayfarer.fault_scenarios.process_tests.sigkill import Kill, Life, sweep
 
 COLUMNS = "{:<22}{:>6}{:>9}{:>24}{:>24}{:>20}{:>6}{:>10}"
 LAST = ("torn", "problems")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.system.sigkill import table
-from wayfarer.simhal.scenarios.procedures.killing import Kill, Life, sweep
+from wayfarer.fault_scenarios.process_tests.sigkill import Kill, Life, sweep
 
 
 @pytest.mark.slow

@@ -12,9 +12,9 @@ from signal import Signals
 import pytest
 
 from wayfarer.daemon.signals import ENDING, FAULTS, IGNORED, name_of
-from wayfarer.simhal.scenarios.procedures.site import PATIENCE_S, Site, wait_for
-from wayfarer.simhal.scenarios.procedures.site import site as a_site
-from wayfarer.simhal.scenarios.procedures.wheels import stop_after, told_to_turn
+from wayfarer.fault_scenarios.process_tests.hil_setup import PATIENCE_S, Site, wait_for
+from wayfarer.fault_scenarios.process_tests.hil_setup import site as a_site
+from wayfarer.fault_scenarios.process_tests.wheel_history import stop_after, told_to_turn
 
 pytestmark = pytest.mark.slow
 

@@ -16,11 +16,11 @@ from itertools import pairwise
 import pytest
 
 from wayfarer.drivers.sabertooth import packet
+from wayfarer.fault_scenarios.process_tests import buggy_algorithms
+from wayfarer.fault_scenarios.process_tests.hil_setup import DEADMAN_S, PATIENCE_S, Site, wait_for
+from wayfarer.fault_scenarios.process_tests.hil_setup import site as a_site
+from wayfarer.fault_scenarios.process_tests.wheel_history import spans, stop_after
 from wayfarer.simhal.bench_buses import BenchI2C, BenchSerial
-from wayfarer.simhal.scenarios.procedures import misbehaving
-from wayfarer.simhal.scenarios.procedures.site import DEADMAN_S, PATIENCE_S, Site, wait_for
-from wayfarer.simhal.scenarios.procedures.site import site as a_site
-from wayfarer.simhal.scenarios.procedures.wheels import spans, stop_after
 
 pytestmark = pytest.mark.slow
 
@@ -74,13 +74,13 @@ def test_ended_daemon_stops_the_wheels_itself_and_writes_how_it_ended(site: Site
 
 
 def test_error_in_an_algorithm_ends_the_daemon_with_the_wheels_stopped(site: Site) -> None:
-    daemon = site.armed("--algorithm", f"{misbehaving.__name__}:RAISES")
+    daemon = site.armed("--algorithm", f"{buggy_algorithms.__name__}:RAISES")
     assert daemon.wait(PATIENCE_S) == 1
     turned_s, stopped_s = stop_after(site.stopped())
     assert stopped_s - turned_s < site.deadman_s - MARGIN_S, "the deadman did it"
     outcome = site.log()[-1]
     assert (outcome["record"], outcome["reason"]) == ("outcome", "failed")
-    assert misbehaving.BUG in outcome["text"]
+    assert buggy_algorithms.BUG in outcome["text"]
 
 
 def test_daemon_that_was_killed_comes_back_disarmed(site: Site) -> None:

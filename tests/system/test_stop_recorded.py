@@ -14,9 +14,9 @@ from collections.abc import Iterator
 import pytest
 
 from tests.system.test_stop_owners import turn_wheels
-from wayfarer.simhal.scenarios.procedures.launching import WAYFARER
-from wayfarer.simhal.scenarios.procedures.site import PATIENCE_S, Site, rover_toml, wait_for
-from wayfarer.simhal.scenarios.procedures.site import site as a_site
+from wayfarer.fault_scenarios.process_tests.hil_setup import PATIENCE_S, Site, rover_toml, wait_for
+from wayfarer.fault_scenarios.process_tests.hil_setup import site as a_site
+from wayfarer.fault_scenarios.process_tests.subprocesses import WAYFARER
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from wayfarer.simhal.scenarios.procedures.site import DEADMAN_S, site, wait_for
+from wayfarer.fault_scenarios.process_tests.hil_setup import DEADMAN_S, site, wait_for
 
 
 @pytest.mark.slow

@@ -114,8 +114,8 @@ def faults(
     if detector:
         raise typer.Exit(_measure_detector(rover, trials, jobs, out, physics, friction, torque_scale))
     if trials is not None:
+        from wayfarer.fault_scenarios.random_runs import run_random
         from wayfarer.simhal.rig import Depth as RigDepth
-        from wayfarer.simhal.scenarios.random_trials import run_random
 
         how_deep = None if depth is None else RigDepth(depth.value)
         raise typer.Exit(run_random(trials, rover, how_deep, seed or 0, jobs, out))
@@ -131,8 +131,8 @@ def _measure_detector(
     friction: float | None,
     torque_scale: float | None,
 ) -> int:
-    from wayfarer.simhal.scenarios.detector_table import run_detector
-    from wayfarer.simhal.scenarios.detector_trials import CELLS, cells_in_mujoco
+    from wayfarer.fault_scenarios.detector_table import run_detector
+    from wayfarer.fault_scenarios.detector_trials import CELLS, cells_in_mujoco
 
     if physics is not PhysicsName.mujoco:
         return run_detector(rover, trials, jobs, out, CELLS)
@@ -158,13 +158,13 @@ def _run(
     """
     from rich.console import Console
 
+    from wayfarer.fault_scenarios.catalogue import ROWS, catalogue
+    from wayfarer.fault_scenarios.command import run_rows
+    from wayfarer.fault_scenarios.result import Result
+    from wayfarer.fault_scenarios.scenario_file import read_scenarios
+    from wayfarer.fault_scenarios.selection import chosen, on_another_rover, without_missing_packages
+    from wayfarer.fault_scenarios.table import print_list, skipped_lines
     from wayfarer.simhal.progress import say
-    from wayfarer.simhal.scenarios.catalogue import ROWS, catalogue
-    from wayfarer.simhal.scenarios.command import run_rows
-    from wayfarer.simhal.scenarios.result import Result
-    from wayfarer.simhal.scenarios.scenario_file import read_scenarios
-    from wayfarer.simhal.scenarios.selection import chosen, on_another_rover, without_missing_packages
-    from wayfarer.simhal.scenarios.table import print_list, skipped_lines
 
     rows = list(read_scenarios(scenario) if scenario else catalogue())
     untried = [] if scenario or only else sorted({*range(1, ROWS + 1)} - {row.row for row in rows})

@@ -17,12 +17,12 @@ from annotated_types import Interval
 from pydantic import TypeAdapter, ValidationError
 
 from wayfarer.config.messages import explain, most_telling
+from wayfarer.config.rover_overlay import laid_over
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.simhal.forest import TREES_PER_HA
 from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.plan import Campaign
-from wayfarer.simhal.scenarios.rovers import laid_over
 from wayfarer.simhal.sweep.axes import Value
 from wayfarer.units import Metres
 
@@ -103,7 +103,7 @@ def laid_over_campaign(campaign: Campaign, values: Mapping[str, Value]) -> Campa
     physics = _checked(Physics, asdict(campaign.physics), _under(WORLD, PHYSICS, values), WORLD)
     rover = campaign.rover
     if of_rover := _of_rover(values):
-        rover = laid_over(rover, _nested(of_rover), prefix="")
+        rover = laid_over(rover, _nested(of_rover))
     return replace(campaign, rover=rover, physics=physics, **asdict(own), **asdict(forest))
 
 

@@ -1,0 +1,317 @@
+"""The daemon as a state machine: any interleaving of faults, commands and time, and the safety rules after each step.
+
+``test_state_machine.py`` tries a few in each run of the tests. More of them, other ones each time::
+
+    python -m tests.fault_scenarios.daemon_machine --examples 1000
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+from collections.abc import Collection
+from pathlib import Path
+from random import Random
+from tempfile import mkdtemp
+from typing import Any
+
+from hypothesis import HealthCheck, Phase, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
+
+from tests.commissioning.checks.rigs import T_WALL
+from wayfarer.commissioning.checks import ARMING, CALIBRATED, Place
+from wayfarer.config.rover_file import load_rover
+from wayfarer.control.controller import Mode
+from wayfarer.control.supervisor import first_cause
+from wayfarer.daemon.arming_inspection import Live
+from wayfarer.daemon.commands import RoverCommands
+from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.errors import NotArmed
+from wayfarer.fault_scenarios.random_runs import REFUSALS
+from wayfarer.fault_scenarios.random_scenarios import ROVERS, draw_fault, draw_scenario, possible_faults, ready_for
+from wayfarer.fault_scenarios.random_scenarios import Place as FaultPlace
+from wayfarer.fault_scenarios.safety_rules import Invariants
+from wayfarer.fault_scenarios.scenario_rover import rover_of
+from wayfarer.safety.conditions import LEVELS, Condition, Level
+from wayfarer.simhal.faults import KINDS, Fault
+from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.stage import Stage, TrialSpec
+
+SOON_S = 0.05  # an answer may take longer, and other commands come meanwhile
+POWER_FLAGS = (None, 0, 0x1, 0x10001, 0x50005)
+SEEDS = st.integers(0, 2**31 - 1)
+PLACES = sorted({place for rover in ROVERS for depth in Depth for place in possible_faults(load_rover(rover), depth)})
+FOLDER = Path(mkdtemp(prefix="wayfarer-machine-"))
+
+
+class Daemon:
+    """A daemon's run in virtual time, one step after the other.
+
+    Every part is made ready for faults by one that never begins.
+    """
+
+    def __init__(self, rover: str, depth: Depth, seed: int) -> None:
+        self.depth = depth
+        self._runner = asyncio.Runner(loop_factory=VirtualLoop)
+        self.stray: list[str] = []
+        loop = self._runner.get_loop()
+        loop.set_exception_handler(lambda _, context: self.stray.append(repr(context)))
+        self._asked: set[asyncio.Task[Any]] = set()
+        self.lasting: dict[int, Fault] = {}
+        self._number = 0
+        scenario = draw_scenario(seed, rover, depth)
+        config = rover_of(scenario)
+        self.places = possible_faults(config, depth)
+        never = ready_for(self.places)
+        spec = TrialSpec(0, scenario.algorithm, generate_forest(seed, 0, seed), seed, config, depth=depth, faults=never)
+        self._runner.run(self._begin(spec))
+
+    async def _begin(self, spec: TrialSpec) -> None:
+        self.rules = Invariants()
+        self.stage = stage = Stage(spec, lambda *_: self.rules)
+        self.rules.follow(stage)
+        assert stage.injector is not None
+        self.injector = stage.injector
+        self.injector.start(stage.world, stage.supervisor.helm.power, self.rules.note)
+        self.helm = stage.supervisor.helm
+        place = Place(FOLDER / "logs", FOLDER / "calibration.json", (), T_WALL, FOLDER)
+        inspection = Live(spec.rover, stage.rover, place, stage.supervisor)
+        about = {"start_delay_s": spec.rover.safety.start_delay_s}
+        checks = [check for check in ARMING if check not in CALIBRATED]
+        self.commands = RoverCommands(
+            stage.supervisor, stage.rover.motors, lambda: inspection, self.rules, about, checks
+        )
+        self.run = asyncio.ensure_future(stage.supervisor.run())
+
+    @property
+    def running(self) -> bool:
+        """Whether the run has not ended."""
+        return not self.run.done()
+
+    def pass_time(self, for_s: float) -> None:
+        """Let time pass, and hear how commands and run have ended."""
+        self._runner.run(asyncio.sleep(for_s))
+        for task in [task for task in self._asked if task.done()]:
+            self._asked.discard(task)
+            self._hear(task, (Refused, NotArmed))
+        if self.run.done() and (error := self.run.exception()) is not None:
+            assert type(first_cause(error)).__name__ in REFUSALS, repr(error)
+
+    def ask(self, verb: str, *args: float) -> None:
+        """Ask for something; the answer may come later."""
+
+        async def asked() -> None:
+            self._asked.add(asyncio.ensure_future(getattr(self.commands, verb)(*args)))
+
+        self._runner.run(asked())
+        self.pass_time(SOON_S)
+
+    def begin(self, fault: Fault) -> None:
+        """Begin a fault, unless it lasts already."""
+        if (fault.kind, fault.target) in {(each.kind, each.target) for each in self.lasting.values()}:
+            return
+        self._number += 1
+        self.lasting[self._number] = fault
+
+        async def begin() -> None:
+            self.injector.begin(self._number, fault)
+
+        self._runner.run(begin())
+
+    def end_oldest(self) -> None:
+        """End the fault that has lasted longest."""
+        if self.lasting:
+            number = next(iter(self.lasting))
+
+            async def end() -> None:
+                self.injector.cease(number, self.lasting.pop(number))
+
+            self._runner.run(end())
+
+    def status(self) -> dict[str, Any]:
+        """What the daemon says of itself."""
+        return dict(self._runner.run(self.commands.status()))
+
+    def power(self, flags: int | None) -> None:
+        """Have the computer's firmware say something."""
+        self.helm.power(self._runner.get_loop().time(), flags)
+
+    def close(self) -> None:
+        """End the run, watch the wheels until they must stand, and end every fault."""
+
+        async def end() -> None:
+            self.stage.supervisor.finish("requested", "over")
+            await asyncio.wait([self.run])
+            await asyncio.sleep(self.rules.bound_s)
+            self.injector.end()
+            await asyncio.sleep(self.rules.bound_s)
+
+        self._runner.run(end())
+        self.pass_time(SOON_S)
+        for task in self._asked:
+            task.cancel()
+        self._runner.close()
+
+    def _hear(self, task: asyncio.Task[Any], refusals: tuple[type[Exception], ...]) -> None:
+        error = task.exception()
+        assert error is None or isinstance(error, refusals), repr(error)
+
+
+class DaemonMachine(RuleBasedStateMachine):
+    """Faults, commands and time in any order."""
+
+    daemon: Daemon
+
+    @initialize(rover=st.sampled_from(ROVERS), depth=st.sampled_from(Depth), seed=st.integers(0, 10_000))
+    def switch_on(self, rover: str, depth: Depth, seed: int) -> None:
+        """A rover drives in a forest."""
+        self.daemon = Daemon(rover, depth, seed)
+        self.daemon.pass_time(1.0)
+        self.daemon.ask("arm", 0.0)
+        self.daemon.pass_time(3.0)
+
+    def teardown(self) -> None:
+        """Whatever lasts ends; the wheels must stand."""
+        if hasattr(self, "daemon"):
+            self.daemon.close()
+            self.assert_rules()
+            assert self.daemon.stage.world.commanded == (0.0, 0.0)
+
+    # -- what may happen -----------------------------------------------------------------------------------------------
+
+    @rule(for_s=st.floats(0.05, 20.0))
+    def time_passes(self, for_s: float) -> None:
+        """Nobody does anything."""
+        self.daemon.pass_time(for_s)
+
+    @precondition(lambda self: self.daemon.running)
+    @rule(verb=st.sampled_from(("arm", "arm", "disarm", "hold", "resume")))
+    def somebody_asks(self, verb: str) -> None:
+        """A command comes, whether it makes sense or not."""
+        self.daemon.ask(verb)
+
+    @precondition(lambda self: self.daemon.running)
+    @rule(heading_deg=st.floats(0.0, 359.0))
+    def somebody_mends_all_and_arms(self, heading_deg: float) -> None:
+        """The rover is to drive whatever was, and has time for it."""
+        while self.daemon.lasting:
+            self.daemon.end_oldest()
+        self.daemon.ask("disarm")
+        self.daemon.pass_time(2.0)
+        self.daemon.ask("arm", heading_deg)
+        self.daemon.pass_time(3.0)
+
+    @precondition(lambda self: self.daemon.running)
+    @rule(heading_deg=st.floats(0.0, 359.0))
+    def somebody_heads_elsewhere(self, heading_deg: float) -> None:
+        """Another goal."""
+        self.daemon.ask("goal", heading_deg)
+
+    @precondition(lambda self: self.daemon.running)
+    @rule(sure=st.integers(0, 9))
+    def somebody_stops_the_run(self, sure: int) -> None:
+        """Now and then."""
+        if sure == 0:
+            self.daemon.ask("stop")
+
+    @precondition(lambda self: self.daemon.running)
+    @rule(place=st.sampled_from([place for place in PLACES if place.target not in {"motors", "world"}]), seed=SEEDS)
+    def a_sense_goes_wrong(self, place: FaultPlace, seed: int) -> None:
+        """Any kind of fault at any sense, or in the process; a bug that ends the run comes more seldom."""
+        self._go_wrong(place, seed)
+
+    @precondition(lambda self: self.daemon.running)
+    @rule(place=st.sampled_from([place for place in PLACES if place.target == "motors"]), seed=SEEDS)
+    def the_motors_go_wrong(self, place: FaultPlace, seed: int) -> None:
+        """Any kind of fault at the motor board, and on the way to it."""
+        self._go_wrong(place, seed)
+
+    @precondition(lambda self: self.daemon.running)
+    @rule(place=st.sampled_from([place for place in PLACES if place.target == "world"]), seed=SEEDS)
+    def the_world_goes_wrong(self, place: FaultPlace, seed: int) -> None:
+        """Anything happens to the body."""
+        self._go_wrong(place, seed)
+
+    def _go_wrong(self, place: FaultPlace, seed: int) -> None:
+        if place in self.daemon.places and (place.kind != "task_crash" or seed % 5 == 0):
+            self.daemon.begin(draw_fault(place, 0.0, Random(seed)))
+
+    @rule()
+    def something_mends(self) -> None:
+        """A fault ends."""
+        self.daemon.end_oldest()
+
+    @rule(flags=st.sampled_from(POWER_FLAGS))
+    def supply_changes(self, flags: int | None) -> None:
+        """The computer's supply sags, or is well again."""
+        self.daemon.power(flags)
+
+    @precondition(lambda self: not self.daemon.running)
+    @rule(seed=st.integers(0, 10_000))
+    def switched_on_again(self, seed: int) -> None:
+        """A new run begins, elsewhere, and nothing arms it."""
+        config, depth = self.daemon.stage.config, self.daemon.depth
+        self.daemon.close()
+        self.assert_rules()
+        self.daemon = Daemon(config.name, depth, seed)
+        self.daemon.pass_time(1.0)
+        assert not self.daemon.running or self.daemon.helm.mode is Mode.DISARMED
+
+    # -- what must hold ------------------------------------------------------------------------------------------------
+
+    @invariant()
+    def assert_rules(self) -> None:
+        """No safety rule is broken, and no error went unseen."""
+        if hasattr(self, "daemon"):
+            wrong = [*self.daemon.rules.broken, *self.daemon.stray]
+            assert not wrong, wrong[0]
+
+    @invariant()
+    def assert_status_is_what_the_helm_does(self) -> None:
+        """What a person is told is what is so."""
+        if not hasattr(self, "daemon"):
+            return
+        helm, told = self.daemon.helm, self.daemon.status()
+        assert told["mode"] == helm.mode.value, f"the status says {told['mode']}, the helm is {helm.mode.value}"
+        assert (told["why_disarmed"] is None) == (helm.mode is not Mode.DISARMED)
+        assert told["held"] == helm.held
+        assert ("mission_s" in told) == (helm.mission is not None) == (helm.mode is Mode.ARMED)
+        if told.get("wheels", [0.0, 0.0]) != [0.0, 0.0]:
+            assert told["level"] not in {"hold", "fault"}
+            assert told["cause"] is None or LEVELS[Condition(told["cause"])] < Level.HOLD
+        if not self.daemon.running:
+            assert self.daemon.run.exception() is not None or self.daemon.run.result().reason
+
+
+def main() -> None:
+    """Try many, other ones each time."""
+    parser = argparse.ArgumentParser(prog="python -m tests.fault_scenarios.daemon_machine", description=__doc__)
+    parser.add_argument("--examples", type=int, default=1000)
+    parser.add_argument("--steps", type=int, default=50, help="of each example")
+    asked = parser.parse_args()
+    run_state_machine_as_test(DaemonMachine, settings=machine_settings(asked.examples, asked.steps, derandomize=False))
+    print(f"{asked.examples} examples of up to {asked.steps} steps, {len(KINDS)} kinds of fault: no rule broken")
+
+
+def machine_settings(
+    examples: int, steps: int, *, derandomize: bool, phases: Collection[Phase] = tuple(Phase)
+) -> settings:
+    """How many interleavings, how long each."""
+    return settings(
+        max_examples=examples, stateful_step_count=steps, derandomize=derandomize, deadline=None, phases=phases,
+        suppress_health_check=list(HealthCheck), print_blob=True,
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,57 @@
+"""The table of kinds in ``docs/faults.md``: ``python -m tests.fault_scenarios.kinds_page`` prints it anew."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+from math import inf
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from annotated_types import Interval
+
+from wayfarer.simhal.faults import KINDS, Kind, Layer
+
+HEAD = "| kind | what happens | to | parameters |\n|---|---|---|---|"
+
+
+def rows(layer: Layer) -> list[str]:
+    """The lines of a layer's table."""
+    return [_row(name, kind) for name, kind in KINDS.items() if kind.layer is layer]
+
+
+def _row(name: str, kind: Kind) -> str:
+    return f"| `{name}` | {kind.about} | {', '.join(kind.targets)} | {'; '.join(_params(kind.params))} |"
+
+
+def _params(params: type) -> Iterator[str]:
+    hints = get_type_hints(params, include_extras=True)
+    for each in fields(params):
+        yield f"`{each.name}` = {_value(each.default)}{_range(hints[each.name])}"
+
+
+def _range(hint: Any) -> str:
+    if get_origin(hint) is Literal:
+        return f" ({', '.join(get_args(hint))})"
+    for interval in (each for each in getattr(hint, "__metadata__", ()) if isinstance(each, Interval)):
+        low, high = _bound(interval.ge, interval.gt, "above "), _bound(interval.le, interval.lt, "below ")
+        if high:
+            return f" ({low} to {high})"
+        return f" ({low})" if interval.ge is None else f" ({low} at least)"
+    return ""
+
+
+def _bound(closed: Any, opened: Any, word: str) -> str:
+    if closed is None and opened is None:
+        return ""
+    return f"{closed:g}" if opened is None else f"{word}{opened:g}"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, float | int):
+        return "without end" if value == inf else f"{value:g}"
+    return str(value)
+
+
+if __name__ == "__main__":
+    for each_layer in Layer:
+        print(f"\n### `{each_layer}`\n", HEAD, *rows(each_layer), sep="\n")

@@ -1,0 +1,81 @@
+"""The field catalogue's rows that run in virtual time: each is met within its bound, and each could have failed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+
+from wayfarer.fault_scenarios.catalogue import catalogue
+from wayfarer.fault_scenarios.judge import judge
+from wayfarer.fault_scenarios.process_tests.heading_wrap import heading_wrap
+from wayfarer.fault_scenarios.runner import Played, play, play_well
+from wayfarer.fault_scenarios.scenario import Reached, Scenario
+
+SCENARIOS = {each.name: each for each in catalogue() if isinstance(each, Scenario)}
+SIMULATED_ROWS = {*range(1, 12), *range(13, 19), *range(20, 33), 37, 38, 46, 51, *range(54, 61)} - {6}
+CAMERA_ROVER = "minirover"  # its pictures take their time to draw and to compare
+
+
+@cache
+def runs_of(name: str) -> tuple[Played, Played]:
+    return play(SCENARIOS[name]), play_well(SCENARIOS[name])
+
+
+def rows() -> list[object]:
+    slow = [pytest.mark.slow]
+    return [
+        pytest.param(name, marks=slow if scenario.rover == CAMERA_ROVER else []) for name, scenario in SCENARIOS.items()
+    ]
+
+
+def test_every_row_that_virtual_time_can_show_is_there() -> None:
+    assert {scenario.row for scenario in SCENARIOS.values()} == SIMULATED_ROWS
+
+
+@pytest.mark.parametrize("name", rows())
+def test_row_is_met_within_its_bound(name: str) -> None:
+    result = judge(SCENARIOS[name], *runs_of(name))
+    assert result.problems == ()
+
+
+@pytest.mark.parametrize("name", rows())
+def test_row_fails_where_its_bound_is_impossible(name: str) -> None:
+    """A row that would pass whatever the rover did shows nothing."""
+    scenario = SCENARIOS[name]
+    other = Reached.HOLD if scenario.expect.level is Reached.NONE else Reached.NONE
+    assert not judge(with_expectation(scenario, level=other), *runs_of(name)).passed
+    if scenario.expect.level is not Reached.NONE or scenario.expect.answer:
+        assert not judge(with_expectation(scenario, within_s=-1.0), *runs_of(name)).passed
+
+
+@pytest.mark.parametrize("name", rows())
+def test_row_fails_where_its_fault_changes_nothing(name: str) -> None:
+    faulty, _ = runs_of(name)
+    assert "the field code read nothing else than without the fault" in judge(SCENARIOS[name], faulty, faulty).problems
+
+
+def test_what_must_never_come_fails_a_row_if_it_comes() -> None:
+    result = judge(
+        with_expectation(SCENARIOS["nose-up"], never=("follow.anomaly", "sensor_failed")), *runs_of("nose-up")
+    )
+    assert result.problems == ("there was 'follow.anomaly', which must not come",)
+
+
+def test_ticks_that_are_too_far_apart_fail_a_row() -> None:
+    result = judge(with_expectation(SCENARIOS["clock-jumps"], ticks_within_s=0.06), *runs_of("clock-jumps"))
+    assert result.problems == ("60.03 s between two ticks, 0.06 s are allowed",)
+
+
+def test_wheels_that_turn_on_for_too_long_fail_a_row() -> None:
+    result = judge(with_expectation(SCENARIOS["port-gone"], stands_within_s=0.2), *runs_of("port-gone"))
+    assert result.problems == ("the wheels stood after 0.30 s, 0.2 s are allowed",)
+
+
+def test_headings_that_wrap_change_no_decision() -> None:
+    assert heading_wrap.run().problems == ()
+
+
+def with_expectation(scenario: Scenario, **changed: object) -> Scenario:
+    return replace(scenario, expect=replace(scenario.expect, **changed))  # type: ignore[arg-type]

@@ -1,0 +1,34 @@
+"""A healthy rover drives freely, and the detector has nothing to say of it; one with a dead side, and it has."""
+
+from __future__ import annotations
+
+from math import inf
+
+import pytest
+
+from wayfarer.config.rover_file import load_rover
+from wayfarer.fault_scenarios.free_driving import drive_freely
+from wayfarer.simhal.faults import Drive, Fault
+from wayfarer.simhal.mujoco.terrain import Range, Terrains
+
+
+def ground(friction: float, torque_scale: float) -> Terrains:
+    return Terrains(Range(friction, friction), torque_scale=Range(torque_scale, torque_scale))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("torque_scale", [1.0, 3.0])
+@pytest.mark.parametrize("friction", [0.1, 0.15, 0.3, 0.5, 0.8])
+@pytest.mark.parametrize("rover", ["sim", "forestrover", "minirover"])
+def test_nothing_is_said_of_a_healthy_rover_on_any_ground(rover: str, friction: float, torque_scale: float) -> None:
+    assert drive_freely(load_rover(rover), ground(friction, torque_scale), 60.0, seed=0) == []
+
+
+def test_nothing_is_said_of_a_healthy_rover_on_slippery_ground() -> None:
+    assert drive_freely(load_rover("sim"), ground(0.15, 1.0), 30.0, seed=0) == []
+
+
+def test_dead_side_is_found_where_the_ground_lets_the_rover_turn() -> None:
+    dead = Fault(3.0, inf, "world", "drive", Drive(left_gain=0.0))
+    said = drive_freely(load_rover("sim"), ground(0.15, 1.0), 60.0, seed=0, faults=[dead])
+    assert "drive_asymmetry" in {name for _, name in said}

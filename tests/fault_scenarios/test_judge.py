@@ -1,0 +1,156 @@
+"""Judging scenarios: what was reached and when, and that a scenario which should fail does fail."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from math import inf
+
+import pytest
+
+from wayfarer.fault_scenarios.judge import STOOD_ALREADY, judge
+from wayfarer.fault_scenarios.result import Result, Tried
+from wayfarer.fault_scenarios.runner import Played, play, play_well
+from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
+from wayfarer.simhal.faults import Fault, Lost, Slope, Stall
+from wayfarer.simhal.rig import Depth
+
+BEGINS_S = 3.0
+LOOSE = Fault(BEGINS_S, inf, "compass", "nack", Lost())
+HELD = Expectation(Reached.HOLD, 0.4, ("compass_stale",))
+
+
+def scenario(fault: Fault = LOOSE, expect: Expectation = HELD, **others: object) -> Scenario:
+    """A short scenario in a clearing, on a rover that drives from 0.5 s on."""
+    made = Scenario(
+        "a", "", expect, (fault,), for_s=6.0, clearing=True, settings={"safety": {"start_delay_s": 0.5}}, seed=1
+    )
+    return replace(made, **others)  # type: ignore[arg-type]
+
+
+@cache
+def runs(key: str) -> tuple[Scenario, Played, Played]:
+    """A scenario and its two runs, made once."""
+    made = SCENARIOS[key]
+    return made, play(made), play_well(made)
+
+
+SCENARIOS = {
+    "loose plug": scenario(),
+    "stall": scenario(Fault(BEGINS_S, 1.0, "process", "loop_stall", Stall(1.0))),
+    "crash": scenario(Fault(BEGINS_S, inf, "compass", "task_crash")),
+    "disarmed": scenario(commands=()),
+    "dead line": scenario(Fault(BEGINS_S, inf, "motors", "nack", Lost())),
+    "nothing": scenario(Fault(BEGINS_S, 1.0, "world", "slope", Slope())),
+    "held by a person": scenario(
+        Fault(BEGINS_S, inf, "compass", "offset"), commands=(Command(0.0, "arm", 0.0), Command(4.0, "hold"))
+    ),
+    "too late": scenario(commands=(Command(0.0, "arm"), Command(2.0, "stop"))),
+}
+
+
+def judged(key: str, expect: Expectation = HELD) -> Result:
+    """What comes of a scenario if this was expected of it."""
+    made, played, well = runs(key)
+    return judge(replace(made, expect=expect), played, well)
+
+
+def test_level_bound_and_change_of_a_fault_that_is_met() -> None:
+    result = judged("loose plug")
+    assert result.passed, result.problems
+    assert (result.reached, result.cause, result.tried) == (Reached.HOLD, "compass_stale", Tried.SIMULATED)
+    assert result.changed.startswith("compass: an older reading at +0.0")
+    assert result.detected_s == result.stopped_s
+    assert 0.25 <= (result.detected_s or 0.0) <= 0.4
+
+
+WRONG = {
+    "bound": (replace(HELD, within_s=0.1), "detected after 0."),
+    "bound of the stop": (replace(HELD, within_s=0.1), "the wheels stood after 0."),
+    "level above": (replace(HELD, level=Reached.FAULT), "S2 was reached, S3 is expected; the rover said"),
+    "level below": (replace(HELD, level=Reached.NOTE), "S2 was reached, S0 is expected"),
+    "no level": (replace(HELD, level=Reached.NONE), "S2 was reached, - is expected"),
+    "cause": (
+        replace(HELD, causes=("battery_low",)),
+        "- was reached, S2 is expected; the rover said compass_stale (S2)",
+    ),
+    "event": (replace(HELD, event="disarmed"), "no event 'disarmed' in the log"),
+    "end": (replace(HELD, ends=("mission_time",)), "the run ended by 'requested', expected is mission_time"),
+    "deadman": (replace(HELD, level=Reached.DEADMAN), "S2 was reached, S4 is expected"),
+}
+
+
+@pytest.mark.parametrize(("expect", "says"), WRONG.values(), ids=WRONG)
+def test_scenario_that_expects_something_else_fails_and_says_what(expect: Expectation, says: str) -> None:
+    result = judged("loose plug", expect)
+    assert not result.passed
+    assert any(says in problem for problem in result.problems), result.problems
+
+
+def test_events_count_where_they_are_named_as_causes() -> None:
+    noted = judged("loose plug", Expectation(Reached.NOTE, 0.1, ("sensor_failed",)))
+    assert noted.passed, noted.problems
+    assert noted.stopped_s is None
+
+
+def test_fault_that_changes_nothing_for_the_field_code_fails() -> None:
+    result = judged("nothing", Expectation(Reached.NONE, 0.0))
+    assert result.problems == ("the field code read nothing else than without the fault",)
+
+
+def test_fault_that_never_began_fails() -> None:
+    assert judged("too late").problems == ("no fault began before the run was over",)
+
+
+def test_task_that_crashes_ends_the_run_and_is_a_fault() -> None:
+    result = judged("crash", Expectation(Reached.FAULT, 0.1, ("failed",), ends=("failed",)))
+    assert result.passed, result.problems
+    assert (result.cause, result.stopped_s) == ("failed", result.detected_s)
+
+
+def test_crash_that_nobody_expects_fails() -> None:
+    result = judged("crash", Expectation(Reached.FAULT, 0.1))
+    assert result.problems == ("the run ended by an error: Bug: a bug in a driver, injected",)
+
+
+def test_hold_of_a_single_tick_counts() -> None:
+    result = judged("stall", Expectation(Reached.HOLD, 1.1, ("tick_late",)))
+    assert result.passed, result.problems
+    _, played, _ = runs("stall")
+    assert sum("tick_late" in {each.value for each in moment.conditions} for moment in played.monitor.moments) == 1
+
+
+def test_wheels_that_a_boards_deadman_stops_have_reached_s4() -> None:
+    for key in ("stall", "dead line"):
+        result = judged(key, Expectation(Reached.DEADMAN, 0.4))
+        assert result.passed, result.problems
+        assert 0.2 <= (result.stopped_s or 0.0) <= 0.4
+
+
+def test_wheels_that_stood_before_the_fault_stood_already() -> None:
+    result = judged("disarmed")
+    assert result.passed, result.problems
+    assert (result.stopped_s, result.remark) == (0.0, STOOD_ALREADY)
+
+
+def test_what_a_person_does_is_no_answer_to_a_fault() -> None:
+    result = judged("held by a person", Expectation(Reached.NONE, 0.0))
+    assert "operator_hold" not in (result.cause, *result.problems)
+
+
+def test_a_broken_rule_fails_whatever_is_expected() -> None:
+    made, played, well = runs("loose plug")
+    result = judge(made, played._replace(broken=("3.30 s: motion commanded while disarmed",)), well)
+    assert result.problems == ("broken rule: 3.30 s: motion commanded while disarmed",)
+
+
+def test_runs_that_differ_before_the_fault_prove_nothing() -> None:
+    made, played, _ = runs("loose plug")
+    other = play_well(replace(made, seed=2))
+    assert any("the runs differ before the fault began" in problem for problem in judge(made, played, other).problems)
+
+
+def test_same_scenario_gives_the_same_result() -> None:
+    made = scenario(depth=Depth.BUS)
+    first, second = (judge(made, play(made), play_well(made)) for _ in range(2))
+    assert first == second

@@ -1,0 +1,91 @@
+"""Which scenarios are run: by name, by row, and on another rover."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from wayfarer.errors import BadInput, UnknownName
+from wayfarer.fault_scenarios.catalogue import ROWS, catalogue
+from wayfarer.fault_scenarios.result import Procedure, Result
+from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.selection import Row, chosen, on_another_rover, without_missing_packages
+from wayfarer.simhal.faults import Fault
+from wayfarer.simhal.rig import Depth
+
+
+def scenario(name: str, row: int, fault: Fault) -> Scenario:
+    return Scenario(name, "", Expectation(Reached.HOLD, 1.0), (fault,), row=row)
+
+
+def never() -> Result:
+    raise AssertionError("it was run")
+
+
+LOOSE = scenario("loose", 2, Fault(1.0, 1.0, "compass", "nack"))
+DARK = scenario("dark", 15, Fault(1.0, 1.0, "motion", "dark"))
+BUMPED = scenario("bumped", 15, Fault(1.0, 1.0, "contact", "silent"))
+KILLED = Procedure("killed", 35, "", never)
+ALL: list[Row] = [LOOSE, DARK, BUMPED, KILLED]
+
+
+@pytest.mark.parametrize(
+    ("asked", "names"),
+    [
+        ("loose", ["loose"]),
+        ("15", ["dark", "bumped"]),
+        ("35, loose", ["loose", "killed"]),
+        ("dark,15,dark", ["dark", "bumped"]),
+    ],
+)
+def test_names_and_rows_are_chosen_once_in_the_order_of_the_catalogue(asked: str, names: list[str]) -> None:
+    assert [row.name for row in chosen(ALL, asked)] == names
+
+
+def test_what_is_not_there_is_told_with_what_is() -> None:
+    with pytest.raises(UnknownName, match="did you mean loose"):
+        chosen(ALL, "lose")
+    with pytest.raises(BadInput, match="nothing tries row 7"):
+        chosen(ALL, "7")
+    with pytest.raises(BadInput, match="--only is empty"):
+        chosen(ALL, " ,")
+
+
+def test_another_rover_leaves_out_what_it_cannot_have() -> None:
+    rows, skipped = on_another_rover(ALL, "minirover")
+    assert [(row.name, getattr(row, "rover", None)) for row in rows] == [("loose", "minirover"), ("dark", "minirover")]
+    assert [(each.name, each.row, each.skipped) for each in skipped] == [
+        ("bumped", 15, "rover 'minirover' has no [parts.contact]"),
+        ("killed", 35, "it has rovers of its own"),
+    ]
+
+
+def test_without_opencv_what_has_a_camera_at_bus_depth_is_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
+    mini = [replace(each, rover="minirover") for each in (LOOSE, DARK)]
+    rows: list[Row] = [LOOSE, *mini, replace(mini[0], depth=Depth.DEVICE), KILLED]
+    assert without_missing_packages(rows) == (rows, [])
+    monkeypatch.setitem(sys.modules, "cv2", None)  # what Python takes for "not installed"
+    runnable, skipped = without_missing_packages(rows)
+    assert runnable == [rows[0], *rows[3:]]
+    assert [each.name for each in skipped] == ["loose", "dark"]
+    assert {each.skipped for each in skipped} == {
+        "rover 'minirover' needs cv2 for [parts.motion], which is not installed: "
+        "pip install '.[camera]' in wayfarer's checkout"
+    }
+
+
+def test_rover_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UnknownName):
+        on_another_rover(ALL, "maxirover")
+    with pytest.raises(BadInput):
+        on_another_rover(ALL, f"{tmp_path}/no.toml")
+
+
+def test_catalogue_tries_every_row_and_names_each_scenario_once() -> None:
+    rows = catalogue()
+    assert {row.row for row in rows} == set(range(1, ROWS + 1))
+    assert sorted({row.name for row in rows}) == sorted(row.name for row in rows)
+    assert [row.row for row in rows] == sorted(row.row or 0 for row in rows)

@@ -1,0 +1,35 @@
+"""A rover with some of its settings changed: for a fault scenario, for a point of a sweep."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from wayfarer.config.messages import explain, most_telling
+from wayfarer.config.rover_file import RoverConfig
+from wayfarer.errors import BadConfig
+
+
+def laid_over(config: RoverConfig, settings: Mapping[str, Any], prefix: str = "") -> RoverConfig:
+    """Return a rover with some settings changed, as validated as a rover file; an error puts ``prefix`` before a key.
+
+    Raises:
+        BadConfig: the text names the key and what is allowed.
+    """
+    table = _merged(config.model_dump(mode="json"), settings)
+    try:
+        return RoverConfig.model_validate_json(json.dumps(table, default=str), strict=True)
+    except ValidationError as error:
+        raise BadConfig(explain(most_telling(error), RoverConfig, prefix)) from None
+
+
+def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """Return two tables as one, where the upper one counts; tables within them are merged too."""
+    merged = dict(below)
+    for key, value in above.items():
+        under = merged.get(key)
+        merged[key] = _merged(under, value) if isinstance(under, Mapping) and isinstance(value, Mapping) else value
+    return merged

@@ -1,0 +1,122 @@
+"""Trials that measure the detector: every anomaly, at two slip means and two levels of noise.
+
+Trials in forests give what forests give: slips, trunks, trees. Slopes are injected, because the simulated ground is
+level: now and then one of up to 40 degrees to any of the four sides, below and above what counts as tilted.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from wayfarer.config.rover_file import RoverConfig
+from wayfarer.escape.api import Anomaly
+from wayfarer.fault_scenarios.detector_score import Score, Truth
+from wayfarer.simhal.faults import Fault, Slope
+from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.stage import Stage, TrialSpec
+from wayfarer.simhal.streams import Streams
+
+if TYPE_CHECKING:
+    from wayfarer.simhal.mujoco.terrain import Terrains
+
+SLIP_MEANS_M = (2.0, 10.0)
+NOISES = (1.0, 3.0)
+BUDGET_M = 100.0
+SLOPES = 12
+SLOPE_EVERY_S = 10.0
+SLOPE_MAX_DEG = 40.0
+SLOPE_LASTS_S = (0.3, 3.0)
+
+
+class Cell(NamedTuple):
+    """What one part of the table is measured under."""
+
+    source: str
+    slip_mean_m: float
+    noise: float
+    friction: float | None = None  # of the ground in MuJoCo; None in physics-light
+    torque_scale: float = 1.0
+
+
+CELLS = tuple(
+    Cell(source, slip_mean_m, noise)
+    for source in ("motion", "contact")
+    for slip_mean_m in SLIP_MEANS_M
+    for noise in NOISES
+)
+FRICTIONS = (0.1, 0.15, 0.3, 0.5, 0.8)
+Scores = dict[Anomaly, Score]
+
+
+def cells_in_mujoco(friction: float | None, torque_scale: float) -> tuple[Cell, ...]:
+    """Return the cells of a table by ground: of one friction, or of those that the documents speak of."""
+    frictions = FRICTIONS if friction is None else (friction,)
+    return tuple(Cell(source, 10.0, 1.0, each, torque_scale) for each in frictions for source in ("motion", "contact"))
+
+
+def measure(rover: RoverConfig, cell: Cell, trial: int) -> Scores:
+    """Return the scores of one trial."""
+    config = rover.with_anomaly_source("contact" if cell.source == "contact" else "motion")
+    faults = _slopes(trial)
+    spec = TrialSpec(
+        trial, "forest-pledge", generate_forest(trial, 0, trial), trial, config, cell.slip_mean_m, BUDGET_M,
+        faults=faults, sense_noise=cell.noise, terrains=_terrains(cell),
+    )  # fmt: skip
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(_run(spec))
+
+
+def _terrains(cell: Cell) -> Terrains | None:
+    if cell.friction is None:
+        return None
+    from wayfarer.simhal.mujoco.terrain import Range, Terrains  # physics-light needs no engine
+
+    return Terrains(Range(cell.friction, cell.friction), torque_scale=Range(cell.torque_scale, cell.torque_scale))
+
+
+async def _run(spec: TrialSpec) -> Scores:
+    truth = Truth(spec.rover, on_wheels=spec.terrains is not None)
+    stage = Stage(spec, lambda *_: truth)
+    truth.follow(stage.world)
+    assert stage.injector is not None
+    stage.injector.start(stage.world, stage.supervisor.helm.power, _unnoted)
+    await stage.supervisor.arm(spec.forest.heading_deg)
+    await stage.supervisor.run()
+    stage.injector.end()
+    return truth.scores()
+
+
+def _unnoted(t_s: float, fault: Fault, *, begins: bool) -> None:
+    """Let a fault pass: the truth is in the world."""
+
+
+def _slopes(trial: int) -> tuple[Fault, ...]:
+    chance = Streams(trial).random("detector.slopes")
+    faults = []
+    for number in range(SLOPES):
+        angle_deg = chance.uniform(-SLOPE_MAX_DEG, SLOPE_MAX_DEG)
+        slope = Slope(pitch_deg=angle_deg) if chance.random() < 0.5 else Slope(roll_deg=angle_deg)
+        at_s = (number + chance.random()) * SLOPE_EVERY_S + 1.0
+        faults.append(Fault(at_s, chance.uniform(*SLOPE_LASTS_S), "world", "slope", slope))
+    return tuple(faults)
+
+
+class DetectorTask(NamedTuple):
+    """One trial of one cell."""
+
+    cell: Cell
+    trial: int
+
+
+class DetectorRunner:
+    """Measures trials; what it needs can be sent to another process."""
+
+    def __init__(self, rover: RoverConfig) -> None:
+        self._rover = rover
+
+    def run_chunk(self, tasks: Sequence[DetectorTask]) -> list[tuple[Cell, Scores]]:
+        """Measure several."""
+        return [(task.cell, measure(self._rover, *task)) for task in tasks]

@@ -1,0 +1,73 @@
+"""What a fault changed for the field code: the first thing that it read, or was told, otherwise than without it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+from wayfarer.control.latest import Snapshot
+from wayfarer.fault_scenarios.recorder import Monitor
+
+
+class Difference(NamedTuple):
+    """What is different, and when, in seconds on the runs' clock."""
+
+    t_s: float
+    what: str
+
+
+def first_difference(monitor: Monitor, well: Monitor) -> Difference | None:
+    """Return the first difference between a run with a fault and the same run without, None where there is none."""
+    return min(_differences(monitor, well), key=lambda difference: difference.t_s, default=None)
+
+
+def _differences(monitor: Monitor, well: Monitor) -> Iterator[Difference]:
+    """Give the first difference of each kind, those that tell most first."""
+    ticks = [(moment.t_s, moment.snapshot) for moment in monitor.moments]
+    well_ticks = [(moment.t_s, moment.snapshot) for moment in well.moments]
+    for read in _first(ticks, well_ticks, monitor.ended_s):
+        yield Difference(read.t_s, _of_snapshots(read.now, read.then))
+    for answer in _first(monitor.boards, well.boards, monitor.ended_s):
+        yield Difference(answer.t_s, "answer of the motor board")
+    fixes, well_fixes = ([(fix.t_s, fix) for fix in each.fixes if fix is not None] for each in (monitor, well))
+    for fix in _first(fixes, well_fixes, monitor.ended_s):
+        yield Difference(fix.t_s, "position")
+    events, well_events = ([(each.t_s, each) for each in log.happenings] for log in (monitor, well))
+    for event in _first(events, well_events, monitor.ended_s):
+        there = event.then if event.now is None else event.now
+        yield Difference(event.t_s, f"{'no ' if event.now is None else ''}event {there.name}")
+
+
+class _Pair(NamedTuple):
+    """The first items of two runs that are not the same; None where one run has no more."""
+
+    t_s: float
+    now: Any
+    then: Any
+
+
+def _first(run: Sequence[tuple[float, Any]], well: Sequence[tuple[float, Any]], ended_s: float) -> Iterator[_Pair]:
+    for (t_s, now), (_, then) in zip(run, well, strict=False):
+        if now != then:
+            yield _Pair(t_s, now, then)
+            return
+    if len(run) > len(well):
+        yield _Pair(run[len(well)][0], run[len(well)][1], None)
+    elif len(well) > len(run):
+        yield _Pair(min(well[len(run)][0], ended_s), None, well[len(run)][1])
+
+
+def _of_snapshots(now: Snapshot | None, then: Snapshot | None) -> str:
+    if now is None or then is None:
+        return "no further control tick" if now is None else "a further control tick"
+    for part in ("compass", "motion", "contact"):
+        read, well = getattr(now, part), getattr(then, part)
+        if read == well:
+            continue
+        if read is None or well is None:
+            return f"{part}: {'no' if read is None else 'a'} reading"
+        # A reading's time is the last to name: an older reading is another one in all its numbers.
+        names = [name for name in (*read._fields[1:], "t_s") if getattr(read, name) != getattr(well, name)]
+        late = read.t_s < well.t_s
+        return f"{part}: an older reading" if late else f"{part}.{names[0]}"
+    return "time of the control tick"

@@ -1,0 +1,273 @@
+"""A bench and a daemon over it, each a process of its own: where a fault of the process happens for real.
+
+The bench (``simhal.bench``) holds the chips of one rover and writes down what its wheels were told and when. All
+processes of a machine share one monotonic clock, so its times compare with those in the daemon's log: a busy machine
+delays what is seen here, not what is judged.
+"""
+
+# ruff: noqa: TID251 - real processes need real time
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, TypeVar
+
+from wayfarer.daemon.socket.client import ask
+from wayfarer.daemon.socket.paths import SOCKET_NAME
+from wayfarer.errors import WayfarerError
+from wayfarer.fault_scenarios.process_tests.subprocesses import WAYFARER, command
+from wayfarer.fault_scenarios.process_tests.wheel_history import Commands
+from wayfarer.fieldlog.folders import run_folders
+from wayfarer.fieldlog.reader import Record, RunReader
+from wayfarer.simhal.bench_buses import SOCKET_VARIABLE, BenchLine
+
+DEADMAN_S = {"minirover": 0.25, "forestrover": 0.3}  # ThunderBorg, and what forestrover.toml sets its Sabertooth to
+PATIENCE_S = 15.0
+POLL_S = 0.02
+LOOKED_S = 0.4  # longer than any deadman
+STARTS = 3
+BUSY = "no end of a transfer within"  # what a daemon says whose bus has no time for it
+DRIVES_M_S = 0.05
+UNPROVED = 'deadman_unproved_because = "its board is simulated"'
+FLOW = '[parts.motion]\ndriver = "pmw3901"\nbus = "/dev/spidev0.1"\n\n'
+
+T = TypeVar("T")
+
+
+class SiteTrouble(WayfarerError):
+    """What a trial needs did not come about: mostly a computer that is too busy."""
+
+
+def wait_for(what: str, holds: Callable[[], T | None], patience_s: float = PATIENCE_S) -> T:
+    """Poll until something holds, and return it.
+
+    Raises:
+        SiteTrouble: it does not within ``patience_s``.
+    """
+    ends_s = time.monotonic() + patience_s
+    while not (found := holds()):
+        if time.monotonic() > ends_s:
+            raise SiteTrouble(f"after {patience_s:g} s not yet: {what}")
+        time.sleep(POLL_S)
+    return found
+
+
+def rover_toml(rover: str) -> str:
+    """Return a shipped rover's file for the bench.
+
+    It starts at once, sees with a chip instead of a camera, and has a deadman that nobody has watched.
+    """
+    text = files("wayfarer").joinpath("rovers", f"{rover}.toml").read_text(encoding="utf-8")
+    text = re.sub(r"start_delay_s = [\d.]+", f"start_delay_s = 0.0\n{UNPROVED}", text)
+    text = re.sub(r"\[parts\.motion\].*?(?=\[parts\.motors\])", FLOW, text, flags=re.DOTALL)
+    return 'buses = "wayfarer.simhal.bench_buses:buses"\n' + text
+
+
+class Site:
+    """A folder with a bench and, at times, a daemon.
+
+    Args:
+        folder: of its own, and short: a socket's path has 107 bytes at most.
+        rover: ``forestrover`` or ``minirover``.
+        seed: which forest, and which luck.
+
+    Raises:
+        SiteTrouble: the bench does not start.
+    """
+
+    def __init__(self, folder: Path, rover: str, seed: int = 0) -> None:
+        self.folder, self.rover = folder, rover
+        self.deadman_s = DEADMAN_S[rover]
+        self.logs, self.socket = folder / "logs", folder / SOCKET_NAME
+        self.config = folder / "rover.toml"
+        self.config.write_text(rover_toml(rover), encoding="utf-8")
+        self.environment = os.environ | {
+            SOCKET_VARIABLE: str(folder / "bench"),
+            "RUNTIME_DIRECTORY": str(folder),
+            "STATE_DIRECTORY": str(folder),
+            "HOME": str(folder),
+            "XDG_STATE_HOME": str(folder),
+        }
+        self.processes: list[subprocess.Popen[bytes]] = []
+        bench = (sys.executable, "-m", "wayfarer.simhal.bench", "--rover", self.config, "--socket", folder / "bench")
+        self.start(*bench, "--seed", str(seed))
+        try:
+            self._line = wait_for("the bench listens", self._connect)
+        except SiteTrouble:
+            self._end_processes()
+            raise
+
+    def start(self, *command: str | Path) -> subprocess.Popen[bytes]:
+        """Start a process of this site."""
+        with (self.folder / "output.txt").open("ab") as output:
+            process: subprocess.Popen[bytes] = subprocess.Popen(
+                command, env=self.environment, stdout=output, stderr=output, cwd=self.folder
+            )
+        self.processes.append(process)
+        return process
+
+    def _connect(self) -> BenchLine | None:
+        try:
+            return BenchLine(str(self.folder / "bench"))
+        except OSError:
+            return None
+
+    def end(self) -> None:
+        """End all processes."""
+        self._line.close()
+        self._end_processes()
+
+    def _end_processes(self) -> None:
+        for process in reversed(self.processes):
+            process.kill()
+            process.wait()
+
+    # -- the bench -------------------------------------------------------------------------------------------------
+
+    def bench(self, do: str, **details: object) -> dict[str, Any]:
+        """Ask the bench itself; see ``simhal.bench``."""
+        return self._line.ask(do, **details)
+
+    @property
+    def turning(self) -> bool:
+        """Whether any wheel is told to turn."""
+        return any(self.bench("look", since_s=time.monotonic())["commanded"])
+
+    @property
+    def drives(self) -> bool:
+        """Whether the wheels of both sides turn ahead."""
+        left_m_s, right_m_s = self.bench("look", since_s=time.monotonic())["wheels_m_s"]
+        return bool(min(left_m_s, right_m_s) > DRIVES_M_S)
+
+    def commands(self, since_s: float = 0.0) -> Commands:
+        """Return what the wheels were told since then."""
+        told: Commands = self.bench("look", since_s=since_s)["commands"]
+        return told
+
+    def stopped(self) -> Commands:
+        """Return what the wheels were told until they stood still, and stayed so for longer than any deadman.
+
+        Raises:
+            SiteTrouble: they do not stand still.
+        """
+        wait_for("the wheels stand still", lambda: not self.turning)
+        time.sleep(LOOKED_S)
+        if self.turning:
+            raise SiteTrouble("the wheels turn again")
+        return self.commands()
+
+    # -- the daemon --------------------------------------------------------------------------------------------------
+
+    def launch(self, *options: str, program: Sequence[str] = WAYFARER) -> subprocess.Popen[bytes]:
+        """Start a daemon and do not wait for it.
+
+        Args:
+            options: of ``wayfarer run``.
+            program: what stands for ``wayfarer``.
+        """
+        return self.start(*program, "run", "--config", self.config, "--logs", self.logs, *options)
+
+    def daemon(self, *options: str, program: Sequence[str] = WAYFARER) -> subprocess.Popen[bytes]:
+        """Return a daemon that sees; arguments as ``launch``.
+
+        On a busy computer the bench may be too slow for it: then another one.
+
+        Raises:
+            SiteTrouble: it ends instead; with what it said.
+        """
+        for _ in range(STARTS):
+            process = self.launch(*options, program=program)
+            wait_for("the daemon sees, or has ended", lambda: self.sees() or self.processes[-1].poll() is not None)
+            if process.poll() is None:
+                return process
+            if BUSY not in self.said():
+                break
+        raise SiteTrouble(f"the daemon ended: {self.said()}")
+
+    def armed(self, *options: str, program: Sequence[str] = WAYFARER) -> subprocess.Popen[bytes]:
+        """Return a daemon whose rover drives; arguments as ``launch``.
+
+        Raises:
+            SiteTrouble: it does not.
+        """
+        process = self.daemon(*options, program=program)
+        self.ask("arm", heading_deg=0.0)
+        wait_for("the wheels turn", lambda: self.drives)
+        return process
+
+    def ask(self, do: str, **details: object) -> dict[str, Any]:
+        """Ask the daemon; raises as ``control.client.ask``."""
+        return ask({"do": do, **details}, self.socket)
+
+    def status(self) -> dict[str, Any]:
+        """Return what the daemon says of itself; raises as ``control.client.ask``."""
+        return self.ask("status")
+
+    def sees(self) -> bool:
+        """Return whether a daemon is there and reads its compass."""
+        try:
+            return self.status().get("heading_deg") is not None
+        except WayfarerError:  # not up yet
+            return False
+
+    def said(self) -> str:
+        """Return what all processes said on their terminals."""
+        return (self.folder / "output.txt").read_text(encoding="utf-8", errors="replace")
+
+    def log(self) -> list[Record]:
+        """Return the records of the newest run."""
+        return list(RunReader(run_folders(self.logs)[-1]))
+
+    def ticks_beyond(self, t_s: float) -> list[float]:
+        """Return the times of the newest run's control ticks, as soon as there is one after this time.
+
+        Raises:
+            SiteTrouble: none comes.
+        """
+
+        def known() -> list[float] | None:
+            times_s = [record["t_s"] for record in self.log() if record["record"] == "tick"]
+            return times_s if times_s and times_s[-1] > t_s else None
+
+        return wait_for("a tick in the log", known)
+
+    def told(self, name: str) -> Record:
+        """Return the newest run's first event of this name, as soon as it is there.
+
+        Raises:
+            SiteTrouble: it does not come.
+        """
+        return wait_for(
+            f"the event '{name}'", lambda: next((record for record in self.log() if record.get("name") == name), None)
+        )
+
+    def run(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        """Run a wayfarer command at this site to its end."""
+        return command(*arguments, env=self.environment, cwd=self.folder)
+
+
+@contextmanager
+def site(rover: str = "forestrover", seed: int = 0) -> Iterator[Site]:
+    """Give a site in a folder of its own, and clear it away.
+
+    Raises:
+        SiteTrouble: the bench does not start.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="wf-"))
+    try:
+        made = Site(folder, rover, seed)
+        try:
+            yield made
+        finally:
+            made.end()
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,186 @@
+"""Many scenarios by chance: whether any of them breaks a safety rule, and which one to look at.
+
+A trial is its seed: the first has the seed that was asked for, each further one the next, so that any of them can be
+run again alone. Its row is the same on any number of workers.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from rich.console import Console
+
+from wayfarer.fault_scenarios.progress import shown, worker_death_explained
+from wayfarer.fault_scenarios.random_scenarios import draw_scenario, refuse_missing_package
+from wayfarer.fault_scenarios.runner import Played, play
+from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.scenario_writer import as_toml
+from wayfarer.fault_scenarios.shrink import smallest
+from wayfarer.fieldlog.atomic_file import whole_file
+from wayfarer.safety.conditions import Level
+from wayfarer.simhal.campaign import stop_on_signals
+from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
+from wayfarer.simhal.progress import say
+from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.workers import Stopped, stream
+
+ROWS_FILE = "trials.jsonl"
+SHOWN = 10  # trials with a broken rule, one after the other; further ones are counted
+BUG = "Bug"  # what ``task_crash`` raises
+# How a run may end by an error: a part that does not answer when it is opened, and a bug that was injected.
+REFUSALS = frozenset({"NotResponding", "WrongPart", "BadReading", BUG})
+_REACHED = {Level.WELL: Reached.NONE, Level.NOTE: Reached.NOTE, Level.DEGRADE: Reached.DEGRADE,
+            Level.HOLD: Reached.HOLD, Level.FAULT: Reached.FAULT}  # fmt: skip
+
+
+class Trial(NamedTuple):
+    """What came of one scenario: ``ended`` is the run's reason or its error, ``excused`` see ``Invariants``."""
+
+    seed: int
+    rover: str
+    depth: str
+    algorithm: str
+    for_s: float
+    faults: tuple[str, ...]
+    kinds: tuple[str, ...]
+    ended: str = ""
+    level: str = Reached.NONE.value
+    cause: str = ""
+    ticks: int = 0
+    excused: int = 0
+    broken: tuple[str, ...] = ()
+
+
+class RandomRunner:
+    """Runs scenarios by their seeds; what it needs can be sent to another process."""
+
+    def __init__(self, rover: str | None, depth: Depth | None) -> None:
+        self._rover = rover
+        self._depth = depth
+
+    def run_chunk(self, seeds: Sequence[int]) -> list[Trial]:
+        """Run several."""
+        return [self.run(seed) for seed in seeds]
+
+    def run(self, seed: int) -> Trial:
+        """Run one; whatever it raises becomes its row's broken rule and goes no further."""
+        scenario = self.scenario(seed)
+        try:
+            return _trial(scenario, play(scenario))
+        except Exception as error:
+            row = _row(scenario)
+            return row._replace(ended="failed", broken=(f"the trial failed: {type(error).__name__}: {error}",))
+
+    def scenario(self, seed: int) -> Scenario:
+        """Return the scenario of a seed."""
+        return draw_scenario(seed, self._rover, self._depth)
+
+
+def run_random(
+    trials: int, rover: str | None, depth: Depth | None, seed: int, jobs: int | None, out: Path | None,
+    console: Console | None = None,
+) -> int:  # fmt: skip
+    """Run ``trials`` scenarios and say what came of them; with ``out`` keep rows, and the smallest that broke a rule.
+
+    Returns 0, 1 where a rule was broken, or 130 where a signal asked to stop.
+
+    Raises:
+        BadInput: ``out`` is not new or empty, or there is no such rover.
+        MissingPackage: some of the trials would need a package that is not installed.
+        WayfarerError: a worker died.
+    """
+    console, runner = console or Console(), RandomRunner(rover, depth)
+    runner.scenario(seed)  # what is wrong with the rover is told before the first trial
+    refuse_missing_package(rover, depth)
+    if out is not None:
+        make_empty_folder(out, "what comes of the trials")
+    rows: list[Trial] = []
+    jobs, seeds = min(jobs or cores(), trials), range(seed, seed + trials)
+    with (
+        stop_on_signals() as stop,
+        suppress(Stopped),
+        worker_death_explained(rows, "trials"),
+        closing(stream(runner, seeds, jobs, stop)) as running,
+    ):
+        rows.extend(shown(running, trials, "trials", console))
+    rows.sort()
+    broken = [trial for trial in rows if trial.broken]
+    for line in _summary(rows, broken):
+        say(console, line)
+    for trial in broken[:SHOWN]:
+        for line in _told(trial, runner, out):
+            say(console, line)
+    if out is not None:
+        _write(out / ROWS_FILE, "".join(json.dumps(trial._asdict()) + "\n" for trial in rows))
+    return 1 if broken else 0 if len(rows) == trials else INTERRUPTED
+
+
+def broken_rules(played: Played) -> tuple[str, ...]:
+    """Return what a run broke: safety rules, or that an error ended it which no fault explains."""
+    if played.error is None or played.error.partition(":")[0] in REFUSALS:
+        return played.broken
+    return (*played.broken, f"the run was ended by {played.error}")
+
+
+def _trial(scenario: Scenario, played: Played) -> Trial:
+    moments = played.monitor.moments
+    worst = max(moments, key=lambda moment: moment.level, default=None)
+    return _row(scenario)._replace(
+        ended=played.end.reason if played.end is not None else (played.error or "").partition(":")[0],
+        level=_REACHED[worst.level if worst else Level.WELL],
+        cause=worst.cause.value if worst and worst.cause else "",
+        ticks=len(moments),
+        excused=played.excused,
+        broken=broken_rules(played),
+    )
+
+
+def _row(scenario: Scenario) -> Trial:
+    """Return the row of a scenario that has not been run."""
+    faults, kinds = tuple(map(str, scenario.faults)), tuple(fault.kind for fault in scenario.faults)
+    return Trial(scenario.seed, scenario.rover, scenario.depth.value, scenario.algorithm, scenario.for_s, faults, kinds)
+
+
+def _summary(rows: Sequence[Trial], broken: Sequence[Trial]) -> Iterator[str]:
+    hours = sum(row.for_s for row in rows) / 3600.0
+    yield f"{len(rows)} trials, {sum(len(row.kinds) for row in rows)} faults, {hours:.1f} hours"
+    yield f"rovers: {_counts(f'{row.rover} at {row.depth} depth' for row in rows)}"
+    yield f"faults: {_counts(kind for row in rows for kind in row.kinds)}"
+    yield f"ended: {_counts(row.ended for row in rows)}"
+    yield f"worst level: {_counts(row.level for row in rows)}"
+    yield f"worst cause: {_counts(row.cause or 'none' for row in rows)}"
+    yield f"wheels that no wire and no deadman could stop: in {sum(row.excused > 0 for row in rows)} trials"
+    yield f"broken rules: in {len(broken)} trials"
+
+
+def _counts(items: Iterable[str]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in Counter(items).most_common())
+
+
+def _told(trial: Trial, runner: RandomRunner, out: Path | None) -> Iterator[str]:
+    """Say what a trial broke and how to run it again: as the smallest scenario that still does."""
+    yield f"seed {trial.seed}, {trial.rover} at {trial.depth} depth: {trial.broken[0]}"
+    least = smallest(runner.scenario(trial.seed), _breaks)
+    yield f"  with {'; '.join(map(str, least.faults))}"
+    again = f"wayfarer faults --trials 1 --seed {trial.seed} --rover {trial.rover} --depth {trial.depth}"
+    if out is not None:
+        path = out / f"{least.name}.toml"
+        within = Expectation(Reached(trial.level), least.for_s)
+        _write(path, as_toml(replace(least, expect=within)))
+        again = f"wayfarer faults --scenario {path}"
+    yield f"  again: {again}"
+
+
+def _breaks(scenario: Scenario) -> bool:
+    return bool(broken_rules(play(scenario)))
+
+
+def _write(path: Path, text: str) -> None:
+    with whole_file(path) as draft:
+        draft.write_text(text, encoding="utf-8")

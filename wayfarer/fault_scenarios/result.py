@@ -1,0 +1,57 @@
+"""What came of one row of the catalogue, or of a user's scenario, however it was tried."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import StrEnum
+from typing import NamedTuple
+
+from wayfarer.fault_scenarios.scenario import Reached
+
+
+class Tried(StrEnum):
+    """How a fault was tried."""
+
+    SIMULATED = "virtual time"
+    DAEMON = "real daemon"
+    COMMAND = "real command"
+
+
+class Result(NamedTuple):
+    """How one fault was met.
+
+    Times are seconds from the beginning of the fault; None where nothing of that kind can be timed. ``changed`` says
+    what the field code read, or was told, that it would not have without the fault. ``problems`` is empty where all was
+    as expected; ``remark`` is for the reader: why the level is another than the catalogue's, or what only a real part
+    can show and how. Of a row that was not run ``skipped`` says why; it has neither passed nor failed.
+    """
+
+    name: str
+    row: int | None
+    about: str
+    tried: Tried
+    asked: str
+    expected: Reached
+    reached: Reached
+    within_s: float | None
+    changed: str
+    detected_s: float | None
+    stopped_s: float | None
+    cause: str
+    problems: tuple[str, ...]
+    remark: str = ""
+    skipped: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether it was run and all was as expected."""
+        return not (self.problems or self.skipped)
+
+
+class Procedure(NamedTuple):
+    """A row that no simulated run can show: it starts processes, or runs a command. ``run`` does that."""
+
+    name: str
+    row: int
+    about: str
+    run: Callable[[], Result]

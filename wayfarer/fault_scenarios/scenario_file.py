@@ -1,0 +1,255 @@
+"""Scenario files: faults of one's own in TOML, checked before anything runs.
+
+A file holds one or many ``[[scenario]]``, each with its ``[[scenario.fault]]``; ``docs/faults.md`` has one in full.
+What is wrong with a file is told in one line: file, scenario, key, what is allowed, and on which line it stands.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import field, fields, make_dataclass, replace
+from difflib import get_close_matches
+from functools import cache
+from math import inf
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, get_type_hints
+
+from annotated_types import Interval
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, with_config
+
+from wayfarer.config.messages import explain, line_of, most_telling, named_key, one_line
+from wayfarer.config.registry import find_algorithm
+from wayfarer.config.rover_file import RoverConfig
+from wayfarer.config.rover_overlay import laid_over
+from wayfarer.errors import BadConfig, BadInput, UnknownName
+from wayfarer.fault_scenarios.scenario import LONGEST_S, Command, Expectation, Moment, Reached, Scenario
+from wayfarer.fault_scenarios.scenario_rover import OVERLAY, misfit, rover_of
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
+from wayfarer.simhal.faults import KINDS, Fault
+from wayfarer.simhal.rig import Depth
+
+MOST = 100  # scenarios in a file
+FILE_BYTES = 1_000_000
+READINGS = {"compass": CompassReading, "motion": MotionReading, "contact": ContactReading, "position": PositionFix}
+
+Duration = Annotated[float, Interval(gt=0, le=LONGEST_S)]
+
+
+class _Table(BaseModel):
+    """What may stand in a ``[[scenario]]``; what is left out has the default of ``Scenario``."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$")  # of a folder in --out, too
+    about: str = Field("", max_length=200)
+    row: Annotated[int | None, Interval(ge=1, le=99)] = None
+    asked: str = Field("", max_length=200)
+    because: str = Field("", max_length=500)
+    rover: str = Field("", min_length=1)
+    depth: Depth = Depth.BUS
+    algorithm: str = ""
+    for_s: Duration = LONGEST_S
+    seed: Annotated[int, Interval(ge=0, le=2**31 - 1)] = 0
+    slip_mean_m: Annotated[float, Interval(gt=0, le=1e6)] = 10.0
+    clearing: bool = False
+    settings: dict[str, Any] = {}
+    expect: dict[str, Any]
+    fault: list[dict[str, Any]] = Field(min_length=1)
+    command: list[dict[str, Any]] = []
+
+
+class _Place(NamedTuple):
+    """Where in a file something stands: for the one line that says what is wrong with it.
+
+    ``section`` is the table as ``line_of`` counts it, ``shown`` what a person reads before its keys.
+    """
+
+    where: str
+    text: str
+    section: str = ""
+    shown: str = ""
+
+    def within(self, section: str, shown: str = "") -> _Place:
+        """Return the place of a table in this one."""
+        return self._replace(section=f"{self.section}.{section}".lstrip("."), shown=shown)
+
+    def error(self, said: str) -> BadConfig:
+        """Return what is wrong, with its line: the key's, or that of the table which lacks it."""
+        key = (named_key(said) or "").removeprefix(self.shown)
+        dotted, line = f"{self.section}.{key}".strip("."), None
+        while dotted and line is None:
+            line = line_of(self.text, dotted)
+            dotted = dotted.rpartition(".")[0]
+        return BadConfig(one_line(f"{self.where}: {said}") + (f" (line {line})" if line else ""))
+
+    def check(self, kind: Any, table: dict[str, Any]) -> Any:
+        """Return a table as a dataclass or model.
+
+        Raises:
+            BadConfig: it cannot be one.
+        """
+        try:
+            return _adapter(kind).validate_json(json.dumps(table, default=str), strict=True)
+        except ValidationError as error:
+            raise self.error(explain(most_telling(error), kind, self.shown)) from None
+
+
+def read_scenarios(path: Path) -> tuple[Scenario, ...]:
+    """Return the scenarios of a file, in its order.
+
+    Raises:
+        BadConfig: the file cannot be read or is not right; the text names file, scenario, key and line.
+    """
+    file = _Place(str(path), _text_of(path))
+    scenarios = tuple(
+        _scenario(file._replace(section=f"scenario.{number}"), table, path.parent)
+        for number, table in enumerate(_tables(file))
+    )
+    for number, scenario in enumerate(scenarios):
+        if scenario.name in {earlier.name for earlier in scenarios[:number]}:
+            raise file.within(f"scenario.{number}").error(
+                f"key 'name' = '{scenario.name}': there is another of that name"
+            )
+    return scenarios
+
+
+def _text_of(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            content = file.read(FILE_BYTES + 1)
+        if len(content) > FILE_BYTES:
+            raise BadConfig(f"{path}: more than {FILE_BYTES // 1_000_000} MB: not a scenario file")
+        return content.decode("utf-8-sig")
+    except FileNotFoundError:
+        raise BadConfig(f"{path}: no such file; docs/faults.md shows how to write one") from None
+    except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a name that no file can have
+        raise BadConfig(one_line(f"{path}: cannot be read: {error}")) from None
+
+
+def _tables(file: _Place) -> list[dict[str, Any]]:
+    """Return the file's ``[[scenario]]`` tables."""
+    try:
+        whole = tomllib.loads(file.text + "\n")  # the end of line lets the parser name the line of the last error
+    except (ValueError, RecursionError) as error:
+        raise file.error(f"not valid TOML: {error}") from None
+    if others := [key for key in whole if key != "scenario"]:
+        near = "; did you mean 'scenario'?" if get_close_matches("scenario", others, n=1) else ""
+        raise file.error(f"unknown key '{others[0]}'{near or '; all of a file stands in [[scenario]] tables'}")
+    tables = whole.get("scenario", [])
+    if not (isinstance(tables, list) and all(isinstance(table, dict) for table in tables)):
+        raise file.error("key 'scenario': write [[scenario]], in double brackets")
+    if not 1 <= len(tables) <= MOST:
+        raise file.error(f"{len(tables) or 'no'} [[scenario]] in the file; allowed are 1 to {MOST}")
+    return tables
+
+
+def _scenario(place: _Place, whole: dict[str, Any], folder: Path) -> Scenario:
+    name = whole.get("name")
+    place = place._replace(where=f"{place.where}: scenario {name!r}" if isinstance(name, str) else place.where)
+    table = place.check(_Table, whole)
+    own = table.model_dump(include=table.model_fields_set - {"expect", "fault", "command"})
+    if "/" in table.rover or table.rover.endswith(".toml"):
+        own["rover"] = str(folder / table.rover)
+    if "command" in table.model_fields_set:
+        own["commands"] = tuple(
+            place.within(f"command.{number}", "command.").check(Command, command)
+            for number, command in enumerate(table.command)
+        )
+    faults = tuple(_fault(place.within(f"fault.{number}", "fault."), fault) for number, fault in enumerate(table.fault))
+    own.setdefault("about", "; ".join(map(str, faults)))
+    scenario = Scenario(expect=_expectation(place.within("expect", "expect."), table.expect), faults=faults, **own)
+    _check_whole(place, scenario)
+    return scenario
+
+
+def _expectation(place: _Place, table: dict[str, Any]) -> Expectation:
+    nothing = {"within_s": 0.0} if table.get("level") == Reached.NONE.value else {}
+    expectation: Expectation = place.check(Expectation, nothing | table)
+    return expectation
+
+
+def _fault(place: _Place, table: dict[str, Any]) -> Fault:
+    name = table.get("kind")
+    if name is None:
+        mistyped = get_close_matches("kind", table, n=1)
+        unknown = f"unknown key 'fault.{mistyped[0]}'; did you mean 'kind'?" if mistyped else ""
+        raise place.error(unknown or "key 'fault.kind' is missing")
+    if not (isinstance(name, str) and name in KINDS):
+        raise place.error(f"key 'fault.kind': {UnknownName('kind of fault', str(name), KINDS)}")
+    kind, target = KINDS[name], table.get("target")
+    if target is not None and target not in kind.targets:
+        raise place.error(f"key 'fault.target' = {target!r}: '{name}' can happen to {_either(kind.targets)}")
+    checked = place.check(_fault_table(name), table)
+    params = kind.params(**{each.name: getattr(checked, each.name) for each in fields(kind.params)})
+    measured = _measured(checked.target)
+    if getattr(params, "of", None) not in {None, *measured}:
+        raise place.error(f"key 'fault.of' = '{params.of}': a {checked.target} measures {_either(measured)}")
+    return Fault(checked.at_s, checked.for_s, checked.target, name, params)
+
+
+@cache
+def _fault_table(kind: str) -> type:
+    """Return what may stand in the table of a fault: of every fault, and of this kind."""
+    params = KINDS[kind].params
+    hints = get_type_hints(params, include_extras=True)
+    return make_dataclass(
+        "FaultTable",
+        [
+            ("at_s", Moment),
+            ("target", str),
+            ("kind", str),
+            ("for_s", Duration, inf),
+            *((each.name, hints[each.name], field(default=each.default)) for each in fields(params)),
+        ],
+    )
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    """Return what checks a table and knows no other keys."""
+    return TypeAdapter(kind if issubclass(kind, BaseModel) else with_config(ConfigDict(extra="forbid"))(kind))
+
+
+def _measured(target: str) -> tuple[str, ...]:
+    """Return the numbers in the readings of a part."""
+    reading = READINGS.get(target)
+    return () if reading is None else tuple(name for name, hint in get_type_hints(reading).items() if hint is float)
+
+
+def _check_whole(place: _Place, scenario: Scenario) -> None:
+    """Refuse what is right by itself and does not fit together."""
+    try:
+        config = rover_of(replace(scenario, settings=None))
+    except BadInput as error:
+        raise place.error(f"key 'rover': {error}") from None
+    try:
+        find_algorithm(scenario.algorithm)
+    except BadInput as error:
+        raise place.error(f"key 'algorithm': {error}") from None
+    if scenario.settings:
+        try:
+            config = laid_over(config, scenario.settings, f"{OVERLAY}.")
+        except BadConfig as error:
+            raise place.within(OVERLAY, f"{OVERLAY}.").error(str(error)) from None
+    _check_times(place, scenario)
+    _check_fit(place, scenario, config)
+
+
+def _check_times(place: _Place, scenario: Scenario) -> None:
+    times = {"fault": [each.at_s for each in scenario.faults], "command": [each.at_s for each in scenario.commands]}
+    for table, at in times.items():
+        for number, at_s in enumerate(at):
+            if at_s >= scenario.for_s:
+                over = f"key '{table}.at_s' = {at_s:g}: the scenario is over at for_s = {scenario.for_s:g}"
+                raise place.within(f"{table}.{number}", f"{table}.").error(over)
+
+
+def _check_fit(place: _Place, scenario: Scenario, config: RoverConfig) -> None:
+    for number, fault in enumerate(scenario.faults):
+        if why := misfit(config, scenario.depth, fault):
+            raise place.within(f"fault.{number}", "fault.").error(f"key 'fault.target' = '{fault.target}': {why}")
+
+
+def _either(names: tuple[str, ...]) -> str:
+    return " or ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names) or "no numbers"
