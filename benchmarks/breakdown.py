@@ -15,7 +15,7 @@ from types import FrameType
 
 from benchmarks.figures import print_table
 from benchmarks.stack import spec_of
-from wayfarer.simhal.trial import run_trial
+from wayfarer.experiments.trial import run_trial
 
 INTERVAL_S = 0.001
 OTHER = "other (tally, set-up of the trial)"
@@ -28,7 +28,7 @@ PARTS = {
     "/wayfarer/simhal/world.py": "world",
     "/wayfarer/simhal/obstacles.py": "world",
     "/wayfarer/simhal/streams.py": "world",
-    "/wayfarer/simhal/referee.py": "world",
+    "/wayfarer/experiments/outcome.py": "world",
     "/wayfarer/simhal/devices.py": "sensors and motors",
     "/wayfarer/control/supervisor.py": "sensors and motors",
     "/wayfarer/control/latest.py": "sensors and motors",

@@ -10,11 +10,11 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal import campaign
-from wayfarer.simhal.plan import Campaign
-from wayfarer.simhal.results import ResultsFolder
-from wayfarer.simhal.stage import TrialSpec
-from wayfarer.simhal.trial import TrialResult
+from wayfarer.experiments import run_campaign
+from wayfarer.experiments.campaign import Campaign
+from wayfarer.experiments.results_folder import ResultsFolder
+from wayfarer.experiments.trial import TrialResult
+from wayfarer.experiments.trial_setup import TrialSpec
 
 FEW = 1_000
 JOBS = 2
@@ -42,7 +42,7 @@ def run(trials: int, out: Path) -> Taken:
     """Run a campaign in this process and its workers."""
     plan = Campaign(("forest-pledge",), trials, load_rover("sim"))
     with ResultsFolder(out, plan.settings()) as folder:
-        finished = campaign.run(plan, folder, jobs=JOBS, run_trial=quick)
+        finished = run_campaign.run(plan, folder, jobs=JOBS, run_trial=quick)
     status = Path("/proc/self/status").read_text(encoding="utf-8")
     most_kb = next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM"))
     return Taken(finished.effort.wall_s, int(most_kb) * 1024)

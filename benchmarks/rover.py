@@ -18,12 +18,12 @@ from wayfarer.config.rover_file import load_rover, part_settings
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.drivers.threaded import ThreadedI2C
 from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.experiments.trial import Tally, run_trial
 from wayfarer.simhal.fakebus import FakeBuses, FakeI2C
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.rig import Depth, Solder
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.trial import Tally, run_trial
 from wayfarer.simhal.world import World
 
 HANG_S = 1.0

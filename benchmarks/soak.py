@@ -35,6 +35,7 @@ from wayfarer.daemon.arming_inspection import Live
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
+from wayfarer.experiments.trial_setup import Stage, TrialSpec
 from wayfarer.fault_scenarios.random_scenarios import draw_fault, possible_faults, quick_settings, ready_for
 from wayfarer.fault_scenarios.safety_rules import Invariants
 from wayfarer.fieldlog.log import FieldLog
@@ -43,7 +44,6 @@ from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.rig import Depth
-from wayfarer.simhal.stage import Stage, TrialSpec
 from wayfarer.simhal.world import World
 
 Beside = Callable[[Stage], Coroutine[Any, Any, None]]

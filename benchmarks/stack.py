@@ -10,10 +10,10 @@ from time import process_time
 from benchmarks.figures import Figure, timed
 from benchmarks.stock_loop import JumpingStockLoop
 from wayfarer.config.rover_file import load_rover
+from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.experiments.trial import run_trial
+from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.plan import Campaign, Task
-from wayfarer.simhal.stage import TrialSpec
-from wayfarer.simhal.trial import run_trial
 
 ALGORITHM = "forest-pledge"
 CAMPAIGN = Campaign((ALGORITHM,), 1000, load_rover("sim"))

@@ -17,7 +17,7 @@ name = sys.argv[2] if len(sys.argv) > 2 else "forest-pledge"
 
 rover = load_rover("sim")
 handler = find_algorithm(name).make(rover.escape, rover.vehicle, Random(0))
-env = gymnasium.make("wayfarer.gym:Wayfarer-Forest-v0")
+env = gymnasium.make("wayfarer.experiments.gym:Wayfarer-Forest-v0")
 
 _, info = env.reset(options={"trial": trial})
 earned, over = 0.0, False

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Run
-from tests.simhal import fake_trials
+from tests.experiments import fake_trials
 from wayfarer import __version__
 from wayfarer.errors import BadReading, MissingPart
+from wayfarer.experiments.trial import TrialResult
+from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
-from wayfarer.simhal.stage import TrialSpec
-from wayfarer.simhal.trial import TrialResult
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 
@@ -37,7 +37,7 @@ def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
 @pytest.fixture
 def quick_trials(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let this process's trials end at once; only for ``--jobs 1``."""
-    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", fake_trials.quick)
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.quick)
 
 
 # --- what every command promises
@@ -231,7 +231,7 @@ def test_bad_forest_is_named_by_file_and_line(run: Run, tmp_path: Path, line: st
 def test_folder_that_cannot_be_used_is_found_out_before_any_trial(
     run: Run, tmp_path: Path, option: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", lambda *_: pytest.fail("a trial was run"))
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", lambda *_: pytest.fail("a trial was run"))
     (tmp_path / "file").touch()
     for folder in (tmp_path, tmp_path / "file", tmp_path / "file" / "below", Path("/proc/wayfarer")):
         code, out, err = run("sim", "--trials", 2, "--jobs", 1, *option, folder)
@@ -262,7 +262,7 @@ def test_settings_reach_every_trial(run: Run, monkeypatch: pytest.MonkeyPatch, t
         specs.append(spec)
         return fake_trials.quick(spec)
 
-    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", remembering)
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", remembering)
     forests = tmp_path / "forests.jsonl"
     forests.write_text(json.dumps(FOREST))
     options = ["--slip-mean-m", 2, "--budget-m", 50, "--anomaly-source", "contact", "--forests", forests]
@@ -295,7 +295,7 @@ def test_resuming_a_complete_campaign_shows_its_table_and_changes_nothing(run: R
 
 
 def test_faults_are_told_with_how_to_look_into_them(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", fake_trials.third_fails)
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.third_fails)
     code, out, err = run("sim", "--trials", 5, "--jobs", 1)
     assert code == 0
     (line,) = [line for line in err.splitlines() if "fault" in line]

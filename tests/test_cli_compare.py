@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Run
-from tests.simhal import fake_trials
-from wayfarer.simhal.stage import TrialSpec
-from wayfarer.simhal.trial import TrialResult
+from tests.experiments import fake_trials
+from wayfarer.experiments.trial import TrialResult
+from wayfarer.experiments.trial_setup import TrialSpec
 
 
 def out_at_once(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
@@ -19,7 +19,7 @@ def out_at_once(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
 @pytest.fixture
 def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run the command in this process, with trials that end at once."""
-    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", out_at_once)
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", out_at_once)
     return run
 
 

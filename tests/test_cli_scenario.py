@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Run
-from tests.simhal import fake_trials
+from tests.experiments import fake_trials
 from wayfarer.fieldlog.reader import read_header
 
 MAZE = ("sim", "--scenario", "extended-maze", "--rover", "forestrover", "--jobs", "1")
@@ -46,7 +46,7 @@ def test_rover_of_unknown_weight_is_one_line(run: Run, tmp_path: Path) -> None:
 
 
 def test_papers_trials_stand_below_ours(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", fake_trials.quick)
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.quick)
     code, out, _ = run(*MAZE, "--trials", "2", "--algorithm", "forest-pledge,levy-walk,pledge")
     assert code == 0
     lines = [line.split() for line in out.splitlines() if line.split()]

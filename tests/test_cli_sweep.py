@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.simhal import fake_trials
+from tests.experiments import fake_trials
 from wayfarer import cli
 
 Run = Callable[..., tuple[int, str, str]]
@@ -16,7 +16,7 @@ ANGLES = "escape.turn_angle_deg=10,30"
 def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run the command in this process, on a terminal of 100 columns; trials end at once."""
     monkeypatch.setenv("COLUMNS", "100")
-    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", fake_trials.quick)
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.quick)
 
     def run(*arguments: object) -> tuple[int, str, str]:
         code = cli.run(["sweep", *map(str, arguments)])

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal.plan import Campaign, Task
-from wayfarer.simhal.trial import run_trial
+from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.experiments.trial import run_trial
 
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 

@@ -84,7 +84,7 @@ def modules_of(*parts: str) -> list[str]:
 
 
 def outside_simhal() -> list[str]:
-    return [module for module in MODULES if not within(module, "simhal", "fault_scenarios")]
+    return [module for module in MODULES if not within(module, "simhal", "experiments", "fault_scenarios")]
 
 
 def wayfarer_modules(module: str) -> set[str]:
@@ -104,7 +104,7 @@ def test_layers_import_only_downwards(level: int) -> None:
 
 def test_every_core_module_has_its_layer() -> None:
     core = {module.split(".")[1] for module in MODULES if module.count(".")}
-    above = {"cli", "testing", "simhal", "fault_scenarios", "drivers", "report", "gym"}
+    above = {"cli", "testing", "simhal", "experiments", "fault_scenarios", "drivers"}
     assert core - above == {part.partition(".")[0] for layer in LAYERS for part in layer} - {"drivers"}
 
 
@@ -120,7 +120,7 @@ def test_no_module_imports_itself_in_a_circle() -> None:
 def test_nothing_but_the_command_its_reports_and_the_environment_imports_the_simulator() -> None:
     users = {module for module in outside_simhal() if any(within(name, "simhal") for name in wayfarer_modules(module))}
     assert users
-    assert users <= set(modules_of("cli", "report", "views.run_report", "gym", "fault_scenarios"))
+    assert users <= set(modules_of("cli", "views.run_report"))
 
 
 def test_of_the_simulator_only_the_rig_and_the_bench_know_the_drivers() -> None:
@@ -156,10 +156,7 @@ def test_drivers_see_only_the_contracts() -> None:
         assert not others, f"{module} imports {others}"
 
 
-DRAWING = ("report", "views.run_report", "gym")
-
-
-@pytest.mark.parametrize("module", [module for module in outside_simhal() if not within(module, *DRAWING)])
+@pytest.mark.parametrize("module", [module for module in outside_simhal() if not within(module, "views.run_report")])
 def test_arrays_and_bus_libraries_are_loaded_by_drivers_when_they_are_used_and_by_nobody_else(module: str) -> None:
     tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
     loaded = imports_when_run(tree, in_functions=not within(module, "drivers"))

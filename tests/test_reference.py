@@ -9,8 +9,8 @@ from statistics import fmean, median
 import pytest
 
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal.plan import Campaign, ForestFile, Task, read_forest_file
-from wayfarer.simhal.trial import TrialResult, run_trial
+from wayfarer.experiments.campaign import Campaign, ForestFile, Task, read_forest_file
+from wayfarer.experiments.trial import TrialResult, run_trial
 
 SAMPLE = range(0, 500, 21)  # 24 of the 500, over all layouts and both noises
 

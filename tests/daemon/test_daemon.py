@@ -28,9 +28,9 @@ from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import AlreadyRunning, SingleDaemon
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.experiments.live_rover import desk_vessel
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.simhal.desk import desk_vessel
 from wayfarer.simhal.rig import Depth
 
 LONG_S = 10.0

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.dry_run import DryMotors
+from wayfarer.experiments import trial, trial_setup
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand, troubles_of
-from wayfarer.simhal import stage, trial
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.rig import Depth, build
@@ -104,9 +104,9 @@ def test_dry_run_of_a_whole_trial_at_bus_depth_moves_nothing(monkeypatch: pytest
         rover = build(*parts)
         return replace(rover, motors=DryMotors(rover.motors))
 
-    monkeypatch.setattr(stage, "build", dry_build)
+    monkeypatch.setattr(trial_setup, "build", dry_build)
     forest = generate_forest(1, 0, 0)
-    spec = stage.TrialSpec(0, "forest-pledge", forest, 1, load_rover("sim"), budget_m=5.0, depth=Depth.BUS)
+    spec = trial_setup.TrialSpec(0, "forest-pledge", forest, 1, load_rover("sim"), budget_m=5.0, depth=Depth.BUS)
     result = trial.run_trial(spec)
     assert (result.path_m, result.reverse_m) == (0.0, 0.0)
     assert result.ticks > 300

@@ -35,6 +35,7 @@ from wayfarer.daemon.arming_inspection import Live
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
+from wayfarer.experiments.trial_setup import Stage, TrialSpec
 from wayfarer.fault_scenarios.random_runs import REFUSALS
 from wayfarer.fault_scenarios.random_scenarios import ROVERS, draw_fault, draw_scenario, possible_faults, ready_for
 from wayfarer.fault_scenarios.random_scenarios import Place as FaultPlace
@@ -45,7 +46,6 @@ from wayfarer.simhal.faults import KINDS, Fault
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.rig import Depth
-from wayfarer.simhal.stage import Stage, TrialSpec
 
 SOON_S = 0.05  # an answer may take longer, and other commands come meanwhile
 POWER_FLAGS = (None, 0, 0x1, 0x10001, 0x50005)

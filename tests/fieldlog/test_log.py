@@ -13,14 +13,14 @@ from wayfarer.control.latest import Snapshot
 from wayfarer.control.records import TickRecord
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Decision, Phase
+from wayfarer.experiments.trial import run_trial
+from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.log import FieldLog, Record
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import STOP
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.stage import TrialSpec
-from wayfarer.simhal.trial import run_trial
 
 SPEC = TrialSpec(3, "cv-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"), budget_m=10.0)
 

@@ -22,16 +22,16 @@ from wayfarer.control.records import Tee
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import BadInput, NotResponding
 from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.experiments.live_rover import desk_vessel
+from wayfarer.experiments.trial import run_trial
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.replay import Replay, replay
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
 from wayfarer.safety.motor_board import BoardSettings
 from wayfarer.safety.supply import DIPS_S
-from wayfarer.simhal.desk import desk_vessel
-from wayfarer.simhal.plan import Campaign, Task
 from wayfarer.simhal.rig import Depth
-from wayfarer.simhal.trial import run_trial
 
 SIM = load_rover("sim")
 

@@ -18,6 +18,9 @@ import wayfarer
 from tests.fieldlog import lines
 from tests.views.text.outing import outing
 from wayfarer.config.rover_file import load_rover
+from wayfarer.experiments.ground_truth_log import Witness
+from wayfarer.experiments.trial import field_log, run_trial
+from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import Record, RunReader
@@ -30,10 +33,7 @@ from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.physics import Physics
 from wayfarer.simhal.rig import device_depth
-from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.trial import field_log, run_trial
-from wayfarer.simhal.witness import Witness
 from wayfarer.simhal.world import World
 from wayfarer.views.text import account, wording
 

@@ -20,12 +20,12 @@ from tests.fuzz.target import Case, Target, Try, reading
 from wayfarer.config import calibration_file
 from wayfarer.config.rover_file import load_rover, rover_names
 from wayfarer.daemon.stop_motors import stop_motors
-from wayfarer.report.reading import read_results
+from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, ResultsFolder
+from wayfarer.experiments.rows import COLUMNS, Row, csv_line
 from wayfarer.simhal.fakebus import FakeBuses, FakeSerial
 from wayfarer.simhal.forest_file import as_row, read_forests
 from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.results import FORESTS, PARTIAL, SETTINGS, TRIALS, ResultsFolder
-from wayfarer.simhal.rows import COLUMNS, Row, csv_line
 
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # nothing here is about disks
 ROVERS = [
@@ -274,10 +274,10 @@ def _folders() -> Iterator[Try]:
 
 RESULTS = Target(
     "results",
-    ["wayfarer.simhal.results:ResultsFolder._claim", "wayfarer.simhal.results:read_rows",
-     "wayfarer.simhal.results:_refuse_another_campaign", "wayfarer.simhal.results:_flat",
-     "wayfarer.simhal.results:_drop_torn_line", "wayfarer.simhal.rows:parse_row", "wayfarer.simhal.rows:_value",
-     "wayfarer.report.reading"],
+    ["wayfarer.experiments.results_folder:ResultsFolder._claim", "wayfarer.experiments.results_folder:read_rows",
+     "wayfarer.experiments.results_folder:_refuse_another_campaign", "wayfarer.experiments.results_folder:_flat",
+     "wayfarer.experiments.results_folder:_drop_torn_line", "wayfarer.experiments.rows:parse_row",
+     "wayfarer.experiments.rows:_value", "wayfarer.experiments.report.reading"],
     _campaigns,
     _folders,
 )  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 
 from wayfarer.config.chassis import AT_A_BRANCH, Chassis
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal.attendant import Attendant
+from wayfarer.experiments.interventions import Attendant
 from wayfarer.simhal.climbing import Climbing
 from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.obstacles import Body, obstacles_of

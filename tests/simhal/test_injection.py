@@ -17,6 +17,7 @@ from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.config.rover_overlay import laid_over
 from wayfarer.control.supervisor import first_cause
 from wayfarer.errors import BadInput, NotResponding, WrongPart
+from wayfarer.experiments.trial_setup import Stage, TrialSpec
 from wayfarer.fault_scenarios.first_difference import first_difference
 from wayfarer.fault_scenarios.recorder import Monitor
 from wayfarer.fault_scenarios.runner import CLEARING
@@ -31,7 +32,6 @@ from wayfarer.simhal.injection.reading_layer import TamperedPart, reading_fault
 from wayfarer.simhal.injection.wires import Wire
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.rig import Depth
-from wayfarer.simhal.stage import Stage, TrialSpec
 
 # Driving, with all that is read every so often read several times before the fault begins.
 BEGINS_S, LASTS_S, ENDS_S = 4.0, 2.0, 7.0

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Run
-from wayfarer.report.reading import read_results
-from wayfarer.report.words import facts
+from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.report.words import facts
 from wayfarer.simhal.grounds import GroundName
 
 SIM = ("sim", "--jobs", "1", "--trials", "1", "--budget-m", "5")

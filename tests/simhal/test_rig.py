@@ -18,6 +18,9 @@ from wayfarer.drivers.pmw3901 import PMW3901
 from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.drivers.thunderborg import ThunderBorg
 from wayfarer.errors import BadConfig, NotResponding
+from wayfarer.experiments.campaign import Campaign, Task, read_forest_file
+from wayfarer.experiments.trial import TrialResult, run_trial
+from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import (
     STOP,
     CompassReading,
@@ -34,11 +37,8 @@ from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.plan import Campaign, Task, read_forest_file
 from wayfarer.simhal.rig import Depth, build
-from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.trial import TrialResult, run_trial
 from wayfarer.simhal.world import World
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())

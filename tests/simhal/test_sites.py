@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from wayfarer.cli.sim import Scenario
 from wayfarer.config.rover_file import load_rover
+from wayfarer.experiments.site_table import PAPER
 from wayfarer.simhal.forest import Forest, check_forest
 from wayfarer.simhal.forest_file import read_forests, write_forests
 from wayfarer.simhal.generate import Draw
@@ -19,7 +20,6 @@ from wayfarer.simhal.geodesic import shortest_path_m
 from wayfarer.simhal.sites import SITES
 from wayfarer.simhal.sites.ground import Ground
 from wayfarer.simhal.sites.site import Site
-from wayfarer.simhal.sites.table import PAPER
 
 FOREST_ROVER, MINI_ROVER = (load_rover(name).vehicle for name in ("forestrover", "minirover"))
 

@@ -15,11 +15,11 @@ from scipy.stats import kstest
 
 from tests.simhal.test_obstacles import body_points
 from wayfarer.escape.api import Vehicle
+from wayfarer.experiments.outcome import Referee
 from wayfarer.hal import Side
 from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.obstacles import Obstacle
 from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.referee import Referee
 from wayfarer.simhal.senses import FlowSense, HeadingSense
 from wayfarer.simhal.streams import Streams
 from wayfarer.simhal.world import World

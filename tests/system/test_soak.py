@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from benchmarks.soak import LOG, MAY_GROW, Beside, Sample, growth, soak
-from wayfarer.simhal.stage import Stage
+from wayfarer.experiments.trial_setup import Stage
 
 MINUTES_S = 20 * 60.0
 SHORT_S = 5 * 60.0

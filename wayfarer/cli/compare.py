@@ -13,7 +13,7 @@ from wayfarer.cli.extras import require
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from wayfarer.simhal.paired import Compared, Estimate, Share
+    from wayfarer.experiments.paired_statistics import Compared, Estimate, Share
 
     Column = tuple[str, Callable[[Compared], str]]
 
@@ -38,8 +38,8 @@ def compare(
     require("simulating")
     from rich.console import Console
 
-    from wayfarer.report.reading import read_results
-    from wayfarer.simhal.paired import compare as compared
+    from wayfarer.experiments.paired_statistics import compare as compared
+    from wayfarer.experiments.report.reading import read_results
 
     algorithms = compared(read_results(results).rows, against)
     console = Console()
@@ -76,7 +76,7 @@ def _share(share: Share, decimals: int) -> str:
 
 
 def _worst(one: Compared) -> str:
-    from wayfarer.simhal.rows import SUCCESSES
+    from wayfarer.experiments.rows import SUCCESSES
 
     row = one.worst
     what = row.outcome if row.outcome not in SUCCESSES or row.path_m is None else f"{row.path_m:.0f} m"

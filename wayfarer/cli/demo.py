@@ -64,8 +64,8 @@ def demo(
     from wayfarer.config.registry import find_algorithm
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.daemon import Service, serve
+    from wayfarer.experiments.auto_arm import SelfArming
     from wayfarer.simhal.fast_loop import FastLoop
-    from wayfarer.simhal.showing import SelfArming
 
     config = load_rover(ROVER)
     found = find_algorithm(algorithm)

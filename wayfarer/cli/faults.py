@@ -138,9 +138,9 @@ def _measure_detector(
         return run_detector(rover, trials, jobs, out, CELLS)
     require("--physics mujoco")
     from wayfarer.config.rover_file import load_rover
-    from wayfarer.simhal.command import check_body
+    from wayfarer.experiments.campaign import Campaign
+    from wayfarer.experiments.commands import check_body
     from wayfarer.simhal.mujoco.terrain import Terrains
-    from wayfarer.simhal.plan import Campaign
 
     where = rover or "sim"
     check_body(Campaign(("forest-pledge",), 1, load_rover(where), terrains=Terrains()), where)
@@ -158,13 +158,13 @@ def _run(
     """
     from rich.console import Console
 
+    from wayfarer.experiments.progress_bar import say
     from wayfarer.fault_scenarios.catalogue import ROWS, catalogue
     from wayfarer.fault_scenarios.command import run_rows
     from wayfarer.fault_scenarios.result import Result
     from wayfarer.fault_scenarios.scenario_file import read_scenarios
     from wayfarer.fault_scenarios.selection import chosen, on_another_rover, without_missing_packages
     from wayfarer.fault_scenarios.table import print_list, skipped_lines
-    from wayfarer.simhal.progress import say
 
     rows = list(read_scenarios(scenario) if scenario else catalogue())
     untried = [] if scenario or only else sorted({*range(1, ROWS + 1)} - {row.row for row in rows})

@@ -162,9 +162,9 @@ def simulated(
         MissingPackage: a package is not installed.
     """
     require("simulating")
+    from wayfarer.experiments.commands import check_rover
+    from wayfarer.experiments.live_rover import desk_vessel
     from wayfarer.simhal import rig
-    from wayfarer.simhal.command import check_rover
-    from wayfarer.simhal.desk import desk_vessel
 
     check_rover(config, depth.value, where)
 

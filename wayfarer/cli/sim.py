@@ -221,7 +221,7 @@ def sim(
         require("--physics mujoco")
     if video:
         require("--video")
-        from wayfarer.simhal.mujoco.film.screen import backend
+        from wayfarer.experiments.film.screen import backend
 
         backend()  # before the engine is imported, whose own words about missing OpenGL would be a traceback
     if out:
@@ -230,13 +230,13 @@ def sim(
         _refuse_beside_cluster(jobs, trial, log)
         require("a cluster")
     from wayfarer.config.rover_file import load_rover
-    from wayfarer.simhal import command
+    from wayfarer.experiments import commands
+    from wayfarer.experiments.campaign import Campaign, read_forest_file
     from wayfarer.simhal.grounds import GroundName
-    from wayfarer.simhal.plan import Campaign, read_forest_file
 
     config = load_rover(rover)
     campaign = Campaign(
-        command.algorithms(algorithm),
+        commands.algorithms(algorithm),
         trials,
         config.with_anomaly_source(anomaly_source.value) if anomaly_source else config,
         seed=seed,
@@ -245,20 +245,20 @@ def sim(
         spl=spl,
         depth=depth.value,
         forests=read_forest_file(forests) if forests else None,
-        terrains=command.terrains(terrain) if physics is PhysicsName.mujoco else None,
+        terrains=commands.terrains(terrain) if physics is PhysicsName.mujoco else None,
         ground=GroundName(ground.value),
     )
     if scenario:
-        campaign = command.at_site(campaign, scenario.value)
-    command.check_body(campaign, rover)
-    command.check_rover(campaign.rover, campaign.depth, rover)
+        campaign = commands.at_site(campaign, scenario.value)
+    commands.check_body(campaign, rover)
+    commands.check_rover(campaign.rover, campaign.depth, rover)
     if trial is None:
         raise typer.Exit(
-            command.run_all(campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log)
+            commands.run_all(campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log)
         )
     if video:
-        raise typer.Exit(command.film_alone(campaign, trial, log, video, video_speed or 1.0))
-    raise typer.Exit(command.run_alone(campaign, trial, log))
+        raise typer.Exit(commands.film_alone(campaign, trial, log, video, video_speed or 1.0))
+    raise typer.Exit(commands.run_alone(campaign, trial, log))
 
 
 def _refuse_odd_pairs(out: Path | None, resume: bool, trial: int | None, log: Path | None) -> None:

@@ -75,11 +75,11 @@ def sweep(
     """Run the same trials at each point of a grid of settings, and see what that changes."""
     require("sweeping")
     from wayfarer.config.rover_file import load_rover
-    from wayfarer.simhal.command import algorithms, check_body, check_rover, cores
-    from wayfarer.simhal.plan import Campaign, read_forest_file
-    from wayfarer.simhal.sweep.axes import parse_axis
-    from wayfarer.simhal.sweep.command import run_all
-    from wayfarer.simhal.sweep.plan import make_sweep
+    from wayfarer.experiments.campaign import Campaign, read_forest_file
+    from wayfarer.experiments.commands import algorithms, check_body, check_rover, cores
+    from wayfarer.experiments.sweep.axes import parse_axis
+    from wayfarer.experiments.sweep.command import run_all
+    from wayfarer.experiments.sweep.grid import make_sweep
 
     config = load_rover(rover)
     campaign = Campaign(

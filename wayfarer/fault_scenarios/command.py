@@ -13,6 +13,10 @@ from typing import Any
 from rich.console import Console
 
 from wayfarer.errors import WayfarerError
+from wayfarer.experiments.commands import INTERRUPTED, cores, make_empty_folder
+from wayfarer.experiments.executors import Stopped, stream
+from wayfarer.experiments.progress_bar import say
+from wayfarer.experiments.run_campaign import stop_on_signals
 from wayfarer.fault_scenarios.judge import judge
 from wayfarer.fault_scenarios.progress import shown, worker_death_explained
 from wayfarer.fault_scenarios.result import Procedure, Result
@@ -21,10 +25,6 @@ from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fault_scenarios.selection import Row, unplayed
 from wayfarer.fault_scenarios.table import print_results
 from wayfarer.fieldlog.atomic_file import whole_file
-from wayfarer.simhal.campaign import stop_on_signals
-from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
-from wayfarer.simhal.progress import say
-from wayfarer.simhal.workers import Stopped, stream
 
 CSV_FILE, JSON_FILE = "results.csv", "results.json"
 COLUMNS = (*Result._fields, "passed")

@@ -14,15 +14,15 @@ from rich.table import Table
 
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.escape.api import Anomaly
+from wayfarer.experiments.commands import INTERRUPTED, cores, make_empty_folder
+from wayfarer.experiments.executors import Stopped, stream
+from wayfarer.experiments.progress_bar import say
+from wayfarer.experiments.run_campaign import stop_on_signals
+from wayfarer.experiments.statistics import wilson_interval
 from wayfarer.fault_scenarios.detector_score import NOTHING, Score
 from wayfarer.fault_scenarios.detector_trials import CELLS, Cell, DetectorRunner, DetectorTask, Scores
 from wayfarer.fault_scenarios.progress import shown, worker_death_explained
 from wayfarer.fieldlog.atomic_file import whole_file
-from wayfarer.simhal.campaign import stop_on_signals
-from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
-from wayfarer.simhal.progress import say
-from wayfarer.simhal.statistics import wilson_interval
-from wayfarer.simhal.workers import Stopped, stream
 
 TRIALS = 50  # of each cell, where nobody says how many
 JSON_FILE = "detector.json"

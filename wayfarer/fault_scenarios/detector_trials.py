@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Anomaly
+from wayfarer.experiments.trial_setup import Stage, TrialSpec
 from wayfarer.fault_scenarios.detector_score import Score, Truth
 from wayfarer.simhal.faults import Fault, Slope
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.stage import Stage, TrialSpec
 from wayfarer.simhal.streams import Streams
 
 if TYPE_CHECKING:

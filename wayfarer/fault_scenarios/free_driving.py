@@ -20,12 +20,12 @@ from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import Algorithm
+from wayfarer.experiments.trial_setup import Stage, TrialSpec
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.faults import Fault
 from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.simulated_world import SimulatedWorld
-from wayfarer.simhal.stage import Stage, TrialSpec
 
 if TYPE_CHECKING:
     from wayfarer.simhal.mujoco.terrain import Terrains

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import track
 
 from wayfarer.errors import WayfarerError
-from wayfarer.simhal.progress import LINES, say
+from wayfarer.experiments.progress_bar import LINES, say
 
 T = TypeVar("T")
 

@@ -16,6 +16,10 @@ from typing import NamedTuple
 
 from rich.console import Console
 
+from wayfarer.experiments.commands import INTERRUPTED, cores, make_empty_folder
+from wayfarer.experiments.executors import Stopped, stream
+from wayfarer.experiments.progress_bar import say
+from wayfarer.experiments.run_campaign import stop_on_signals
 from wayfarer.fault_scenarios.progress import shown, worker_death_explained
 from wayfarer.fault_scenarios.random_scenarios import draw_scenario, refuse_missing_package
 from wayfarer.fault_scenarios.runner import Played, play
@@ -24,11 +28,7 @@ from wayfarer.fault_scenarios.scenario_writer import as_toml
 from wayfarer.fault_scenarios.shrink import smallest
 from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.safety.conditions import Level
-from wayfarer.simhal.campaign import stop_on_signals
-from wayfarer.simhal.command import INTERRUPTED, cores, make_empty_folder
-from wayfarer.simhal.progress import say
 from wayfarer.simhal.rig import Depth
-from wayfarer.simhal.workers import Stopped, stream
 
 ROWS_FILE = "trials.jsonl"
 SHOWN = 10  # trials with a broken rule, one after the other; further ones are counted

@@ -16,6 +16,8 @@ from wayfarer.daemon.arming_inspection import Live
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
+from wayfarer.experiments.trial import field_log
+from wayfarer.experiments.trial_setup import Stage, TrialSpec
 from wayfarer.fault_scenarios.recorder import Monitor
 from wayfarer.fault_scenarios.safety_rules import Invariants
 from wayfarer.fault_scenarios.scenario import Command, Scenario
@@ -28,8 +30,6 @@ from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.injection.injector import Note
 from wayfarer.simhal.loop import VirtualLoop
 from wayfarer.simhal.simulated_world import SimulatedWorld
-from wayfarer.simhal.stage import Stage, TrialSpec
-from wayfarer.simhal.trial import field_log
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 BUDGET_M = 1000.0

@@ -11,10 +11,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from wayfarer.experiments.progress_bar import say
 from wayfarer.fault_scenarios.result import Result, Tried
 from wayfarer.fault_scenarios.scenario import Reached
 from wayfarer.fault_scenarios.selection import Row
-from wayfarer.simhal.progress import say
 
 LEGEND = (
     "S0 note, S1 degrade, S2 hold, S3 fault until armed anew, S4 the board's deadman",

@@ -15,17 +15,17 @@ import pytest
 from pyarrow import parquet
 
 from tests.conftest import Run
-from tests.simhal import fake_trials
+from tests.experiments import fake_trials
 from wayfarer.config.rover_file import load_rover
-from wayfarer.report.reading import read_results
-from wayfarer.report.words import facts
+from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.report.words import facts
+from wayfarer.experiments.rows import KINDS, TERRAIN
+from wayfarer.experiments.trial import TrialResult, run_trial
+from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.simhal.mujoco.terrain import BOUNDS, Range, Terrain, Terrains, parse_range
 from wayfarer.simhal.mujoco.world import MujocoWorld
-from wayfarer.simhal.plan import Campaign, Task
-from wayfarer.simhal.rows import KINDS, TERRAIN
-from wayfarer.simhal.stage import TrialSpec
 from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.trial import TrialResult, run_trial
 
 SIM = ("sim", "--physics", "mujoco", "--jobs", "1", "--trials", "2", "--budget-m", "6")
 
@@ -90,7 +90,7 @@ def test_table_has_what_was_drawn_for_each_trial_a_fault_too(
             raise OSError("out of wood")
         return run_trial(spec, log_dir)
 
-    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", fails_once)
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fails_once)
     drawn = (*SIM, "--trials", "3", "--friction", "0.2:0.6")
     code, _, err = run(*drawn, "--out", out)
     assert code == 0, err
@@ -167,7 +167,7 @@ SPOILT = {
 def test_spoilt_terrain_in_a_folder_is_one_line(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: dict[str, object], says: str
 ) -> None:
-    monkeypatch.setattr("wayfarer.simhal.trial.run_trial", fake_trials.quick)
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.quick)
     assert run(*SIM, "--out", tmp_path / "out")[0] == 0
     file = tmp_path / "out" / "campaign.json"
     settings = json.loads(file.read_text(encoding="utf-8"))

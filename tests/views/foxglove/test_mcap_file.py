@@ -18,11 +18,11 @@ from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Anomaly
+from wayfarer.experiments.trial import run_trial
+from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.dead_reckoning import DeadReckoning
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.stage import TrialSpec
-from wayfarer.simhal.trial import run_trial
 from wayfarer.views.foxglove.mcap_file import export
 
 JSON_TYPES: dict[str, Any] = {"number": (int, float), "boolean": bool, "string": str}

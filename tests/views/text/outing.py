@@ -16,7 +16,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.daemon import Daemon, Service
 from wayfarer.daemon.socket.client import ask
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.simhal.desk import desk_vessel
+from wayfarer.experiments.live_rover import desk_vessel
 from wayfarer.simhal.rig import Depth
 
 SEED = 4  # soon in the thick of it

@@ -1,0 +1,88 @@
+"""Trials that need no simulator; at module level, so that spawned workers can import them.
+
+Run as a module it is a campaign of slow trials, for tests with real processes and signals: ``FOLDER JOBS``, or
+``FOLDER ADDRESS`` for a cluster; what ``wayfarer sim`` would say and return, it says and returns.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from threading import Event
+from typing import cast
+
+from wayfarer.config.rover_file import load_rover
+from wayfarer.errors import WayfarerError
+from wayfarer.experiments import commands
+from wayfarer.experiments.campaign import Campaign
+from wayfarer.experiments.outcome import Outcome
+from wayfarer.experiments.rows import OUTCOMES
+from wayfarer.experiments.trial import TrialResult
+from wayfarer.experiments.trial_setup import TrialSpec
+
+SLOW_S = 0.05
+MANY = 100
+
+
+def campaign_of(trials: int, *algorithms: str) -> Campaign:
+    return Campaign(algorithms or ("forest-pledge",), trials, load_rover("sim"))
+
+
+def quick(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+    """All that a result says follows from the seed and the algorithm."""
+    path_m = 40.0 + spec.seed % 100_000 / 7 + len(spec.algorithm)
+    return TrialResult(
+        spec.trial,
+        spec.algorithm,
+        spec.forest.forest,
+        spec.forest.noise,
+        spec.seed,
+        cast(Outcome, OUTCOMES[spec.seed % 4]),
+        path_m=path_m,
+        reverse_m=path_m / 20,
+        time_s=path_m * 1.2,
+        anomalies=spec.seed % 50,
+        episodes=spec.seed % 9,
+        shortest_path_m=37.5,
+        spl=37.5 / path_m,
+        ticks=100,
+    )
+
+
+def slow(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+    Event().wait(SLOW_S)
+    return quick(spec)
+
+
+def early_ones_last(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+    Event().wait(0.02 if spec.trial % 8 == 0 else 0)
+    return quick(spec)
+
+
+def third_fails(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+    if spec.trial == 3:
+        raise KeyError("no such\nphase")
+    return quick(spec)
+
+
+def third_kills_its_worker(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+    if spec.trial == 3:
+        os._exit(9)
+    return quick(spec)
+
+
+def main(out: str, jobs: str) -> int:
+    count, address = (int(jobs), None) if jobs.isdigit() else (None, jobs)
+    resume = Path(out).exists()
+    try:
+        return commands.run_all(
+            campaign_of(MANY), Path(out), resume=resume, jobs=count, cluster=address, run_trial=slow
+        )
+    except WayfarerError as error:
+        print(f"wayfarer: {error}", file=sys.stderr)
+        return error.exit_code
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

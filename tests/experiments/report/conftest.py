@@ -1,0 +1,25 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.browser import browser_page
+from tests.experiments.report.campaigns import run_campaign, some_forests
+
+__all__ = ["browser_page"]  # a fixture for the tests here
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small campaign of real trials, with its forests; nobody may change it."""
+    folder = tmp_path_factory.mktemp("campaign")
+    run_campaign(folder / "out", forests=some_forests(folder / "given.jsonl"))
+    return folder / "out"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Drawing takes most of the time of these tests, and the same on every Python: one of them is enough."""
+    for item in items:
+        if item.path.parent == Path(__file__).parent:
+            item.add_marker(pytest.mark.slow)

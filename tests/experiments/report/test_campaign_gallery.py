@@ -1,0 +1,130 @@
+"""Which trials are drawn, and that no drawing shows another run than the table's."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.experiments.report.campaigns import ALGORITHMS, campaign_of, row
+from wayfarer.experiments.executors import Done
+from wayfarer.experiments.progress_bar import Progress
+from wayfarer.experiments.report.gallery import Again, choose, ending, run_again
+from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.rows import SUCCESSES, Row
+
+
+class Counted(Progress):
+    def __init__(self) -> None:
+        self.done: list[Done] = []
+
+    def advance(self, done: Done) -> None:
+        self.done.append(done)
+
+
+def again(rows: Sequence[Row], folder: Path, jobs: int = 1) -> list[Again]:
+    return run_again(read_results(folder).rebuild(), rows, jobs, Progress())
+
+
+@st.composite
+def campaigns(draw: st.DrawFn) -> dict[str, list[Row]]:
+    outcomes = st.sampled_from(["escaped", "left_bounds", "entrapped", "tipped", "fault"])
+    path_m = st.integers(1, 9).map(float) | st.none()
+    return {
+        name: [row(name, trial, draw(outcomes), draw(path_m)) for trial in range(draw(st.integers(1, 6)))]
+        for name in draw(st.lists(st.sampled_from("abcde"), unique=True, min_size=1))
+    }
+
+
+@given(campaigns(), st.integers(0, 20))
+def test_every_algorithm_has_its_turn_before_one_has_a_second(by_name: dict[str, list[Row]], count: int) -> None:
+    drawable = {name: [row for row in rows if row.path_m] for name, rows in by_name.items()}
+    chosen = choose(by_name, count)
+    assert len(chosen) == len({row.key for row in chosen}) == min(count, sum(map(len, drawable.values())))
+    turns = {name: sum(row.algorithm == name for row in chosen) for name in drawable}
+    for name, rows in drawable.items():
+        assert turns[name] == len(rows) or turns[name] >= max(turns.values()) - 1
+
+
+@given(campaigns(), st.integers(0, 20))
+def test_of_each_algorithm_failures_come_first_then_the_longest(by_name: dict[str, list[Row]], count: int) -> None:
+    def badness(row: Row) -> tuple[bool, float]:
+        assert row.path_m is not None
+        return row.outcome not in SUCCESSES, row.path_m
+
+    chosen = choose(by_name, count)
+    assert [badness(row) for row in chosen] == sorted(map(badness, chosen), reverse=True)
+    for name, rows in by_name.items():
+        taken = [badness(row) for row in chosen if row.algorithm == name]
+        left = [badness(row) for row in rows if row.path_m and row not in chosen]
+        assert not taken or not left or min(taken) >= max(left)
+
+
+def test_fewer_drawings_than_algorithms_show_the_worst() -> None:
+    by_name = {
+        "pledge": [row("pledge", 0, path_m=60.0)],
+        "levy-walk": [row("levy-walk", 0, "entrapped", 1000.0)],
+        "cv-react": [row("cv-react", 0, path_m=70.0)],
+    }
+    assert [row.algorithm for row in choose(by_name, 2)] == ["levy-walk", "cv-react"]
+
+
+def test_way_is_that_of_the_trial_in_the_table(finished: Path) -> None:
+    rows = choose(read_results(finished).by_algorithm, 4)
+    ran = again(rows, finished)
+    assert [each.row for each in ran] == rows
+    for each in ran:
+        assert each.trace is not None
+        start, *_, end = each.trace.points
+        assert (start.x_m, start.y_m) == campaign_of().make_forest(each.row.trial).start_m
+        escaped = each.row.outcome == "escaped"
+        assert (end.y_m >= 50.0) is escaped
+
+
+@pytest.mark.slow
+def test_a_pool_gives_the_same_ways_and_tells_of_each_trial(finished: Path) -> None:
+    rows = choose(read_results(finished).by_algorithm, 3)
+    progress = Counted()
+    ran = run_again(read_results(finished).rebuild(), rows, 2, progress)
+    assert ran == again(rows, finished)
+    assert {done.row.key for done in progress.done} == {row.key for row in rows}
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "says"),
+    [
+        ("path_m", 12.5, r"after 12\.5 m in the table, \w+ after [\d.]+ m now"),
+        ("outcome", "tipped", r"tipped after [\d.]+ m in the table, \w+ after [\d.]+ m now"),
+        ("anomalies", 9999, r"anomalies is 9999 in the table and \d+ now"),
+        ("seed", 1, r"seed is 1 in the table and \d+ now"),
+    ],
+)
+def test_trial_that_comes_out_in_another_way_has_no_drawing(finished: Path, column: str, value: Any, says: str) -> None:
+    original = choose(read_results(finished).by_algorithm, 1)[0]
+    (ran,) = again([original._replace(**{column: value})], finished)
+    assert ran.trace is None
+    assert re.search(says, ran.why_not)
+
+
+def test_trial_that_cannot_be_run_again_has_no_drawing_and_says_why(finished: Path) -> None:
+    (ran,) = again([row("gone:algorithm", 0)], finished)
+    assert ran.trace is None
+    assert "cannot be run again: BadInput: algorithm 'gone:algorithm'" in ran.why_not
+
+
+def test_endings_read_well() -> None:
+    assert ending(row("pledge", 0)) == "escaped after 80.0 m"
+    assert ending(row("pledge", 0, "left_bounds")) == "out over another edge after 80.0 m"
+    assert ending(row("pledge", 0, "fault", None)) == "fault"
+
+
+def test_campaign_has_failures_and_successes(finished: Path) -> None:
+    """The tests above look at both."""
+    outcomes = {row.outcome for row in read_results(finished).rows}
+    assert {"escaped", "entrapped"} <= outcomes
+    assert tuple(read_results(finished).settings.algorithms) == ALGORITHMS

@@ -1,0 +1,164 @@
+"""What a folder must hold to be reported on, and what is said where it does not."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.experiments import fake_trials
+from tests.experiments.report.campaigns import ALGORITHMS, BUDGET_M, TRIALS, campaign_of, run_campaign, some_forests
+from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.experiments.report.campaign import write_report
+from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, ResultsFolder
+from wayfarer.experiments.results_folder import TRIALS as TABLE
+
+
+@pytest.fixture
+def folder(finished: Path, tmp_path: Path) -> Path:
+    """A copy of the finished campaign, to be spoilt."""
+    return Path(shutil.copytree(finished, tmp_path / "copy"))
+
+
+def edit_settings(folder: Path, change: Callable[[dict[str, Any]], object]) -> None:
+    settings = json.loads((folder / SETTINGS).read_text())
+    change(settings)
+    (folder / SETTINGS).write_text(json.dumps(settings))
+
+
+def test_folder_reads_back_as_it_was_written(finished: Path) -> None:
+    results = read_results(finished)
+    assert results.settings.budget_m == BUDGET_M
+    assert [len(rows) for rows in results.by_algorithm.values()] == [TRIALS] * len(ALGORITHMS)
+
+
+def test_campaign_is_rebuilt_with_the_same_settings(finished: Path) -> None:
+    written = json.loads((finished / SETTINGS).read_text())
+    rebuilt = json.loads(json.dumps(read_results(finished).rebuild().settings()))
+    assert rebuilt.pop("forests")["blake2b"] == written.pop("forests")["blake2b"]
+    assert rebuilt == written
+
+
+def test_no_folder_no_campaign_and_an_unfinished_one_are_told_apart(tmp_path: Path, folder: Path) -> None:
+    with pytest.raises(BadInput, match="no such folder"):
+        read_results(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(BadInput, match=r"holds no campaign: campaign\.json is missing"):
+        read_results(tmp_path / "empty")
+    (folder / PARTIAL).touch()
+    with pytest.raises(BadInput, match=r"not finished; .* add --resume to finish it first"):
+        read_results(folder)
+    (folder / PARTIAL).unlink()
+    (folder / TABLE).unlink()
+    with pytest.raises(BadInput, match=r"not finished; .* add --resume to finish it first"):
+        read_results(folder)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "the file: Invalid JSON"),
+        ("[1]", "the file: Input should be an object"),
+        ("{}", "Field required"),
+        ("\xff", "the file"),
+    ],
+)
+def test_damaged_settings_are_named(folder: Path, text: str, says: str) -> None:
+    (folder / SETTINGS).write_bytes(text.encode("latin-1"))
+    with pytest.raises(BadInput, match=r"campaign\.json is damaged: ") as caught:
+        read_results(folder)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_setting_of_another_kind_is_named(folder: Path) -> None:
+    edit_settings(folder, lambda settings: settings.update(trials="many"))
+    with pytest.raises(BadInput, match=r"damaged: trials: Input should be a valid integer"):
+        read_results(folder)
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda text: text.replace("trial,algorithm", "trial,name"),
+        lambda text: text[: text.rindex("\n", 0, -1) + 1],
+        lambda text: text + text.splitlines(keepends=True)[-1],
+        lambda text: text.replace("levy-walk", "pledge"),
+        lambda _: "",
+    ],
+    ids=["other columns", "a row is missing", "a row is there twice", "another algorithm", "empty"],
+)
+def test_damaged_table_is_refused(folder: Path, spoil: Callable[[str], str]) -> None:
+    (folder / TABLE).write_text(spoil((folder / TABLE).read_text()))
+    with pytest.raises(BadInput, match=r"trials\.csv is damaged"):
+        read_results(folder)
+
+
+def test_row_that_is_none_is_named_by_its_line(folder: Path) -> None:
+    lines = (folder / TABLE).read_text().splitlines()
+    (folder / TABLE).write_text("\n".join([*lines[:3], "nonsense", *lines[4:]]))
+    with pytest.raises(BadInput, match=r"trials\.csv, line 4 is not a row"):
+        read_results(folder)
+
+
+# --- the copy of the forests
+
+
+def test_campaigns_folder_keeps_its_forest_file_byte_by_byte(finished: Path) -> None:
+    assert (finished / FORESTS).read_bytes() == (finished.parent / "given.jsonl").read_bytes()
+
+
+def test_resuming_adds_a_copy_that_is_missing(finished: Path, folder: Path) -> None:
+    (folder / FORESTS).unlink()
+    campaign = campaign_of(finished.parent / "given.jsonl")
+    with ResultsFolder(folder, campaign.settings(), resume=True) as results:
+        results.keep_forests(finished.parent / "given.jsonl")
+    assert (folder / FORESTS).read_bytes() == (finished / FORESTS).read_bytes()
+
+
+def test_generated_forests_need_no_copy(tmp_path: Path) -> None:
+    run_campaign(tmp_path / "out", algorithms=["pledge"], run_trial=fake_trials.quick)
+    assert not (tmp_path / "out" / FORESTS).exists()
+    assert read_results(tmp_path / "out").rebuild() == campaign_of(algorithms=["pledge"])
+
+
+def test_copy_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    given = some_forests(tmp_path / "given.jsonl")
+    with ResultsFolder(tmp_path / "out", campaign_of(given).settings()) as folder:
+        monkeypatch.setattr("os.fsync", fail)
+        with pytest.raises(WayfarerError, match="No space left"):
+            folder.keep_forests(given)
+    assert not list((tmp_path / "out").glob(f"{FORESTS}*"))
+
+
+def test_without_the_forests_the_page_says_how_to_get_the_drawings(folder: Path) -> None:
+    (folder / FORESTS).unlink()
+    text = write_report(folder, gallery=1, jobs=1).read_text()
+    assert "<p>No trial is drawn: the folder has no copy of the campaign&#x27;s forests; put given.jsonl there" in text
+
+
+def test_other_forests_are_refused(folder: Path) -> None:
+    with (folder / FORESTS).open("a") as file:
+        file.write("\n")
+    with pytest.raises(BadInput, match="is not the file that the campaign used"):
+        read_results(folder).rebuild()
+
+
+def test_damaged_forests_are_refused(folder: Path) -> None:
+    (folder / FORESTS).write_text("{}\n")
+    with pytest.raises(BadInput, match=r"forests\.jsonl, line 1: forest: missing"):
+        read_results(folder).rebuild()
+
+
+def test_rover_that_this_version_does_not_know_is_refused(folder: Path) -> None:
+    edit_settings(folder, lambda settings: settings["rover"].update(wings=2))
+    with pytest.raises(BadInput, match="does not understand the rover"):
+        read_results(folder).rebuild()

@@ -1,0 +1,54 @@
+"""The curve of escapes over distance: it ends where the table says, and no failure is forgotten."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.experiments.report.campaigns import row
+from wayfarer.experiments.report.escape_figure import escape_figure
+from wayfarer.experiments.report.survival import escape_curve
+from wayfarer.experiments.rows import OUTCOMES, Row
+from wayfarer.experiments.statistics import summarise
+
+# Few different values, so that many are equal; a multiple of 0.25 is exact.
+ENDS = st.tuples(st.sampled_from(OUTCOMES), st.integers(1, 40).map(lambda quarter: quarter / 4))
+TRIALS = st.lists(ENDS, min_size=1, max_size=60).map(
+    lambda ends: [row("levy-walk", trial, outcome, path_m) for trial, (outcome, path_m) in enumerate(ends)]
+)
+
+
+@given(TRIALS)
+def test_curve_is_the_share_of_all_trials_that_has_escaped(rows: list[Row]) -> None:
+    escaped_m = [each.path_m for each in rows if each.outcome in ("escaped", "left_bounds")]
+    for step in escape_curve(rows).steps:
+        assert step.escaped == pytest.approx(sum(path_m <= step.path_m for path_m in escaped_m if path_m) / len(rows))
+
+
+@given(TRIALS)
+def test_legend_says_the_success_of_the_table(rows: list[Row]) -> None:
+    said = f"{summarise('levy-walk', rows).success_percent:.1f} %"
+    figure = escape_figure({"levy-walk": rows})
+    (label,) = figure.axes[0].get_legend_handles_labels()[1]
+    assert label.endswith(f", {said}")
+
+
+def test_failure_counts_wherever_it_ended() -> None:
+    escaped = [row("pledge", trial, "escaped", path_m) for trial, path_m in enumerate((50.0, 1020.0))]
+    for failed_m in (10.0, 1000.0, 2000.0):
+        curve = escape_curve([*escaped, row("pledge", 2, "entrapped", failed_m), row("pledge", 3, "tipped", failed_m)])
+        assert curve.steps == [(50.0, 0.25), (1020.0, 0.5)]
+
+
+def test_trials_are_sorted_by_outcome_and_one_of_unknown_path_has_failed() -> None:
+    rows = [row("pledge", n, outcome, 10.0 * (n + 1)) for n, outcome in enumerate(OUTCOMES)]
+    curve = escape_curve([*rows, row("pledge", 9, "fault", None)])
+    assert [step.path_m for step in curve.steps] == [10.0, 20.0]
+    assert curve.failed_m == [30.0, 40.0, 50.0]
+    assert curve.escaped == pytest.approx(2 / 6)
+
+
+def test_nobody_escaped() -> None:
+    curve = escape_curve([row("levy-walk", 0, "entrapped", 1000.0)])
+    assert (curve.steps, curve.failed_m, curve.escaped) == ([], [1000.0], 0.0)

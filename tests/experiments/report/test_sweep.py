@@ -1,0 +1,152 @@
+"""The report of a sweep: what it draws, what it says, and what it refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from tests.experiments import fake_trials
+from tests.experiments.report.campaigns import STRANGERS
+from tests.experiments.report.test_campaign import Page
+from tests.experiments.report.test_campaign_figures import assert_readable
+from wayfarer.cli import report as command
+from wayfarer.errors import BadInput
+from wayfarer.experiments.report.sweep import write_sweep_report
+from wayfarer.experiments.report.sweep_curves import curves_figure
+from wayfarer.experiments.report.sweep_maps import maps_figure
+from wayfarer.experiments.report.sweep_reading import SweepResults, SweepSettings, read_sweep
+from wayfarer.experiments.rows import Row
+from wayfarer.experiments.sweep.axes import Axis
+from wayfarer.experiments.sweep.command import run_all
+from wayfarer.experiments.sweep.folder import TRIALS
+from wayfarer.experiments.sweep.grid import PointTask, make_sweep
+from wayfarer.experiments.sweep.measures import mean, spl_difference
+from wayfarer.views.run_report.drawing import house_style
+
+ANGLES = Axis("escape.turn_angle_deg", (50, 10, 30))
+SLIPS = Axis("slip_mean_m", (2, 10))
+WORDS = Axis("anomaly_source", ("motion", "contact"))
+
+
+def results_of(*axes: Axis, algorithms: tuple[str, ...] = ("pledge",), spl: bool = True) -> SweepResults:
+    """At point p 8 - p of 8 trials escape, each on 60 + 10 p metres; the rest end entrapped."""
+    sweep = make_sweep(fake_trials.campaign_of(8, *algorithms), axes)
+    rows = {}
+    for task in sweep.tasks():
+        out = task.trial >= task.point
+        path_m = 60.0 + 10 * task.point + task.trial if out else 1000.0
+        shortest_m, share = (36.0, 36.0 / path_m if out else 0.0) if spl else (None, None)
+        rows[task] = Row(
+            task.trial, task.algorithm, 0, 0, 1, "escaped" if out else "entrapped", path_m,
+            shortest_path_m=shortest_m, spl=share,
+        )  # fmt: skip
+    return SweepResults(SweepSettings.model_validate(sweep.settings()), rows)
+
+
+def assert_seen_readable(figure: Figure) -> None:
+    """As ``assert_readable``, without the ticks beyond the ends of an axis: matplotlib keeps them, and draws none."""
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            for tick in axis.get_major_ticks():
+                if not low <= tick.get_loc() <= high:
+                    tick.label1.set_visible(False)
+                    tick.label2.set_visible(False)
+    assert_readable(figure)
+
+
+@pytest.fixture(autouse=True)
+def styled() -> Iterator[None]:
+    with house_style():
+        yield
+
+
+def test_curves_show_what_the_rows_say_in_the_order_of_the_values() -> None:
+    success, spl, path, left = curves_figure(results_of(ANGLES)).axes
+    curve, now = success.lines
+    assert np.asarray(curve.get_xdata()).tolist() == [10, 30, 50]
+    assert np.asarray(curve.get_ydata()).tolist() == pytest.approx([87.5, 75.0, 100.0])
+    assert np.asarray(now.get_xdata()).tolist() == [30, 30]
+    assert np.asarray(path.lines[0].get_ydata()).tolist() == pytest.approx([74.0, 84.5, 63.5])
+    assert np.asarray(left.lines[0].get_ydata()).tolist() == [0, 0, 0]
+    assert np.all(np.diff(np.asarray(spl.lines[0].get_ydata())[[1, 0, 2]]) > 0)
+
+
+@pytest.mark.parametrize("axis", [ANGLES, WORDS], ids=["numbers", "words"])
+@pytest.mark.parametrize("algorithms", [("pledge",), ("pledge", "levy-walk", *STRANGERS)], ids=["one", "many"])
+@pytest.mark.parametrize("spl", [True, False])
+def test_curves_are_readable(axis: Axis, algorithms: tuple[str, ...], spl: bool) -> None:
+    assert_seen_readable(curves_figure(results_of(axis, algorithms=algorithms, spl=spl)))
+
+
+def test_maps_put_each_point_where_its_keys_are() -> None:
+    figure = maps_figure(results_of(ANGLES, SLIPS, algorithms=("pledge", "levy-walk")), "levy-walk")
+    image = np.asarray(figure.axes[0].get_images()[0].get_array())
+    assert image.tolist() == [[100.0, 87.5], [75.0, 62.5], [50.0, 37.5]]
+    assert [text.get_text() for text in figure.axes[0].get_xticklabels()] == ["2", "10"]
+    assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == ["50", "10", "30"]
+
+
+@pytest.mark.parametrize("spl", [True, False])
+@pytest.mark.parametrize("values", [2, 8, 40])
+def test_maps_are_readable(spl: bool, values: int) -> None:
+    axis = Axis("escape.turn_angle_deg", tuple(range(2, 2 * values + 1, 2)))
+    assert_seen_readable(maps_figure(results_of(SLIPS, axis, spl=spl), "pledge"))
+    assert_seen_readable(maps_figure(results_of(axis, SLIPS, spl=spl), "pledge"))
+
+
+def test_interval_of_a_mean_is_that_of_its_standard_error() -> None:
+    estimate = mean([1.0, 2.0, 3.0, 4.0])
+    assert estimate is not None
+    assert estimate == pytest.approx((2.5, 2.5 - 1.96 * 0.6455, 2.5 + 1.96 * 0.6455), abs=1e-3)
+    assert mean([1.0]) is None
+
+
+def test_difference_is_taken_trial_by_trial() -> None:
+    results = results_of(ANGLES)
+    same = spl_difference(results.cells[0, "pledge"], results.cells[0, "pledge"])
+    assert same == (0.0, 0.0, 0.0)
+    worse = spl_difference(results.cells[1, "pledge"], results.cells[0, "pledge"])
+    assert worse is not None
+    assert worse.value == pytest.approx(np.mean([(36 / (70 + n) if n else 0.0) - 36 / (60 + n) for n in range(8)]))
+    assert worse.low < worse.value < worse.high < 0
+
+
+@pytest.mark.parametrize("axes", [(ANGLES,), (ANGLES, SLIPS)], ids=["curves", "maps"])
+def test_page_is_whole_and_the_same_each_time(
+    tmp_path: Path, axes: tuple[Axis, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    sweep = make_sweep(fake_trials.campaign_of(3, "pledge", "levy-walk"), axes)
+    run_all(sweep, tmp_path, run_trial=fake_trials.quick)
+    command.report(str(tmp_path), gallery=0, jobs=1)
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.open == []
+    assert page.tags["svg"] == (1 if len(axes) == 1 else 2)
+    assert page.tags["tr"] == 1 + 2 * (1 + len(sweep.points))
+    assert all((tmp_path / link).is_file() for link in page.links if link.startswith("figures/"))
+    assert "escape.turn_angle_deg" in text
+    write_sweep_report(tmp_path)
+    assert (tmp_path / "report.html").read_text(encoding="utf-8") == text
+
+
+def test_unfinished_and_damaged_sweeps_are_told(tmp_path: Path) -> None:
+    sweep = make_sweep(fake_trials.campaign_of(3), [SLIPS])
+    run_all(sweep, tmp_path, run_trial=fake_trials.quick)
+    whole = (tmp_path / TRIALS).read_text()
+    assert [task.point for task in read_sweep(tmp_path).rows] == [0, 0, 0, 1, 1, 1]
+    assert PointTask(1, "forest-pledge", 2) in read_sweep(tmp_path).rows
+    (tmp_path / TRIALS).write_text(whole.rpartition("\n1,")[0] + "\n")
+    with pytest.raises(BadInput, match="has not the 6 rows"):
+        read_sweep(tmp_path)
+    (tmp_path / TRIALS).unlink()
+    with pytest.raises(BadInput, match="is not finished"):
+        read_sweep(tmp_path)
+    (tmp_path / "sweep.json").write_text('{"axes": []}')
+    with pytest.raises(BadInput, match=r"sweep\.json is damaged: axes"):
+        read_sweep(tmp_path)

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from tests.experiments.fake_trials import campaign_of
+from wayfarer.errors import BadConfig, BadInput, UnknownName
+from wayfarer.experiments.campaign import Campaign, ForestFile, Task
+from wayfarer.experiments.sweep.axes import Axis, Value
+from wayfarer.experiments.sweep.grid import Sweep, make_sweep
+from wayfarer.experiments.sweep.keys import current, known_keys, laid_over_campaign
+from wayfarer.simhal.grounds import GroundName
+
+BASE = campaign_of(4)
+
+
+def sweep_of(**values: tuple[Value, ...]) -> Sweep:
+    return make_sweep(BASE, [Axis(key.replace("__", "."), each) for key, each in values.items()])
+
+
+def test_every_known_key_can_be_swept_over_what_it_is_now() -> None:
+    for key in known_keys(BASE):
+        now = current(BASE, key)
+        if now is not None and not isinstance(now, list):
+            assert laid_over_campaign(BASE, {key: now}) == BASE, key
+
+
+def test_each_kind_of_key_reaches_what_a_trial_is_made_of() -> None:
+    values: dict[str, Value] = {
+        "escape.turn_angle_deg": 45, "footprint_m": 0.6, "slip_mean_m": 3, "budget_m": 500, "ground": "mud",
+        "sim.trees_per_ha": 40, "sim.compass_bias_deg": -12.5, "detector.implausible_of": 20, "parts.contact.front": 6,
+    }  # fmt: skip
+    campaign = laid_over_campaign(BASE, values)
+    spec = campaign.spec(Task("forest-pledge", 0), campaign.make_forest(0))
+    assert spec.rover.escape.turn_angle_deg == 45
+    assert (spec.rover.vehicle.length_m, spec.rover.vehicle.width_m) == (0.6, 0.6)
+    assert (spec.slip_mean_m, spec.budget_m, spec.ground) == (3, 500, GroundName.mud)
+    assert len(spec.forest.trees_m) == 10
+    assert spec.physics == replace(BASE.physics, compass_bias_deg=-12.5)
+    assert spec.rover.detector.implausible_of == 20
+    assert spec.rover.parts["contact"]["front"] == 6
+
+
+def test_all_points_meet_the_same_forests_and_seeds() -> None:
+    sweep = sweep_of(escape__turn_angle_deg=(10, 30), slip_mean_m=(2, 10))
+    assert [point.values for point in sweep.points] == [(10, 2), (10, 10), (30, 2), (30, 10)]
+    for trial in range(BASE.trials):
+        met = {(p.campaign.trial_seed(trial), p.campaign.make_forest(trial)) for p in sweep.points}
+        assert met == {(BASE.trial_seed(trial), BASE.make_forest(trial))}
+
+
+def test_denser_forest_has_the_trees_of_the_sparser_one_and_more() -> None:
+    sparse, dense = (point.campaign.make_forest(0) for point in sweep_of(sim__trees_per_ha=(40, 400)).points)
+    assert dense.trunks == sparse.trunks
+    assert dense.trees_m[:10] == sparse.trees_m
+    assert (len(sparse.trees_m), len(dense.trees_m)) == (10, 100)
+
+
+@pytest.mark.parametrize(
+    ("key", "near"),
+    [
+        ("escape.turn_angel_deg", "escape.turn_angle_deg"),
+        ("turn_angle_deg", "escape.turn_angle_deg"),
+        ("sim.slip_mean_m", "slip_mean_m"),
+        ("footprint", "footprint_m"),
+        ("sim.compass_noise", "sim.compass_noise_deg"),
+    ],
+)
+def test_unknown_key_is_told_with_the_nearest(key: str, near: str) -> None:
+    with pytest.raises(UnknownName, match=f"unknown key '{key}': did you mean .*{near}"):
+        make_sweep(BASE, [Axis(key, (1,))])
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("escape.turn_angle_deg", 190, "key 'escape.turn_angle_deg' = 190: .* allowed is above 0 to 180"),
+        ("footprint_m", 0, "key 'vehicle.length_m' = 0: .* allowed is above 0 to 1000"),
+        ("slip_mean_m", -2, "key 'slip_mean_m' = -2: .* allowed is above 0 to 1000"),
+        ("budget_m", 0, "key 'budget_m' = 0: "),
+        ("sim.compass_bias_deg", 200, "key 'sim.compass_bias_deg' = 200: .* allowed is -180 to 180"),
+        ("sim.trees_per_ha", 5000, "key 'sim.trees_per_ha' = 5000: .* allowed is 0 to 1000"),
+        ("detector.implausible_of", 2.5, "key 'detector.implausible_of' = 2.5: "),
+        ("anomaly_source", "smell", "key 'anomaly_source' = 'smell': "),
+        ("control_hz", 1, "key 'control_hz' = 1: too slow"),
+        ("parts.contact.frnot", 1, "unknown key 'parts.contact.frnot'; did you mean 'front'"),
+        ("parts.wings.flap", 1, "parts.wings"),
+    ],
+)
+def test_value_out_of_range_is_told_as_in_a_rover_file(key: str, value: Value, told: str) -> None:
+    with pytest.raises(BadConfig, match=told):
+        make_sweep(BASE, [Axis(key, (value,))])
+
+
+def test_keys_that_do_not_go_together_are_refused() -> None:
+    with pytest.raises(BadInput, match="set the same value"):
+        sweep_of(footprint_m=(0.4,), vehicle__width_m=(0.2,))
+    with pytest.raises(BadInput, match="set the same value"):
+        make_sweep(BASE, [Axis("slip_mean_m", (2,)), Axis("slip_mean_m", (10,))])
+    with pytest.raises(BadInput, match="more cannot be drawn"):
+        sweep_of(slip_mean_m=(2,), budget_m=(100,), footprint_m=(0.4,))
+
+
+def test_trees_of_a_forest_file_cannot_be_swept() -> None:
+    given: Campaign = replace(BASE, forests=ForestFile("forests.jsonl", "", (BASE.make_forest(0),)))
+    with pytest.raises(BadInput, match="leave out --forests"):
+        make_sweep(given, [Axis("sim.trees_per_ha", (40,))])
+
+
+def test_too_many_trials_are_refused() -> None:
+    with pytest.raises(BadInput, match="1,200,000 trials, allowed are 1,000,000"):
+        make_sweep(replace(BASE, trials=400_000), [Axis("slip_mean_m", (1, 2, 3))])

@@ -1,0 +1,147 @@
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pyarrow import parquet
+
+from tests.experiments import fake_trials
+from wayfarer.errors import BadInput
+from wayfarer.experiments.campaign import Task
+from wayfarer.experiments.executors import RunTrial, TrialRunner
+from wayfarer.experiments.sweep import command
+from wayfarer.experiments.sweep.axes import Axis
+from wayfarer.experiments.sweep.folder import KEPT, PARQUET, PARTIAL, SETTINGS, TRIALS, SweepFolder, read_trials
+from wayfarer.experiments.sweep.grid import Sweep, make_sweep
+from wayfarer.experiments.trial import TrialResult
+from wayfarer.experiments.trial_setup import TrialSpec
+
+AXES = (Axis("escape.turn_angle_deg", (10, 30.5)), Axis("anomaly_source", ("motion", "contact")))
+SMALL = make_sweep(fake_trials.campaign_of(6, "pledge", "levy-walk"), AXES)
+EVERY = 2 * 2 * 2 * 6
+
+
+def angle_matters(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+    result = fake_trials.quick(spec)
+    return result._replace(path_m=result.path_m + spec.rover.escape.turn_angle_deg)
+
+
+def run(
+    out: Path, sweep: Sweep = SMALL, *, resume: bool = False, jobs: int = 1, trial: RunTrial = angle_matters
+) -> int:
+    return command.run_all(sweep, out, resume=resume, jobs=jobs, run_trial=trial)
+
+
+def table(out: Path) -> list[dict[str, str]]:
+    with (out / TRIALS).open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_row_for_each_trial_has_the_swept_values_before_it(tmp_path: Path) -> None:
+    assert run(tmp_path / "out") == 0
+    rows = table(tmp_path / "out")
+    keys = [(r["point"], r["escape.turn_angle_deg"], r["anomaly_source"], r["algorithm"], r["trial"]) for r in rows]
+    assert keys == [
+        (str(2 * a + s), angle, source, algorithm, str(trial))
+        for a, angle in enumerate(("10", "30.5"))
+        for s, source in enumerate(("motion", "contact"))
+        for algorithm in ("pledge", "levy-walk")
+        for trial in range(6)
+    ]
+    by_key = dict(zip(keys, rows, strict=True))
+    further_m = [
+        float(by_key["2", "30.5", "motion", "pledge", str(n)]["path_m"])
+        - float(by_key["0", "10", "motion", "pledge", str(n)]["path_m"])
+        for n in range(6)
+    ]
+    assert further_m == pytest.approx([20.5] * 6, abs=0.002)
+    assert not (tmp_path / "out" / PARTIAL).exists()
+
+
+def test_parquet_holds_what_the_table_holds(tmp_path: Path) -> None:
+    run(tmp_path)
+    rows: list[dict[str, Any]] = parquet.read_table(tmp_path / PARQUET).to_pylist()
+    assert len(rows) == EVERY
+    for row, texts in zip(rows, table(tmp_path), strict=True):
+        assert list(row) == list(texts)
+        assert isinstance(row["escape.turn_angle_deg"], float)
+        assert isinstance(row["path_m"], float)
+        for name, text in texts.items():
+            assert row[name] == (None if text == "" else type(row[name])(text)), name
+
+
+@pytest.mark.slow
+def test_jobs_change_nothing(tmp_path: Path) -> None:
+    assert run(tmp_path / "one") == run(tmp_path / "two", jobs=2) == 0
+    assert (tmp_path / "one" / TRIALS).read_bytes() == (tmp_path / "two" / TRIALS).read_bytes()
+
+
+def test_interrupted_sweep_goes_on_to_the_same_table(tmp_path: Path) -> None:
+    run(tmp_path / "whole")
+    some = {task: TrialRunner(SMALL.points[task.point].campaign, angle_matters) for task in SMALL.tasks()[5:30:3]}
+    with SweepFolder(tmp_path / "out", SMALL) as folder:
+        for task, runner in some.items():
+            folder.append(task.point, runner.run(Task(task.algorithm, task.trial)).row)
+    partial = tmp_path / "out" / PARTIAL
+    partial.write_text(partial.read_text()[:-9])  # the last line is torn
+    asked: list[TrialSpec] = []
+
+    def counted(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+        asked.append(spec)
+        return angle_matters(spec)
+
+    assert run(tmp_path / "out", resume=True, trial=counted) == 0
+    assert len(asked) == EVERY - len(some) + 1
+    assert (tmp_path / "out" / TRIALS).read_bytes() == (tmp_path / "whole" / TRIALS).read_bytes()
+    asked.clear()
+    assert run(tmp_path / "out", resume=True, trial=counted) == 0
+    assert asked == [], "what is finished is not run again"
+
+
+def test_another_sweeps_folder_is_refused(tmp_path: Path) -> None:
+    run(tmp_path)
+    with pytest.raises(BadInput, match="is not empty"):
+        run(tmp_path)
+    with pytest.raises(BadInput, match="its keys or values differ"):
+        run(tmp_path, make_sweep(SMALL.base, AXES[:1]), resume=True)
+    with pytest.raises(BadInput, match="another sweep: trials differ"):
+        run(tmp_path, make_sweep(fake_trials.campaign_of(7, "pledge", "levy-walk"), AXES), resume=True)
+    (tmp_path / SETTINGS).write_text("{}")
+    with pytest.raises(BadInput, match="holds no sweep"):
+        run(tmp_path, resume=True)
+
+
+def test_folder_in_use_and_no_folder_are_refused(tmp_path: Path) -> None:
+    with SweepFolder(tmp_path / "out", SMALL), pytest.raises(BadInput, match="in use by another sweep"):
+        run(tmp_path / "out", resume=True)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BadInput, match="cannot be used for the output"):
+        run(tmp_path / "file")
+
+
+@pytest.mark.parametrize("damage", ["point,no,columns\n", "\xff", "{columns}x,1,2\n", "{columns}1,0,pledge,0\n"])
+def test_damaged_table_is_told(tmp_path: Path, damage: str) -> None:
+    run(tmp_path)
+    columns = (tmp_path / TRIALS).read_text().partition("\n")[0] + "\n"
+    (tmp_path / TRIALS).write_text(damage.replace("{columns}", columns), encoding="latin-1")
+    with pytest.raises(BadInput, match=TRIALS):
+        run(tmp_path, resume=True)
+
+
+def test_settings_say_what_the_campaign_has_without_a_sweep(tmp_path: Path) -> None:
+    run(tmp_path)
+    axes = json.loads((tmp_path / SETTINGS).read_text())["axes"]
+    assert axes[0] == {"key": "escape.turn_angle_deg", "values": [10, 30.5], "now": 30.0}
+    assert axes[1]["now"] == "motion"
+
+
+def test_kept_rows_are_those_that_were_written(tmp_path: Path) -> None:
+    row = TrialRunner(SMALL.base, fake_trials.quick).run(Task("pledge", 3)).row
+    with SweepFolder(tmp_path, SMALL) as folder:
+        folder.append(2, row)
+    kept = read_trials(tmp_path / PARTIAL, KEPT, 0)
+    assert [(task.point, *task[1:]) for task in kept] == [(2, "pledge", 3)]
+    assert list(kept.values()) == [row]

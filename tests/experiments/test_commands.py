@@ -1,0 +1,92 @@
+"""What ``wayfarer sim`` does with its options: rovers that it refuses before the first trial, and where logs go."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wayfarer import cli
+from wayfarer.fieldlog.reader import read_header
+
+BODY = """
+name = "test"
+[vehicle]
+length_m = 0.4
+width_m = 0.4
+track_m = 0.5
+max_speed_m_s = 1.0
+"""
+COMPASS = '[parts.compass]\ndriver = "cmps14"\n'
+THUNDERBORG = '[parts.motors]\ndriver = "thunderborg"\n'
+PINS = "left_forward = 17\nleft_backward = 18\nright_forward = 22\nright_backward = 23\n"
+UNBUILDABLE = {
+    "no motors": (COMPASS, "rover 'test' has no [parts.motors]"),
+    "no compass": (THUNDERBORG, "rover 'test' has no [parts.compass]"),
+    "no parts": ("", "rover 'test' has no [parts.compass]"),
+    "no such chip": (
+        COMPASS + '[parts.motors]\ndriver = "gpio_motors"\n' + PINS,
+        "no simulated chip for",
+    ),
+    "two chips at one address": (COMPASS + THUNDERBORG + "address = 0x60\n", "parts.compass (CMPS14) has this address"),
+}
+
+
+@pytest.mark.parametrize("options", [["--out", "out"], ["--trial", "0", "--log", "log"]], ids=["all", "alone"])
+@pytest.mark.parametrize(("parts", "says"), UNBUILDABLE.values(), ids=UNBUILDABLE)
+def test_rover_that_cannot_be_built_is_one_line_before_any_trial(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    parts: str,
+    says: str,
+    options: list[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", lambda *_: pytest.fail("a trial was run"))
+    Path("rover.toml").write_text(BODY + parts, encoding="utf-8")
+    code = cli.run(["sim", "--depth", "bus", "--jobs", "1", "--rover", "./rover.toml", *options])
+    out, err = capsys.readouterr()
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("wayfarer: ./rover.toml: key 'parts.")
+    assert says in err
+    assert [path.name for path in tmp_path.iterdir()] == ["rover.toml"]
+
+
+@pytest.mark.parametrize(("parts", "says"), UNBUILDABLE.values(), ids=UNBUILDABLE)
+def test_rover_that_cannot_be_built_is_one_line_before_a_daemon_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], parts: str, says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("rover.toml").write_text(BODY + parts, encoding="utf-8")
+    code = cli.run(["run", "--sim", "--depth", "bus", "--config", "./rover.toml"])
+    out, err = capsys.readouterr()
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("wayfarer: ./rover.toml: key 'parts.")
+    assert says in err
+    assert [path.name for path in tmp_path.iterdir()] == ["rover.toml"]
+
+
+def test_rover_without_parts_can_be_simulated_at_device_depth(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "rover.toml").write_text(BODY, encoding="utf-8")
+    options = ["--trials", "1", "--trial", "0", "--budget-m", "1", "--rover", str(tmp_path / "rover.toml")]
+    assert cli.run(["sim", *options]) == 0
+    assert "entrapped" in capsys.readouterr().out
+
+
+def test_campaign_with_a_log_gives_each_trial_its_own(tmp_path: Path) -> None:
+    options = ["--trials", "2", "--algorithm", "pledge,levy-walk", "--budget-m", "5", "--jobs", "2"]
+    assert cli.run(["sim", *options, "--log", str(tmp_path / "logs")]) == 0
+    runs = sorted((tmp_path / "logs").iterdir())
+    assert [run.name for run in runs] == ["levy-walk-00000", "levy-walk-00001", "pledge-00000", "pledge-00001"]
+    for run in runs:
+        header = read_header(run)
+        assert run.name == f"{header['algorithm']}-{header['trial']:05d}"
+
+
+def test_campaign_refuses_a_folder_that_has_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "forest-pledge-00000").mkdir()
+    assert cli.run(["sim", "--trials", "1", "--log", str(tmp_path)]) == 2
+    assert "the log needs a new or empty folder" in capsys.readouterr().err

@@ -1,0 +1,82 @@
+"""The simulated rover on a desk: a world that begins when the daemon does, and ends the run when it is out."""
+
+from __future__ import annotations
+
+import asyncio
+from random import Random
+from typing import Any
+
+import pytest
+
+from wayfarer.config.rover_file import load_rover
+from wayfarer.control.records import Tee
+from wayfarer.control.supervisor import Supervisor
+from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.experiments.live_rover import desk_vessel
+from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.world import World
+
+UPTIME_S = 86_400.0  # a desk computer's clock does not begin at 0
+
+
+def run_on_a_desk(
+    depth: Depth, seed: int, algorithm: str = "forest-pledge", for_s: float = 1e5
+) -> tuple[RunEnd, float]:
+    """Run the daemon's supervisor until the simulated rover ends it; return how it ended and after how long."""
+
+    async def main() -> tuple[RunEnd, float]:
+        loop = asyncio.get_running_loop()
+        await asyncio.sleep(UPTIME_S)
+        config = load_rover("sim")
+        supervisors: list[Supervisor] = []
+        vessel = desk_vessel(config, depth, seed, lambda reason, text: supervisors[0].finish(reason, text))
+        rover = vessel.rover
+        handler = CATALOGUE[algorithm].make(config.escape, config.vehicle, Random(seed))
+        supervisors.append(Supervisor(rover, config, CATALOGUE[algorithm], handler, Tee()))
+        await supervisors[0].arm(0.0)
+        loop.call_later(for_s, supervisors[0].finish, "requested", "enough")
+        return await supervisors[0].run(), loop.time() - UPTIME_S
+
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(main())
+
+
+@pytest.mark.parametrize("depth", Depth)
+def test_rover_that_is_out_ends_the_run_and_says_how_far_it_went(depth: Depth) -> None:
+    end, took_s = run_on_a_desk(depth, 1)
+    assert end.reason == "escaped"
+    assert end.text.startswith("the simulated rover has escaped after ")
+    path_m = float(end.text.split()[-2])
+    assert 37.5 <= path_m < took_s * 1.4
+
+
+def test_world_begins_when_the_rover_is_made_and_not_when_the_computer_was_switched_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    worlds: list[World] = []
+
+    def remembered(*parts: Any, **settings: Any) -> World:
+        worlds.append(World(*parts, **settings))
+        assert worlds[0].t_s == UPTIME_S
+        return worlds[0]
+
+    monkeypatch.setattr("wayfarer.experiments.live_rover.World", remembered)
+    run_on_a_desk(Depth.DEVICE, 1, for_s=5.0)
+    assert worlds[0].steps == pytest.approx(5.0 / Physics().step_s, abs=2)
+
+
+def test_both_depths_give_the_same_drive() -> None:
+    assert run_on_a_desk(Depth.DEVICE, 2)[0] == run_on_a_desk(Depth.BUS, 2)[0]
+
+
+def test_seed_is_another_forest() -> None:
+    assert run_on_a_desk(Depth.DEVICE, 1) != run_on_a_desk(Depth.DEVICE, 2)
+
+
+def test_run_goes_on_until_it_is_ended() -> None:
+    end, took_s = run_on_a_desk(Depth.DEVICE, 1, for_s=5.0)
+    assert end == RunEnd("requested", "enough")
+    assert took_s == pytest.approx(5.0, abs=0.1)

@@ -1,0 +1,300 @@
+from __future__ import annotations
+
+import json
+import os
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wayfarer.config.rover_file import load_rover
+from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.experiments.campaign import Campaign
+from wayfarer.experiments.results_folder import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder, read_rows
+from wayfarer.experiments.rows import (
+    COLUMNS,
+    OUTCOMES,
+    TERRAIN,
+    Row,
+    columns_of,
+    csv_line,
+    parse_row,
+    row_of,
+    without_kinds,
+)
+from wayfarer.experiments.trial import TrialResult
+from wayfarer.simhal.grounds import GroundName
+from wayfarer.simhal.mujoco.terrain import Terrains
+
+SETTINGS_HERE: dict[str, Any] = {
+    "version": "1",
+    "algorithms": ["pledge"],
+    "trials": 3,
+    "rover": {"name": "sim", "rates": {"compass_hz": 20.0}},
+}
+ROWS = [Row(n, "pledge", n // 2, n % 2, 77 + n, "escaped", 80.125, 1.5, 90.0, 3, 2, ticks=9) for n in range(3)]
+KEPT = (*COLUMNS, "ticks")
+numbers = st.floats(-1e6, 1e6)
+maybe = st.none() | numbers
+
+
+@st.composite
+def results(draw: st.DrawFn) -> TrialResult:
+    counts = [draw(st.integers(0, 10**6)) for _ in range(4)]
+    outcome: Any = draw(st.sampled_from(OUTCOMES))
+    return TrialResult(
+        counts[0], "pkg.rules:spiral", counts[1], counts[2], draw(st.integers(0, 2**63 - 1)), outcome,
+        draw(numbers), draw(numbers), draw(numbers), counts[3], 4, draw(maybe), draw(maybe), 5, 3, 1, 2,
+        *(draw(maybe) for _ in TERRAIN),
+    )  # fmt: skip
+
+
+@given(results())
+def test_row_holds_what_its_line_holds(result: TrialResult) -> None:
+    row = row_of(result)
+    again = parse_row(csv_line(Row._fields, row), Row._fields, "here")
+    assert again == row
+    assert csv_line(Row._fields, again) == csv_line(Row._fields, row)
+
+
+def test_row_reads_as_the_issue_asks() -> None:
+    assert csv_line(COLUMNS) == (
+        "trial,algorithm,forest,noise,seed,outcome,path_m,reverse_m,time_s,anomalies,episodes,shortest_path_m,spl,"
+        "interventions,overturned,off_wheels\n"
+    )
+    result = TrialResult(7, "pledge", 3, 1, 99, "escaped", 81.3, 4.25, 95.05, 12, 5, 39.9, 0.49077, 1900)
+    assert csv_line(COLUMNS, row_of(result)) == "7,pledge,3,1,99,escaped,81.300,4.250,95.050,12,5,39.900,0.4908,,,\n"
+    assert csv_line(COLUMNS, Row(7, "pledge", 3, 1, 99, "fault")) == "7,pledge,3,1,99,fault,,,,,,,,,,\n"
+
+
+def test_row_never_holds_nan_or_a_negative_zero() -> None:
+    result = TrialResult(0, "pledge", 0, 0, 1, "tipped", float("nan"), -0.0, -1e-9, 0, 0, float("inf"), None, 0)
+    assert csv_line(COLUMNS, row_of(result)) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,,,,\n"
+
+
+def finish(folder: ResultsFolder, summary: dict[str, Any]) -> None:
+    list(folder.into_tables(folder.kept))
+    folder.finish(summary)
+
+
+WHOLE = csv_line(KEPT, ROWS[0])
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "",
+        "1,pledge",
+        "x" * 99,
+        WHOLE.replace("escaped", "vanished"),
+        WHOLE.replace("80.125", "nan"),
+        WHOLE.replace("80.125", "1e999"),
+        WHOLE.removeprefix("0"),
+    ],
+)
+def test_line_that_is_no_row_is_refused_with_its_place(line: str) -> None:
+    with pytest.raises(BadInput, match=r"^trials.csv, line 9 is not a row"):
+        parse_row(line, KEPT, "trials.csv, line 9")
+
+
+def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path / "new" / "run", SETTINGS_HERE) as folder:
+        for row in ROWS:
+            folder.append(row)
+        finish(folder, {"ticks": 27})
+        assert folder.complete
+    assert {path.name for path in folder.path.iterdir()} == {SETTINGS, TRIALS, PARQUET, SUMMARY}
+    assert (folder.path / TRIALS).read_text() == csv_line(COLUMNS) + "".join(csv_line(COLUMNS, row) for row in ROWS)
+    assert json.loads((folder.path / SUMMARY).read_text()) == {"ticks": 27}
+
+
+def test_row_is_on_disk_as_soon_as_it_is_kept(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        folder.append(ROWS[1])
+        assert (tmp_path / PARTIAL).read_text() == csv_line(KEPT) + csv_line(KEPT, ROWS[1])
+
+
+def test_resuming_after_a_cut_anywhere_keeps_exactly_the_whole_lines(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        for row in ROWS[:2]:
+            folder.append(row)
+    whole = (tmp_path / PARTIAL).read_bytes()
+    for length in range(len(whole) + 1):
+        (tmp_path / PARTIAL).write_bytes(whole[:length])
+        with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
+            assert list(folder.kept) == ROWS[: max(0, whole[:length].count(b"\n") - 1)]
+            for row in ROWS[len(folder.kept) : 2]:
+                folder.append(row)
+        assert (tmp_path / PARTIAL).read_bytes() == whole
+
+
+def test_complete_folder_resumes_to_what_it_holds(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        for row in ROWS:
+            folder.append(row)
+        finish(folder, {})
+    with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
+        assert folder.complete
+        assert list(folder.kept) == [row._replace(ticks=None) for row in ROWS]
+
+
+def test_damaged_row_in_the_middle_is_named(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        folder.append(ROWS[0])
+    with (tmp_path / PARTIAL).open("a") as partial:
+        partial.write("\0\0\0\n")
+    with pytest.raises(BadInput, match=r"trials\.partial\.csv, line 3 is not a row"):
+        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+
+
+@pytest.mark.parametrize("damage", [b"\x80", b"\xff\xfe"])
+def test_rows_that_are_no_text_are_refused_with_the_file(tmp_path: Path, damage: bytes) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        folder.append(ROWS[0])
+    with (tmp_path / PARTIAL).open("ab") as partial:
+        partial.write(damage + b"\n")
+    with pytest.raises(BadInput, match=r"trials\.partial\.csv is damaged: byte \d+ is no text"):
+        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+
+
+@pytest.mark.parametrize("content", [b"", b"trial,algorithm\n"])
+def test_table_without_its_columns_is_refused(tmp_path: Path, content: bytes) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
+        folder.append(ROWS[0])
+        finish(folder, {})
+    (tmp_path / TRIALS).write_bytes(content)
+    with pytest.raises(BadInput, match=r"trials\.csv is damaged: its first line does not name its columns"):
+        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+
+
+def test_another_campaigns_folder_is_refused_by_its_first_difference(tmp_path: Path) -> None:
+    ResultsFolder(tmp_path, SETTINGS_HERE).close()
+    faster = {**SETTINGS_HERE, "rover": {"name": "sim", "rates": {"compass_hz": 50.0}}}
+    with pytest.raises(BadInput, match=r"rover\.rates\.compass_hz is 20\.0 there and 50\.0 here"):
+        ResultsFolder(tmp_path, faster, resume=True)
+
+
+def settings_of(rover: str, chassis: dict[str, float], **beside: Any) -> dict[str, Any]:
+    """The settings of a campaign whose rover file has this chassis and no more of it."""
+    campaign = Campaign(("pledge",), 3, load_rover(rover), **beside)
+    settings: dict[str, Any] = json.loads(json.dumps(campaign.settings()))
+    return {**settings, "rover": {**settings["rover"], "chassis": chassis}}
+
+
+VERSION_0_1 = {"ground_clearance_m": 0.041, "weight_kg": 6.1, "motors_n_m": 4.51}  # what there was then
+NOW = {**VERSION_0_1, "wheel_radius_m": 0.065, "height_m": 0.228}
+
+
+@pytest.mark.parametrize(
+    ("rover", "scenario", "then"),
+    [
+        ("sim", None, dict.fromkeys(VERSION_0_1)),
+        ("forestrover", None, {}),
+        ("forestrover", "extended-maze", VERSION_0_1),
+    ],
+)
+def test_older_versions_campaign_goes_on_where_it_reads_nothing_of_what_is_new(
+    tmp_path: Path, rover: str, scenario: str | None, then: dict[str, Any]
+) -> None:
+    with ResultsFolder(tmp_path, settings_of(rover, then, scenario=scenario)) as folder:
+        folder.append(ROWS[0])
+    with ResultsFolder(tmp_path, settings_of(rover, NOW, scenario=scenario), resume=True) as folder:
+        assert list(folder.kept) == ROWS[:1]
+
+
+@pytest.mark.parametrize(
+    ("beside", "key"),
+    [
+        ({"scenario": "extended-maze"}, "weight_kg"),
+        ({"terrains": Terrains()}, "weight_kg"),
+        ({"terrains": Terrains()}, "wheel_radius_m"),
+        ({"ground": GroundName.mud}, "wheel_radius_m"),
+    ],
+)
+def test_campaign_that_reads_another_chassis_is_another_one(tmp_path: Path, beside: dict[str, Any], key: str) -> None:
+    ResultsFolder(tmp_path, settings_of("forestrover", {**NOW, key: 0.05}, **beside)).close()
+    with pytest.raises(BadInput, match=rf"rover\.chassis\.{key} is 0\.05 there"):
+        ResultsFolder(tmp_path, settings_of("forestrover", NOW, **beside), resume=True)
+
+
+def test_folder_that_is_in_use_is_refused(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path, SETTINGS_HERE), pytest.raises(BadInput, match="in use"):
+        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+    ResultsFolder(tmp_path, SETTINGS_HERE, resume=True).close()
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_folder_with_something_else_in_it_is_refused_and_left_alone(tmp_path: Path, resume: bool) -> None:
+    (tmp_path / "holiday.jpg").touch()
+    with pytest.raises(BadInput, match="holds no campaign" if resume else "not empty"):
+        ResultsFolder(tmp_path, SETTINGS_HERE, resume=resume)
+    assert [path.name for path in tmp_path.iterdir()] == ["holiday.jpg"]
+
+
+def test_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "out").touch()
+    with pytest.raises(BadInput, match="is a file"):
+        ResultsFolder(tmp_path / "out", SETTINGS_HERE)
+    with pytest.raises(BadInput, match="cannot be used for the output: Not a directory"):
+        ResultsFolder(tmp_path / "out" / "run", SETTINGS_HERE)
+
+
+def test_folder_that_cannot_be_made_leaves_nothing_behind(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="name too long"):
+        ResultsFolder(tmp_path / "a" / "b" / ("c" * 300), SETTINGS_HERE)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_folder_without_write_permission_is_refused(tmp_path: Path) -> None:
+    tmp_path.chmod(0o555)
+    with pytest.raises(BadInput, match="Permission denied"):
+        ResultsFolder(tmp_path, SETTINGS_HERE)
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """A process that may write no file any further is as badly off."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_full_disk_ends_in_one_line_that_says_what_to_do(tmp_path: Path) -> None:
+    said = r"cannot be written any more: File too large.*--resume"
+    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder, full_disk(), pytest.raises(WayfarerError, match=said):
+        folder.append(ROWS[0])
+
+
+HELPED = [ROWS[0], ROWS[1]._replace(interventions=3, overturned=1, off_wheels=2), ROWS[2]]
+IN_MUJOCO = {**SETTINGS_HERE, "mujoco": {"friction": [0.5, 0.5]}}
+SETTINGS_OF_EACH = pytest.mark.parametrize("settings", [SETTINGS_HERE, IN_MUJOCO])
+
+
+@SETTINGS_OF_EACH
+def test_table_of_an_older_version_is_read(tmp_path: Path, settings: dict[str, Any]) -> None:
+    older = without_kinds(columns := columns_of(settings))
+    path = tmp_path / TRIALS
+    path.write_text(csv_line(older) + "".join(csv_line(older, row) for row in HELPED))
+    assert "overturned" not in path.read_text()
+    assert read_rows(path, columns) == [row._replace(ticks=None, overturned=None, off_wheels=None) for row in HELPED]
+
+
+@SETTINGS_OF_EACH
+def test_campaign_of_an_older_version_is_gone_on_with(tmp_path: Path, settings: dict[str, Any]) -> None:
+    older = without_kinds(columns := (*columns_of(settings), "ticks"))
+    ResultsFolder(tmp_path, settings).close()
+    partial = tmp_path / PARTIAL
+    partial.write_text(csv_line(older) + csv_line(older, HELPED[0]))
+    with ResultsFolder(tmp_path, settings, resume=True) as folder:
+        folder.append(HELPED[1])
+        assert [*folder.kept] == HELPED[:2]
+    assert partial.read_text() == csv_line(columns) + "".join(csv_line(columns, row) for row in HELPED[:2])

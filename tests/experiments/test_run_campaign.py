@@ -1,0 +1,268 @@
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from threading import Event
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.experiments import fake_trials
+from tests.experiments.fake_trials import campaign_of
+from wayfarer.errors import WayfarerError
+from wayfarer.experiments import run_campaign
+from wayfarer.experiments.campaign import Campaign, ForestFile, Task
+from wayfarer.experiments.executors import Done, RunTrial, TrialRunner, field_trial
+from wayfarer.experiments.progress_bar import Progress
+from wayfarer.experiments.results_folder import PARTIAL, SUMMARY, TRIALS, ResultsFolder
+from wayfarer.experiments.rows import Row
+
+START_UP_S = 30.0  # a generous deadline; nothing waits for it unless something is broken
+
+
+class Recorded(Progress):
+    def __init__(self) -> None:
+        self.done: list[Done] = []
+
+    def advance(self, done: Done) -> None:
+        self.done.append(done)
+
+
+def run_into(
+    path: Path,
+    plan: Campaign,
+    run_trial: RunTrial = fake_trials.quick,
+    *,
+    resume: bool = False,
+    jobs: int = 1,
+) -> bytes:
+    with ResultsFolder(path, plan.settings(), resume=resume) as folder:
+        run_campaign.run(plan, folder, jobs=jobs, run_trial=run_trial)
+    return (path / TRIALS).read_bytes()
+
+
+# --- which trial is what
+
+
+def test_generated_trials_are_layouts_with_two_noises_each() -> None:
+    plan = campaign_of(5)
+    assert [plan.forest_and_noise(trial) for trial in range(5)] == [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0)]
+    forest = plan.make_forest(3)
+    assert (forest.forest, forest.noise) == (1, 1)
+
+
+def test_forests_of_a_file_come_in_its_order_and_again_with_new_noise() -> None:
+    one = campaign_of(1).make_forest(0)
+    numbers = [(4, 2025), (4, 2026), (9, 2025)]
+    file = ForestFile("f", "", tuple(replace(one, forest=forest, noise=noise) for forest, noise in numbers))
+    plan = replace(campaign_of(7), forests=file)
+    passes = [plan.make_forest(trial) for trial in range(7)]
+    assert [(forest.forest, forest.noise) for forest in passes] == [
+        *numbers, (4, 2027), (4, 2028), (9, 2027), (4, 2029),
+    ]  # fmt: skip
+    assert [(forest.forest, forest.noise) for forest in passes] == [plan.forest_and_noise(n) for n in range(7)]
+    assert all(forest.trunks == one.trunks and forest.trees_m == one.trees_m for forest in passes)
+
+
+@given(st.integers(0, 2**70), st.integers(0, 10**6))
+def test_trial_seed_is_63_bits_and_the_same_for_every_algorithm(seed: int, trial: int) -> None:
+    plan = replace(campaign_of(1, "pledge"), seed=seed)
+    assert 0 <= plan.trial_seed(trial) < 2**63
+    assert plan.trial_seed(trial) == replace(plan, algorithms=("levy-walk",)).trial_seed(trial)
+    assert (
+        len(
+            {
+                plan.trial_seed(trial),
+                plan.trial_seed(trial + 1),
+                replace(plan, seed=seed + 1).trial_seed(trial),
+            }
+        )
+        == 3
+    )
+
+
+def test_trial_seed_never_changes() -> None:
+    assert campaign_of(1).trial_seed(0) == 7519334944260373035
+
+
+def test_spl_computes_the_shortest_paths_that_are_not_known() -> None:
+    plan = replace(campaign_of(1), spl=True)
+    shortest_path_m = plan.make_forest(0).shortest_path_m
+    assert shortest_path_m is not None
+    assert 37.5 <= shortest_path_m < 80
+    known = replace(plan.make_forest(0), shortest_path_m=41.5)
+    assert replace(plan, forests=ForestFile("f", "", (known,))).make_forest(0).shortest_path_m == 41.5
+
+
+def test_one_forest_serves_all_algorithms() -> None:
+    made: list[int] = []
+
+    class Counting(Campaign):
+        def make_forest(self, trial: int):  # type: ignore[no-untyped-def]
+            made.append(trial)
+            return super().make_forest(trial)
+
+    plan = Counting(("pledge", "levy-walk", "cv-react"), 3, campaign_of(1).rover)
+    TrialRunner(plan, fake_trials.quick).run_chunk(list(plan.tasks_by_forest()))
+    assert made == [0, 1, 2]
+
+
+# --- running
+
+
+def test_rows_come_by_algorithm_as_asked_then_by_trial(tmp_path: Path) -> None:
+    plan = campaign_of(3, "pledge", "levy-walk")
+    with ResultsFolder(tmp_path, plan.settings()) as folder:
+        finished = run_campaign.run(plan, folder, run_trial=fake_trials.quick)
+        keys = [row.key for row in folder.kept]
+    assert keys == [Task(name, n) for name in ("pledge", "levy-walk") for n in range(3)]
+    assert not finished.interrupted
+    assert finished.effort.ticks == 600
+
+
+def test_results_do_not_depend_on_workers_or_order_of_completion(tmp_path: Path) -> None:
+    plan = campaign_of(40, "pledge", "levy-walk")
+    alone = run_into(tmp_path / "1", plan)
+    assert run_into(tmp_path / "2", plan, fake_trials.early_ones_last, jobs=2) == alone
+    seen = Recorded()
+    with ResultsFolder(tmp_path / "4", plan.settings()) as folder:
+        slowly, threads = fake_trials.early_ones_last, partial(ThreadPoolExecutor, 4)
+        run_campaign.run(plan, folder, jobs=4, executor=threads, progress=seen, run_trial=slowly)
+    assert (tmp_path / "4" / TRIALS).read_bytes() == alone
+    assert [done.row.key for done in seen.done] != list(plan.tasks_by_forest())
+
+
+def test_real_trials_do_not_mind_each_other_in_threads(tmp_path: Path) -> None:
+    """A Dask worker may have several."""
+    plan = replace(campaign_of(4, "pledge", "levy-walk"), budget_m=10.0)
+    alone = run_into(tmp_path / "1", plan, field_trial)
+    with ResultsFolder(tmp_path / "3", plan.settings()) as folder:
+        run_campaign.run(plan, folder, jobs=3, executor=partial(ThreadPoolExecutor, 3))
+    assert (tmp_path / "3" / TRIALS).read_bytes() == alone
+    assert b"fault" not in alone
+
+
+def test_resuming_runs_only_what_is_missing_and_ends_in_the_same_bytes(tmp_path: Path) -> None:
+    plan = campaign_of(20)
+    whole = run_into(tmp_path / "whole", plan)
+    with ResultsFolder(tmp_path / "cut", plan.settings()) as folder:
+        for trial in (4, 17, 2):
+            folder.append(TrialRunner(plan, fake_trials.quick).run(Task("forest-pledge", trial)).row)
+    seen = Recorded()
+    with ResultsFolder(tmp_path / "cut", plan.settings(), resume=True) as folder:
+        run_campaign.run(plan, folder, progress=seen, run_trial=fake_trials.quick)
+    assert {done.row.trial for done in seen.done} == set(range(20)) - {4, 17, 2}
+    assert (tmp_path / "cut" / TRIALS).read_bytes() == whole
+
+
+def test_summary_says_all_that_was_asked_and_never_nan(tmp_path: Path) -> None:
+    plan = campaign_of(12, "pledge", "levy-walk")
+    run_into(tmp_path, plan)
+    summary = json.loads((tmp_path / SUMMARY).read_text(), parse_constant=pytest.fail)
+    assert summary["seed"] == 0
+    assert summary["rover"]["name"] == "sim"
+    assert summary["ticks"] == 2400
+    assert [line["algorithm"] for line in summary["table"]] == ["pledge", "levy-walk"]
+    assert summary["last_run"]["cpu_us_per_tick"] >= 0
+
+
+# --- what goes wrong
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_trial_that_raises_becomes_a_fault_and_the_others_go_on(tmp_path: Path, jobs: int) -> None:
+    plan = campaign_of(8)
+    seen = Recorded()
+    with ResultsFolder(tmp_path, plan.settings()) as folder:
+        finished = run_campaign.run(plan, folder, jobs=jobs, progress=seen, run_trial=fake_trials.third_fails)
+        rows = list(folder.kept)
+    assert finished.trials == len(rows) == 8
+    assert rows[3] == Row(3, "forest-pledge", 1, 1, plan.trial_seed(3), "fault")
+    (fault,) = [done.fault for done in seen.done if done.fault]
+    assert re.fullmatch(r"KeyError: 'no such\\nphase' \(fake_trials\.py:\d+\)", fault.text)
+    assert "Traceback" in fault.traceback
+
+
+def test_forest_that_cannot_be_made_is_a_fault_of_its_trial(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(layout: int, noise: int, seed: int) -> None:
+        raise ValueError(f"layout {layout}")
+
+    monkeypatch.setattr("wayfarer.simhal.generate.generate_forest", broken)
+    done = TrialRunner(campaign_of(1), fake_trials.quick).run(Task("forest-pledge", 0))
+    assert done.row.outcome == "fault"
+    assert done.fault is not None
+
+
+def test_worker_that_dies_is_told_and_finished_trials_are_kept(tmp_path: Path) -> None:
+    plan = campaign_of(12)
+    with pytest.raises(WayfarerError, match=r"a worker process died after \d+ trials.*--resume"):
+        run_into(tmp_path, plan, fake_trials.third_kills_its_worker, jobs=2)
+    assert (tmp_path / PARTIAL).exists()
+    assert run_into(tmp_path, plan, resume=True) == run_into(tmp_path / "other", plan)
+
+
+def eventually(condition: Callable[[], bool]) -> bool:
+    pause = Event()
+    for _ in range(int(START_UP_S / 0.02)):
+        if condition():
+            return True
+        pause.wait(0.02)
+    return False
+
+
+def lines_in(path: Path) -> int:
+    return path.read_text().count("\n") if path.exists() else 0
+
+
+def running_in_group(group: int) -> list[str]:
+    """The processes of a group that are more than a corpse waiting to be buried."""
+    stats = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            stats.append(path.read_text().rsplit(")", 1)[1].split())
+        except OSError:
+            continue
+    return [fields[0] for fields in stats if int(fields[2]) == group and fields[0] not in "ZX"]
+
+
+@pytest.mark.parametrize(("number", "jobs"), [(signal.SIGINT, 1), (signal.SIGINT, 2), (signal.SIGTERM, 2)])
+def test_signal_keeps_finished_trials_and_resuming_ends_in_the_same_bytes(
+    tmp_path: Path, number: signal.Signals, jobs: int
+) -> None:
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "tests.experiments.fake_trials", str(out), str(jobs)]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        assert eventually(lambda: lines_in(out / PARTIAL) > 4)
+        os.killpg(process.pid, number)
+        stdout, stderr = process.communicate(timeout=START_UP_S)
+    *_, last = stderr.splitlines()
+    count = rf"(\d+) of {fake_trials.MANY} trials"
+    told = re.fullmatch(rf"interrupted: {count} are kept in {re.escape(str(out))}; add --resume to go on", last)
+    assert told, stderr
+    assert int(told[1]) == lines_in(out / PARTIAL) - 1
+    assert (process.returncode, stdout) == (130, "")
+    assert "Traceback" not in stderr
+    assert eventually(lambda: not running_in_group(process.pid))
+    plan = campaign_of(fake_trials.MANY)
+    assert run_into(out, plan, resume=True) == run_into(tmp_path / "whole", plan)
+
+
+def test_workers_of_a_killed_campaign_end_too(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "tests.experiments.fake_trials", str(out), "2"]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True) as process:
+        assert eventually(lambda: lines_in(out / PARTIAL) > 1)
+        process.kill()
+    assert eventually(lambda: not running_in_group(process.pid))

@@ -1,0 +1,146 @@
+"""A trial runs the daemon's own code, and follows from its spec alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from wayfarer.config.rover_file import load_rover
+from wayfarer.control import sensors, supervisor
+from wayfarer.drivers.pmw3901 import OPEN_S
+from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.experiments import trial, trial_setup
+from wayfarer.experiments.rows import OUTCOMES
+from wayfarer.experiments.trial import TrialResult, run_trial
+from wayfarer.experiments.trial_setup import TrialSpec
+from wayfarer.simhal.forest import Forest, Trunk
+from wayfarer.simhal.generate import generate_forest
+
+SHORT_M = 30.0
+# A trunk that is met on the right: who feels that turns left, who does not turns right.
+SLANTED = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (Trunk(15.0, 30.0, 35.0, 20.0, "across"),), ())
+CLEARING = Forest(3, 4, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), (), shortest_path_m=37.5)
+
+
+def spec_of(algorithm: str = "forest-pledge", *, seed: int = 5, budget_m: float = 1000.0) -> TrialSpec:
+    return TrialSpec(17, algorithm, generate_forest(1, 0, 0), seed, load_rover("sim"), budget_m=budget_m)
+
+
+def test_same_spec_gives_the_same_result() -> None:
+    assert run_trial(spec_of()) == run_trial(spec_of())
+
+
+def test_other_noise_gives_another_path() -> None:
+    assert run_trial(spec_of(seed=5)).path_m != run_trial(spec_of(seed=6)).path_m
+
+
+def test_result_says_which_trial_it_is_and_adds_up() -> None:
+    spec = replace(spec_of(), forest=CLEARING)
+    result = run_trial(spec)
+    assert result[:5] == (17, "forest-pledge", 3, 4, 5)
+    assert result.outcome == "escaped"
+    assert result.ticks == pytest.approx((result.time_s - OPEN_S) * spec.rover.control_hz, abs=2)
+    assert 0.0 <= result.reverse_m < result.path_m
+    assert result.path_m == pytest.approx(result.time_s * spec.rover.escape.cruise_m_s, rel=0.2)
+    assert result.episodes <= result.anomalies
+    assert result.spl == pytest.approx(37.5 / max(37.5, result.path_m))
+
+
+@pytest.mark.parametrize("algorithm", CATALOGUE)
+def test_every_algorithm_drives(algorithm: str) -> None:
+    result = run_trial(spec_of(algorithm, budget_m=SHORT_M))
+    assert result.outcome in OUTCOMES
+    assert result.outcome != "fault"
+    assert result.path_m > 5.0
+    assert result.anomalies > 0
+
+
+def test_rover_that_uses_up_its_own_mission_did_not_get_out_and_is_no_fault() -> None:
+    spec = spec_of()
+    limits = replace(spec.rover.safety, mission_distance_m=5.0)
+    result = run_trial(replace(spec, rover=spec.rover.model_copy(update={"safety": limits})))
+    assert result.outcome == "entrapped"
+    assert result.path_m < 6.0
+
+
+def test_budget_ends_a_trial() -> None:
+    result = run_trial(spec_of(budget_m=5.0))
+    assert result.outcome == "entrapped"
+    assert result.path_m == pytest.approx(5.0, abs=0.1)
+    assert result.spl in (0.0, None)
+
+
+# -- the daemon's own code -------------------------------------------------------------------------------------------
+
+
+def test_trial_runs_the_very_supervisor_that_drives_the_rover() -> None:
+    assert vars(trial_setup)["Supervisor"] is supervisor.Supervisor
+    assert "Supervisor" in trial_setup.Stage.__init__.__code__.co_names
+    assert "Stage" in vars(trial)["_run"].__code__.co_names
+
+
+def run_without(sensor: str, spec: TrialSpec, monkeypatch: pytest.MonkeyPatch) -> TrialResult:
+    """Run a trial with one row of the task table taken away."""
+    rows_of: Any = sensors.sensor_tasks
+
+    def fewer(*args: Any) -> tuple[sensors.SensorTask, ...]:
+        rows: tuple[sensors.SensorTask, ...] = rows_of(*args)
+        left = tuple(row for row in rows if row.name != sensor)
+        assert len(left) == len(rows) - 1
+        return left
+
+    with monkeypatch.context() as patch:
+        patch.setattr(supervisor, "sensor_tasks", fewer)
+        return run_trial(spec)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "sensor"),
+    [("forest-pledge", "compass"), ("forest-pledge", "motion"), ("cv-pledge", "contact")],
+)
+def test_trial_without_a_sensor_task_ends_otherwise(
+    algorithm: str, sensor: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = replace(spec_of(algorithm, budget_m=100.0), forest=SLANTED)
+    whole, maimed = run_trial(spec), run_without(sensor, spec, monkeypatch)
+    assert whole.outcome == "escaped"
+    assert abs(maimed.path_m - whole.path_m) > 1.0
+
+
+def test_rover_without_a_compass_never_moves(monkeypatch: pytest.MonkeyPatch) -> None:
+    result = run_without("compass", spec_of(budget_m=10.0), monkeypatch)
+    assert (result.outcome, result.path_m) == ("fault", 0.0)  # it was never armed
+
+
+def test_rover_that_cannot_sense_motion_does_not_escape(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It holds its wheels and, after ten seconds, gives up."""
+    spec = replace(spec_of(budget_m=100.0), forest=SLANTED)
+    assert run_without("motion", spec, monkeypatch).outcome == "fault"
+
+
+def test_contact_as_the_source_of_anomalies_is_noticed_at_once() -> None:
+    spec = spec_of()
+    by_touch = run_trial(replace(spec, rover=spec.rover.with_anomaly_source("contact")))
+    by_motion = run_trial(spec)
+    assert by_touch.outcome == "escaped"
+    assert seconds_lost(by_touch) < seconds_lost(by_motion)
+
+
+def seconds_lost(result: TrialResult) -> float:
+    """Return the time an anomaly costs, beyond driving at 1 m/s."""
+    return (result.time_s - result.path_m) / result.anomalies
+
+
+# -- paired comparisons ----------------------------------------------------------------------------------------------
+
+
+def test_algorithms_with_one_seed_meet_the_same_noise() -> None:
+    """In a forest without obstacles and slips the algorithms never differ, so neither do their paths."""
+    spec = replace(spec_of(), forest=CLEARING, slip_mean_m=1e9)
+    results = [
+        run_trial(replace(spec, algorithm=algorithm)) for algorithm in ("forest-pledge", "levy-walk", "cv-react")
+    ]
+    assert len({(result.path_m, result.time_s) for result in results}) == 1
+    assert {result.anomalies for result in results} == {0}

@@ -1,0 +1,203 @@
+"""A campaign as a plan: which forest, noise and seed each of its trials gets.
+
+Everything here follows from the settings alone, so a trial is the same whoever runs it, in whatever order,
+and every algorithm meets the same forests with the same noise: comparisons are paired.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from hashlib import blake2b
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
+
+from wayfarer import __version__
+from wayfarer.simhal.forest import TREES_PER_HA, Forest
+from wayfarer.simhal.grounds import GroundName
+from wayfarer.simhal.physics import PHYSICS, Physics
+
+if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
+    from wayfarer.config.rover_file import RoverConfig
+    from wayfarer.experiments.trial_setup import TrialSpec
+    from wayfarer.simhal.mujoco.terrain import Terrains
+    from wayfarer.simhal.sites.site import Site
+
+NOISES_PER_LAYOUT = 2  # the paper's 1,000 trials are 500 layouts x 2 noise seeds
+
+
+class Task(NamedTuple):
+    """One trial of one algorithm; ``trial`` counts from 0 within the algorithm."""
+
+    algorithm: str
+    trial: int
+
+
+class Tasks(Sequence[Task]):
+    """Trials in the order of running: a forest serves all algorithms, then comes the next.
+
+    Each is made when it is asked for, so that a million take no more memory than a thousand. ``numbers`` are the places
+    of these trials in that order; without them they are all that the campaign has.
+    """
+
+    def __init__(self, algorithms: Sequence[str], trials: int, numbers: Sequence[int] | None = None) -> None:
+        self.algorithms = algorithms
+        self.trials = trials
+        self._numbers = range(len(algorithms) * trials) if numbers is None else numbers
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    @overload
+    def __getitem__(self, at: int) -> Task: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> list[Task]: ...
+
+    def __getitem__(self, at: int | slice) -> Task | list[Task]:
+        if isinstance(at, slice):
+            return [self._task(number) for number in self._numbers[at]]
+        return self._task(self._numbers[at])
+
+    def _task(self, number: int) -> Task:
+        trial, algorithm = divmod(number, len(self.algorithms))
+        return Task(self.algorithms[algorithm], trial)
+
+
+@dataclass(frozen=True, slots=True)
+class ForestFile:
+    """The forests of a file, in its order, and what identifies its content."""
+
+    name: str
+    blake2b: str
+    forests: tuple[Forest, ...]
+
+    @property
+    def noise_span(self) -> int:
+        """How far apart the noise numbers of two passes through the file are."""
+        noises = [forest.noise for forest in self.forests]
+        return max(noises) - min(noises) + 1
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """All that decides the results of a campaign.
+
+    ``slip_mean_m`` is the mean distance between slip events and ``budget_m`` the path after which a rover
+    counts as entrapped. Without ``forests`` the layouts are generated; with ``spl`` missing shortest paths
+    are computed. ``depth`` is how far down the simulation goes: ``device`` or ``bus`` (``simhal.rig``). ``physics``,
+    but for its ``slip_mean_m``, and the ``trees_per_ha`` of generated layouts are what a sweep may change beside the
+    rover.
+    ``scenario`` names the site (``simhal.sites``) that layouts are drawn of in place of the abstract forests, one a
+    trial. With ``terrains`` the body moves in MuJoCo and not in physics-light; ``ground`` is what physics-light has
+    under the wheels.
+    """
+
+    algorithms: tuple[str, ...]
+    trials: int
+    rover: RoverConfig
+    seed: int = 0
+    slip_mean_m: float = 10.0
+    budget_m: float = 1000.0
+    spl: bool = False
+    depth: str = "device"
+    forests: ForestFile | None = None
+    physics: Physics = PHYSICS
+    trees_per_ha: float = TREES_PER_HA
+    scenario: str | None = None
+    terrains: Terrains | None = None
+    ground: GroundName = GroundName.ideal
+
+    @property
+    def site(self) -> Site | None:
+        """The site of the scenario."""
+        if self.scenario is None:
+            return None
+        from wayfarer.simhal.sites import SITES
+
+        return SITES[self.scenario]
+
+    def tasks_by_forest(self) -> Tasks:
+        """Return every trial in the order of running."""
+        return Tasks(self.algorithms, self.trials)
+
+    def forest_and_noise(self, trial: int) -> tuple[int, int]:
+        """Return the numbers of a trial's layout and noise."""
+        if self.scenario is not None:
+            return trial, 0
+        if self.forests is None:
+            return divmod(trial, NOISES_PER_LAYOUT)
+        passes, index = divmod(trial, len(self.forests.forests))
+        forest = self.forests.forests[index]
+        return forest.forest, forest.noise + passes * self.forests.noise_span
+
+    def trial_seed(self, trial: int) -> int:
+        """Return the seed of a trial: 63 bits from the campaign's seed, the layout and the noise."""
+        numbers = (self.seed, *self.forest_and_noise(trial))
+        return int.from_bytes(blake2b(repr(numbers).encode(), digest_size=8).digest()) >> 1
+
+    def make_forest(self, trial: int) -> Forest:
+        """Return a trial's forest: generated, or from the file with this pass's noise number."""
+        number, noise = self.forest_and_noise(trial)
+        if site := self.site:
+            forest = site.layout(number, self.seed, self.rover.vehicle)
+        elif self.forests is None:
+            from wayfarer.simhal.generate import generate_forest
+
+            forest = generate_forest(number, noise, self.seed, self.trees_per_ha)
+        else:
+            forest = replace(self.forests.forests[trial % len(self.forests.forests)], noise=noise)
+        return self._with_shortest_path(forest) if self.spl and forest.shortest_path_m is None else forest
+
+    def spec(self, task: Task, forest: Forest) -> TrialSpec:
+        """Return everything that decides one trial."""
+        from wayfarer.experiments.trial_setup import TrialSpec
+        from wayfarer.simhal.rig import Depth
+
+        seed, depth = self.trial_seed(task.trial), Depth(self.depth)
+        return TrialSpec(
+            task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m, depth,
+            physics=self.physics, site=self.site, terrains=self.terrains, ground=self.ground,
+        )  # fmt: skip
+
+    def settings(self) -> dict[str, Any]:
+        """Return the settings as JSON can hold them: what makes two campaigns the same one.
+
+        A campaign without a ground is on ideal ground, as all were before there were others.
+        """
+        settings = {
+            "version": __version__,
+            "algorithms": list(self.algorithms),
+            "trials": self.trials,
+            "seed": self.seed,
+            "slip_mean_m": self.slip_mean_m,
+            "budget_m": self.budget_m,
+            "spl": self.spl,
+            "depth": self.depth,
+            "scenario": self.scenario,
+            "forests": self.forests and {"file": self.forests.name, "blake2b": self.forests.blake2b},
+            "rover": self.rover.model_dump(mode="json"),
+        }
+        if self.terrains is not None:
+            settings["mujoco"] = self.terrains.as_json()
+        if self.ground is not GroundName.ideal:
+            settings["ground"] = self.ground.value
+        return settings
+
+    def _with_shortest_path(self, forest: Forest) -> Forest:
+        from wayfarer.simhal.geodesic import shortest_path_m
+
+        return replace(forest, shortest_path_m=shortest_path_m(forest, self.rover.vehicle.width_m))
+
+
+def read_forest_file(path: Path) -> ForestFile:
+    """Read a file of forests.
+
+    Raises:
+        BadForest: no such file, nothing in it, or a forest that cannot be used; the text names file, line and
+            reason.
+    """
+    from wayfarer.simhal.forest_file import read_forests
+
+    forests = tuple(read_forests(path))
+    return ForestFile(path.name, blake2b(path.read_bytes(), digest_size=16).hexdigest(), forests)

@@ -1,0 +1,122 @@
+"""Why a trial ended entrapped, told from the rover's true way through it.
+
+Looked at is the second half, by time, of what it drove: what went on when it had long ceased to get anywhere. The
+bounds are from no source, chosen to be plain; the figures that are held against them are told with the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+from itertools import pairwise
+from math import hypot
+from typing import NamedTuple
+
+from wayfarer.config.rover_file import RoverConfig
+from wayfarer.escape.api import Phase
+from wayfarer.experiments.trajectory import Point, Trace
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.geodesic import is_closed
+
+PLACE_M = 1.0  # the side of the squares that count as places: a lap beside the last one is a return
+IN_ONE_PLACE_LENGTHS = 2.0  # a way that stays within so many body lengths leads nowhere
+TURNS_BELOW_SHARE = 0.2  # of the turn that was asked for; lag and blocked turns leave 0.6 to 0.8 in physics-light
+ASKED_AT_LEAST_DEG = 180.0  # in all; less asked for says nothing
+AGAINST_FROM_SHARE = 0.1  # of the time: a rover that backs off and tries again touches nothing most of it
+NEW_BELOW_SHARE = 1.0 / 3.0  # of the places of the second half
+
+
+class Why(StrEnum):
+    """What kept a rover in, in the order in which it is asked."""
+
+    CLOSED = "closed layout"
+    CANNOT_TURN = "cannot turn"
+    WEDGED = "wedged"
+    STALLED = "stalled in the open"
+    ORBITING = "orbiting"
+    OUT_OF_TIME = "out of time"
+
+
+EXPLAINED = {
+    Why.CLOSED: "no way leads to the goal line or over an edge, for a body of this width",
+    Why.CANNOT_TURN: f"away from obstacles, under {TURNS_BELOW_SHARE:.0%} of the turn that was asked for came about",
+    Why.WEDGED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body, against something",
+    Why.STALLED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body and was hardly against anything",
+    Why.ORBITING: f"under {NEW_BELOW_SHARE:.0%} of the places where it was were new to it",
+    Why.OUT_OF_TIME: "it still came to new places when its time or path was used up",
+}
+
+
+class Entrapment(NamedTuple):
+    """Why a rover did not get out, and the figures of the second half of its trial.
+
+    ``middle_m`` is the middle of the ground that it kept to, east and north, and ``extent_m`` its diagonal;
+    ``touching`` is the share of the time in which it was against something, ``turned`` the share of the turn on the
+    spot that was asked for in the open and came about (None where hardly any was), and ``new`` the share of its places
+    where it had not been in the first half.
+    """
+
+    why: Why
+    middle_m: tuple[float, float]
+    extent_m: float
+    touching: float
+    turned: float | None
+    new: float
+
+
+def entrapment(forest: Forest, rover: RoverConfig, trace: Trace) -> Entrapment:
+    """Return why the rover of this way was entrapped."""
+    points = _driven(trace.points)
+    halfway_s = (points[0].t_s + points[-1].t_s) / 2.0
+    late = [point for point in points if point.t_s >= halfway_s]
+    west_m, east_m = _ends([point.x_m for point in late])
+    south_m, north_m = _ends([point.y_m for point in late])
+    extent_m, touching = hypot(east_m - west_m, north_m - south_m), _touching(late)
+    turned = _turned(late, rover.escape.turn_deg_s)
+    new = _new([point for point in points if point.t_s < halfway_s], late)
+    if is_closed(forest, rover.vehicle.width_m):
+        why = Why.CLOSED
+    elif turned is not None and turned < TURNS_BELOW_SHARE:
+        why = Why.CANNOT_TURN
+    elif extent_m <= IN_ONE_PLACE_LENGTHS * rover.vehicle.length_m:
+        why = Why.WEDGED if touching >= AGAINST_FROM_SHARE else Why.STALLED
+    else:
+        why = Why.ORBITING if new < NEW_BELOW_SHARE else Why.OUT_OF_TIME
+    middle_m = (west_m + east_m) / 2.0, (south_m + north_m) / 2.0
+    return Entrapment(why, middle_m, extent_m, touching, turned, new)
+
+
+def _driven(points: Sequence[Point]) -> Sequence[Point]:
+    """Return the way without the time at its end in which a rover that gave up stands."""
+    last = max((number for number, point in enumerate(points) if point.phase is not Phase.HALT), default=0)
+    return points[: last + 2]
+
+
+def _ends(values: Sequence[float]) -> tuple[float, float]:
+    return min(values), max(values)
+
+
+def _touching(points: Sequence[Point]) -> float:
+    """Return the share of the time that was spent against something."""
+    lasted_s = points[-1].t_s - points[0].t_s
+    return sum(after.t_s - at.t_s for at, after in pairwise(points) if at.touches) / lasted_s if lasted_s else 0.0
+
+
+def _turned(points: Sequence[Point], asked_deg_s: float) -> float | None:
+    """Return how much of the turn that was asked for while nothing was touched came about."""
+    asked_deg = turned_deg = 0.0
+    for at, after in pairwise(points):
+        if at.phase is Phase.TURN_AWAY and not at.touches:
+            asked_deg += asked_deg_s * (after.t_s - at.t_s)
+            turned_deg += abs(after.heading_deg - at.heading_deg)
+    return turned_deg / asked_deg if asked_deg >= ASKED_AT_LEAST_DEG else None
+
+
+def _new(early: Sequence[Point], late: Sequence[Point]) -> float:
+    """Return the share of the later places that are not among the earlier ones."""
+    places = _places(late)
+    return len(places - _places(early)) / len(places)
+
+
+def _places(points: Sequence[Point]) -> set[tuple[int, int]]:
+    return {(int(point.x_m // PLACE_M), int(point.y_m // PLACE_M)) for point in points}

@@ -1,0 +1,140 @@
+"""The seat of an agent in a trial: an escape handler that asks whoever sits there, in another thread.
+
+An environment is called from outside, a trial runs by itself: supervisor, sensor tasks and helm on a loop of their own.
+So that both stay what they are, the trial has a thread, and the two take turns: while the agent thinks, virtual time
+stands still; while the trial runs, the agent waits. Nothing ever runs at once, so an episode is as deterministic as a
+trial, and each decision is taken where an algorithm would take it: between the detector and the safety gate.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from contextvars import ContextVar
+from queue import SimpleQueue
+from threading import Thread
+from typing import NamedTuple
+
+from wayfarer.control.supervisor import first_cause
+from wayfarer.escape.api import Decision, Observation, Phase
+from wayfarer.escape.catalogue import Algorithm
+from wayfarer.experiments.outcome import Outcome
+from wayfarer.experiments.trial import GAVE_UP, Tally
+from wayfarer.experiments.trial_setup import Stage, TrialSpec
+from wayfarer.hal import STOP, WheelCommand
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.simulated_world import SimulatedWorld
+
+
+class Ending(NamedTuple):
+    """How an episode ended; ``outcome`` and ``path_m`` are those of a trial, ``in_time`` is False at a limit."""
+
+    outcome: Outcome
+    in_time: bool
+    path_m: float
+    time_s: float
+    ticks: int
+
+
+class Seat:
+    """One episode; implements ``EscapeHandler`` towards the trial.
+
+    ``world`` is ground truth, for rewards, and may be looked at while the agent has its turn.
+    """
+
+    world: SimulatedWorld
+
+    def __init__(self, spec: TrialSpec) -> None:
+        self._spec = spec
+        self._turns: SimpleQueue[Observation | Ending | BaseException] = SimpleQueue()
+        self._answers: SimpleQueue[WheelCommand | None] = SimpleQueue()
+        self._finish: Callable[[str, str], None]
+        self._thread = Thread(target=self._run, name="wayfarer trial", daemon=True)
+        self._thread.start()
+
+    # -- the agent's side ----------------------------------------------------------------------------------------
+
+    def wait(self) -> Observation | Ending:
+        """Let the trial run until the agent is asked, or it ends.
+
+        Raises:
+            WayfarerError: the trial could not be run, such as ``MissingPart``.
+        """
+        turn = self._turns.get()
+        if isinstance(turn, BaseException):
+            self._turns.put(turn)  # there is nobody left to answer the next call
+            raise first_cause(turn)
+        return turn
+
+    def answer(self, wheels: WheelCommand) -> None:
+        """Say what the wheels are to do in the tick that waits for it."""
+        self._answers.put(wheels)
+
+    def leave(self) -> None:
+        """End the trial, wherever it is, by its own stop path; may be repeated."""
+        self._answers.put(None)
+        self._thread.join()
+
+    # -- the trial's side ----------------------------------------------------------------------------------------
+
+    def decide(self, observation: Observation) -> Decision:
+        """Hand the turn to the agent and return what it wants."""
+        self._turns.put(observation)
+        wheels = self._answers.get()
+        if wheels is None:
+            self._finish("left", "the agent left")
+            wheels = STOP
+        return Decision(wheels, Phase.FOLLOW, Phase.FOLLOW.value)
+
+    def reset(self) -> None:
+        """Forget nothing: what there is to know, the agent knows."""
+
+    def memory(self) -> Mapping[str, float | str]:
+        """Return what a log asks of every handler."""
+        return {"counter_deg": 0.0, "episodes": 0}
+
+    def _run(self) -> None:
+        """Run the trial; whatever becomes of it, the agent hears, because it waits."""
+        _SEAT.set(self)
+        try:
+            with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+                self._turns.put(runner.run(self._trial()))
+        except BaseException as error:
+            self._turns.put(error)
+
+    async def _trial(self) -> Ending:
+        log = _Tally()
+        stage = Stage(self._spec, lambda _world, _rover: log)
+        self.world = stage.world
+        self._finish = log.finish = stage.supervisor.finish
+        await stage.supervisor.arm(self._spec.forest.heading_deg)
+        await stage.supervisor.run()
+        return _ending(stage, log)
+
+
+class _Tally(Tally):
+    """Also ends a trial as soon as the rover has disarmed itself: nothing that the agent does can matter then."""
+
+    finish: Callable[[str, str], None]
+
+    def event(self, name: str, t_s: float, **details: object) -> None:
+        super().event(name, t_s, **details)
+        if name == "disarmed":
+            self.finish(name, str(details["reason"]))
+
+
+def _ending(stage: Stage, log: Tally) -> Ending:
+    """Return how it ended: by the referee's word, by the rover's own, or else at a limit of the rover's mission."""
+    judged = stage.referee.outcome
+    if log.why_disarmed is not None:
+        outcome: Outcome = "entrapped" if log.why_disarmed == GAVE_UP else "fault"
+    else:
+        outcome = judged or "entrapped"
+    in_time = log.why_disarmed is not None or outcome != "entrapped"
+    return Ending(outcome, in_time, stage.referee.path_m(stage.world), stage.world.t_s, log.ticks)
+
+
+_SEAT: ContextVar[Seat] = ContextVar("seat")
+
+AGENT = Algorithm("agent", "agent", "whoever steps the environment", lambda *_: _SEAT.get(), origin=__name__)
+AGENT_NAME = f"{__name__}:AGENT"

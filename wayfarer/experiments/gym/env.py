@@ -1,0 +1,161 @@
+"""The environment: observations, actions and rewards of one blind rover in one forest."""
+
+from __future__ import annotations
+
+import weakref
+from math import cos, radians, sin
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.error import InvalidAction, ResetNeeded
+from gymnasium.spaces import Box
+from numpy.typing import NDArray
+
+from wayfarer.config.rover_file import load_rover
+from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.escape.api import Anomaly, Observation
+from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.experiments.commands import check_body
+from wayfarer.experiments.gym.agent_bridge import AGENT_NAME, Ending, Seat
+from wayfarer.hal import WheelCommand
+from wayfarer.simhal.mujoco.terrain import Terrains
+from wayfarer.simhal.simulated_world import SimulatedWorld
+
+Array = NDArray[np.float32]
+
+TRIALS = 1_000_000  # half as many layouts, each with two noises
+HELD_BACK = 1000  # never drawn: the trials that ``wayfarer sim`` measures algorithms on are no training ground
+FREE_MAX_M = 10.0  # what is further back is long ago: the longest stride of the Lévy walk
+
+# Rewards. A metre towards the goal line counts 1, and a second costs what makes standing still never pay: a trial of
+# Forest-Pledge, 37.5 m in about 107 s, earns 37.5 - 10.7 + 10. From no source.
+TIME_COST_PER_S = 0.1
+BONUS = {"escaped": 10.0, "tipped": -10.0, "fault": -10.0, "entrapped": -10.0}
+
+SIZE = 4 + len(Anomaly) + 1
+
+
+class ForestEnv(gymnasium.Env[Array, Array]):
+    """A rover that is to cross a 50 m forest to its north edge with what it feels.
+
+    Each episode is a trial of ``wayfarer sim``: the same supervisor, detector, safety gate, sensor tasks and referee,
+    in virtual time, with the agent in the handler's place (``wayfarer.experiments.gym.agent_bridge``). One step is one
+    control tick, 0.05 s on the rover ``sim``. While the safety gate holds the wheels nobody is asked: a step lasts until the hold
+    is over.
+
+    Observation, 11 numbers in [-1, 1]: sine and cosine of heading minus goal heading (positive clockwise); pitch (nose
+    up) and roll (right side down), as shares of 180 degrees; the anomalies that the detector sees, each 0 or 1, in the
+    order of ``Anomaly``; the distance commanded since the last of them, as a share of 10 m. No position: the rover has
+    none. ``info["observation"]`` is the same as an algorithm of the catalogue gets it.
+
+    Action: duty of the left and right wheels, -1 (full reverse) to 1. The safety gate limits what it is given, and a
+    duty that is not a number is a fault, as on a rover.
+
+    Reward, from ground truth: metres gained towards the goal line, minus 0.1 a second; 10 more for ``escaped``, 10 less
+    for ``tipped``, ``fault`` and a rover that gave up (``entrapped``); nothing more for ``left_bounds``.
+
+    Terminated with those outcomes; truncated when the budget of path, or of four seconds a metre of it, is used up.
+    ``info["ending"]`` then says how: an ``Ending``.
+
+    Args:
+        rover: a rover file, by name or path.
+        slip_mean_m: mean distance between slip events, metres.
+        budget_m: path after which a rover counts as entrapped, metres.
+        render_mode: None; there is nothing to see.
+        terrains: with it the body moves in MuJoCo (extra ``physics``), as with ``wayfarer sim --physics mujoco``, on
+            ground drawn for each trial: ``Terrains(friction=Range(0.3, 0.8))``.
+
+    Raises:
+        BadConfig: no such rover, its file cannot be used, or does not say of the body what MuJoCo needs.
+        ModuleNotFoundError: ``terrains`` without mujoco installed.
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012 (gymnasium's own declaration)
+
+    def __init__(
+        self,
+        rover: str = "sim",
+        slip_mean_m: float = 10.0,
+        budget_m: float = 1000.0,
+        render_mode: None = None,
+        terrains: Terrains | None = None,
+    ) -> None:
+        self.render_mode = render_mode
+        self.observation_space = Box(-1.0, 1.0, (SIZE,), np.float32)
+        self.action_space = Box(-1.0, 1.0, (2,), np.float32)
+        self._campaign = Campaign(
+            (AGENT_NAME,), TRIALS, load_rover(rover), slip_mean_m=slip_mean_m, budget_m=budget_m, terrains=terrains
+        )
+        check_body(self._campaign, rover)
+        self._seat: Seat | None = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Begin a trial: number ``options["trial"]``, or else one that is drawn; ``info["trial"]`` says which.
+
+        It is that trial of ``wayfarer sim`` with ``--seed 0``: the same forest, the same rover, the same luck.
+
+        Raises:
+            BadInput: no such trial.
+            WayfarerError: the rover could not be armed, or lacks a part that its file asks for.
+        """
+        super().reset(seed=seed)
+        self.close()
+        drawn = int(self.np_random.integers(HELD_BACK, TRIALS))
+        trial = (options or {}).get("trial", drawn)
+        if not (isinstance(trial, int) and 0 <= trial < TRIALS):
+            raise BadInput(f"options: trial {trial!r} is not a whole number from 0 to {TRIALS - 1}")
+        self._seat = seat = Seat(self._campaign.spec(Task(AGENT_NAME, trial), self._campaign.make_forest(trial)))
+        self._leave = weakref.finalize(self, seat.leave)
+        seen = seat.wait()
+        if isinstance(seen, Ending):
+            raise WayfarerError(f"trial {trial} was over before the rover could drive: {seen.outcome}")
+        self._last = seen
+        self._anomaly_at_m = seen.travelled_m
+        self._y_m, self._t_s = seat.world.y_m, seat.world.t_s
+        return self._vector(seen), {"trial": trial, "observation": seen}
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Do one control tick.
+
+        Raises:
+            InvalidAction: not two numbers.
+            ResetNeeded: the episode is over, or has not begun.
+        """
+        seat = self._seat
+        if seat is None:
+            raise ResetNeeded("the episode is over, or has not begun: call reset() first")
+        if np.shape(action) != (2,):
+            raise InvalidAction(f"action {action!r} is not two duties, left and right, each from -1 to 1")
+        seat.answer(WheelCommand(float(action[0]), float(action[1])))
+        turn = seat.wait()
+        reward = self._gain(seat.world)
+        if isinstance(turn, Observation):
+            self._last = turn
+            return self._vector(turn), reward, False, False, {"observation": turn}
+        self.close()
+        reward += BONUS.get(turn.outcome, 0.0) if turn.in_time else 0.0
+        info = {"observation": self._last, "ending": turn}
+        return self._vector(self._last), reward, turn.in_time, not turn.in_time, info
+
+    def close(self) -> None:
+        """End the trial, if one is on."""
+        if self._seat is not None:
+            self._seat = None
+            self._leave()
+
+    def _gain(self, world: SimulatedWorld) -> float:
+        """Return the reward for what became of the rover since the last time."""
+        gained_m, took_s = world.y_m - self._y_m, world.t_s - self._t_s
+        self._y_m, self._t_s = world.y_m, world.t_s
+        return gained_m - TIME_COST_PER_S * took_s
+
+    def _vector(self, seen: Observation) -> Array:
+        """Return an observation in numbers."""
+        if seen.anomalies:
+            self._anomaly_at_m = seen.travelled_m
+        off_rad = radians(seen.heading_deg - seen.goal_heading_deg)
+        free = min((seen.travelled_m - self._anomaly_at_m) / FREE_MAX_M, 1.0)
+        flags = (anomaly in seen.anomalies for anomaly in Anomaly)
+        tilt = (seen.pitch_deg / 180.0, seen.roll_deg / 180.0)
+        return np.array((sin(off_rad), cos(off_rad), *tilt, *flags, free), np.float32)

@@ -1,0 +1,171 @@
+"""A finished campaign's folder, read back: settings, rows, and the campaign itself where it can be rebuilt."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from wayfarer.config.messages import most_telling
+from wayfarer.config.rover_file import RoverConfig
+from wayfarer.errors import BadInput
+from wayfarer.experiments.campaign import Campaign, ForestFile, read_forest_file
+from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, read_rows
+from wayfarer.experiments.rows import Row, columns_of, csv_line, without_kinds
+from wayfarer.experiments.statistics import Summary, summarise
+from wayfarer.simhal.grounds import GroundName
+from wayfarer.simhal.mujoco.terrain import terrains_of
+
+
+class ForestsSettings(BaseModel):
+    """Which file the forests came from: its name, and the checksum of its content."""
+
+    file: str
+    blake2b: str
+
+
+class Settings(BaseModel):
+    """``campaign.json``, as ``Campaign.settings`` wrote it; the rover is read where trials are to be run again."""
+
+    model_config = ConfigDict(strict=True)
+
+    version: str
+    algorithms: list[str] = Field(min_length=1)
+    trials: int = Field(ge=1)
+    seed: int
+    slip_mean_m: float
+    budget_m: float
+    spl: bool
+    depth: Literal["device", "bus"] = "device"
+    scenario: str | None = None
+    forests: ForestsSettings | None
+    rover: dict[str, Any]
+    mujoco: dict[str, list[float]] | None = None
+    ground: GroundName = GroundName.ideal
+
+    @field_validator("mujoco")
+    @classmethod
+    def _are_terrains(cls, bounds: dict[str, list[float]] | None) -> dict[str, list[float]] | None:
+        if bounds is not None:
+            terrains_of(bounds)
+        return bounds
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a campaign's folder holds: ``rows`` are those of ``trials.csv``, complete and in its order."""
+
+    folder: Path
+    settings: Settings
+    rows: list[Row]
+
+    @cached_property
+    def by_algorithm(self) -> dict[str, list[Row]]:
+        """The rows of each algorithm, in the campaign's order."""
+        by_name: dict[str, list[Row]] = {name: [] for name in self.settings.algorithms}
+        for row in self.rows:
+            by_name[row.algorithm].append(row)
+        return by_name
+
+    @cached_property
+    def summaries(self) -> dict[str, Summary]:
+        """What the rows say of each algorithm."""
+        return {name: summarise(name, rows) for name, rows in self.by_algorithm.items()}
+
+    @property
+    def shortest_paths_m(self) -> list[float]:
+        """The shortest path of each trial, metres, as far as they are known."""
+        return [row.shortest_path_m for row in self.rows if row.shortest_path_m is not None]
+
+    def rebuild(self) -> Campaign:
+        """Return the campaign, so that its trials can be run again.
+
+        Raises:
+            BadInput: this version does not understand the rover, or the forests are not in the folder.
+        """
+        settings = self.settings
+        return Campaign(
+            tuple(settings.algorithms),
+            settings.trials,
+            self._rover(),
+            seed=settings.seed,
+            slip_mean_m=settings.slip_mean_m,
+            budget_m=settings.budget_m,
+            spl=settings.spl,
+            depth=settings.depth,
+            scenario=settings.scenario,
+            forests=self._forests(settings.forests) if settings.forests else None,
+            terrains=terrains_of(settings.mujoco) if settings.mujoco else None,
+            ground=settings.ground,
+        )
+
+    def _rover(self) -> RoverConfig:
+        try:
+            return RoverConfig.model_validate_json(json.dumps(self.settings.rover), strict=True)
+        except ValidationError:
+            raise BadInput(f"this version does not understand the rover of version {self.settings.version}") from None
+
+    def _forests(self, wanted: ForestsSettings) -> ForestFile:
+        if not (self.folder / FORESTS).exists():
+            raise BadInput(
+                f"the folder has no copy of the campaign's forests; put {wanted.file} there as {FORESTS} "
+                "and make the report again"
+            )
+        found = read_forest_file(self.folder / FORESTS)
+        if found.blake2b != wanted.blake2b:
+            raise BadInput(
+                f"{FORESTS} in the folder is not the file that the campaign used: its BLAKE2b checksum is "
+                f"{found.blake2b}, not {wanted.blake2b}"
+            )
+        return found
+
+
+def read_results(folder: Path) -> Results:
+    """Read the folder of a finished campaign.
+
+    Raises:
+        BadInput: no such folder, no campaign in it, not finished, or damaged; the text says which, and what to do.
+    """
+    if not folder.is_dir():
+        raise BadInput(f"{folder}: no such folder; give one that `wayfarer sim --out` has filled")
+    settings = _read_settings(folder)
+    if (folder / PARTIAL).exists() or not (folder / TRIALS).exists():
+        raise BadInput(
+            f"{folder}: its campaign is not finished; repeat its `wayfarer sim` and add --resume to finish it first"
+        )
+    return Results(folder, settings, _read_trials(folder / TRIALS, settings))
+
+
+def _read_settings(folder: Path) -> Settings:
+    path = folder / SETTINGS
+    try:
+        return Settings.model_validate_json(path.read_bytes())
+    except FileNotFoundError:
+        raise BadInput(
+            f"{folder} holds no campaign: {SETTINGS} is missing; give a folder of `wayfarer sim --out`"
+        ) from None
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
+    except ValidationError as error:
+        problem = most_telling(error)
+        key = ".".join(map(str, problem["loc"])) or "the file"
+        raise BadInput(f"{path} is damaged: {key}: {problem['msg']}; the campaign must be run again") from None
+
+
+def _read_trials(path: Path, settings: Settings) -> list[Row]:
+    try:
+        header, columns = path.read_text(encoding="utf-8").partition("\n")[0] + "\n", columns_of(settings.model_dump())
+        rows = read_rows(path, columns) if header in map(csv_line, (columns, without_kinds(columns))) else []
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"{path}: cannot be read: {error}") from None
+    expected = [(algorithm, trial) for algorithm in settings.algorithms for trial in range(settings.trials)]
+    if [row.key for row in rows] != expected:
+        raise BadInput(
+            f"{path} is damaged: it has not the columns and the {len(expected)} rows, one a trial, that the campaign "
+            "wrote; run the campaign again into another folder"
+        )
+    return rows

@@ -1,0 +1,106 @@
+"""The report of a sweep: ``report.html`` in its folder, and the figures beside it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from wayfarer.experiments.report import words
+from wayfarer.experiments.report.sweep_curves import curves_figure
+from wayfarer.experiments.report.sweep_maps import maps_figure
+from wayfarer.experiments.report.sweep_reading import SweepResults, read_sweep
+from wayfarer.experiments.sweep.axes import Value
+from wayfarer.experiments.sweep.measures import MEASURES, Estimate, spl_difference
+from wayfarer.views.run_report import page
+from wayfarer.views.run_report.drawing import house_style, save
+
+PAIRED = (
+    "All points met the same forests and noise, so they can be compared trial by trial: the last column is "
+    "the mean difference of a trial's SPL to the same trial without a sweep, a failure counting 0."
+)
+INTERVALS = (
+    "Intervals are at 95 %: Wilson's for shares, 1.96 standard errors for means. Success: the rover reached the line, "
+    "or left the map over another edge; path: mean of the successes, metres; SPL: mean over all trials of shortest "
+    "path divided by path driven, a failure counting 0."
+)
+
+
+def write_sweep_report(folder: Path, out: Path | None = None) -> Path:
+    """Write the report of the sweep in ``folder``, and return the page's path: ``out``, or ``report.html`` in it.
+
+    Raises:
+        BadInput: the folder holds no finished sweep, is damaged, or cannot be written.
+    """
+    results = read_sweep(folder)
+
+    def body(figures: Path) -> list[str]:
+        with house_style():
+            return list(_body(results, figures))
+
+    return page.write_page(folder / page.PAGE if out is None else out, _title(results), body)
+
+
+def _body(results: SweepResults, figures: Path) -> Iterator[str]:
+    swept = [(axis.key, f"{', '.join(map(str, axis.values))} (without a sweep: {axis.now})") for axis in results.axes]
+    yield page.facts([*swept, *words.facts(results.settings.campaign)])
+    drawn = _maps(results, figures) if len(results.axes) == 2 else _curves(results, figures)
+    yield page.section("What changes", *drawn, page.paragraph(INTERVALS))
+    yield page.section("Each point", _table(results), page.paragraph(PAIRED))
+
+
+def _curves(results: SweepResults, figures: Path) -> Iterator[str]:
+    key = results.axes[0].key
+    alt = f"Four curves over {key}: " + "; ".join(_ends(results, name) for name in results.algorithms)
+    caption = "Bands: 95 % intervals. Broken line: the value without a sweep."
+    yield page.figure(save(curves_figure(results), figures, "curves", alt), caption)
+
+
+def _maps(results: SweepResults, figures: Path) -> Iterator[str]:
+    up, right = results.axes
+    for name in results.algorithms:
+        file = re.sub(r"[^\w.-]", "_", f"maps-{name}")
+        alt = f"Four maps of {name} over {up.key} and {right.key}: {_ends(results, name)}"
+        caption = f"{name}. Colours mean the same for every algorithm; grey: not known. The intervals are in the table."
+        yield page.figure(save(maps_figure(results, name), figures, file, alt), caption)
+
+
+def _ends(results: SweepResults, name: str) -> str:
+    """Say in words how far an algorithm's success goes."""
+    found = [MEASURES[0].of(results.cells[point, name]) for point in range(len(results.points))]
+    shares = [estimate.value for estimate in found if estimate]
+    return f"{name}: success from {min(shares):.1f} to {max(shares):.1f} %"
+
+
+def _table(results: SweepResults) -> str:
+    head = [
+        "algorithm",
+        *(axis.key for axis in results.axes),
+        *(measure.title for measure in MEASURES),
+        "SPL, difference",
+    ]
+    rows = []
+    for name in results.algorithms:
+        rows.append(("group", [name, *[""] * (len(head) - 1)]))
+        rows += [("", _row(results, point, values, name)) for point, values in enumerate(results.points)]
+    return page.table("Value [95 % interval]", head, rows)
+
+
+def _row(results: SweepResults, point: int, values: Sequence[Value], name: str) -> list[str]:
+    rows = results.cells[point, name]
+    cells = [_text(measure.of(rows), measure.decimals) for measure in MEASURES]
+    others = None if results.now in {None, point} else results.cells[results.now, name]
+    difference = _text(spl_difference(rows, others), 3, sign="+") if others else ""
+    return ["", *map(str, values), *cells, difference]
+
+
+def _text(estimate: Estimate | None, decimals: int, sign: str = "") -> str:
+    if estimate is None:
+        return ""
+    value, low, high = (f"{number:{sign}.{decimals}f}" for number in estimate)
+    return f"{value} [{low}, {high}]"
+
+
+def _title(results: SweepResults) -> str:
+    keys = " and ".join(axis.key for axis in results.axes)
+    return f"Sensitivity to {keys}: {', '.join(results.algorithms)}"

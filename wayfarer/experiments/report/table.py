@@ -1,0 +1,40 @@
+"""The table of a campaign as HTML, beside the paper's figures: the columns that ``wayfarer sim`` prints."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from wayfarer.experiments.entrapment import Why
+from wayfarer.experiments.report.groups import grouped
+from wayfarer.experiments.report.reading import Results
+from wayfarer.experiments.tables import FAULTS, NAME, OUTCOMES, PAPER, PATHS, Column
+from wayfarer.views.run_report import page
+
+CAPTION = "Success with its 95 % interval; path: of the successes; time and anomalies: mean a trial."
+
+
+def results_table(results: Results) -> str:
+    """Return a row for each algorithm, under its group, with a row of the paper's below where the paper has one."""
+    faults = (FAULTS,) if any(summary.fault for summary in results.summaries.values()) else ()
+    columns = (NAME, *OUTCOMES, *faults, *PATHS)
+    return page.table(CAPTION, [column.title for column in columns], _rows(results, columns))
+
+
+def causes_table(causes: Sequence[tuple[str, Why]]) -> str:
+    """Return how many trials of each algorithm were entrapped for each cause; pairs of algorithm and cause."""
+    counts = Counter(causes)
+    rows = [
+        ("causes", [name, *(str(counts[name, why]) for why in Why)])
+        for name in dict.fromkeys(name for name, _ in causes)
+    ]
+    return page.table("Entrapped trials by cause.", ["algorithm", *Why], rows)
+
+
+def _rows(results: Results, columns: Sequence[Column]) -> Iterator[tuple[str, list[str]]]:
+    for group in grouped(results.settings.algorithms):
+        yield "group", [group.title, *[""] * (len(columns) - 1)]
+        for name in group.algorithms:
+            yield "ours", [column.ours(results.summaries[name]) for column in columns]
+            if paper := PAPER.get(name):
+                yield "paper", [column.papers(paper).strip() for column in columns]

@@ -1,0 +1,157 @@
+"""What the report of a campaign says in words."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator
+
+from wayfarer import __version__
+from wayfarer.errors import BadInput
+from wayfarer.experiments.entrapment import EXPLAINED, Entrapment
+from wayfarer.experiments.report.gallery import ending
+from wayfarer.experiments.report.ratio_figure import quantile, ratios
+from wayfarer.experiments.report.reading import Results, Settings
+from wayfarer.experiments.rows import SUCCESSES, Row
+
+LEGEND = (
+    "Success: the rover reached the destination line or left the map over another edge, which the paper counts as an "
+    "escape too, with the distance that then remains to the line added to its path.",
+    "SPL, success weighted by path length: the mean over all trials of shortest path divided by path driven, a failure "
+    "counting 0.",
+)
+ESCAPE_CAPTION = (
+    "Share of all trials that have escaped by a path of that length; one that was entrapped, tipped or faulty counts "
+    "as not escaped at any length (a tick marks the longest of them). The percentage is where the curve ends, as in "
+    "the table. Grey: the other groups."
+)
+NO_SHORTEST_PATHS = (
+    "The shortest paths of these forests are not known. Run the campaign again with --spl, which computes them, or "
+    "with a file of forests that gives shortest_path_m."
+)
+NOTHING_TO_DRAW = "No trial is drawn."
+GALLERY = (
+    "Failures first, then the longest paths; every algorithm has its turn before one has a second. These are "
+    "therefore not typical trials but the worst. Each was run again for its drawing and came out as in trials.csv, "
+    "digit for digit."
+)
+ENTRAPPED = (
+    "Of the trials that are drawn above; with --gallery N more are. Looked at is the second half of what each rover "
+    "drove, and the causes are asked for from left to right: "
+    + "; ".join(f"{why}: {text}" for why, text in EXPLAINED.items())
+    + ". The drawings show the ground that the rover kept to in that half."
+)
+FOREST_LEGEND = "Legend of the drawings below; trunks and trees are to scale, north is up."
+FOREST_LEGEND_ALT = (
+    "Legend: colours of the phases of the path, marks for start, end, slip events, goal line, trunks and trees"
+)
+
+
+def title(results: Results) -> str:
+    """Name the page."""
+    names, trials = results.settings.algorithms, results.settings.trials
+    what, each = (names[0], "") if len(names) == 1 else (f"{len(names)} algorithms", " each")
+    return f"{what} in {trials} simulated forest trial{'' if trials == 1 else 's'}{each}"
+
+
+def facts(settings: Settings) -> Iterator[tuple[str, str]]:
+    """Yield what ran: everything that decides the results, and no date."""
+    rover, forests = settings.rover, settings.forests
+    yield "software", f"wayfarer {settings.version}"
+    yield "trials of each algorithm", str(settings.trials)
+    yield "seed", str(settings.seed)
+    yield "mean distance between slips", f"{settings.slip_mean_m:g} m"
+    yield "path budget", f"{settings.budget_m:g} m"
+    yield "rover", str(rover.get("name", "unnamed"))
+    yield "obstacles noticed by", str(rover.get("anomaly_source", "unknown"))
+    yield "depth of the simulation", settings.depth
+    if settings.mujoco is None:
+        yield "ground", settings.ground.value
+    for name, (low, high) in (settings.mujoco or {}).items():
+        yield f"MuJoCo, {name}", f"{low:g}" if low == high else f"{low:g} to {high:g}, drawn for each trial"
+    yield "forests", f"{forests.file}, BLAKE2b {forests.blake2b}" if forests else "generated"
+    yield "algorithms", ", ".join(settings.algorithms)
+
+
+def paths_caption(results: Results) -> str:
+    """Explain the figure of paths and failures."""
+    shortest_m = results.shortest_paths_m
+    line = " Dashed line: the mean of the forests' shortest paths." if shortest_m else ""
+    return (
+        "Left: path length of the successes (box: quartiles and median, whiskers: the last trial within 1.5 "
+        f"interquartile ranges, diamond: mean).{line} Right: share of trials that did not get out (entrapped, tipped "
+        "or faulty) with its Wilson 95 % interval."
+    )
+
+
+def paths_alt(results: Results) -> str:
+    """Say in words what the figure of paths and failures shows."""
+    parts = [
+        f"{name}: median path {_metres(summary.path_median_m)}, {100 - summary.success_percent:.1f} % did not get out"
+        for name, summary in results.summaries.items()
+    ]
+    return "Box plots of path length and bars of failures by algorithm. " + "; ".join(parts)
+
+
+def escape_alt(results: Results) -> str:
+    """Say in words what the figure of escapes shows."""
+    parts = [f"{name} ends at {summary.success_percent:.1f} %" for name, summary in results.summaries.items()]
+    return "Cumulative share of escaped trials over path length, by algorithm. " + "; ".join(parts)
+
+
+def ratio_caption(results: Results) -> str:
+    """Explain the figure of ratios."""
+    of_all = "" if len(results.shortest_paths_m) == len(results.rows) else " of the trials whose shortest path is known"
+    return (
+        "Path driven over the shortest path for the rover's width in the same forest; a failure counts as longer than "
+        "any number, and an arrow says that the quantile lies among the failures. At the right: the share of all trials"
+        f"{of_all} that got out within 2 and within 4 times the shortest path. Mean shortest path: "
+        f"{statistics.fmean(results.shortest_paths_m):.1f} m."
+    )
+
+
+def ratio_alt(results: Results) -> str:
+    """Say in words what the figure of ratios shows."""
+    known = {name: found for name, rows in results.by_algorithm.items() if (found := ratios(rows))}
+    parts = [f"{name}: median {quantile(found, 0.5):.1f} times" for name, found in known.items()]
+    return "Path over shortest path by algorithm. " + "; ".join(parts)
+
+
+def trial_caption(row: Row) -> str:
+    """Say which trial a drawing shows, and how it ended."""
+    share = ""
+    if row.outcome in SUCCESSES and row.path_m and row.shortest_path_m:
+        share = f", {row.path_m / row.shortest_path_m:.1f} times the shortest path"
+    return f"{row.algorithm}, trial {row.trial} (forest {row.forest}, noise {row.noise}): {ending(row)}{share}."
+
+
+def trial_alt(row: Row, slips: int) -> str:
+    """Say in words what a drawing shows."""
+    return (
+        f"Forest seen from above with the path of {trial_caption(row)} {row.anomalies} anomalies, {slips} slip events."
+    )
+
+
+def entrapped_caption(row: Row, found: Entrapment) -> str:
+    """Say why a trial was entrapped, and by which figures."""
+    turned = "" if found.turned is None else f", {found.turned:.0%} of the turns asked for in the open"
+    return (
+        f"{row.algorithm}, trial {row.trial}: {found.why}. It kept to {found.extent_m:.1f} m, was against something "
+        f"for {found.touching:.0%} of the time{turned}, and {found.new:.0%} of its places were new."
+    )
+
+
+def no_gallery(reason: BadInput) -> str:
+    """Say why no trial is drawn."""
+    return f"No trial is drawn: {reason}."
+
+
+def not_drawn(version: str) -> str:
+    """Say why the trials that are named next have no drawing; the table is of ``version``."""
+    return (
+        f"Not drawn, because they came out in another way when wayfarer {__version__} ran them again (the table is of "
+        f"wayfarer {version}): the code or an algorithm has changed since, and a drawing would show another run."
+    )
+
+
+def _metres(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.1f} m"

@@ -1,0 +1,260 @@
+"""The folder of a campaign: what survives a crash, and what is there at the end.
+
+``campaign.json`` is written first and says whose folder this is; ``forests.jsonl`` beside it is a copy of the
+campaign's forest file, if it has one, so that its trials can be run again. While the campaign runs, each finished trial
+is appended to ``trials.partial.csv`` in the order of completion. At the end ``trials.csv``, the same as
+``trials.parquet``, and ``summary.json`` appear whole, and the partial file goes. A line that a crash cut short has no
+newline; resuming drops it and runs that trial again.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Self
+
+from wayfarer.config.chassis import AT_A_BRANCH, Chassis
+from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.experiments.campaign import Tasks
+from wayfarer.experiments.rows import Row, columns_of, csv_line
+from wayfarer.experiments.store import Kept, columns_in, rows_in
+from wayfarer.fieldlog.atomic_file import whole_file
+from wayfarer.simhal.grounds import GroundName
+
+SETTINGS = "campaign.json"
+FORESTS = "forests.jsonl"
+PARTIAL = "trials.partial.csv"
+TRIALS = "trials.csv"
+PARQUET = "trials.parquet"
+SUMMARY = "summary.json"
+CHASSIS = "rover.chassis"  # where its keys stand in the settings
+UNSAID = {"ground": GroundName.ideal.value}  # what settings that do not name it stand for
+
+
+class ResultsFolder:
+    """The folder of a campaign with these ``settings`` (``Campaign.settings``), locked while it is open.
+
+    ``kept`` are its finished trials; ``complete`` says that they are all there are.
+
+    Raises:
+        BadInput: the folder is not empty and not to be resumed, belongs to another campaign, is in use or
+            cannot be written; nothing is left behind then.
+    """
+
+    def __init__(self, path: Path, settings: Mapping[str, Any], *, resume: bool = False) -> None:
+        self.path = path
+        self._columns = columns_of(settings)
+        with _one_line_errors(path), _removed_on_failure(path):
+            path.mkdir(parents=True, exist_ok=True)
+            self._open = ExitStack()
+            with self._open:
+                self._open.callback(os.close, _locked(path))
+                self.kept = self._claim(settings, resume)
+                self._open = self._open.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let others use the folder."""
+        self._open.close()
+
+    @property
+    def complete(self) -> bool:
+        """Tell whether the final files are there."""
+        return (self.path / TRIALS).exists() and not (self.path / PARTIAL).exists()
+
+    def keep_forests(self, file: Path) -> None:
+        """Keep a copy of the campaign's forest file; whoever reads it compares its checksum with the settings'.
+
+        Raises:
+            WayfarerError: the file cannot be read, or the folder not be written.
+        """
+        with self._writing():
+            write_whole(self.path / FORESTS, file.read_bytes())
+
+    def append(self, row: Row) -> None:
+        """Keep a finished trial, whatever happens to this process next.
+
+        Raises:
+            WayfarerError: the folder cannot be written any more.
+        """
+        with self._writing():
+            self.kept.append(row)
+
+    def into_tables(self, rows: Iterable[Row]) -> Iterator[Row]:
+        """Pass on ``rows``, in their final order, and write them: the tables are there when the last has passed.
+
+        Raises:
+            WayfarerError: the folder cannot be written any more.
+        """
+        from wayfarer.experiments.parquet import ParquetRows, types_of
+
+        with (
+            self._writing(),
+            whole_file(self.path / TRIALS) as text_draft,
+            whole_file(self.path / PARQUET) as parquet_draft,
+            text_draft.open("w", encoding="utf-8") as text,
+            ParquetRows(parquet_draft, types_of(Row, self._columns)) as parquet,
+        ):
+            text.write(csv_line(self._columns))
+            for row in rows:
+                text.write(csv_line(self._columns, row))
+                parquet.append([getattr(row, name) for name in self._columns])
+                yield row
+
+    def finish(self, summary: Mapping[str, Any]) -> None:
+        """Write the summary; with it the campaign is complete.
+
+        Raises:
+            WayfarerError: the folder cannot be written any more.
+        """
+        with self._writing():
+            write_whole(self.path / SUMMARY, _json(summary))
+            (self.path / PARTIAL).unlink()
+
+    def _claim(self, settings: Mapping[str, Any], resume: bool) -> Kept:
+        """Make the folder this campaign's and return the trials that it holds."""
+        if not any(self.path.iterdir()):
+            write_whole(self.path / SETTINGS, _json(settings))
+        elif not resume:
+            raise BadInput(f"{self.path} is not empty; give a new folder, or add --resume to go on with what is in it")
+        else:
+            _refuse_another_campaign(self.path, settings)
+        tasks = Tasks(settings["algorithms"], settings["trials"])
+        if self.complete:
+            path = self.path / TRIALS
+            return Kept(self._open.enter_context(path.open("rb")), tasks, str(path), self._columns)
+        path, columns = self.path / PARTIAL, (*self._columns, "ticks")
+        _drop_torn_line(path, columns)
+        _add_kinds(path, columns)
+        return Kept(self._open.enter_context(path.open("r+b")), tasks, str(path), columns)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise WayfarerError(
+                f"{self.path} cannot be written any more: {error.strerror or error}; mend that, then --resume goes on"
+            ) from error
+
+
+@contextmanager
+def _one_line_errors(path: Path) -> Iterator[None]:
+    if path.is_file():
+        raise BadInput(f"{path} is a file; the output needs a new or empty folder")
+    try:
+        yield
+    except OSError as error:
+        raise BadInput(f"{path} cannot be used for the output: {error.strerror or error}") from error
+
+
+@contextmanager
+def _removed_on_failure(path: Path) -> Iterator[None]:
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    try:
+        yield
+    except BaseException:
+        for folder in made:
+            with suppress(OSError):
+                folder.rmdir()
+        raise
+
+
+def _locked(path: Path) -> int:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise BadInput(f"{path} is in use by another campaign; wait for it, or give another folder") from None
+    return descriptor
+
+
+def _refuse_another_campaign(path: Path, settings: Mapping[str, Any]) -> None:
+    try:
+        kept = json.loads((path / SETTINGS).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        raise BadInput(f"{path} cannot be resumed: it holds no campaign ({SETTINGS} is missing or damaged)") from None
+    for name, here, there in differences(json.loads(_json(settings)), kept):
+        raise BadInput(
+            f"{path} belongs to another campaign: {name} is {there!r} there and "
+            f"{here!r} here; repeat its settings, or give another folder"
+        )
+
+
+def differences(here: Mapping[str, Any], there: Any) -> Iterator[tuple[str, Any, Any]]:
+    """Yield the dotted name and both values of each setting that makes two campaigns differ.
+
+    What a rover file says of its chassis decides only where this campaign reads it. Files of older versions say less,
+    and their campaigns can be gone on with.
+    """
+    ours, theirs = UNSAID | _flat(here), UNSAID | _flat(there)
+    unread = {f"{CHASSIS}.{field.name}" for field in fields(Chassis)} - {f"{CHASSIS}.{key}" for key in _read(here)}
+    for name in dict.fromkeys((*ours, *theirs)):
+        if name not in unread and ours.get(name) != theirs.get(name):
+            yield name, ours.get(name), theirs.get(name)
+
+
+def _read(settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return which keys of the chassis a campaign with these settings reads."""
+    if settings.get("mujoco") or settings.get("ground"):
+        return tuple(field.name for field in fields(Chassis))
+    return AT_A_BRANCH if settings.get("scenario") else ()
+
+
+def _flat(value: Any, name: str = "") -> dict[str, Any]:
+    """Return nested settings by their dotted names."""
+    if not isinstance(value, dict):
+        return {name: value}
+    return {key: leaf for k, v in value.items() for key, leaf in _flat(v, f"{name}.{k}" if name else k).items()}
+
+
+def _drop_torn_line(path: Path, columns: tuple[str, ...]) -> None:
+    """Leave whole lines only, under a header."""
+    with path.open("a+b") as file:
+        file.seek(0)
+        whole = sum(len(line) for line in file if line.endswith(b"\n"))
+        file.truncate(whole)
+        if not whole:
+            file.write(csv_line(columns).encode())
+
+
+def _add_kinds(path: Path, columns: tuple[str, ...]) -> None:
+    """Give a partial file of an older version those of its columns that it lacks, so that the trials to come fit it."""
+    with path.open("rb") as file:
+        there = columns_in(file, str(path), columns)
+        if there == columns:
+            return
+        with whole_file(path) as draft, draft.open("w", encoding="utf-8") as text:
+            text.write(csv_line(columns))
+            text.writelines(csv_line(columns, row) for _, row in rows_in(file, str(path), there))
+
+
+def read_rows(path: Path, fields: tuple[str, ...]) -> list[Row]:
+    """Read the rows of a file that has these columns.
+
+    Raises:
+        BadInput: the file is no text or has other columns, or a line is no row; the text names it.
+    """
+    with path.open("rb") as file:
+        return [row for _, row in rows_in(file, str(path), fields)]
+
+
+def _json(value: Mapping[str, Any]) -> bytes:
+    return (json.dumps(value, indent=2, allow_nan=False) + "\n").encode()
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file so that it is there whole or not at all."""
+    with whole_file(path) as draft:
+        draft.write_bytes(content)

@@ -1,0 +1,193 @@
+"""A campaign from its first trial to its last: run, keep, sum up.
+
+One loop does it all: a finished trial is kept in the folder, then shown. SIGINT and SIGTERM only set a flag
+that the loop looks at, so that nothing is cut in the middle; a second one ends the process the usual way.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Iterable, Iterator, Sequence, Sized
+from concurrent.futures import BrokenExecutor
+from contextlib import closing, contextmanager, suppress
+from dataclasses import asdict, dataclass, replace
+from itertools import groupby
+from tempfile import TemporaryFile
+from typing import Any, NamedTuple
+
+from wayfarer.errors import WayfarerError
+from wayfarer.experiments.campaign import Campaign
+from wayfarer.experiments.executors import MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
+from wayfarer.experiments.progress_bar import Progress
+from wayfarer.experiments.results_folder import ResultsFolder
+from wayfarer.experiments.rows import Row
+from wayfarer.experiments.statistics import Summary, summarise
+from wayfarer.experiments.store import Kept
+
+SAME_SIGNAL_S = 0.5  # a signal to the whole process group may reach the workers first
+
+
+class Effort(NamedTuple):
+    """What a run took: seconds on the clock, CPU seconds of this process and its workers, control ticks.
+
+    The CPU of other machines is not known: None.
+    """
+
+    wall_s: float
+    cpu_s: float | None
+    ticks: int
+
+    @property
+    def cpu_us_per_tick(self) -> float | None:
+        """CPU per control tick in microseconds, set-up and overhead included; None where nothing was run."""
+        return 1e6 * self.cpu_s / self.ticks if self.cpu_s is not None and self.ticks else None
+
+
+@dataclass
+class Totals:
+    """Sums over rows: simulated seconds and control ticks."""
+
+    simulated_s: float = 0.0
+    ticks: int = 0
+
+    def over(self, rows: Iterable[Row]) -> Iterator[Row]:
+        """Pass rows on and add them up."""
+        for row in rows:
+            self.simulated_s += row.time_s or 0.0
+            self.ticks += row.ticks or 0
+            yield row
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """How a run ended: how many trials there are, what this run took, and what all of them say once none is missing.
+
+    ``summaries`` has one line an algorithm.
+    """
+
+    campaign: Campaign
+    trials: int
+    effort: Effort
+    totals: Totals
+    summaries: Sequence[Summary] = ()
+
+    @property
+    def interrupted(self) -> bool:
+        """Tell whether trials are missing."""
+        return self.trials < len(self.campaign.tasks_by_forest())
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``summary.json`` holds; ``last_run`` is this run, without what was kept before."""
+        return {
+            **self.campaign.settings(),
+            "table": [_rounded(asdict(summary)) for summary in self.summaries],
+            "simulated_s": round(self.totals.simulated_s, 3),
+            "ticks": self.totals.ticks,
+            "last_run": _rounded({**self.effort._asdict(), "cpu_us_per_tick": self.effort.cpu_us_per_tick}),
+        }
+
+
+def run(
+    campaign: Campaign,
+    folder: ResultsFolder | None = None,
+    *,
+    jobs: int = 1,
+    progress: Progress | None = None,
+    executor: MakeExecutor | None = None,
+    run_trial: RunTrial = field_trial,
+) -> Finished:
+    """Run the trials that ``folder`` does not hold yet, and write the final files when none is missing.
+
+    Results depend neither on ``jobs``, the number of processes, nor on an ``executor`` in their place. Without a
+    folder finished trials are in a file that nobody sees, not in memory.
+
+    Raises:
+        WayfarerError: a worker died, or the folder cannot be written any more; finished trials are kept.
+    """
+    progress = progress or Progress()
+    began, ticks = os.times(), 0
+    with _kept(campaign, folder) as kept, stop_on_signals() as stop:
+        todo = kept.missing()
+        jobs = max(1, min(jobs, len(todo)))
+        keep = folder.append if folder else kept.append
+        with (
+            suppress(Stopped),
+            _worker_death_explained(kept, stop),
+            closing(stream(TrialRunner(campaign, run_trial), todo, jobs, stop, executor)) as finished,
+        ):
+            for done in finished:
+                keep(done.row)
+                ticks += done.row.ticks or 0
+                progress.advance(done)
+        effort = _effort(began, ticks, elsewhere=executor is not None)
+        return _summed_up(campaign, kept, folder, effort)
+
+
+@contextmanager
+def _kept(campaign: Campaign, folder: ResultsFolder | None) -> Iterator[Kept]:
+    if folder:
+        yield folder.kept
+        return
+    with TemporaryFile() as file:
+        yield Kept.begun(file, campaign.tasks_by_forest())
+
+
+def _summed_up(campaign: Campaign, kept: Kept, folder: ResultsFolder | None, effort: Effort) -> Finished:
+    """Go once through all trials, if none is missing: for the summaries, and the tables of a folder without them."""
+    totals = Totals()
+    finished = Finished(campaign, len(kept), effort, totals)
+    if finished.interrupted:
+        return finished
+    to_finish = folder if folder and not folder.complete else None
+    rows = totals.over(to_finish.into_tables(kept) if to_finish else kept)
+    summaries = [summarise(name, its_rows) for name, its_rows in groupby(rows, lambda row: row.algorithm)]
+    finished = replace(finished, summaries=summaries)
+    if to_finish:
+        to_finish.finish(finished.as_json())
+    return finished
+
+
+def _rounded(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: round(value, 4) if isinstance(value, float) else value for name, value in values.items()}
+
+
+def _effort(began: os.times_result, ticks: int, *, elsewhere: bool) -> Effort:
+    """Measure since ``began``; the CPU of workers counts once they have ended, and not where they are elsewhere."""
+    now = os.times()
+    return Effort(now.elapsed - began.elapsed, None if elsewhere else sum(now[:4]) - sum(began[:4]), ticks)
+
+
+@contextmanager
+def stop_on_signals() -> Iterator[threading.Event]:
+    """Turn the first SIGINT or SIGTERM into a set event; only a main thread gets signals."""
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+
+    def ask(_number: int, _frame: object) -> None:
+        stop.set()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _worker_death_explained(rows: Sized, stop: threading.Event) -> Iterator[None]:
+    try:
+        yield
+    except BrokenExecutor as error:
+        if stop.wait(SAME_SIGNAL_S):
+            return  # what ended the workers, such as a shutdown, asks this process too
+        raise WayfarerError(
+            f"a worker process died after {len(rows)} trials, most likely for want of memory; "
+            "what --out keeps is safe: add --resume, with fewer --jobs"
+        ) from error

@@ -1,0 +1,72 @@
+"""The table of a scenario, with the figures of the paper's field trials."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from wayfarer.experiments.statistics import Summary
+from wayfarer.experiments.tables import Column, Layout, mean_and_sd, number, success
+
+
+class FieldTrials(NamedTuple):
+    """What the paper reports of ten trials: successes, and the time to escape of the successes."""
+
+    successes: int
+    mean_s: float
+    sd_s: float
+    interventions: int  # in ten trials, a mean over both scenarios and both algorithms
+
+
+# The paper, section IV-C: "Human interventions averaging 11 across all 10 trials for the ForestRover (6 for MiniRover)"
+BY_FOREST_ROVER, BY_MINI_ROVER = 11, 6
+PAPER: Mapping[tuple[str, str, str], FieldTrials] = {
+    ("extended-maze", "forestrover", "forest-pledge"): FieldTrials(10, 152.0, 21.0, BY_FOREST_ROVER),
+    ("extended-maze", "forestrover", "levy-walk"): FieldTrials(1, 141.0, 0.0, BY_FOREST_ROVER),
+    ("extended-maze", "minirover", "forest-pledge"): FieldTrials(10, 51.0, 15.0, BY_MINI_ROVER),
+    ("extended-maze", "minirover", "levy-walk"): FieldTrials(6, 47.0, 25.0, BY_MINI_ROVER),
+    ("dense-obstruction", "forestrover", "forest-pledge"): FieldTrials(10, 133.0, 32.0, BY_FOREST_ROVER),
+    ("dense-obstruction", "forestrover", "levy-walk"): FieldTrials(6, 164.0, 70.0, BY_FOREST_ROVER),
+    ("dense-obstruction", "minirover", "forest-pledge"): FieldTrials(10, 38.0, 16.0, BY_MINI_ROVER),
+    ("dense-obstruction", "minirover", "levy-walk"): FieldTrials(5, 46.0, 43.0, BY_MINI_ROVER),
+}
+
+
+def _interventions(summary: Summary) -> str:
+    """Return how many there were in ten trials, with those of each kind where they were told apart."""
+    in_ten = [
+        number(10.0 * mean)
+        for mean in (summary.interventions_mean, summary.overturned_mean, summary.off_wheels_mean)
+        if mean is not None
+    ]
+    return in_ten[0] if len(in_ten) == 1 else "{} ({}/{})".format(*in_ten) if in_ten else ""
+
+
+OUTCOMES = (
+    Column("trials", lambda s: str(s.trials), lambda _: "10"),
+    Column("success %\n[95 %]", success, lambda p: number(10.0 * p.successes)),
+    Column("entrapped", lambda s: str(s.entrapped), lambda p: str(10 - p.successes)),
+    Column("left\nbounds", lambda s: str(s.left_bounds)),
+)
+MEASURES = (
+    Column(
+        "time s\nmean ± SD",
+        lambda s: mean_and_sd(s.escape_mean_s, s.escape_sd_s),
+        lambda p: mean_and_sd(p.mean_s, p.sd_s),
+    ),
+    Column("median\ns", lambda s: number(s.escape_median_s)),
+    Column(
+        "interventions\nin ten trials",
+        _interventions,
+        lambda p: number(float(p.interventions)),
+    ),
+    Column("path m\nmean ± SD", lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m)),
+    Column("SPL", lambda s: number(s.spl, 3)),
+    Column("anomalies", lambda s: number(s.anomalies_mean)),
+)
+
+
+def layout_of(scenario: str, rover: str) -> Layout:
+    """Return what the table of a scenario shows; the paper has figures of two scenarios and two rovers."""
+    paper = {algorithm: trials for (site, who, algorithm), trials in PAPER.items() if (site, who) == (scenario, rover)}
+    return Layout(OUTCOMES, MEASURES, paper)

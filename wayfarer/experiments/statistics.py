@@ -1,0 +1,161 @@
+"""What a campaign says of an algorithm: success with its interval, path lengths, SPL."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from array import array
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from wayfarer.experiments.rows import SUCCESSES, Row
+
+Z_95 = statistics.NormalDist().inv_cdf(0.975)
+
+
+class Spread(NamedTuple):
+    """Mean, sample standard deviation and median; None where there are too few values to tell."""
+
+    mean: float | None
+    sd: float | None
+    median: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """One algorithm's line of the table.
+
+    Path lengths are in metres, over the successes (escaped or left bounds), as in the paper. ``spl`` is the
+    mean over all trials whose shortest path is known, where a failure counts 0. Time (simulated, in seconds)
+    and anomalies are means a trial, faults left out; ``escape_..._s`` is the time of the successes. Interventions are
+    the mean a trial, where they are counted, ``overturned`` and ``off_wheels`` those of each kind.
+    """
+
+    algorithm: str
+    trials: int
+    escaped: int
+    left_bounds: int
+    entrapped: int
+    tipped: int
+    fault: int
+    success_percent: float
+    success_low_percent: float
+    success_high_percent: float
+    path_mean_m: float | None
+    path_sd_m: float | None
+    path_median_m: float | None
+    spl: float | None
+    time_mean_s: float | None
+    anomalies_mean: float | None
+    escape_mean_s: float | None
+    escape_sd_s: float | None
+    escape_median_s: float | None
+    interventions_mean: float | None
+    overturned_mean: float | None
+    off_wheels_mean: float | None
+
+
+def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+    """Return the 95 % score interval of a proportion, within 0..1 (E. B. Wilson, JASA 22, 1927).
+
+    Raises:
+        ValueError: no trials, or more successes than trials.
+    """
+    if not 0 <= successes <= trials or trials == 0:
+        raise ValueError(f"{successes} successes in {trials} trials")
+    share, spread = successes / trials, Z_95**2 / trials
+    centre = share + spread / 2
+    half = math.sqrt(spread * (share * (1 - share) + spread / 4))
+    return max(0.0, (centre - half) / (1 + spread)), min(1.0, (centre + half) / (1 + spread))
+
+
+def spread_of(values: Sequence[float]) -> Spread:
+    """Return mean, sample standard deviation and median of ``values``, in their own unit."""
+    return Spread(
+        statistics.fmean(values) if values else None,
+        statistics.stdev(values) if len(values) > 1 else None,
+        _median(values),
+    )
+
+
+def _median(values: Sequence[float]) -> float | None:
+    """Return the exact median; numpy sorts numbers, where ``statistics`` sorts an object for each of them."""
+    import numpy as np
+
+    return float(np.median(np.asarray(values))) if values else None
+
+
+class Mean:
+    """A mean over the known ones of what is added."""
+
+    def __init__(self) -> None:
+        self._sum = 0.0
+        self._count = 0
+
+    def add(self, value: float | None) -> None:
+        """Take a value; None does not count."""
+        if value is not None:
+            self._sum += value
+            self._count += 1
+
+    @property
+    def value(self) -> float | None:
+        """The mean; None where nothing was added."""
+        return self._sum / self._count if self._count else None
+
+
+def _append(values: array[float], value: float | None) -> None:
+    if value is not None:
+        values.append(value)
+
+
+def summarise(algorithm: str, rows: Iterable[Row]) -> Summary:
+    """Return what ``rows``, all of one algorithm and at least one, say of it.
+
+    No row is kept. SPL is success weighted by path length, 0..1 (Anderson et al., arXiv:1807.06757).
+    """
+    outcomes: Counter[str] = Counter()
+    paths_m, escapes_s = array("d"), array("d")  # a median needs all of them, 8 bytes each
+    spl, time_s, anomalies = Mean(), Mean(), Mean()
+    interventions, overturned, off_wheels = Mean(), Mean(), Mean()
+    for row in rows:
+        outcomes[row.outcome] += 1
+        if row.outcome in SUCCESSES:
+            _append(paths_m, row.path_m)
+            _append(escapes_s, row.time_s)
+        spl.add(None if row.shortest_path_m is None else row.spl or 0.0)
+        time_s.add(row.time_s)
+        anomalies.add(row.anomalies)
+        interventions.add(row.interventions)
+        overturned.add(row.overturned)
+        off_wheels.add(row.off_wheels)
+    trials = outcomes.total()
+    successes = sum(outcomes[outcome] for outcome in SUCCESSES)
+    low, high = wilson_interval(successes, trials)
+    path_m, escape_s = spread_of(paths_m), spread_of(escapes_s)
+    return Summary(
+        algorithm,
+        trials,
+        escaped=outcomes["escaped"],
+        left_bounds=outcomes["left_bounds"],
+        entrapped=outcomes["entrapped"],
+        tipped=outcomes["tipped"],
+        fault=outcomes["fault"],
+        success_percent=100 * successes / trials,
+        success_low_percent=100 * low,
+        success_high_percent=100 * high,
+        path_mean_m=path_m.mean,
+        path_sd_m=path_m.sd,
+        path_median_m=path_m.median,
+        spl=spl.value,
+        time_mean_s=time_s.value,
+        anomalies_mean=anomalies.value,
+        escape_mean_s=escape_s.mean,
+        escape_sd_s=escape_s.sd,
+        escape_median_s=escape_s.median,
+        interventions_mean=interventions.value,
+        overturned_mean=overturned.value,
+        off_wheels_mean=off_wheels.value,
+    )

@@ -1,0 +1,146 @@
+"""Which keys can be swept, and laying values for them over a campaign.
+
+* a key of the rover file, by its dotted name (``escape.turn_angle_deg``), checked as the file is;
+* ``footprint_m``: ``vehicle.length_m`` and ``vehicle.width_m`` together, a square as in the paper;
+* ``slip_mean_m``, ``budget_m`` and ``ground``, as the options of ``wayfarer sim``;
+* ``sim.`` and a number of the simulated world (``physics.Physics``), or ``sim.trees_per_ha``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Annotated, Any, TypeVar
+
+from annotated_types import Interval
+from pydantic import TypeAdapter, ValidationError
+
+from wayfarer.config.messages import explain, most_telling
+from wayfarer.config.rover_overlay import laid_over
+from wayfarer.errors import BadConfig, BadInput, UnknownName
+from wayfarer.experiments.campaign import Campaign
+from wayfarer.experiments.sweep.axes import Value
+from wayfarer.simhal.forest import TREES_PER_HA
+from wayfarer.simhal.grounds import GroundName
+from wayfarer.simhal.physics import Physics
+from wayfarer.units import Metres
+
+T = TypeVar("T")
+
+FOOTPRINT = "footprint_m"
+BODY = ("vehicle.length_m", "vehicle.width_m")
+WORLD = "sim."
+PARTS = "parts."  # a driver knows its keys; not all of them stand in the file
+
+
+@dataclass(frozen=True, slots=True)
+class OwnKeys:
+    """The campaign's own settings."""
+
+    slip_mean_m: Metres
+    budget_m: Annotated[float, Interval(gt=0, le=1e6)]
+    ground: GroundName
+
+
+@dataclass(frozen=True, slots=True)
+class ForestKeys:
+    """The numbers of the generator; of 20,000 trees a hectare half would touch."""
+
+    trees_per_ha: Annotated[float, Interval(ge=0, le=1000)] = TREES_PER_HA
+
+
+OWN = tuple(field.name for field in fields(OwnKeys))
+FOREST = tuple(field.name for field in fields(ForestKeys))
+PHYSICS = tuple(field.name for field in fields(Physics) if field.name not in OWN)
+
+
+def known_keys(campaign: Campaign) -> list[str]:
+    """Return every key that can be swept, but for those of parts that have their default."""
+    rover = [key for key, _ in _leaves(campaign.rover.model_dump(mode="json"))]
+    return [FOOTPRINT, *OWN, *(WORLD + name for name in (*FOREST, *PHYSICS)), *rover]
+
+
+def current(campaign: Campaign, key: str) -> Any:
+    """Return the value that a campaign has for a known key now; None where it has none, as with a key of a part."""
+    name = key.removeprefix(WORLD)
+    if key in OWN or (name in FOREST and name != key):
+        return getattr(campaign, name)
+    if name != key:
+        return getattr(campaign.physics, name)
+    rover = dict(_leaves(campaign.rover.model_dump(mode="json")))
+    if key == FOOTPRINT:
+        length_m, width_m = (rover[each] for each in BODY)
+        return length_m if length_m == width_m else None
+    return rover.get(key)
+
+
+def check_keys(campaign: Campaign, keys: list[str]) -> None:
+    """Refuse keys that cannot be swept.
+
+    Raises:
+        UnknownName: no such key; the text offers the nearest ones.
+        BadInput: two keys set the same, or one that nothing here depends on.
+    """
+    known = known_keys(campaign)
+    for key in keys:
+        if key not in known and not key.startswith(PARTS):
+            raise UnknownName("key", key, known)
+        if key.removeprefix(WORLD) in FOREST and campaign.forests is not None:
+            raise BadInput(f"key '{key}' is of generated forests; leave out --forests")
+    if len(set(keys)) < len(keys) or (FOOTPRINT in keys and set(BODY) & set(keys)):
+        raise BadInput(f"{' and '.join(keys)} set the same value; sweep one of them")
+
+
+def laid_over_campaign(campaign: Campaign, values: Mapping[str, Value]) -> Campaign:
+    """Return a campaign with these values.
+
+    Raises:
+        BadConfig: a value is out of its range, or two do not go together; the text names the key and what is allowed.
+    """
+    own = _checked(OwnKeys, {name: getattr(campaign, name) for name in OWN}, _under("", OWN, values), "")
+    forest = _checked(ForestKeys, {FOREST[0]: campaign.trees_per_ha}, _under(WORLD, FOREST, values), WORLD)
+    physics = _checked(Physics, asdict(campaign.physics), _under(WORLD, PHYSICS, values), WORLD)
+    rover = campaign.rover
+    if of_rover := _of_rover(values):
+        rover = laid_over(rover, _nested(of_rover))
+    return replace(campaign, rover=rover, physics=physics, **asdict(own), **asdict(forest))
+
+
+def _under(prefix: str, names: tuple[str, ...], values: Mapping[str, Value]) -> dict[str, Value]:
+    return {name: values[prefix + name] for name in names if prefix + name in values}
+
+
+def _checked(model: type[T], below: dict[str, Any], above: dict[str, Value], prefix: str) -> T:
+    try:
+        return TypeAdapter(model).validate_json(json.dumps({**below, **above}), strict=True)
+    except ValidationError as error:
+        raise BadConfig(explain(most_telling(error), model, prefix)) from None
+
+
+def _of_rover(values: Mapping[str, Value]) -> dict[str, Value]:
+    """Return the keys that are of the rover file; a footprint stands for two."""
+    plain = {key: value for key, value in values.items() if key not in OWN and not key.startswith(WORLD)}
+    if FOOTPRINT in plain:
+        plain |= dict.fromkeys(BODY, plain.pop(FOOTPRINT))
+    return plain
+
+
+def _nested(values: Mapping[str, Value]) -> dict[str, Any]:
+    """Return tables within tables, from dotted keys."""
+    table: dict[str, Any] = {}
+    for dotted, value in values.items():
+        *sections, key = dotted.split(".")
+        inner = table
+        for section in sections:
+            inner = inner.setdefault(section, {})
+        inner[key] = value
+    return table
+
+
+def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value

@@ -1,0 +1,79 @@
+"""What is measured at a point of a sweep: four figures, each with its 95 % interval."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from wayfarer.experiments.rows import SUCCESSES, Row
+from wayfarer.experiments.statistics import Z_95, wilson_interval
+from wayfarer.experiments.sweep.grid import PointTask
+
+
+class Estimate(NamedTuple):
+    """A value and its 95 % interval, in the value's unit."""
+
+    value: float
+    low: float
+    high: float
+
+
+def share(rows: Sequence[Row], outcomes: Sequence[str]) -> Estimate:
+    """Return how many of the trials, at least one, ended so, in percent, with Wilson's interval."""
+    count = sum(row.outcome in outcomes for row in rows)
+    low, high = wilson_interval(count, len(rows))
+    return Estimate(100.0 * count / len(rows), 100.0 * low, 100.0 * high)
+
+
+def mean(values: Sequence[float]) -> Estimate | None:
+    """Return the mean with 1.96 standard errors on both sides; None of fewer than two values."""
+    if len(values) < 2:
+        return None
+    centre = statistics.fmean(values)
+    half = Z_95 * statistics.stdev(values) / math.sqrt(len(values))
+    return Estimate(centre, centre - half, centre + half)
+
+
+def _path_m(rows: Sequence[Row]) -> Estimate | None:
+    return mean([row.path_m for row in rows if row.outcome in SUCCESSES and row.path_m is not None])
+
+
+def _spl(rows: Sequence[Row]) -> Estimate | None:
+    return mean([row.spl or 0.0 for row in rows if row.shortest_path_m is not None])
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """A figure of a point: its name, what it is, how many decimals it deserves, and how to estimate it."""
+
+    name: str
+    title: str
+    decimals: int
+    of: Callable[[Sequence[Row]], Estimate | None]
+
+
+MEASURES = (
+    Measure("success", "success, %", 1, lambda rows: share(rows, SUCCESSES)),
+    Measure("spl", "SPL", 3, _spl),
+    Measure("path", "path, m", 1, _path_m),
+    Measure("left_bounds", "left the map, %", 1, lambda rows: share(rows, ("left_bounds",))),
+)
+
+
+def by_cell(rows: Mapping[PointTask, Row]) -> dict[tuple[int, str], list[Row]]:
+    """Return the rows of each point and algorithm, in the order of ``trials.csv``."""
+    cells: dict[tuple[int, str], list[Row]] = {}
+    for task, row in rows.items():
+        cells.setdefault((task.point, task.algorithm), []).append(row)
+    return cells
+
+
+def spl_difference(rows: Sequence[Row], others: Sequence[Row]) -> Estimate | None:
+    """Return by how much the SPL exceeds that of the same trials at another point; None where it is unknown."""
+    pairs = zip(rows, others, strict=True)
+    return mean(
+        [(a.spl or 0.0) - (b.spl or 0.0) for a, b in pairs if None not in (a.shortest_path_m, b.shortest_path_m)]
+    )

@@ -1,0 +1,118 @@
+"""The table at the end of a campaign, with the paper's figures where the paper has them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from wayfarer.experiments.statistics import Summary
+
+
+class PaperFigures(NamedTuple):
+    """What the paper reports of an algorithm over its 1,000 trials; None where it does not."""
+
+    path_mean_m: float
+    path_sd_m: float
+    success_percent: float | None = None
+
+
+# The paper, section IV: path lengths as mean and SD of the successes, and the success of Forest-Pledge alone.
+PAPER: Mapping[str, PaperFigures] = {
+    "pledge": PaperFigures(82.5, 30.8),
+    "forest-pledge": PaperFigures(81.3, 29.3, success_percent=99.7),
+    "levy-pledge": PaperFigures(88.3, 46.3),
+    "levy-walk": PaperFigures(247.5, 223.7),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column: how it reads for a summary, and for the paper's figures."""
+
+    title: str
+    ours: Callable[[Summary], str]
+    papers: Callable[[Any], str] = lambda _: ""
+
+
+class Layout(NamedTuple):
+    """What a table shows: its columns in two groups, and the paper's figures by algorithm."""
+
+    outcomes: tuple[Column, ...]
+    measures: tuple[Column, ...]
+    paper: Mapping[str, Any]
+
+
+def number(value: float | None, decimals: int = 1) -> str:
+    """Return a number with so many decimals, nothing where it is not known."""
+    return "" if value is None else f"{value:.{decimals}f}"
+
+
+def mean_and_sd(mean: float | None, sd: float | None) -> str:
+    """Return a mean with its standard deviation, as far as they are known."""
+    return number(mean) if sd is None else f"{number(mean)} ± {sd:.1f}"
+
+
+def success(summary: Summary) -> str:
+    """Return the share of successes with its interval, in per cent."""
+    low, high = summary.success_low_percent, summary.success_high_percent
+    return f"{summary.success_percent:.1f} [{low:.1f}, {high:.1f}]"
+
+
+NAME = Column("algorithm", lambda s: s.algorithm, lambda _: "  paper")
+OUTCOMES = (
+    Column("trials", lambda s: str(s.trials)),
+    Column("success %\n[95 %]", success, lambda p: number(p.success_percent)),
+    Column("entrapped", lambda s: str(s.entrapped)),
+    Column("left\nbounds", lambda s: str(s.left_bounds)),
+    Column("tipped", lambda s: str(s.tipped)),
+)
+FAULTS = Column("faults", lambda s: str(s.fault))
+PATHS = (
+    Column(
+        "path m\nmean ± SD",
+        lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m),
+        lambda p: mean_and_sd(p.path_mean_m, p.path_sd_m),
+    ),
+    Column("median\nm", lambda s: number(s.path_median_m)),
+    Column("SPL", lambda s: number(s.spl, 3)),
+    Column("time\ns", lambda s: number(s.time_mean_s)),
+    Column("anomalies", lambda s: number(s.anomalies_mean)),
+)
+
+
+FORESTS = Layout(OUTCOMES, PATHS, PAPER)
+
+
+def print_table(console: Console, summaries: Sequence[Summary], layout: Layout = FORESTS) -> None:
+    """Print one table, or where the console is too narrow for it outcomes and measures below each other."""
+    faults = (FAULTS,) if any(summary.fault for summary in summaries) else ()
+    outcomes = (*layout.outcomes, *faults)
+    whole = _table(summaries, (NAME, *outcomes, *layout.measures), layout.paper)
+    unbounded = console.options.update(max_width=1000)
+    fits = console.measure(whole, options=unbounded).maximum <= console.width
+    parts = [whole] if fits else _two(summaries, outcomes, layout)
+    for table in parts:
+        console.print(table)
+        console.print()
+
+
+def _two(summaries: Sequence[Summary], outcomes: Sequence[Column], layout: Layout) -> list[Table]:
+    return [_table(summaries, (NAME, *columns), layout.paper) for columns in (outcomes, layout.measures)]
+
+
+def _table(summaries: Sequence[Summary], columns: Sequence[Column], papers: Mapping[str, Any]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
+    for column in columns:
+        table.add_column(column.title, justify="left" if column is NAME else "right", no_wrap=True)
+    for summary in summaries:
+        table.add_row(*(column.ours(summary) for column in columns))
+        paper = papers.get(summary.algorithm)
+        cells = [column.papers(paper) for column in columns] if paper else []
+        if any(cells[1:]):
+            table.add_row(*cells, style="dim")
+    return table

@@ -1,0 +1,93 @@
+"""A trial run again to see where it went: the way of the rover in the world, with phases and slips.
+
+No rover knows its own position. A trace is what a log sees that looks at the simulated world beside the rover's
+records; it is thinned on the way, because an entrapped rover takes 80,000 ticks.
+"""
+
+from __future__ import annotations
+
+from math import degrees, hypot
+from typing import NamedTuple
+
+from wayfarer.control.records import PartialLog, TickRecord
+from wayfarer.escape.api import Phase
+from wayfarer.experiments.trial import TrialResult, run_watched
+from wayfarer.experiments.trial_setup import TrialSpec
+from wayfarer.hal import Rover
+from wayfarer.simhal.simulated_world import SimulatedWorld
+
+KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius of 1.15 m
+
+
+class Point(NamedTuple):
+    """Where the rover was, metres east and north, and what it was doing from there on.
+
+    ``heading_deg`` counts whole turns; ``touches`` says whether the body was against an obstacle.
+    """
+
+    x_m: float
+    y_m: float
+    phase: Phase
+    t_s: float = 0.0
+    heading_deg: float = 0.0
+    touches: bool = False
+
+
+class Trace(NamedTuple):
+    """The way of one trial: its points in the order of time, and where the ground gave way."""
+
+    points: list[Point]
+    slips_m: list[tuple[float, float]]
+
+
+class TraceLog(PartialLog):
+    """Looks at the world at each tick, and keeps every change of phase, and of whether the body touches something.
+
+    Between two changes a point is kept when it is ``KEPT_EVERY_M`` from the one before.
+    """
+
+    def __init__(self, world: SimulatedWorld) -> None:
+        self.trace = Trace([], [])
+        self._world = world
+        self._slipping = False
+
+    def tick(self, record: TickRecord) -> None:
+        """Look where the rover is."""
+        world, points = self._world, self.trace.points
+        if world.slipping and not self._slipping:
+            self.trace.slips_m.append((world.x_m, world.y_m))
+        self._slipping = world.slipping
+        phase = record.decision.phase
+        if not points or self._changes(phase, points[-1]) or self._gone_m() >= KEPT_EVERY_M:
+            points.append(self._point(phase))
+
+    def _changes(self, phase: Phase, last: Point) -> bool:
+        return phase is not last.phase or (self._world.touch is not None) is not last.touches
+
+    def _point(self, phase: Phase) -> Point:
+        world = self._world
+        return Point(world.x_m, world.y_m, phase, world.t_s, degrees(world.heading_rad), world.touch is not None)
+
+    def _gone_m(self) -> float:
+        """Return the distance from the last point that was kept."""
+        last = self.trace.points[-1]
+        return hypot(self._world.x_m - last.x_m, self._world.y_m - last.y_m)
+
+    def close(self, reason: str, text: str) -> None:  # noqa: ARG002
+        """Keep where it ended."""
+        self.trace.points.append(self._point(Phase.HALT))
+
+
+def run_traced(spec: TrialSpec) -> tuple[TrialResult, Trace]:
+    """Run one trial, and return its result, which is the same as ever, with its trace.
+
+    Raises:
+        MissingPart: the rover cannot give what the algorithm needs.
+    """
+    logs: list[TraceLog] = []
+
+    def make_log(world: SimulatedWorld, _: Rover) -> TraceLog:
+        logs.append(TraceLog(world))
+        return logs[0]
+
+    return run_watched(spec, make_log), logs[0].trace

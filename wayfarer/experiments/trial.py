@@ -1,0 +1,183 @@
+"""One trial: the daemon's own supervisor on a simulated rover in one forest, watched by a referee."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from wayfarer.control.records import PartialLog, Tee, TickRecord
+from wayfarer.escape.api import Phase
+from wayfarer.experiments.outcome import Outcome, Referee
+from wayfarer.experiments.trial_setup import MakeLog, Stage, TrialSpec
+from wayfarer.hal import Rover
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.simhal.grounds import GroundName
+from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.streams import Streams
+
+if TYPE_CHECKING:
+    from wayfarer.experiments.ground_truth_log import Witness
+    from wayfarer.fieldlog.log import FieldLog
+
+
+class TrialResult(NamedTuple):
+    """What the referee says of one trial.
+
+    ``interventions``, and of which kind they were, where an attendant walked beside the rover; ``friction`` and what
+    follows where it was in MuJoCo.
+    """
+
+    trial: int
+    algorithm: str
+    forest: int
+    noise: int
+    seed: int
+    outcome: Outcome
+    path_m: float
+    reverse_m: float
+    time_s: float
+    anomalies: int
+    episodes: int
+    shortest_path_m: float | None
+    spl: float | None
+    ticks: int
+    interventions: int | None = None
+    overturned: int | None = None
+    off_wheels: int | None = None
+    friction: float | None = None
+    roughness_m: float | None = None
+    torque_scale: float | None = None
+
+
+GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the helm's reason of disarming
+
+
+class Tally(PartialLog):
+    """A run log that counts and keeps nothing."""
+
+    def __init__(self) -> None:
+        self.ticks = 0
+        self.anomalies = 0
+        self.episodes = 0
+        self.why_disarmed: object = None
+        self._phase = Phase.HALT
+
+    def tick(self, record: TickRecord) -> None:
+        """Count the tick, and each phase that an anomaly began."""
+        self.ticks += 1
+        phase = record.decision.phase
+        if phase is not self._phase:
+            self._count(phase)
+
+    def _count(self, phase: Phase) -> None:
+        if phase is Phase.BACK_OFF:
+            self.anomalies += 1
+            self.episodes += self._phase is Phase.FOLLOW
+        self._phase = phase
+
+    def event(self, name: str, t_s: float, **details: object) -> None:  # noqa: ARG002
+        """Note a rover that gave up by itself."""
+        if name == "disarmed":
+            self.why_disarmed = details["reason"]
+
+
+def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
+    """Run one trial; with ``log_dir`` the rover's full field log is written there.
+
+    Raises:
+        MissingPart: the rover cannot give what the algorithm needs.
+        BadInput: the log cannot be written.
+    """
+    if log_dir is None:
+        return run_watched(spec, None)
+    return run_watched(spec, lambda world, rover: Tee(*field_log(spec, log_dir, world, rover)))
+
+
+def run_watched(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
+    """Run one trial beside a log that is made for its world and rover, and may look at what no rover can see.
+
+    Raises:
+        MissingPart: the rover cannot give what the algorithm needs.
+    """
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(_run(spec, make_log))
+
+
+async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
+    tally = Tally()
+    stage = Stage(spec, lambda *seen: tally if make_log is None else Tee(tally, make_log(*seen)))
+    await stage.supervisor.arm(spec.forest.heading_deg)
+    end = await stage.supervisor.run()
+    result = _result(spec, _outcome(stage.referee, tally, end), stage.referee, stage.world, tally)
+    if stage.attendant:
+        flips, hangs = stage.attendant.flips, stage.attendant.hangs
+        result = result._replace(interventions=flips + hangs, overturned=flips, off_wheels=hangs)
+    return result._replace(**stage.terrain._asdict()) if stage.terrain else result
+
+
+def _outcome(referee: Referee, tally: Tally, end: RunEnd) -> Outcome:
+    """Return how a trial ended; a rover that gave up, or used up its own mission's limits, did not get out either."""
+    if tally.why_disarmed is not None:
+        return "entrapped" if tally.why_disarmed == GAVE_UP else "fault"
+    return referee.outcome or ("entrapped" if end.reason.startswith("mission_") else "fault")
+
+
+def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover) -> tuple[FieldLog, Witness]:
+    """Return the log that a rover in the field writes, and who writes the truth beside it.
+
+    Its wall clock is the trial's, and it is written as it comes, without a thread: the same trial gives the same bytes.
+    """
+    from wayfarer.experiments.ground_truth_log import Witness
+    from wayfarer.fieldlog.log import FieldLog
+    from wayfarer.fieldlog.writer import RunFiles  # a thousand trials without a log need neither structlog nor orjson
+    from wayfarer.simhal.forest_file import as_row
+
+    forest = spec.forest
+    details = {
+        "algorithm": spec.algorithm,
+        "rover": spec.rover.name,
+        "config": spec.rover.model_dump(mode="json"),
+        "trial": spec.trial,
+        "forest": forest.forest,
+        "noise": forest.noise,
+        "seed": spec.seed,
+        "algorithm_seed": Streams(spec.seed).random_seed("algorithm"),
+        "simulated": True,
+        "parts": {name: part.name for name, part in rover.parts.items()},
+        "world": as_row(forest),
+        "slip_mean_m": spec.slip_mean_m,
+        "budget_m": spec.budget_m,
+    }
+    if spec.terrains is not None:
+        details["mujoco"] = spec.terrains.draw(Streams(spec.seed))._asdict()
+    if spec.ground is not GroundName.ideal:
+        details["ground"] = spec.ground.value
+    log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s)
+    return log, Witness(log, world)
+
+
+def _result(spec: TrialSpec, outcome: Outcome, referee: Referee, world: SimulatedWorld, tally: Tally) -> TrialResult:
+    forest = spec.forest
+    path_m = referee.path_m(world)
+    shortest_m = forest.shortest_path_m
+    succeeded = outcome in ("escaped", "left_bounds")
+    spl = None if shortest_m is None else shortest_m / max(shortest_m, path_m) if succeeded else 0.0
+    return TrialResult(
+        spec.trial,
+        spec.algorithm,
+        forest.forest,
+        forest.noise,
+        spec.seed,
+        outcome,
+        path_m,
+        world.reverse_m,
+        world.t_s,
+        tally.anomalies,
+        tally.episodes,
+        shortest_m,
+        spl,
+        tally.ticks,
+    )

@@ -1,0 +1,116 @@
+"""A simulated rover under the daemon's own supervisor, in one forest, watched by a referee: what a trial runs on."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import inf
+from typing import TYPE_CHECKING
+
+from wayfarer.config.registry import find_algorithm
+from wayfarer.config.rover_file import RoverConfig
+from wayfarer.control.records import RunLog
+from wayfarer.control.supervisor import Supervisor
+from wayfarer.experiments.interventions import Attendant
+from wayfarer.experiments.outcome import Referee
+from wayfarer.hal import Rover
+from wayfarer.simhal.faults import Fault
+from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.grounds import FRICTIONS, GroundName
+from wayfarer.simhal.physics import PHYSICS, Physics
+from wayfarer.simhal.rig import Depth, build
+from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.skid_steering import SkidSteering
+from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.wheeled_body import body_of
+from wayfarer.simhal.world import World
+
+if TYPE_CHECKING:
+    from wayfarer.simhal.mujoco.terrain import Terrain, Terrains
+    from wayfarer.simhal.sites.site import Site
+
+MakeLog = Callable[[SimulatedWorld, Rover], RunLog]
+
+
+@dataclass(frozen=True, slots=True)
+class TrialSpec:
+    """Everything that decides a trial: the same spec gives the same result, on any worker.
+
+    ``sense_noise`` multiplies the noise of compass, tilt and flow; ``slip_mean_m`` counts, not that of ``physics``. At
+    a ``site`` somebody walks beside the rover, and its time is limited. With ``terrains`` the body moves in MuJoCo and
+    not in physics-light; of ``physics`` then count the noise of the senses, unequal sides, slips (as mud) and tipping.
+    ``ground`` is what physics-light has under the wheels.
+    """
+
+    trial: int
+    algorithm: str
+    forest: Forest
+    seed: int
+    rover: RoverConfig
+    slip_mean_m: float = 10.0
+    budget_m: float = 1000.0
+    depth: Depth = Depth.DEVICE
+    faults: Sequence[Fault] = ()
+    sense_noise: float = 1.0
+    physics: Physics = PHYSICS
+    site: Site | None = None
+    terrains: Terrains | None = None
+    ground: GroundName = GroundName.ideal
+
+
+class Stage:
+    """World, rover, supervisor and referee of one run; made on the running loop.
+
+    Raises:
+        MissingPart: the rover cannot give what the algorithm needs.
+        BadInput: a fault is meant for what the rover has not.
+    """
+
+    def __init__(self, spec: TrialSpec, make_log: MakeLog) -> None:
+        self.config = spec.rover
+        loop, streams = asyncio.get_running_loop(), Streams(spec.seed, spec.sense_noise)
+        algorithm = find_algorithm(spec.algorithm)
+        handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
+        physics = replace(spec.physics, slip_mean_m=spec.slip_mean_m)
+        self.terrain = spec.terrains.draw(streams) if spec.terrains else None
+        self.world = _world(spec, physics, self.terrain, streams)
+        if spec.faults:
+            from wayfarer.simhal.injection import Injector  # a trial without faults need not know them
+
+            self.injector: Injector | None = Injector(spec.faults, spec.rover, spec.seed)
+            rover = build(spec.depth, self.world, streams, spec.rover, loop.time, self.injector.buses)
+            self.rover = self.injector.fit(rover)
+        else:
+            self.injector = None
+            self.rover = build(spec.depth, self.world, streams, spec.rover, loop.time)
+        self.supervisor = Supervisor(self.rover, spec.rover, algorithm, handler, make_log(self.world, self.rover))
+        limit_s = spec.site.time_limit_s if spec.site else inf
+        self.referee = Referee(spec.forest, spec.budget_m, physics.tip_deg, self.supervisor.finish, limit_s)
+        self.attendant = Attendant(physics.tip_deg, self.referee.watch) if spec.site else None
+        self.world.after_step = self.attendant.watch if self.attendant else self.referee.watch
+
+
+def _world(spec: TrialSpec, physics: Physics, terrain: Terrain | None, streams: Streams) -> SimulatedWorld:
+    """Return the world that a trial asks for.
+
+    Raises:
+        BadConfig: wheels that slip need more of the body than the rover file gives.
+    """
+    rover = spec.rover
+    if terrain is None:
+        chassis = rover.chassis if spec.site else None
+        return World(spec.forest, rover.vehicle, physics, streams, chassis=chassis, skid=_skid(spec))
+    from wayfarer.simhal.mujoco.world import MujocoWorld  # physics-light needs no engine
+
+    body = body_of(rover.name, rover.vehicle, rover.chassis, "--physics mujoco")
+    return MujocoWorld(spec.forest, body, physics, terrain, streams)
+
+
+def _skid(spec: TrialSpec) -> SkidSteering | None:
+    """Return how the body moves on ground that is not ideal."""
+    rover = spec.rover
+    if spec.ground is GroundName.ideal:
+        return None
+    body = body_of(rover.name, rover.vehicle, rover.chassis, f"--ground {spec.ground}")
+    return SkidSteering(body, FRICTIONS[spec.ground], rover.vehicle.track_m, spec.physics.step_s)
