@@ -23,13 +23,13 @@ OTHER = "other (tally, set-up of the trial)"
 # What a file's path contains, and the part that it belongs to.
 PARTS = {
     "/asyncio/": "event loop",
-    "/wayfarer/simhal/loop.py": "event loop",
+    "/wayfarer/simhal/clock/virtual_loop.py": "event loop",
     "/wayfarer/control/rate.py": "event loop",
-    "/wayfarer/simhal/world.py": "world",
-    "/wayfarer/simhal/obstacles.py": "world",
-    "/wayfarer/simhal/streams.py": "world",
+    "/wayfarer/simhal/world/world.py": "world",
+    "/wayfarer/simhal/world/collision.py": "world",
+    "/wayfarer/simhal/random_streams.py": "world",
     "/wayfarer/experiments/outcome.py": "world",
-    "/wayfarer/simhal/devices.py": "sensors and motors",
+    "/wayfarer/simhal/parts.py": "sensors and motors",
     "/wayfarer/control/supervisor.py": "sensors and motors",
     "/wayfarer/control/latest.py": "sensors and motors",
     "/wayfarer/detector/": "detector",

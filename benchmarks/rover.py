@@ -19,12 +19,12 @@ from wayfarer.control.supervisor import Supervisor
 from wayfarer.drivers.threaded import ThreadedI2C
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.trial import Tally, run_trial
-from wayfarer.simhal.fakebus import FakeBuses, FakeI2C
-from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.rig import Depth, Solder
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.build_rover import Depth, Solder
+from wayfarer.simhal.buses import FakeBuses, FakeI2C
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 
 HANG_S = 1.0
 HEARTBEAT_S = 0.001

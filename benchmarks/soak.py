@@ -40,11 +40,11 @@ from wayfarer.fault_scenarios.random_scenarios import draw_fault, possible_fault
 from wayfarer.fault_scenarios.safety_rules import Invariants
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
-from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
-from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.rig import Depth
-from wayfarer.simhal.world import World
+from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
+from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.world import World
 
 Beside = Callable[[Stage], Coroutine[Any, Any, None]]
 

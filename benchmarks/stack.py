@@ -13,7 +13,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 ALGORITHM = "forest-pledge"
 CAMPAIGN = Campaign((ALGORITHM,), 1000, load_rover("sim"))

@@ -19,11 +19,11 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import EscapeSettings
 from wayfarer.escape.failsafe import FailSafe
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.senses import FLOW_M_PER_COUNT, FlowSense, HeadingSense
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSense, HeadingSense
+from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 
 PERIOD_S = 0.05
 TIME_S = 600.0

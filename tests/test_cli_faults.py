@@ -18,7 +18,7 @@ from wayfarer import cli
 from wayfarer.fault_scenarios.runner import Played, play
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.simhal.faults import Layer
+from wayfarer.simhal.faults.kinds import Layer
 
 PAGE = (Path(__file__).parents[1] / "docs" / "faults.md").read_text(encoding="utf-8")
 LOOSE = """\

@@ -30,12 +30,12 @@ from wayfarer.daemon.motors_lock import MotorsLock
 from wayfarer.daemon.socket.paths import SingleDaemon, daemon_socket
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.simhal.fakebus import FakeBuses
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.rig import Solder
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.build_rover import Solder
+from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 STATUS: dict[str, Any] = {

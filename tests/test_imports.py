@@ -130,8 +130,12 @@ def test_of_the_simulator_only_the_rig_and_the_bench_know_the_drivers() -> None:
         for module in modules_of("simhal")
         if any(within(name, "drivers") and not within(name, "drivers.buses") for name in wayfarer_modules(module))
     }
-    injected = {module for module in modules_of("simhal") if within(module, "simhal.injection")}
-    assert users - injected == {"wayfarer.simhal.rig", "wayfarer.simhal.bench", "wayfarer.simhal.bench_buses"}
+    injected = {module for module in modules_of("simhal") if within(module, "simhal.faults")}
+    assert users - injected == {
+        "wayfarer.simhal.build_rover",
+        "wayfarer.simhal.hil_server",
+        "wayfarer.simhal.hil_buses",
+    }
 
 
 @pytest.mark.parametrize("module", modules_of(*PURE))

@@ -32,12 +32,12 @@ from wayfarer.hal import (
     Side,
     WheelCommand,
 )
-from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.rig import device_depth
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.build_rover import device_depth
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 from wayfarer.testing import (
     check_algorithm,
     check_compass,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Coroutine
 from functools import wraps
 from typing import Any
 
-from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 
 def virtual(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:

@@ -24,7 +24,7 @@ from wayfarer.hal import (
 )
 from wayfarer.safety.gate import SafetySettings
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 AHEAD = WheelCommand(0.5, 0.5)
 VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=1.0)

@@ -21,7 +21,7 @@ from wayfarer.drivers.thunderborg import ThunderBorg
 from wayfarer.drivers.thunderborg_light import ThunderBorgLight
 from wayfarer.errors import BadConfig, NotResponding
 from wayfarer.hal import MotionReading, MotionSensor, troubles_of
-from wayfarer.simhal.fakebus import FakeBuses
+from wayfarer.simhal.buses import FakeBuses
 
 TOP = 'name = "test"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.4\n'
 COMPASS = '[parts.compass]\ndriver = "cmps14"\n'

@@ -10,12 +10,12 @@ from tests.virtual import virtual
 from wayfarer.control.fresh_wheels import FreshWheels
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.simhal.devices import SimMotors
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.parts import SimMotors
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 
 AHEAD = WheelCommand(1.0, 1.0)
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())

@@ -39,7 +39,7 @@ from wayfarer.hal import (
 )
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 # -- a run as it should be ---------------------------------------------------------------------------------------
 

@@ -28,10 +28,10 @@ from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, Side, WheelCommand
 from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.fakebus import FakeBuses
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.random_streams import Streams
 
 ABOUT = {"version": "1", "rover": "sim", "algorithm": "pledge", "log": "logs/00001", "start_delay_s": 2.0}
 DELAY_S = 2.0

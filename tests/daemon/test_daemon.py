@@ -31,7 +31,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.live_rover import desk_vessel
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.build_rover import Depth
 
 LONG_S = 10.0
 

@@ -14,9 +14,9 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.dry_run import DryMotors
 from wayfarer.experiments import trial, trial_setup
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand, troubles_of
-from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.rig import Depth, build
+from wayfarer.simhal.build_rover import Depth, build
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.testing import check_motors
 
 

@@ -26,13 +26,13 @@ from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.errors import BadInput, NotResponding, WayfarerError
 from wayfarer.escape.api import Vehicle
+from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.fakebus import FakeBuses
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 NOBODY = 65534

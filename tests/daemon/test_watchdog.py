@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from wayfarer.daemon.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
-from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 
 class Listener:

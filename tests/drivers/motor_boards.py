@@ -8,8 +8,8 @@ from math import nan
 import pytest
 
 from wayfarer.hal import DriveMotors, WheelCommand
-from wayfarer.simhal.devices import SimMotors
-from wayfarer.simhal.world import World
+from wayfarer.simhal.parts import SimMotors
+from wayfarer.simhal.world.world import World
 
 
 async def check_applied(motors: DriveMotors, world: World, command: WheelCommand, steps: float) -> WheelCommand:

@@ -22,7 +22,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from tests.system.nspawn import in_own_mounts
-from wayfarer.simhal.bench_buses import BenchSerial
+from wayfarer.simhal.hil_buses import BenchSerial
 
 SHIM = Path(__file__).with_name("ioctl_shim.c")
 NULL = os.makedev(1, 3)

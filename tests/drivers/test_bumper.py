@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from wayfarer.drivers.bumper import Bumper, BumperSettings
 from wayfarer.errors import NotResponding
 from wayfarer.hal import ContactSensor, Side
-from wayfarer.simhal.fakebus import FakeBuses
-from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.testing import check_contact_sensor
 
 gpiozero = pytest.importorskip("gpiozero")

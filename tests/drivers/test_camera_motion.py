@@ -22,13 +22,13 @@ from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
 from wayfarer.errors import BadReading, NotResponding
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import MotionReading, MotionSensor
-from wayfarer.simhal.fakebus import FakeBuses
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.ground import TILE_PX, GroundCamera, texture
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.ground_camera import TILE_PX, GroundCamera, texture
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 from wayfarer.testing import check_motion_sensor
 
 pytest.importorskip("cv2")

@@ -17,15 +17,15 @@ from wayfarer.drivers.cmps14 import CMPS14, OPEN_S, CMPS14Settings, Levels, deco
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import Compass, CompassReading
+from wayfarer.simhal.buses import FakeBuses, FakeI2C
 from wayfarer.simhal.chips.cmps14 import CMPS14Chip
-from wayfarer.simhal.devices import SimCompass
-from wayfarer.simhal.fakebus import FakeBuses, FakeI2C
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.senses import HeadingSense
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.parts import SimCompass
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.sensor_models import HeadingSense
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 from wayfarer.testing import check_compass
 
 T = TypeVar("T")

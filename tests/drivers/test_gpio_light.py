@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from wayfarer.drivers.gpio_light import GpioLight, GpioLightSettings
 from wayfarer.errors import NotResponding
 from wayfarer.hal import Colour, StatusLight
-from wayfarer.simhal.fakebus import FakeBuses
-from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 gpiozero = pytest.importorskip("gpiozero")
 

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from wayfarer.drivers.gpio_motors import GpioMotors, GpioMotorsSettings
 from wayfarer.errors import NotResponding
 from wayfarer.hal import STOP, DriveMotors, WheelCommand
-from wayfarer.simhal.fakebus import FakeBuses
-from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.testing import check_motors
 
 gpiozero = pytest.importorskip("gpiozero")

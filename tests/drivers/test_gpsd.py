@@ -16,7 +16,7 @@ from wayfarer.drivers import gpsd
 from wayfarer.drivers.gpsd import Fixes, Gpsd, GpsdSettings
 from wayfarer.errors import NotResponding, WrongPart
 from wayfarer.hal import PositionFix, PositionLogger
-from wayfarer.simhal.fakebus import FakeBuses
+from wayfarer.simhal.buses import FakeBuses
 
 VERSION = b'{"class":"VERSION","release":"3.22","rev":"3.22","proto_major":3,"proto_minor":14}\n'
 # hardware.md 8.5, as Debian 12's gpsd 3.22 reports it

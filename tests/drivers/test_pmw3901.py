@@ -17,15 +17,15 @@ from wayfarer.drivers.pmw3901_table import trim
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import MotionReading, MotionSensor
+from wayfarer.simhal.buses import FakeBuses, FakeSPI, SPIChip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
-from wayfarer.simhal.devices import SimFlow
-from wayfarer.simhal.fakebus import FakeBuses, FakeSPI, SPIChip
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.senses import FLOW_M_PER_COUNT, FlowSense
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.parts import SimFlow
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSense
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 from wayfarer.testing import check_motion_sensor
 
 NORMAL = bytes.fromhex("B0 BF 05 00 FB FF 4C 55 A0 1E 02 58")  # hardware.md 8.2

@@ -16,7 +16,7 @@ import pytest
 
 from tests.drivers.private_dev import Recorder
 from tests.drivers.real_site import BOTH, FORESTROVER, I2C, SPI, RealSite, requirements
-from wayfarer.simhal.bench_buses import SOCKET_VARIABLE
+from wayfarer.simhal.hil_buses import SOCKET_VARIABLE
 
 pytestmark = pytest.mark.slow
 

@@ -14,8 +14,8 @@ from wayfarer.escape.api import Phase
 from wayfarer.experiments.entrapment import Why, entrapment
 from wayfarer.experiments.trajectory import Point, Trace, run_traced
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.simhal.forest import Forest, Trunk
-from wayfarer.simhal.geodesic import is_closed
+from wayfarer.simhal.world.forest import Forest, Trunk
+from wayfarer.simhal.world.shortest_path import is_closed
 
 ROVER = load_rover("sim")
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())

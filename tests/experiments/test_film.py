@@ -22,7 +22,7 @@ from wayfarer.experiments.film.footage import Footage, Shot
 from wayfarer.experiments.film.looks import SHELL
 from wayfarer.experiments.film.scenery import Scenery
 from wayfarer.experiments.film.track import EVERY_M, bars_of
-from wayfarer.simhal.obstacles import Obstacle
+from wayfarer.simhal.world.collision import Obstacle
 
 SIM = ("sim", "--physics", "mujoco", "--rover", "forestrover", "--budget-m", "3", "--trial", "0")
 FAST = ("--video-speed", "20")

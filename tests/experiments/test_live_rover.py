@@ -14,10 +14,10 @@ from wayfarer.control.supervisor import Supervisor
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.live_rover import desk_vessel
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.rig import Depth
-from wayfarer.simhal.world import World
+from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 
 UPTIME_S = 86_400.0  # a desk computer's clock does not begin at 0
 

@@ -6,10 +6,10 @@ import pytest
 
 from wayfarer.escape.api import Vehicle
 from wayfarer.experiments.outcome import Referee
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 TIP_DEG = 60.0

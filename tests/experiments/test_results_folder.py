@@ -28,8 +28,8 @@ from wayfarer.experiments.rows import (
     without_kinds,
 )
 from wayfarer.experiments.trial import TrialResult
-from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.mujoco.terrain import Terrains
+from wayfarer.simhal.world.grounds import GroundName
 
 SETTINGS_HERE: dict[str, Any] = {
     "version": "1",

@@ -197,7 +197,7 @@ def test_forest_that_cannot_be_made_is_a_fault_of_its_trial(monkeypatch: pytest.
     def broken(layout: int, noise: int, seed: int) -> None:
         raise ValueError(f"layout {layout}")
 
-    monkeypatch.setattr("wayfarer.simhal.generate.generate_forest", broken)
+    monkeypatch.setattr("wayfarer.simhal.world.generate.generate_forest", broken)
     done = TrialRunner(campaign_of(1), fake_trials.quick).run(Task("forest-pledge", 0))
     assert done.row.outcome == "fault"
     assert done.fault is not None

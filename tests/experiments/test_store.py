@@ -19,7 +19,7 @@ from wayfarer.experiments.progress_bar import Progress
 from wayfarer.experiments.results_folder import TRIALS, ResultsFolder
 from wayfarer.experiments.rows import Row, csv_line
 from wayfarer.experiments.store import Kept
-from wayfarer.simhal.forest import Forest
+from wayfarer.simhal.world.forest import Forest
 
 ALGORITHMS = ("pledge", "levy-walk", "cv-react")
 TRIALS_OF_EACH = 4

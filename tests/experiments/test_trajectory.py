@@ -14,8 +14,8 @@ from wayfarer.escape.api import Phase
 from wayfarer.experiments.trajectory import KEPT_EVERY_M, Trace, run_traced
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.simhal.forest import Forest, Trunk
-from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.world.forest import Forest, Trunk
+from wayfarer.simhal.world.generate import generate_forest
 
 SPEC = TrialSpec(0, "forest-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"))
 TICK_M = 1.4 / 20  # the rover's full speed for one control period

@@ -15,8 +15,8 @@ from wayfarer.experiments import trial, trial_setup
 from wayfarer.experiments.rows import OUTCOMES
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.simhal.forest import Forest, Trunk
-from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.world.forest import Forest, Trunk
+from wayfarer.simhal.world.generate import generate_forest
 
 SHORT_M = 30.0
 # A trunk that is met on the right: who feels that turns left, who does not turns right.

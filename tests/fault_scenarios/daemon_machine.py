@@ -42,10 +42,10 @@ from wayfarer.fault_scenarios.random_scenarios import Place as FaultPlace
 from wayfarer.fault_scenarios.safety_rules import Invariants
 from wayfarer.fault_scenarios.scenario_rover import rover_of
 from wayfarer.safety.conditions import LEVELS, Condition, Level
-from wayfarer.simhal.faults import KINDS, Fault
-from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.faults.kinds import KINDS, Fault
+from wayfarer.simhal.world.generate import generate_forest
 
 SOON_S = 0.05  # an answer may take longer, and other commands come meanwhile
 POWER_FLAGS = (None, 0, 0x1, 0x10001, 0x50005)

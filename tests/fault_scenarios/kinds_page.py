@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from annotated_types import Interval
 
-from wayfarer.simhal.faults import KINDS, Kind, Layer
+from wayfarer.simhal.faults.kinds import KINDS, Kind, Layer
 
 HEAD = "| kind | what happens | to | parameters |\n|---|---|---|---|"
 

@@ -8,7 +8,7 @@ import pytest
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.fault_scenarios.free_driving import drive_freely
-from wayfarer.simhal.faults import Drive, Fault
+from wayfarer.simhal.faults.kinds import Drive, Fault
 from wayfarer.simhal.mujoco.terrain import Range, Terrains
 
 

@@ -12,8 +12,8 @@ from wayfarer.fault_scenarios.judge import STOOD_ALREADY, judge
 from wayfarer.fault_scenarios.result import Result, Tried
 from wayfarer.fault_scenarios.runner import Played, play, play_well
 from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
-from wayfarer.simhal.faults import Fault, Lost, Slope, Stall
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.faults.kinds import Fault, Lost, Slope, Stall
 
 BEGINS_S = 3.0
 LOOSE = Fault(BEGINS_S, inf, "compass", "nack", Lost())

@@ -37,10 +37,10 @@ from wayfarer.fault_scenarios.scenario_writer import as_toml
 from wayfarer.fault_scenarios.shrink import smallest
 from wayfarer.hal import WheelCommand
 from wayfarer.safety.gate import Gate
-from wayfarer.simhal.fakebus import ChipMisuse
-from wayfarer.simhal.faults import KINDS, Fault
-from wayfarer.simhal.injection.wires import TamperedChip, Wire
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.buses import ChipMisuse
+from wayfarer.simhal.faults.kinds import KINDS, Fault
+from wayfarer.simhal.faults.wires import TamperedChip, Wire
 
 RIGS = [(rover, depth) for rover in ROVERS for depth in Depth]
 PLACES = sorted({place for rover, depth in RIGS for place in possible_faults(load_rover(rover), depth)})

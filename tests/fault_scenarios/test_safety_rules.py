@@ -20,10 +20,10 @@ from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Sce
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.gate import Gate
+from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.devices import SimMotors
-from wayfarer.simhal.faults import Fault, LateAnswer, Lost, NotANumber, Stall
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.faults.kinds import Fault, LateAnswer, Lost, NotANumber, Stall
+from wayfarer.simhal.parts import SimMotors
 
 AHEAD = WheelCommand(0.3, 0.3)
 NO_COMPASS = Fault(3.0, inf, "compass", "silent")
@@ -129,7 +129,7 @@ def test_driver_that_does_not_send_a_stop_is_seen_within_a_period(monkeypatch: P
 
 
 def test_board_whose_deadman_does_not_trip_is_seen_when_the_link_breaks(monkeypatch: Patch) -> None:
-    monkeypatch.setattr("wayfarer.simhal.devices.DEADMAN_S", 5.0)
+    monkeypatch.setattr("wayfarer.simhal.parts.DEADMAN_S", 5.0)
     assert "rule 2: wheels are told" in broken(Fault(3.0, inf, "motors", "silent"))
 
 
@@ -142,7 +142,7 @@ def test_stop_path_that_stops_nothing_is_seen_after_the_end(monkeypatch: Patch) 
         pass
 
     monkeypatch.setattr(StopPath, "stop_wheels", idle)
-    monkeypatch.setattr("wayfarer.simhal.devices.DEADMAN_S", inf)
+    monkeypatch.setattr("wayfarer.simhal.parts.DEADMAN_S", inf)
     assert "rule 2: wheels are told" in broken()
 
 
@@ -289,5 +289,5 @@ def test_error_that_nobody_awaits_counts_as_a_broken_rule(monkeypatch: Patch) ->
     def fails(*_: Any) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("wayfarer.simhal.injection.injector.reading_fault", fails)
+    monkeypatch.setattr("wayfarer.simhal.faults.injector.reading_fault", fails)
     assert "ZeroDivisionError" in broken(NO_COMPASS)

@@ -13,8 +13,8 @@ from wayfarer.errors import BadInput
 from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
 from wayfarer.fault_scenarios.scenario_file import FILE_BYTES, read_scenarios
 from wayfarer.fault_scenarios.scenario_rover import rover_of
-from wayfarer.simhal.faults import Fault, Lost
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.faults.kinds import Fault, Lost
 
 GOOD = """\
 [[scenario]]

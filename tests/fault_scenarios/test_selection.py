@@ -13,8 +13,8 @@ from wayfarer.fault_scenarios.catalogue import ROWS, catalogue
 from wayfarer.fault_scenarios.result import Procedure, Result
 from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario
 from wayfarer.fault_scenarios.selection import Row, chosen, on_another_rover, without_missing_packages
-from wayfarer.simhal.faults import Fault
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.faults.kinds import Fault
 
 
 def scenario(name: str, row: int, fault: Fault) -> Scenario:

@@ -10,7 +10,7 @@ from tests.fault_scenarios.daemon_machine import Daemon, DaemonMachine, machine_
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.hal import WheelCommand
 from wayfarer.safety.gate import Gate
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.build_rover import Depth
 
 EXAMPLES, STEPS = 40, 30
 

@@ -20,7 +20,7 @@ from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import STOP
 from wayfarer.safety.conditions import Level
-from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.world.generate import generate_forest
 
 SPEC = TrialSpec(3, "cv-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"), budget_m=10.0)
 

@@ -31,7 +31,7 @@ from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
 from wayfarer.safety.motor_board import BoardSettings
 from wayfarer.safety.supply import DIPS_S
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.build_rover import Depth
 
 SIM = load_rover("sim")
 

@@ -27,14 +27,14 @@ from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.fieldlog.schema import KEYS, KINDS, READINGS, SCHEMA
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import PositionFix
-from wayfarer.simhal.faults import Fault, Slope
-from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.grounds import GroundName
+from wayfarer.simhal.build_rover import device_depth
+from wayfarer.simhal.faults.kinds import Fault, Slope
 from wayfarer.simhal.mujoco.terrain import Terrains
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.rig import device_depth
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 from wayfarer.views.text import account, wording
 
 README = Path(__file__).resolve().parents[2] / "field_logs" / "README.md"

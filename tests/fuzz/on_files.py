@@ -23,9 +23,9 @@ from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.experiments.report.reading import read_results
 from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import COLUMNS, Row, csv_line
-from wayfarer.simhal.fakebus import FakeBuses, FakeSerial
-from wayfarer.simhal.forest_file import as_row, read_forests
-from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.buses import FakeBuses, FakeSerial
+from wayfarer.simhal.world.forest_file import as_row, read_forests
+from wayfarer.simhal.world.generate import generate_forest
 
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # nothing here is about disks
 ROVERS = [
@@ -204,9 +204,9 @@ def _read_forests(path: Path) -> str:
 
 FOREST = Target(
     "forest",
-    ["wayfarer.simhal.forest_file:read_forests", "wayfarer.simhal.forest_file:from_row",
-     "wayfarer.simhal.forest_file:_forests_of", "wayfarer.simhal.forest_file:_number",
-     "wayfarer.simhal.forest_file:_object_of", "wayfarer.simhal.forest:check_forest"],
+    ["wayfarer.simhal.world.forest_file:read_forests", "wayfarer.simhal.world.forest_file:from_row",
+     "wayfarer.simhal.world.forest_file:_forests_of", "wayfarer.simhal.world.forest_file:_number",
+     "wayfarer.simhal.world.forest_file:_object_of", "wayfarer.simhal.world.forest:check_forest"],
     lambda kept: bytes_of([FOREST_FILE, *kept]) | st.lists(json_of(FORESTS_ROWS), max_size=3).map(
         lambda rows: b"\n".join(map(as_json, rows))
     ),

@@ -15,7 +15,7 @@ from tests.fuzz.target import Case, Target, Try, refused
 from wayfarer.drivers.gpsd import Gpsd, GpsdSettings, parse
 from wayfarer.errors import DriverError
 from wayfarer.hal import PositionFix
-from wayfarer.simhal.fakebus import FakeBuses
+from wayfarer.simhal.buses import FakeBuses
 
 REPORTS = [parse(report(second)) for second in range(3)]
 LONG_S = 20.0  # this machine may be busy

@@ -26,8 +26,8 @@ from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings
 from wayfarer.errors import DriverError, NotResponding
 from wayfarer.hal import Colour, CompassReading, MotionReading, MotorHealth, WheelCommand
-from wayfarer.simhal.fakebus import FakeBuses
-from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 READS = 6
 PERIOD_S = 0.05

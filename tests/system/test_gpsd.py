@@ -28,12 +28,12 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import PositionFix
-from wayfarer.simhal.fakebus import FakeBuses
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.rig import device_depth
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.build_rover import device_depth
+from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 
 START_S = 20.0  # a busy machine takes seconds to start both
 

@@ -1,8 +1,8 @@
 """Who stops the wheels when the daemon dies, hangs, is ended, or has gone: real processes, over simulated chips.
 
-The bench (``wayfarer.simhal.bench``) is a process of its own, and writes down what the wheels were told and when. All
-processes of a machine share one monotonic clock, so its times compare with those in the daemon's log; a busy machine
-delays what this test sees, not what it judges.
+The bench (``wayfarer.simhal.hil_server``) is a process of its own, and writes down what the wheels were told and when.
+All processes of a machine share one monotonic clock, so its times compare with those in the daemon's log; a busy
+machine delays what this test sees, not what it judges.
 """
 
 # ruff: noqa: TID251 - real processes need real time
@@ -20,7 +20,7 @@ from wayfarer.fault_scenarios.process_tests import buggy_algorithms
 from wayfarer.fault_scenarios.process_tests.hil_setup import DEADMAN_S, PATIENCE_S, Site, wait_for
 from wayfarer.fault_scenarios.process_tests.hil_setup import site as a_site
 from wayfarer.fault_scenarios.process_tests.wheel_history import spans, stop_after
-from wayfarer.simhal.bench_buses import BenchI2C, BenchSerial
+from wayfarer.simhal.hil_buses import BenchI2C, BenchSerial
 
 pytestmark = pytest.mark.slow
 

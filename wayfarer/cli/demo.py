@@ -65,7 +65,7 @@ def demo(
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.daemon import Service, serve
     from wayfarer.experiments.auto_arm import SelfArming
-    from wayfarer.simhal.fast_loop import FastLoop
+    from wayfarer.simhal.clock.scaled_loop import FastLoop
 
     config = load_rover(ROVER)
     found = find_algorithm(algorithm)

@@ -115,7 +115,7 @@ def faults(
         raise typer.Exit(_measure_detector(rover, trials, jobs, out, physics, friction, torque_scale))
     if trials is not None:
         from wayfarer.fault_scenarios.random_runs import run_random
-        from wayfarer.simhal.rig import Depth as RigDepth
+        from wayfarer.simhal.build_rover import Depth as RigDepth
 
         how_deep = None if depth is None else RigDepth(depth.value)
         raise typer.Exit(run_random(trials, rover, how_deep, seed or 0, jobs, out))

@@ -164,11 +164,11 @@ def simulated(
     require("simulating")
     from wayfarer.experiments.commands import check_rover
     from wayfarer.experiments.live_rover import desk_vessel
-    from wayfarer.simhal import rig
+    from wayfarer.simhal import build_rover
 
     check_rover(config, depth.value, where)
 
     async def nothing_to_close() -> None:
         """Nothing is open."""
 
-    return lambda finish: desk_vessel(config, rig.Depth(depth.value), seed, finish), nothing_to_close
+    return lambda finish: desk_vessel(config, build_rover.Depth(depth.value), seed, finish), nothing_to_close

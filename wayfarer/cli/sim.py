@@ -232,7 +232,7 @@ def sim(
     from wayfarer.config.rover_file import load_rover
     from wayfarer.experiments import commands
     from wayfarer.experiments.campaign import Campaign, read_forest_file
-    from wayfarer.simhal.grounds import GroundName
+    from wayfarer.simhal.world.grounds import GroundName
 
     config = load_rover(rover)
     campaign = Campaign(

@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 from wayfarer import __version__
-from wayfarer.simhal.forest import TREES_PER_HA, Forest
-from wayfarer.simhal.grounds import GroundName
-from wayfarer.simhal.physics import PHYSICS, Physics
+from wayfarer.simhal.world.forest import TREES_PER_HA, Forest
+from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import PHYSICS, Physics
 
 if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.experiments.trial_setup import TrialSpec
     from wayfarer.simhal.mujoco.terrain import Terrains
-    from wayfarer.simhal.sites.site import Site
+    from wayfarer.simhal.world.sites.field_site import Site
 
 NOISES_PER_LAYOUT = 2  # the paper's 1,000 trials are 500 layouts x 2 noise seeds
 
@@ -113,7 +113,7 @@ class Campaign:
         """The site of the scenario."""
         if self.scenario is None:
             return None
-        from wayfarer.simhal.sites import SITES
+        from wayfarer.simhal.world.sites import SITES
 
         return SITES[self.scenario]
 
@@ -142,7 +142,7 @@ class Campaign:
         if site := self.site:
             forest = site.layout(number, self.seed, self.rover.vehicle)
         elif self.forests is None:
-            from wayfarer.simhal.generate import generate_forest
+            from wayfarer.simhal.world.generate import generate_forest
 
             forest = generate_forest(number, noise, self.seed, self.trees_per_ha)
         else:
@@ -152,7 +152,7 @@ class Campaign:
     def spec(self, task: Task, forest: Forest) -> TrialSpec:
         """Return everything that decides one trial."""
         from wayfarer.experiments.trial_setup import TrialSpec
-        from wayfarer.simhal.rig import Depth
+        from wayfarer.simhal.build_rover import Depth
 
         seed, depth = self.trial_seed(task.trial), Depth(self.depth)
         return TrialSpec(
@@ -185,7 +185,7 @@ class Campaign:
         return settings
 
     def _with_shortest_path(self, forest: Forest) -> Forest:
-        from wayfarer.simhal.geodesic import shortest_path_m
+        from wayfarer.simhal.world.shortest_path import shortest_path_m
 
         return replace(forest, shortest_path_m=shortest_path_m(forest, self.rover.vehicle.width_m))
 
@@ -197,7 +197,7 @@ def read_forest_file(path: Path) -> ForestFile:
         BadForest: no such file, nothing in it, or a forest that cannot be used; the text names file, line and
             reason.
     """
-    from wayfarer.simhal.forest_file import read_forests
+    from wayfarer.simhal.world.forest_file import read_forests
 
     forests = tuple(read_forests(path))
     return ForestFile(path.name, blake2b(path.read_bytes(), digest_size=16).hexdigest(), forests)

@@ -25,12 +25,12 @@ from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run_campaign import Finished
 from wayfarer.experiments.tables import FORESTS, Layout, print_table
-from wayfarer.simhal.grounds import GroundName
+from wayfarer.simhal.world.grounds import GroundName
 
 if TYPE_CHECKING:
     from wayfarer.experiments.dask_cluster import Cluster
     from wayfarer.simhal.mujoco.terrain import Terrains
-    from wayfarer.simhal.wheeled_body import Body
+    from wayfarer.simhal.world.wheeled_body import Body
 
 PAPER = "paper"  # stands for the ten of the paper, which are the catalogue
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
@@ -75,7 +75,7 @@ def check_body(campaign: Campaign, where: str) -> None:
     Raises:
         BadConfig: its file does not say enough of the body, or says what cannot be built.
     """
-    from wayfarer.simhal.wheeled_body import body_of
+    from wayfarer.simhal.world.wheeled_body import body_of
 
     if campaign.terrains is None and campaign.ground is GroundName.ideal:
         return
@@ -121,12 +121,12 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
     if depth == "device":
         return
     from wayfarer.config.factory import NEEDED
-    from wayfarer.simhal.fakebus import ChipMisuse, FakeBuses
-    from wayfarer.simhal.forest import Forest
-    from wayfarer.simhal.physics import Physics
-    from wayfarer.simhal.rig import Depth, bus_depth, missing_package
-    from wayfarer.simhal.streams import Streams
-    from wayfarer.simhal.world import World
+    from wayfarer.simhal.build_rover import Depth, bus_depth, missing_package
+    from wayfarer.simhal.buses import ChipMisuse, FakeBuses
+    from wayfarer.simhal.random_streams import Streams
+    from wayfarer.simhal.world.forest import Forest
+    from wayfarer.simhal.world.physics import Physics
+    from wayfarer.simhal.world.world import World
 
     if missing := [part for part in NEEDED if part not in config.parts]:
         lacks = f"rover '{config.name}' has no [parts.{missing[0]}] to run the driver of; use --depth device"

@@ -15,8 +15,8 @@ from typing import NamedTuple
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.trajectory import Point, Trace
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.geodesic import is_closed
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.shortest_path import is_closed
 
 PLACE_M = 1.0  # the side of the squares that count as places: a lap beside the last one is a return
 IN_ONE_PLACE_LENGTHS = 2.0  # a way that stays within so many body lengths leads nowhere

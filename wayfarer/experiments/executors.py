@@ -27,7 +27,7 @@ from wayfarer.experiments.rows import Row, rounded_row, row_of
 if TYPE_CHECKING:
     from wayfarer.experiments.trial import TrialResult
     from wayfarer.experiments.trial_setup import TrialSpec
-    from wayfarer.simhal.forest import Forest
+    from wayfarer.simhal.world.forest import Forest
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -118,7 +118,7 @@ class TrialRunner:
         row = Row(task.trial, task.algorithm, forest, noise, campaign.trial_seed(task.trial), "fault")
         if campaign.terrains is None:
             return row
-        from wayfarer.simhal.streams import Streams  # wants numpy, as what follows a campaign need not
+        from wayfarer.simhal.random_streams import Streams  # wants numpy, as what follows a campaign need not
 
         return rounded_row(**{**row._asdict(), **campaign.terrains.draw(Streams(row.seed))._asdict()})
 

@@ -7,8 +7,8 @@ from math import degrees, inf
 
 from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.simhal.faults import Fault
-from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 TICKS_A_RECORD = 4  # a fifth of a second at 20 Hz: plenty to draw a path
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 PULLED_BACK_M = 0.15  # as far as the rover itself backs off; shorter than any shipped rover, so nothing is jumped over
 

@@ -9,12 +9,12 @@ from wayfarer.config.rover_file import RoverConfig
 from wayfarer.daemon.daemon import Vessel
 from wayfarer.experiments.ground_truth_log import Witness
 from wayfarer.experiments.outcome import Referee
-from wayfarer.simhal.forest_file import as_row
-from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.rig import Depth, build
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.build_rover import Depth, build
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest_file import as_row
+from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 
 NO_BUDGET_M = 1e9  # a person may watch for as long as they like
 

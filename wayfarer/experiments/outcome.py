@@ -6,8 +6,8 @@ from collections.abc import Callable
 from math import inf
 from typing import Literal
 
-from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
-from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 Outcome = Literal["escaped", "left_bounds", "entrapped", "tipped", "fault"]
 

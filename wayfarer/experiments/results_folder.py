@@ -24,7 +24,7 @@ from wayfarer.experiments.campaign import Tasks
 from wayfarer.experiments.rows import Row, columns_of, csv_line
 from wayfarer.experiments.store import Kept, columns_in, rows_in
 from wayfarer.fieldlog.atomic_file import whole_file
-from wayfarer.simhal.grounds import GroundName
+from wayfarer.simhal.world.grounds import GroundName
 
 SETTINGS = "campaign.json"
 FORESTS = "forests.jsonl"

@@ -14,7 +14,7 @@ from wayfarer.escape.api import Phase
 from wayfarer.experiments.trial import TrialResult, run_watched
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import Rover
-from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius of 1.15 m
 

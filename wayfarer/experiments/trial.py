@@ -13,10 +13,10 @@ from wayfarer.experiments.trial_setup import MakeLog, Stage, TrialSpec
 from wayfarer.hal import Rover
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.simhal.grounds import GroundName
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.simulated_world import SimulatedWorld
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:
     from wayfarer.experiments.ground_truth_log import Witness
@@ -133,7 +133,7 @@ def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover
     from wayfarer.experiments.ground_truth_log import Witness
     from wayfarer.fieldlog.log import FieldLog
     from wayfarer.fieldlog.writer import RunFiles  # a thousand trials without a log need neither structlog nor orjson
-    from wayfarer.simhal.forest_file import as_row
+    from wayfarer.simhal.world.forest_file import as_row
 
     forest = spec.forest
     details = {

@@ -15,20 +15,20 @@ from wayfarer.control.supervisor import Supervisor
 from wayfarer.experiments.interventions import Attendant
 from wayfarer.experiments.outcome import Referee
 from wayfarer.hal import Rover
-from wayfarer.simhal.faults import Fault
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.grounds import FRICTIONS, GroundName
-from wayfarer.simhal.physics import PHYSICS, Physics
-from wayfarer.simhal.rig import Depth, build
-from wayfarer.simhal.simulated_world import SimulatedWorld
-from wayfarer.simhal.skid_steering import SkidSteering
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.wheeled_body import body_of
-from wayfarer.simhal.world import World
+from wayfarer.simhal.build_rover import Depth, build
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.grounds import FRICTIONS, GroundName
+from wayfarer.simhal.world.physics import PHYSICS, Physics
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
+from wayfarer.simhal.world.skid_steering import SkidSteering
+from wayfarer.simhal.world.wheeled_body import body_of
+from wayfarer.simhal.world.world import World
 
 if TYPE_CHECKING:
     from wayfarer.simhal.mujoco.terrain import Terrain, Terrains
-    from wayfarer.simhal.sites.site import Site
+    from wayfarer.simhal.world.sites.field_site import Site
 
 MakeLog = Callable[[SimulatedWorld, Rover], RunLog]
 
@@ -76,7 +76,7 @@ class Stage:
         self.terrain = spec.terrains.draw(streams) if spec.terrains else None
         self.world = _world(spec, physics, self.terrain, streams)
         if spec.faults:
-            from wayfarer.simhal.injection import Injector  # a trial without faults need not know them
+            from wayfarer.simhal.faults.injector import Injector  # a trial without faults need not know them
 
             self.injector: Injector | None = Injector(spec.faults, spec.rover, spec.seed)
             rover = build(spec.depth, self.world, streams, spec.rover, loop.time, self.injector.buses)

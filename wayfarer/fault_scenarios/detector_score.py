@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.escape.api import Anomaly
-from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 SPEED_OVER_S = 0.1  # a body that rubs at a trunk jerks: its speed is a mean
 AFTERWARDS_S = 0.15  # three control periods: a sensor's reading, the tick, and the window that empties

@@ -14,10 +14,10 @@ from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Anomaly
 from wayfarer.experiments.trial_setup import Stage, TrialSpec
 from wayfarer.fault_scenarios.detector_score import Score, Truth
-from wayfarer.simhal.faults import Fault, Slope
-from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.faults.kinds import Fault, Slope
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.generate import generate_forest
 
 if TYPE_CHECKING:
     from wayfarer.simhal.mujoco.terrain import Terrains

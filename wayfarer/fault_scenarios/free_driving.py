@@ -22,10 +22,10 @@ from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Ve
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.experiments.trial_setup import Stage, TrialSpec
 from wayfarer.hal import WheelCommand
-from wayfarer.simhal.faults import Fault
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:
     from wayfarer.simhal.mujoco.terrain import Terrains

@@ -13,7 +13,7 @@ from wayfarer.fault_scenarios.result import Result, Tried
 from wayfarer.fault_scenarios.runner import Played
 from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario
 from wayfarer.safety.conditions import LEVELS, Condition, Level
-from wayfarer.simhal.faults import Fault, Lost, Stall
+from wayfarer.simhal.faults.kinds import Fault, Lost, Stall
 
 ROUNDING_S = 1e-6
 STOOD_ALREADY = "the wheels stood already"

@@ -28,7 +28,7 @@ from wayfarer.fault_scenarios.scenario_writer import as_toml
 from wayfarer.fault_scenarios.shrink import smallest
 from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.safety.conditions import Level
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.build_rover import Depth
 
 ROWS_FILE = "trials.jsonl"
 SHOWN = 10  # trials with a broken rule, one after the other; further ones are counted

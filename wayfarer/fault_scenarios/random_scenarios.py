@@ -20,10 +20,10 @@ from wayfarer.errors import BadInput, MissingPackage
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
 from wayfarer.fault_scenarios.scenario_rover import misfit
-from wayfarer.simhal.faults import KINDS, Fault, Layer
-from wayfarer.simhal.injection.bus_layer import misplaced
-from wayfarer.simhal.rig import Depth, missing_package
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.build_rover import Depth, missing_package
+from wayfarer.simhal.faults.bus import misplaced
+from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
+from wayfarer.simhal.random_streams import Streams
 
 ROVERS = ("sim", "forestrover", "minirover")
 FAULTS_MOST, COMMANDS_MOST = 5, 6

@@ -11,7 +11,7 @@ from wayfarer.control.latest import Snapshot
 from wayfarer.control.records import TickRecord
 from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.simhal.faults import Fault
+from wayfarer.simhal.faults.kinds import Fault
 
 
 class Moment(NamedTuple):

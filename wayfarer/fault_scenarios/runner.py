@@ -24,12 +24,12 @@ from wayfarer.fault_scenarios.scenario import Command, Scenario
 from wayfarer.fault_scenarios.scenario_rover import rover_of
 from wayfarer.hal import Rover
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.simhal.faults import Fault
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.generate import generate_forest
-from wayfarer.simhal.injection.injector import Note
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.faults.injector import Note
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 BUDGET_M = 1000.0

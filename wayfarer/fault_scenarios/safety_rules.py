@@ -27,7 +27,7 @@ from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.hal import STOP, CompassReading, Side
 from wayfarer.safety.conditions import LEVELS, Level
-from wayfarer.simhal.faults import KINDS, Fault, Layer
+from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
 
 PERIODS = 2
 KEPT = 20  # broken rules of one run; one is enough to know

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Interval
 
-from wayfarer.simhal.faults import Fault
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.faults.kinds import Fault
 
 LONGEST_S = 3600.0  # of a scenario
 

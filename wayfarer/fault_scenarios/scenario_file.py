@@ -26,8 +26,8 @@ from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.fault_scenarios.scenario import LONGEST_S, Command, Expectation, Moment, Reached, Scenario
 from wayfarer.fault_scenarios.scenario_rover import OVERLAY, misfit, rover_of
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
-from wayfarer.simhal.faults import KINDS, Fault
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.faults.kinds import KINDS, Fault
 
 MOST = 100  # scenarios in a file
 FILE_BYTES = 1_000_000

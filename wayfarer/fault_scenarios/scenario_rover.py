@@ -6,9 +6,9 @@ from wayfarer.config.factory import NEEDED
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.config.rover_overlay import laid_over
 from wayfarer.fault_scenarios.scenario import Scenario
-from wayfarer.simhal.faults import KINDS, Fault, Layer
-from wayfarer.simhal.injection.bus_layer import misplaced
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.faults.bus import misplaced
+from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
 
 OVERLAY = "settings"  # the table's name in a scenario file
 

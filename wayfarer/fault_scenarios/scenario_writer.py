@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from wayfarer.fault_scenarios.scenario import Scenario
-from wayfarer.simhal.faults import Fault
+from wayfarer.simhal.faults.kinds import Fault
 
 _SAME_NAME = ("name", "about", "rover", "depth", "algorithm", "for_s", "seed", "slip_mean_m", "clearing")
 

@@ -10,7 +10,7 @@ from wayfarer.errors import BadInput, UnknownName
 from wayfarer.fault_scenarios.result import Procedure, Result, Tried
 from wayfarer.fault_scenarios.scenario import Reached, Scenario
 from wayfarer.fault_scenarios.scenario_rover import misfit, rover_of
-from wayfarer.simhal.rig import missing_package
+from wayfarer.simhal.build_rover import missing_package
 
 Row = Scenario | Procedure
 

@@ -1,4 +1,4 @@
-"""The simulated HAL: virtual time, a physics-light world, and parts that implement the protocols of ``wayfarer.hal``.
+"""The simulated hardware: clock, world, chips, faults, and parts that implement the protocols of ``wayfarer.hal``.
 
-Nothing outside this package but the command line and the tests imports it.
+No field code imports it.
 """

@@ -22,7 +22,7 @@ from wayfarer.commissioning.calibrate.motors import calibrate_motors
 from wayfarer.config.calibration_file import Calibration, FlowEntry, MotorsEntry, load, save, stamp
 from wayfarer.errors import BadInput, BadReading, NotResponding, WayfarerError
 from wayfarer.hal import MotionReading
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.random_streams import Streams
 
 Deeds = dict[str, Callable[[], Awaitable[None]]]
 

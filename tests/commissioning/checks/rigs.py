@@ -21,12 +21,12 @@ from wayfarer.hal import (
     Side,
     WheelCommand,
 )
-from wayfarer.simhal.devices import SimBumper, SimCompass, SimFlow, SimMotors
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.parts import SimBumper, SimCompass, SimFlow, SimMotors
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)

@@ -19,12 +19,12 @@ from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.hal import DriveMotors, Rover, WheelCommand
+from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.cmps14 import CALIBRATED, CMPS14Chip
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.fakebus import FakeBuses
-from wayfarer.simhal.senses import HeadingSense
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.sensor_models import HeadingSense
 
 
 def now_s() -> float:

@@ -29,7 +29,7 @@ from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.gate import Gate
 from wayfarer.simhal.mujoco.terrain import Range, Terrains
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.random_streams import Streams
 
 SIM = load_rover("sim")
 

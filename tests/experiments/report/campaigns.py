@@ -12,8 +12,8 @@ from wayfarer.experiments import commands
 from wayfarer.experiments.campaign import Campaign, read_forest_file
 from wayfarer.experiments.executors import RunTrial, field_trial
 from wayfarer.experiments.rows import SUCCESSES, Row
-from wayfarer.simhal.forest_file import write_forests
-from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.world.forest_file import write_forests
+from wayfarer.simhal.world.generate import generate_forest
 
 ALGORITHMS = ("forest-pledge", "levy-walk", "cv-react")
 TRIALS = 3

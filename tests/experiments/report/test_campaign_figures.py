@@ -27,7 +27,7 @@ from wayfarer.experiments.report.ratio_figure import quantile, ratio_figure, rat
 from wayfarer.experiments.rows import Row
 from wayfarer.experiments.statistics import summarise
 from wayfarer.experiments.trajectory import Point, Trace
-from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views.run_report.drawing import house_style, log_distances, save
 from wayfarer.views.run_report.forest_map import STROKES
 

@@ -10,7 +10,7 @@ from wayfarer.experiments.campaign import Campaign, ForestFile, Task
 from wayfarer.experiments.sweep.axes import Axis, Value
 from wayfarer.experiments.sweep.grid import Sweep, make_sweep
 from wayfarer.experiments.sweep.keys import current, known_keys, laid_over_campaign
-from wayfarer.simhal.grounds import GroundName
+from wayfarer.simhal.world.grounds import GroundName
 
 BASE = campaign_of(4)
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.cmps14 import CALIBRATED, CMPS14Chip
-from wayfarer.simhal.fakebus import ChipMisuse
-from wayfarer.simhal.senses import HeadingSense
+from wayfarer.simhal.sensor_models import HeadingSense
 
 CONFIGURE = (0x98, 0x95, 0x99)
 STORE = (0xF0, 0xF5, 0xF6)

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip, orient
-from wayfarer.simhal.fakebus import ChipMisuse
-from wayfarer.simhal.senses import FlowSense
+from wayfarer.simhal.sensor_models import FlowSense
 
 counts = st.integers(-1000, 1000)
 

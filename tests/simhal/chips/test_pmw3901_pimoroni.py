@@ -11,9 +11,9 @@ import pytest
 
 from tests.simhal.chips.test_pmw3901 import Clock, Driven
 from wayfarer.drivers.pmw3901 import PMW3901, PMW3901Settings
+from wayfarer.simhal.buses import FakeBuses, SPIChip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
-from wayfarer.simhal.fakebus import FakeBuses, SPIChip
-from wayfarer.simhal.loop import VirtualLoop
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 pmw3901 = pytest.importorskip("pmw3901", reason="Pimoroni's pmw3901 is not installed, or its gpiod and gpiodevice")
 

@@ -15,13 +15,13 @@ import pytest
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import WheelCommand
+from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.fakebus import FakeBuses
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 
 pysabertooth = pytest.importorskip(
     "pysabertooth.PySabertooth", reason="pysabertooth, another implementation, is not installed"

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.escape.api import Vehicle
+from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.thunderborg import FULL_LEVEL, ThunderBorgChip
-from wayfarer.simhal.fakebus import ChipMisuse
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)

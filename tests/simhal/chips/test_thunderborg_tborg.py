@@ -20,13 +20,13 @@ from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLigh
 from wayfarer.errors import PowerLost
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import Colour, WheelCommand
+from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.fakebus import FakeBuses
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.world import World
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
 
 tborg = pytest.importorskip("tborg.tborg", reason="python-thunderborg, another implementation, is not installed")
 

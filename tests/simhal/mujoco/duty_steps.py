@@ -17,9 +17,9 @@ from tests.simhal.mujoco.fields import CLEARING, EXACT
 from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld
-from wayfarer.simhal.simulated_world import SimulatedWorld
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.wheeled_body import body_of
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
+from wayfarer.simhal.world.wheeled_body import body_of
 
 TABLE = Path(__file__).with_suffix(".csv")
 ROVERS = ("sim", "forestrover", "minirover")

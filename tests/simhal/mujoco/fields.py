@@ -7,13 +7,13 @@ from math import hypot
 
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.mujoco.model import STEP_S
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.wheeled_body import ROLLING_RESISTANCE, body_of
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest, Trunk
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, body_of
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 EXACT = Physics(side_gain_sd=0.0, slip_mean_m=1e9)

@@ -21,8 +21,8 @@ from wayfarer.safety.gate import Gate
 from wayfarer.safety.interval import IntervalTimer
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.wheeled_body import body_of
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.wheeled_body import body_of
 
 COMPASS_NOISE_DEG = 1.0
 MEETS_EVERY_S = 12.0

@@ -13,8 +13,8 @@ from wayfarer.commissioning.checks import Place
 from wayfarer.config.calibration_file import Calibration, TurningEntry
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.factory import calibrated
-from wayfarer.simhal.rig import device_depth
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.build_rover import device_depth
+from wayfarer.simhal.random_streams import Streams
 
 
 class Willing:

@@ -10,7 +10,7 @@ import pytest
 
 from tests.simhal.mujoco.fields import BODY, CLEARING, EXACT
 from wayfarer.simhal.mujoco.ground import BUMP_M, CELL_M, MUD_CELL_M, MUD_RADIUS_M, Mud, rough_ground
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.random_streams import Streams
 
 
 def test_rough_ground_has_its_standard_deviation_and_no_steps() -> None:

@@ -18,11 +18,11 @@ from tests.simhal.mujoco.duty_steps import (
 from tests.simhal.mujoco.fields import CLEARING
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.skid_steering import SkidSteering
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.wheeled_body import body_of
-from wayfarer.simhal.world import World
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.skid_steering import SkidSteering
+from wayfarer.simhal.world.wheeled_body import body_of
+from wayfarer.simhal.world.world import World
 
 EXACT = Physics(side_gain_sd=0.0, track_sd=0.0, steer_noise_rad=0.0, heading_noise_deg=0.0, slip_mean_m=1000.0)
 CONFIGS = {rover: load_rover(rover) for rover in ROVERS}

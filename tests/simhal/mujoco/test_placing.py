@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.simhal.mujoco.fields import BODY, CLEARING, drive, rover_on, tree_at, trunk_across
-from wayfarer.simhal.forest import Forest, Trunk
 from wayfarer.simhal.mujoco.placing import NoRoom
+from wayfarer.simhal.world.forest import Forest, Trunk
 
 HUNG_ON = {
     "a trunk below its middle": trunk_across(12.5, 0.06),

@@ -25,7 +25,7 @@ from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.simhal.mujoco.terrain import BOUNDS, Range, Terrain, Terrains, parse_range
 from wayfarer.simhal.mujoco.world import MujocoWorld
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.random_streams import Streams
 
 SIM = ("sim", "--physics", "mujoco", "--jobs", "1", "--trials", "2", "--budget-m", "6")
 

@@ -12,14 +12,14 @@ import pytest
 from tests.simhal.mujoco.fields import BODY, CLEARING, drive, rover_on, speed_m_s, tree_at, trunk_across
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.hal import Side
-from wayfarer.simhal.faults import KINDS, Drive, Fault, Layer, Slope
-from wayfarer.simhal.injection.world_layer import world_fault
+from wayfarer.simhal.faults.kinds import KINDS, Drive, Fault, Layer, Slope
+from wayfarer.simhal.faults.world import world_fault
 from wayfarer.simhal.mujoco.ground import MUD_FRICTION
 from wayfarer.simhal.mujoco.unstable import Unstable
 from wayfarer.simhal.mujoco.world import LOOK_EVERY, MujocoWorld
-from wayfarer.simhal.senses import FLOW_M_PER_COUNT, FlowSense, HeadingSense
-from wayfarer.simhal.simulated_world import SimulatedWorld
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSense, HeadingSense
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 TURN = (0.8, -0.8)
 

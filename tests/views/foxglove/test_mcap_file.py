@@ -22,7 +22,7 @@ from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.dead_reckoning import DeadReckoning
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.simhal.generate import generate_forest
+from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views.foxglove.mcap_file import export
 
 JSON_TYPES: dict[str, Any] = {"number": (int, float), "boolean": bool, "string": str}

@@ -16,7 +16,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from tests.views.run_report.test_run import HEADER, WORLD, drive, episode, event, fix, tick, without, write_log
-from wayfarer.simhal.forest_file import from_row
+from wayfarer.simhal.world.forest_file import from_row
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.drawing import house_style
 from wayfarer.views.run_report.reading import read_run

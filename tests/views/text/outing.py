@@ -17,7 +17,7 @@ from wayfarer.daemon.daemon import Daemon, Service
 from wayfarer.daemon.socket.client import ask
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.live_rover import desk_vessel
-from wayfarer.simhal.rig import Depth
+from wayfarer.simhal.build_rover import Depth
 
 SEED = 4  # soon in the thick of it
 SAMPLE_S = 12.0

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.simhal.obstacles import Obstacle
+from wayfarer.simhal.world.collision import Obstacle
 
 Array = NDArray[np.float64]
 

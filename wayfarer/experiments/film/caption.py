@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.film.footage import Shot
-from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
+from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 
 Colour = tuple[int, int, int, int]
 

@@ -15,7 +15,7 @@ from wayfarer.experiments.trial import TrialResult, field_log, run_watched
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import Rover
 from wayfarer.simhal.mujoco.world import MujocoWorld
-from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 JUMP_M = 0.2  # between two ticks: a person has put the rover elsewhere
 

@@ -12,7 +12,7 @@ from typing import Any
 import mujoco
 
 from wayfarer.simhal.mujoco.model import ROVER
-from wayfarer.simhal.wheeled_body import Body
+from wayfarer.simhal.world.wheeled_body import Body
 
 SHELL = (0.93, 0.42, 0.06, 1.0)  # the orange of rescue gear
 DECK = (0.13, 0.14, 0.15, 1.0)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from wayfarer.experiments.film import shapes, textures
 from wayfarer.experiments.film.looks import add_rover
-from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.mujoco.world import MujocoWorld
-from wayfarer.simhal.obstacles import Obstacle, obstacles_of
+from wayfarer.simhal.world.collision import Obstacle, obstacles_of
+from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 
 Array = NDArray[np.float64]
 

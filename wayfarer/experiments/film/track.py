@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.experiments.film.footage import Shot
-from wayfarer.simhal.wheeled_body import Body
+from wayfarer.simhal.world.wheeled_body import Body
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from wayfarer.experiments.film.footage import Footage
 from wayfarer.experiments.film.scenery import Scenery
 from wayfarer.experiments.film.track import add_bars, bars_of
 from wayfarer.fieldlog.atomic_file import whole_file
-from wayfarer.simhal.obstacles import obstacles_of
+from wayfarer.simhal.world.collision import obstacles_of
 
 DRAWN = (960, 540)
 BEFORE_S, AFTER_S = 1.0, 1.5  # of the film, before the rover starts and after the trial has ended

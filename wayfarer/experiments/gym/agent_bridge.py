@@ -22,8 +22,8 @@ from wayfarer.experiments.outcome import Outcome
 from wayfarer.experiments.trial import GAVE_UP, Tally
 from wayfarer.experiments.trial_setup import Stage, TrialSpec
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 
 class Ending(NamedTuple):

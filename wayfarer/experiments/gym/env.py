@@ -20,7 +20,7 @@ from wayfarer.experiments.commands import check_body
 from wayfarer.experiments.gym.agent_bridge import AGENT_NAME, Ending, Seat
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.mujoco.terrain import Terrains
-from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 Array = NDArray[np.float32]
 
@@ -41,8 +41,8 @@ class ForestEnv(gymnasium.Env[Array, Array]):
 
     Each episode is a trial of ``wayfarer sim``: the same supervisor, detector, safety gate, sensor tasks and referee,
     in virtual time, with the agent in the handler's place (``wayfarer.experiments.gym.agent_bridge``). One step is one
-    control tick, 0.05 s on the rover ``sim``. While the safety gate holds the wheels nobody is asked: a step lasts until the hold
-    is over.
+    control tick, 0.05 s on the rover ``sim``. While the safety gate holds the wheels nobody is asked: a
+    step lasts until the hold is over.
 
     Observation, 11 numbers in [-1, 1]: sine and cosine of heading minus goal heading (positive clockwise); pitch (nose
     up) and roll (right side down), as shares of 180 degrees; the anomalies that the detector sees, each 0 or 1, in the

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.trajectory import Point, Trace
-from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
+from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views.run_report.drawing import VERMILION, WIDTH_IN
 from wayfarer.views.run_report.forest_map import (
     END,

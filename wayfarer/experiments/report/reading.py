@@ -17,8 +17,8 @@ from wayfarer.experiments.campaign import Campaign, ForestFile, read_forest_file
 from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, read_rows
 from wayfarer.experiments.rows import Row, columns_of, csv_line, without_kinds
 from wayfarer.experiments.statistics import Summary, summarise
-from wayfarer.simhal.grounds import GroundName
 from wayfarer.simhal.mujoco.terrain import terrains_of
+from wayfarer.simhal.world.grounds import GroundName
 
 
 class ForestsSettings(BaseModel):

@@ -21,9 +21,9 @@ from wayfarer.config.rover_overlay import laid_over
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.sweep.axes import Value
-from wayfarer.simhal.forest import TREES_PER_HA
-from wayfarer.simhal.grounds import GroundName
-from wayfarer.simhal.physics import Physics
+from wayfarer.simhal.world.forest import TREES_PER_HA
+from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import Physics
 from wayfarer.units import Metres
 
 T = TypeVar("T")

@@ -18,7 +18,7 @@ from wayfarer.fault_scenarios.process_tests.wheel_history import told_to_turn
 from wayfarer.fault_scenarios.result import Tried
 from wayfarer.fault_scenarios.scenario import Reached
 from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.simhal.faults import Drive, Fault, MotorField
+from wayfarer.simhal.faults.kinds import Drive, Fault, MotorField
 
 BIAS_DEG = 15.0
 PERSON = "a person answers who sees the simulated wheels, not the fault; a real rover needs a real one"

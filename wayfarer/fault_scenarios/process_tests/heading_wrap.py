@@ -17,7 +17,7 @@ from wayfarer.fault_scenarios.result import Tried
 from wayfarer.fault_scenarios.runner import play
 from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
 from wayfarer.hal import WheelCommand
-from wayfarer.simhal.faults import Fault, MagneticAnomaly
+from wayfarer.simhal.faults.kinds import Fault, MagneticAnomaly
 
 ABOUT = "headings go back and forth across 359.9 and 0: no effect on counter or control"
 # The steering wanders across the goal, and slips every few metres make turns.

@@ -28,7 +28,7 @@ from wayfarer.fault_scenarios.process_tests.subprocesses import WAYFARER, comman
 from wayfarer.fault_scenarios.process_tests.wheel_history import Commands
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.reader import Record, RunReader
-from wayfarer.simhal.bench_buses import SOCKET_VARIABLE, BenchLine
+from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, BenchLine
 
 DEADMAN_S = {"minirover": 0.25, "forestrover": 0.3}  # ThunderBorg, and what forestrover.toml sets its Sabertooth to
 PATIENCE_S = 15.0
@@ -69,7 +69,7 @@ def rover_toml(rover: str) -> str:
     text = files("wayfarer").joinpath("rovers", f"{rover}.toml").read_text(encoding="utf-8")
     text = re.sub(r"start_delay_s = [\d.]+", f"start_delay_s = 0.0\n{UNPROVED}", text)
     text = re.sub(r"\[parts\.motion\].*?(?=\[parts\.motors\])", FLOW, text, flags=re.DOTALL)
-    return 'buses = "wayfarer.simhal.bench_buses:buses"\n' + text
+    return 'buses = "wayfarer.simhal.hil_buses:buses"\n' + text
 
 
 class Site:
@@ -98,7 +98,15 @@ class Site:
             "XDG_STATE_HOME": str(folder),
         }
         self.processes: list[subprocess.Popen[bytes]] = []
-        bench = (sys.executable, "-m", "wayfarer.simhal.bench", "--rover", self.config, "--socket", folder / "bench")
+        bench = (
+            sys.executable,
+            "-m",
+            "wayfarer.simhal.hil_server",
+            "--rover",
+            self.config,
+            "--socket",
+            folder / "bench",
+        )
         self.start(*bench, "--seed", str(seed))
         try:
             self._line = wait_for("the bench listens", self._connect)

@@ -17,14 +17,14 @@ from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.fault_scenarios.runner import CLEARING
 from wayfarer.hal import Rover
-from wayfarer.simhal.bench import RecordedWorld
-from wayfarer.simhal.faults import Fault
-from wayfarer.simhal.injection import Injector
-from wayfarer.simhal.loop import VirtualLoop
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.rig import Depth, build
-from wayfarer.simhal.simulated_world import SimulatedWorld
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.build_rover import Depth, build
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.faults.injector import Injector
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.hil_server import RecordedWorld
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 ROVER = "forestrover"
 T_WALL = 1_795_000_000.0  # November 2026

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from math import cos, radians, sin
 from struct import Struct
 
-from wayfarer.simhal.fakebus import ChipMisuse
-from wayfarer.simhal.senses import HeadingSense
+from wayfarer.simhal.buses import ChipMisuse
+from wayfarer.simhal.sensor_models import HeadingSense
 
 ADDRESS = 0x60
 FIRMWARE = 7  # seen on parts that are sold

@@ -15,8 +15,8 @@ from collections.abc import Callable, Mapping
 from struct import pack
 from types import MappingProxyType
 
-from wayfarer.simhal.fakebus import ChipMisuse
-from wayfarer.simhal.senses import FlowSense
+from wayfarer.simhal.buses import ChipMisuse
+from wayfarer.simhal.sensor_models import FlowSense
 
 BANK, RESET, OBSERVATION, BURST, ORIENTATION = 0x7F, 0x3A, 0x15, 0x16, 0x5B
 MOTION = range(0x02, 0x07)  # motion byte, then both displacements, low byte first

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from math import inf
 from typing import Literal, NamedTuple
 
-from wayfarer.simhal.fakebus import ChipMisuse
-from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.buses import ChipMisuse
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 ADDRESS = 128
 FULL_LEVEL = 127.0  # the level that is duty 1 in the world

@@ -13,8 +13,8 @@ from functools import partial
 from math import inf
 from typing import Literal
 
-from wayfarer.simhal.fakebus import ChipMisuse
-from wayfarer.simhal.simulated_world import SimulatedWorld
+from wayfarer.simhal.buses import ChipMisuse
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 ADDRESS = 0x15
 FULL_LEVEL = 255 * 0.95  # the level that is duty 1 in the world: 12 V motors behind a limit of 95 %

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from wayfarer.simhal.obstacles import Obstacle
+from wayfarer.simhal.world.collision import Obstacle
 
 WHEELS_TO_DRIVE = 3  # with fewer on anything, a rover whose belly is on something does not get away; from no source
 

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
+from wayfarer.simhal.world.physics import Physics
 
 # The height field covers the world and this much around it, so that a rover leaves the world first.
 MARGIN_M = 2.0

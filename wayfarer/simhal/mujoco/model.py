@@ -17,11 +17,11 @@ from typing import Any
 import mujoco
 
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
-from wayfarer.simhal.forest import WORLD_SIZE_M
 from wayfarer.simhal.mujoco.ground import HeightField
 from wayfarer.simhal.mujoco.terrain import Terrain
-from wayfarer.simhal.obstacles import Obstacle
-from wayfarer.simhal.wheeled_body import ROLLING_RESISTANCE, ROTOR_SHARE_OF_WEIGHT, WHEEL_SHARE_OF_WEIGHT, Body
+from wayfarer.simhal.world.collision import Obstacle
+from wayfarer.simhal.world.forest import WORLD_SIZE_M
+from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, ROTOR_SHARE_OF_WEIGHT, WHEEL_SHARE_OF_WEIGHT, Body
 
 STEP_S = 0.004
 TREE_HEIGHT_M = 2.0

@@ -10,7 +10,7 @@ import mujoco
 
 from wayfarer.simhal.mujoco.contacts import Contacts
 from wayfarer.simhal.mujoco.ground import HeightField
-from wayfarer.simhal.wheeled_body import Body
+from wayfarer.simhal.world.wheeled_body import Body
 
 PUT_DOWN_FROM_M = 0.005
 STEP_M = 0.01  # between two places that are tried

@@ -7,7 +7,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
-from wayfarer.simhal.streams import Streams
+from wayfarer.simhal.random_streams import Streams
 
 
 class Terrain(NamedTuple):

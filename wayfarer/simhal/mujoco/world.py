@@ -13,7 +13,6 @@ from math import cos, inf, radians, sin
 
 import mujoco
 
-from wayfarer.simhal.forest import Forest
 from wayfarer.simhal.mujoco.contacts import Contacts
 from wayfarer.simhal.mujoco.forces import gravity_m_s2, shove_n
 from wayfarer.simhal.mujoco.ground import Footing, Mud, rough_ground
@@ -22,9 +21,11 @@ from wayfarer.simhal.mujoco.motion import Displacement, pose_of
 from wayfarer.simhal.mujoco.placing import Placing
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.unstable import refuse
-from wayfarer.simhal.obstacles import low_trunks_of, obstacles_of
-from wayfarer.simhal.physics import Physics
-from wayfarer.simhal.simulated_world import (
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.collision import low_trunks_of, obstacles_of
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.simulated_world import (
     FULL_BATTERY_V,
     ROUNDING_S,
     UNHARMED,
@@ -34,8 +35,7 @@ from wayfarer.simhal.simulated_world import (
     nothing_acts,
     side_of,
 )
-from wayfarer.simhal.streams import Streams
-from wayfarer.simhal.wheeled_body import Body
+from wayfarer.simhal.world.wheeled_body import Body
 
 LOOK_EVERY = 5  # steps: 20 ms, well within a control tick
 SETTLES_S = 0.5  # for which a rover that is put down comes to rest on its tyres before anything counts

@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.patches import Circle
 
 from wayfarer.escape.api import Phase
-from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
+from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views.run_report.drawing import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION, Style
 
 MARGIN_M = 1.5  # around the map: a rover may leave it

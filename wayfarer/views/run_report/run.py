@@ -10,8 +10,8 @@ import matplotlib
 
 from wayfarer.errors import BadForest
 from wayfarer.fieldlog.reader import Record
-from wayfarer.simhal.forest import Forest
-from wayfarer.simhal.forest_file import from_row
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.forest_file import from_row
 from wayfarer.views.run_report import page, words
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.drawing import house_style, save

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from wayfarer.simhal.forest import WORLD_SIZE_M, Forest
+from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.drawing import GREY, VERMILION
 from wayfarer.views.run_report.forest_map import GOAL, MARGIN_M, TREE, TRUNK, draw_forest

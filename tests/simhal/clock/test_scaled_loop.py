@@ -1,0 +1,141 @@
+"""The fast loop keeps asyncio's order of events and lets its time run faster than the clock, but never jump."""
+
+# ruff: noqa: ASYNC110, ASYNC251, TID251 - the clock is what is compared with
+from __future__ import annotations
+
+import asyncio
+import socket
+import time
+from collections.abc import Coroutine
+from functools import partial
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import pytest
+
+from tests.simhal.clock.test_virtual_loop import timeouts, timers_in_time_order, trace_of, waiting_for
+from wayfarer.control.rate import Pace
+from wayfarer.daemon.watchdog import StallGuard
+from wayfarer.simhal.clock.scaled_loop import CATCH_UP_S, LATE_S, FastLoop
+
+T = TypeVar("T")
+SPEED = 50.0
+
+
+def run(main: Coroutine[Any, Any, T], speed: float = SPEED) -> T:
+    with asyncio.Runner(loop_factory=partial(FastLoop, speed)) as runner:
+        return runner.run(main)
+
+
+@pytest.mark.parametrize("program", [timers_in_time_order, timeouts, waiting_for])
+def test_programs_note_the_same_in_the_same_order_as_in_virtual_time(program: Any) -> None:
+    fast = trace_of(program, partial(FastLoop, SPEED))
+    assert [text for _, text in fast] == [text for _, text in trace_of(program)]
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0, 20.0])
+def test_sleep_takes_as_much_shorter_as_the_loop_is_fast(speed: float) -> None:
+    async def main() -> tuple[float, float]:
+        loop = asyncio.get_running_loop()
+        await asyncio.sleep(0)  # the loop's time is that of the turn's beginning
+        clock_s, loop_s = time.monotonic(), loop.time()
+        await asyncio.sleep(0.2 * speed)
+        return time.monotonic() - clock_s, loop.time() - loop_s
+
+    clock_s, loop_s = run(main(), speed)
+    assert 0.2 * speed <= loop_s <= 0.2 * speed + 10 * LATE_S
+    assert 0.199 <= clock_s < 1.0, "slower than asked for is right only on a very busy computer"
+
+
+def test_work_that_holds_up_the_loop_does_not_make_timers_late() -> None:
+    async def main() -> float:
+        loop, ticks = asyncio.get_running_loop(), [asyncio.get_running_loop().time()]
+        pace = Pace(20.0)
+        for _ in range(40):
+            time.sleep(0.004)  # four control periods at this speed
+            await pace.wait()
+            ticks.append(loop.time())
+        return max(after_s - before_s for before_s, after_s in pairwise(ticks))
+
+    assert run(main()) <= 0.05 + 3 * LATE_S  # a few turns of the loop in each round
+
+
+def test_little_that_was_lost_is_made_up_for_and_much_is_forgotten() -> None:
+    async def main(stall_s: float) -> float:
+        loop = asyncio.get_running_loop()
+        await asyncio.sleep(0)
+        clock_s, loop_s = time.monotonic(), loop.time()
+        time.sleep(stall_s)
+        await asyncio.sleep(0.4 * SPEED)
+        return (time.monotonic() - clock_s) - (loop.time() - loop_s) / SPEED
+
+    assert run(main(0.03)) == pytest.approx(0.0, abs=0.01)
+    assert run(main(0.35)) == pytest.approx(0.35 - CATCH_UP_S, abs=0.02)
+
+
+def test_timers_for_times_looked_up_one_after_the_other_come_in_that_order() -> None:
+    """Sensors must speak before the control tick, for all of a run."""
+
+    async def main() -> list[str]:
+        order: list[str] = []
+        paces = {name: Pace(20.0) for name in ("compass", "motion", "contact", "tick")}
+
+        async def keep(name: str, pace: Pace) -> None:
+            for _ in range(100):
+                await pace.wait()
+                order.append(name)
+
+        await asyncio.gather(*(keep(*each) for each in paces.items()))
+        return order
+
+    assert run(main()) == ["compass", "motion", "contact", "tick"] * 100
+
+
+def test_nobody_stands_in_for_a_loop_that_is_only_slow() -> None:
+    """The simulated world stands as still as the loop does."""
+    halts: list[float] = []
+
+    async def main() -> None:
+        guard = StallGuard(lambda: halts.append(time.monotonic()), lambda stall_s, _: halts.append(stall_s))
+        guard.start()
+        pace = Pace(20.0)
+        for step in range(200):
+            if step % 50 == 0:
+                time.sleep(0.3)
+            guard.beat()
+            await pace.wait()
+        guard.stop()
+
+    run(main())
+    assert halts == []
+
+
+def send_later(there: socket.socket) -> None:
+    time.sleep(0.05)
+    there.send(b"x")
+
+
+def test_time_goes_on_while_the_loop_only_waits_for_a_socket() -> None:
+    async def main() -> float:
+        loop = asyncio.get_running_loop()
+        here, there = socket.socketpair()
+        with here, there:
+            here.setblocking(False)
+            began_s = loop.time()
+            waiting = asyncio.ensure_future(loop.sock_recv(here, 1))
+            await asyncio.gather(waiting, asyncio.to_thread(send_later, there))
+            return loop.time() - began_s
+
+    assert run(main()) >= 0.05 * SPEED * 0.9
+
+
+def test_turns_that_only_yield_do_not_stop_the_time() -> None:
+    async def main() -> float:
+        loop = asyncio.get_running_loop()
+        began_s = loop.time()
+        async with asyncio.timeout(60.0):
+            while loop.time() < began_s + 1.0:
+                await asyncio.sleep(0)
+        return loop.time() - began_s
+
+    assert 1.0 <= run(main()) < 60.0

@@ -1,0 +1,274 @@
+"""Faults: each kind changes what the field code reads or is told, and leaves nothing behind when it ends."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from functools import cache
+from math import inf
+from random import Random
+from typing import Any
+
+import pytest
+
+from tests.virtual import virtual
+from wayfarer.config.factory import assemble
+from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.config.rover_overlay import laid_over
+from wayfarer.control.supervisor import first_cause
+from wayfarer.errors import BadInput, NotResponding, WrongPart
+from wayfarer.experiments.trial_setup import Stage, TrialSpec
+from wayfarer.fault_scenarios.first_difference import first_difference
+from wayfarer.fault_scenarios.recorder import Monitor
+from wayfarer.fault_scenarios.runner import CLEARING
+from wayfarer.hal import CompassReading
+from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.faults import kinds
+from wayfarer.simhal.faults.bus import Place, bus_fault, misplaced, place_of
+from wayfarer.simhal.faults.bus_hang import Hang
+from wayfarer.simhal.faults.injector import Injector
+from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
+from wayfarer.simhal.faults.readings import TamperedPart, reading_fault
+from wayfarer.simhal.faults.wires import Wire
+
+# Driving, with all that is read every so often read several times before the fault begins.
+BEGINS_S, LASTS_S, ENDS_S = 4.0, 2.0, 7.0
+RECEIVER: dict[str, Any] = {"parts": {"position": {"driver": "gpsd"}}, "safety": {"start_delay_s": 0.0}}
+# Parameters with which a kind does something within two seconds of driving ahead, where its defaults do not.
+PARAMS: dict[tuple[str, str], Any] = {
+    ("slope", "world"): kinds.Slope(pitch_deg=10.0),
+    ("drive", "world"): kinds.Drive(left_gain=0.5),
+    ("dead_band", "world"): kinds.DeadBand(duty=0.5),
+    ("saturated", "motion"): kinds.Saturated(limit=0.01),
+    ("lost_bytes", "motors"): kinds.LostBytes(chance=0.5),
+    ("late_answer", "motors"): kinds.LateAnswer(by_s=0.12),
+}
+OF = {"compass": "heading_deg", "motion": "forward_m", "position": "latitude_deg"}
+PARTS = ("compass", "motion", "motors", "position")  # a bumper in a clearing touches nothing
+READ_AT_OPENING = {("motion", "wrong_id"), ("motors", "wrong_id")}
+
+
+def config_for(fault: Fault) -> RoverConfig:
+    """Return a rover to which the fault can happen."""
+    names = ("minirover", "forestrover") if fault.kind in {"battery", "undervoltage"} else ("forestrover", "minirover")
+    configs = [laid_over(load_rover(name), RECEIVER) for name in names]
+    if KINDS[fault.kind].layer is not Layer.BUS:
+        return configs[0]
+    return next(config for config in configs if misplaced(fault, config) is None)
+
+
+def cases() -> list[Fault]:
+    return [
+        Fault(BEGINS_S, LASTS_S, target, name, params_of(name, target))
+        for name, kind in KINDS.items()
+        for target in kind.targets
+        if target in (*PARTS, "world", "process")
+    ]
+
+
+def params_of(name: str, target: str) -> Any:
+    params = PARAMS.get((name, target), KINDS[name].params())
+    if hasattr(params, "of") and target in OF:
+        params = type(params)(**{field: getattr(params, field) for field in params.__slots__} | {"of": OF[target]})
+    return params
+
+
+def run(config: RoverConfig, fault: Fault | None, look: Callable[[Stage], object]) -> tuple[Monitor, list[object]]:
+    """Drive ahead in a clearing; look at the stage before the fault begins, and after it has ended."""
+
+    async def drive() -> tuple[Monitor, list[object]]:
+        monitor, looks, loop = Monitor(), [], asyncio.get_running_loop()
+        given = () if fault is None else (fault,)
+        stage = Stage(
+            TrialSpec(0, "forest-pledge", CLEARING, 1, config, depth=Depth.BUS, faults=given), lambda *_: monitor
+        )
+        monitor.follow(stage)
+        if stage.injector is not None:
+            stage.injector.start(stage.world, stage.supervisor.helm.power, monitor.note)
+        running = asyncio.ensure_future(stage.supervisor.run())
+        await asyncio.sleep(1.0)
+        await stage.supervisor.arm(0.0)
+        for at_s in (BEGINS_S - 0.001, BEGINS_S + LASTS_S + 0.001):
+            await asyncio.sleep(at_s - loop.time())
+            looks.append(look(stage))
+        loop.call_later(ENDS_S - loop.time(), stage.supervisor.finish, "requested", "enough was seen")
+        try:
+            await running
+        except Exception as error:
+            monitor.event("ended", loop.time(), error=repr(first_cause(error)))
+        if stage.injector is not None:
+            stage.injector.end()
+        return monitor, looks
+
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(drive())
+
+
+@cache
+def run_well(rover: str) -> Monitor:
+    return run(laid_over(load_rover(rover), RECEIVER), None, lambda _: None)[0]
+
+
+def tampering(fault: Fault, config: RoverConfig) -> Callable[[Stage], object]:
+    """Return what tells everything that a fault may have changed, in a stage's injection, chips and world."""
+
+    def look(stage: Stage) -> object:
+        assert stage.injector is not None
+        world, part = stage.world, getattr(stage.rover, fault.target, None)
+        state: list[object] = [
+            world.mishaps,
+            round(world.field_deg, 6),
+            (world.ground_pitch_deg, world.ground_roll_deg, world.battery_v),
+            world.after_step.__qualname__,
+        ]
+        if isinstance(part, TamperedPart):
+            state += [list(part.changes), part.silent, part.crash, part.answers_after_s]
+        if KINDS[fault.kind].layer is Layer.BUS:
+            place = place_of(fault, config, stage.injector.buses)
+            state += [list(place.wire.answers), list(place.wire.writes), list(place.wire.unheard)]
+            state += [vars(place.hang)["_hangs"], list(getattr(place.chip, "shows", []))]
+            state += [getattr(place.chip, name, None) for name in ("squal", "shutter", "calibration", "drive_faults")]
+        return repr(state)
+
+    return look
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [fault for fault in cases() if (fault.target, fault.kind) not in READ_AT_OPENING],
+    ids=lambda fault: f"{fault.target}-{fault.kind}",
+)
+def test_kind_changes_something_and_leaves_nothing_behind(fault: Fault) -> None:
+    config = config_for(fault)
+    faulty, (before, after) = run(config, fault, tampering(fault, config))
+    difference = first_difference(faulty, run_well(config.name))
+    assert difference is not None
+    assert difference.t_s >= BEGINS_S
+    assert before == after
+
+
+@pytest.mark.parametrize("target", ["motion", "motors"])
+def test_part_that_says_it_is_another_does_not_open(target: str) -> None:
+    fault = Fault(BEGINS_S, LASTS_S, target, "wrong_id", kinds.WrongId())
+    opened: list[str] = []
+
+    async def drive() -> None:
+        stage = Stage(
+            TrialSpec(0, "forest-pledge", CLEARING, 1, config_for(fault), depth=Depth.BUS, faults=(fault,)),
+            lambda *_: Monitor(),
+        )
+        assert stage.injector is not None
+        stage.injector.start(stage.world, stage.supervisor.helm.power, Monitor().note)
+        for at_s in (1.0, BEGINS_S + 0.1, BEGINS_S + LASTS_S + 0.1):
+            await asyncio.sleep(at_s - asyncio.get_running_loop().time())
+            try:
+                await getattr(stage.rover, target).open()
+                opened.append("opens")
+            except WrongPart:
+                opened.append("is another")
+        stage.injector.end()
+
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        runner.run(drive())
+    assert opened == ["opens", "is another", "opens"]
+
+
+def test_every_kind_is_tried() -> None:
+    assert {fault.kind for fault in cases()} == set(KINDS)
+
+
+@pytest.mark.parametrize("fault", cases(), ids=lambda fault: f"{fault.target}-{fault.kind}")
+@virtual
+async def test_fault_that_lasts_is_ended_with_the_run(fault: Fault) -> None:
+    config, noted = config_for(fault), []
+    spec = TrialSpec(0, "forest-pledge", CLEARING, 1, config, depth=Depth.BUS, faults=(fault,))
+    stage = Stage(spec, lambda *_: Monitor())
+    injector, look = stage.injector, tampering(fault, config)
+    assert injector is not None
+    before = look(stage)
+    injector.start(stage.world, stage.supervisor.helm.power, lambda _, fault, *, begins: noted.append(begins))
+    await asyncio.sleep(BEGINS_S + 0.5)
+    injector.end()
+    await asyncio.sleep(LASTS_S)
+    assert look(stage) == before
+    assert noted == [True]
+
+
+def test_fault_of_a_part_that_the_rover_has_not_is_refused() -> None:
+    with pytest.raises(BadInput, match=r"rover 'minirover': 'lost_bytes' cannot happen to driver = \"thunderborg\""):
+        injector_of("minirover", Fault(1.0, 1.0, "motors", "lost_bytes", kinds.LostBytes()))
+    with pytest.raises(BadInput, match=r"rover 'minirover' has no contact"):
+        injector_of("minirover", Fault(1.0, 1.0, "contact", "silent"))
+
+
+def injector_of(rover: str, fault: Fault) -> None:
+    config = load_rover(rover)
+    Injector((fault,), config, 0).fit(assemble(config, FakeBuses()))
+
+
+@virtual
+async def test_frozen_part_repeats_what_it_said_last() -> None:
+    part = TamperedPart(FakeCompass())
+    last = await part.read()
+    with reading_fault(Fault(0.0, inf, "compass", "frozen"), part, Random(0)):
+        again = await part.read()
+    assert again.heading_deg == last.heading_deg
+    assert again.t_s > last.t_s
+    assert (await part.read()).heading_deg != last.heading_deg
+
+
+@virtual
+async def test_late_answer_carries_the_time_at_which_it_was_given() -> None:
+    part, loop = TamperedPart(FakeCompass()), asyncio.get_running_loop()
+    with reading_fault(Fault(0.0, inf, "compass", "late_answer", kinds.LateAnswer(by_s=0.2)), part, Random(0)):
+        await part.read()
+    assert loop.time() == pytest.approx(0.2)
+
+
+@virtual
+async def test_drift_begins_at_nothing_and_grows() -> None:
+    part = TamperedPart(FakeCompass())
+    with reading_fault(Fault(0.0, inf, "compass", "drifts", kinds.Drifts(per_s=100.0)), part, Random(0)):
+        readings = [await part.read() for _ in range(3)]
+    assert [reading.heading_deg for reading in readings] == [0.0, 101.0, 202.0]
+
+
+@virtual
+async def test_so_many_transfers_are_lost_and_no_more() -> None:
+    wire = Wire("a bus")
+    place = Place(None, None, wire, Hang("a bus"))
+    with bus_fault(Fault(0.0, inf, "compass", "nack", kinds.Lost(most=2)), place, Random(0)):
+        for _ in range(2):
+            with pytest.raises(NotResponding):
+                wire.check()
+        wire.check()
+
+
+@virtual
+async def test_transfer_on_a_hanging_bus_ends_at_its_deadline_and_happens_late() -> None:
+    hang, done, loop = Hang("a bus"), [], asyncio.get_running_loop()
+    hang.begin()
+    with pytest.raises(NotResponding, match=r"no end of a transfer within 0\.1 s"):
+        await hang.carry(lambda: done.append("first"))
+    assert loop.time() == pytest.approx(0.1)
+    with pytest.raises(NotResponding, match=r"an earlier transfer still hangs"):
+        await hang.carry(lambda: done.append("second"))
+    hang.post(lambda: done.append("stop"))
+    assert done == []
+    hang.end()
+    assert done == ["first", "stop"]
+
+
+class FakeCompass:
+    """A compass that turns by a degree each time it is read, once a second."""
+
+    name = "compass"
+
+    def __init__(self) -> None:
+        self._reads = 0
+
+    async def read(self) -> CompassReading:
+        self._reads += 1
+        return CompassReading(float(self._reads), self._reads - 1.0, 0.0, 0.0, 3)

@@ -1,0 +1,335 @@
+"""Device depth and bus depth are one rover: the real drivers over chips decide what the simulated parts decide."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.drivers.cmps14 import CMPS14
+from wayfarer.drivers.pmw3901 import PMW3901
+from wayfarer.drivers.sabertooth import Sabertooth
+from wayfarer.drivers.thunderborg import ThunderBorg
+from wayfarer.errors import BadConfig, NotResponding
+from wayfarer.experiments.campaign import Campaign, Task, read_forest_file
+from wayfarer.experiments.trial import TrialResult, run_trial
+from wayfarer.experiments.trial_setup import TrialSpec
+from wayfarer.hal import (
+    STOP,
+    CompassReading,
+    ContactReading,
+    ContactSensor,
+    MotionReading,
+    MotionSensor,
+    PositionLogger,
+    Rover,
+    WheelCommand,
+)
+from wayfarer.simhal.build_rover import Depth, build
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.parts import SimCompass, SimFlow, SimMotors
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest, Trunk
+from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
+
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+FENCED = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (Trunk(20.0, 15.0, 30.0, 16.0, "across"),), ())
+AHEAD = WheelCommand(0.5, 0.5)
+
+
+def at_both_depths(spec: TrialSpec) -> tuple[TrialResult, TrialResult]:
+    return run_trial(spec), run_trial(replace(spec, depth=Depth.BUS))
+
+
+def in_virtual_time(main: Callable[[], Awaitable[Any]]) -> Any:
+    async def run() -> Any:
+        return await main()
+
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(run())
+
+
+def rover_in(forest: Forest, config: RoverConfig, depth: Depth, seed: int = 3) -> tuple[World, Rover]:
+    """A rover at one of the depths, made on the running loop, and its world."""
+    streams = Streams(seed)
+    world = World(forest, config.vehicle, Physics(), streams)
+    return world, build(depth, world, streams, config, asyncio.get_running_loop().time)
+
+
+# -- whole trials ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("algorithm", ["forest-pledge", "cv-pledge"])
+@pytest.mark.parametrize(("layout", "noise", "seed"), [(1, 0, 0), (7, 1, 3), (12, 0, 9), (20, 1, 4)])
+def test_trial_is_the_same_at_both_depths(algorithm: str, layout: int, noise: int, seed: int) -> None:
+    forest = generate_forest(layout, noise, seed)
+    spec = TrialSpec(0, algorithm, forest, seed, load_rover("sim"), budget_m=120.0)
+    device, bus = at_both_depths(spec)
+    assert bus == device
+    assert device.outcome != "fault"
+    assert device.anomalies > 0
+
+
+def test_trials_of_other_seeds_differ() -> None:
+    """The test above compares something that a rover's senses decide."""
+    spec = TrialSpec(0, "forest-pledge", generate_forest(1, 0, 0), 0, load_rover("sim"), budget_m=120.0)
+    assert run_trial(spec).path_m != run_trial(replace(spec, seed=1)).path_m
+
+
+def test_forestrover_is_the_same_at_both_depths() -> None:
+    """Another height of the sensor, other speeds, a start delay."""
+    spec = TrialSpec(0, "forest-pledge", generate_forest(7, 1, 3), 3, load_rover("forestrover"), budget_m=60.0)
+    device, bus = at_both_depths(spec)
+    assert bus == device
+    assert device.anomalies > 0
+
+
+@pytest.mark.parametrize("trial", [0, 123, 421])
+def test_reference_forests_are_the_same_at_both_depths(reference_forests_path: Path, trial: int) -> None:
+    forests = read_forest_file(reference_forests_path)
+    campaign = Campaign(("forest-pledge",), 500, load_rover("sim"), forests=forests, budget_m=100.0)
+    device, bus = at_both_depths(campaign.spec(Task("forest-pledge", trial), campaign.make_forest(trial)))
+    assert bus == device
+    assert device.path_m > 20.0
+
+
+def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """The values of a log record, each under its dotted key."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from leaves(inner, f"{key}.{name}")
+    else:
+        yield key, round(value, 6) if isinstance(value, float) else value
+
+
+def test_field_log_of_a_trial_is_the_same_at_both_depths_tick_by_tick(tmp_path: Path) -> None:
+    """Readings, decisions, what was applied, and the handler's memory; times differ by rounding errors.
+
+    The records' numbers differ: a chip counts what it cannot follow, and its driver has that noted.
+    """
+
+    def ticks(depth: Depth) -> list[dict[str, Any]]:
+        spec = TrialSpec(0, "forest-pledge", generate_forest(1, 0, 0), 0, load_rover("sim"), budget_m=20.0, depth=depth)
+        run_trial(spec, tmp_path / depth)
+        lines = (tmp_path / depth / "run.jsonl").read_text(encoding="utf-8").splitlines()
+        records = [record for record in map(json.loads, lines) if record["record"] == "tick"]
+        return [dict(leaves({key: record[key] for key in record if key != "n"})) for record in records]
+
+    device, bus = ticks(Depth.DEVICE), ticks(Depth.BUS)
+    assert len(device) > 300
+    assert {key for tick in device for key in tick} >= {".compass.heading_deg", ".motion.forward_m", ".travelled_m"}
+    for one, other in zip(device, bus, strict=True):
+        assert one == other
+
+
+def test_minirover_with_its_camera_and_board_runs_a_trial_to_its_end() -> None:
+    forest = generate_forest(1, 0, 0)
+    spec = TrialSpec(0, "forest-pledge", forest, 1, load_rover("minirover"), budget_m=6.0, depth=Depth.BUS)
+    result = run_trial(spec)
+    assert result.outcome == "entrapped", "its budget is over"
+    assert result.path_m > 1.0
+    assert result.ticks == pytest.approx(24.0 * 20, abs=20)
+    assert run_trial(spec) == result
+
+
+# -- readings ----------------------------------------------------------------------------------------------------
+
+Readings = list[tuple[CompassReading, MotionReading, ContactReading]]
+
+
+def readings_of(depth: Depth, config: RoverConfig) -> Readings:
+    """What all sensors say during the same drive: ahead into a trunk, backwards, and a turn."""
+
+    async def main() -> Readings:
+        _, rover = rover_in(FENCED, config, depth)
+        assert rover.motion is not None
+        assert rover.contact is not None
+        for part in rover.parts.values():
+            await part.open()
+        said: Readings = []
+        for command in (AHEAD, WheelCommand(-0.4, -0.5), WheelCommand(0.3, -0.3), STOP):
+            for _ in range(90):
+                await rover.motors.drive(command)
+                await asyncio.sleep(0.05)
+                said.append((await rover.compass.read(), await rover.motion.read(), await rover.contact.read()))
+        return said
+
+    readings: Readings = in_virtual_time(main)
+    return readings
+
+
+def test_every_sensor_says_the_same_at_both_depths() -> None:
+    config = load_rover("sim")
+    device, bus = readings_of(Depth.DEVICE, config), readings_of(Depth.BUS, config)
+    assert len({reading.heading_deg for reading, _, _ in device}) > 50, "it turned"
+    assert any(contact.sides for _, _, contact in device), "it touched"
+    for (compass, motion, contact), (chip_compass, chip_motion, chip_contact) in zip(device, bus, strict=True):
+        assert chip_compass.t_s == pytest.approx(compass.t_s)
+        # The registers hold tenths of a degree, the burst whole counts.
+        assert chip_compass[1:4] == pytest.approx(compass[1:4], abs=1e-9)
+        assert chip_motion[:3] == pytest.approx(motion[:3], abs=1e-9)
+        assert chip_contact[1:] == contact[1:]
+        assert chip_motion.signed is motion.signed
+        is_first = motion is device[0][1]  # what moved since nobody knows when
+        assert (min(chip_motion.quality, motion.quality) >= config.detector.quality_min) is not is_first
+
+
+@pytest.mark.parametrize("wanted", [0.5, 0.501, -0.333, 1.0, -1.0, 0.003, 0.0])
+def test_motors_apply_the_same_steps_at_both_depths(wanted: float) -> None:
+    def applied(depth: Depth, name: str) -> tuple[WheelCommand, tuple[float, ...]]:
+        async def main() -> tuple[WheelCommand, tuple[float, ...]]:
+            world, rover = rover_in(CLEARING, load_rover(name), depth)
+            await rover.motors.open()
+            return await rover.motors.drive(WheelCommand(wanted, -wanted)), world.commanded
+
+        result: tuple[WheelCommand, tuple[float, ...]] = in_virtual_time(main)
+        return result
+
+    for name in ("sim", "minirover"):
+        told, turning = applied(Depth.DEVICE, name)
+        chip_told, chip_turning = applied(Depth.BUS, name)
+        assert chip_told == pytest.approx(told)
+        assert chip_turning == pytest.approx(turning)
+        assert turning == pytest.approx(tuple(told))
+
+
+# -- which parts -------------------------------------------------------------------------------------------------
+
+
+async def test_bus_depth_has_the_real_drivers_and_device_depth_has_not() -> None:
+    _, bus = rover_in(CLEARING, load_rover("sim"), Depth.BUS)
+    assert [type(part) for part in (bus.compass, bus.motors, bus.motion)] == [CMPS14, Sabertooth, PMW3901]
+    _, device = rover_in(CLEARING, load_rover("sim"), Depth.DEVICE)
+    assert [type(part) for part in (device.compass, device.motors, device.motion)] == [SimCompass, SimMotors, SimFlow]
+    for rover in (bus, device):
+        assert isinstance(rover.contact, ContactSensor)
+        assert isinstance(rover.motion, MotionSensor)
+
+
+async def test_rover_has_a_bumper_where_its_file_has_one() -> None:
+    for depth in Depth:
+        assert rover_in(CLEARING, load_rover("forestrover"), depth)[1].contact is None
+        assert rover_in(CLEARING, load_rover("minirover"), depth)[1].contact is None
+        assert rover_in(CLEARING, load_rover("sim"), depth)[1].contact is not None
+
+
+def with_part(config: RoverConfig, **tables: dict[str, Any]) -> RoverConfig:
+    return config.model_copy(update={"parts": config.parts | tables})
+
+
+async def test_light_at_a_pin_is_left_out_and_the_light_of_the_board_and_a_receiver_are_there() -> None:
+    equipped = with_part(load_rover("sim"), position={"driver": "gpsd"}, light={"driver": "gpio_light", "red": 17})
+    _, rover = rover_in(CLEARING, equipped, Depth.BUS)
+    assert rover.light is None
+    assert isinstance(rover.position, PositionLogger)
+    _, mini = rover_in(CLEARING, load_rover("minirover"), Depth.BUS)
+    assert mini.light is not None
+    for part in (mini.motors, mini.light):
+        await part.open()
+    assert isinstance(mini.motors, ThunderBorg)
+
+
+async def test_part_without_a_simulated_chip_is_refused_at_bus_depth_only() -> None:
+    pins = {"driver": "gpio_motors", "left_forward": 5, "left_backward": 6, "right_forward": 13, "right_backward": 19}
+    bridged = RoverConfig.model_validate(with_part(load_rover("sim"), motors=pins).model_dump())
+    with pytest.raises(BadConfig, match="rover 'sim': no simulated chip for 'gpio_motors'; use --depth device"):
+        rover_in(CLEARING, bridged, Depth.BUS)
+    rover_in(CLEARING, bridged, Depth.DEVICE)
+
+
+async def test_settings_of_the_file_decide_where_the_chips_are() -> None:
+    config = load_rover("sim")
+    moved = with_part(
+        config,
+        compass={"driver": "cmps14", "bus": "/dev/i2c-5", "address": 0x62},
+        motion={"driver": "pmw3901", "bus": "/dev/spidev1.0", "height_m": 0.2},
+        motors={"driver": "sabertooth", "port": "/dev/ttyAMA9", "address": 131, "left": 2, "reverse_right": True},
+    )
+    world, rover = rover_in(CLEARING, moved, Depth.BUS)
+    assert await opens(rover)
+    await rover.motors.drive(WheelCommand(1.0, 0.5))
+    assert world.commanded == pytest.approx((1.0, 0.5), abs=0.01)
+
+
+async def opens(rover: Rover) -> bool:
+    for part in rover.parts.values():
+        try:
+            await part.open()
+        except NotResponding:
+            return False
+    return True
+
+
+# -- the board's own deadman -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "deadman_s"), [("forestrover", 0.3), ("minirover", 0.25)])
+def test_wheels_stop_by_the_board_alone_when_the_control_task_stalls(name: str, deadman_s: float) -> None:
+    """Only the compass is read; nobody speaks to the motors any more."""
+
+    async def main() -> None:
+        time = asyncio.get_running_loop().time
+        world, rover = rover_in(CLEARING, load_rover(name), Depth.BUS)
+        assert await opens(rover)
+        assert rover.motors.deadman_s == deadman_s
+        for _ in range(40):
+            await rover.motors.drive(AHEAD)
+            await asyncio.sleep(0.05)
+        stalled_s = time() - 0.05  # the last command
+        await asyncio.sleep(0.02)  # off the grid of steps, where rounding errors decide
+        turning: dict[float, bool] = {}
+        for _ in range(40):
+            await rover.compass.read()
+            turning[time() - stalled_s] = world.commanded != STOP
+            await asyncio.sleep(0.05)
+        assert {after_s for after_s, turns in turning.items() if turns} == {
+            after_s for after_s in turning if after_s < deadman_s
+        }
+        stands_at_m = world.path_m
+        assert stands_at_m > 0.5
+        await asyncio.sleep(10.0)
+        await rover.compass.read()
+        assert world.path_m == pytest.approx(stands_at_m, abs=1e-6)
+
+    in_virtual_time(main)
+
+
+@pytest.mark.parametrize("sensor", ["compass", "motion"])
+def test_deadman_acts_at_its_own_time_even_if_nobody_looks_until_much_later(sensor: str) -> None:
+    """Physics must not go on driving to the moment at which something speaks again."""
+
+    async def path_m(silent_s: float) -> float:
+        world, rover = rover_in(CLEARING, load_rover("sim"), Depth.BUS)
+        assert await opens(rover)
+        await rover.motors.drive(WheelCommand(1.0, 1.0))
+        await asyncio.sleep(silent_s)
+        await rover.parts[sensor].read()  # type: ignore[attr-defined]
+        return world.path_m
+
+    soon_m, late_m = (in_virtual_time(partial(path_m, silent_s)) for silent_s in (2.0, 60.0))
+    assert late_m == pytest.approx(soon_m, abs=1e-3)
+    assert 0.2 < late_m < 1.4 * (0.3 + 0.1), "at most full speed for the timeout and the motors' lag"
+
+
+def test_driving_again_after_the_deadman_drives() -> None:
+    async def main() -> None:
+        world, rover = rover_in(CLEARING, load_rover("sim"), Depth.BUS)
+        assert await opens(rover)
+        await rover.motors.drive(AHEAD)
+        await asyncio.sleep(5.0)
+        await rover.compass.read()
+        assert world.commanded == STOP
+        applied = await rover.motors.drive(AHEAD)
+        assert world.commanded == pytest.approx(tuple(applied))
+        assert applied.left > 0.4
+
+    in_virtual_time(main)

@@ -1,0 +1,150 @@
+"""Fake buses: what is right goes through, what is missing is silent, what is wrong fails loudly."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wayfarer.drivers.buses import Frame
+from wayfarer.errors import NotResponding
+from wayfarer.escape.api import Vehicle
+from wayfarer.simhal.buses import ChipMisuse, FakeBuses, FakeI2C, FakeSerial, FakeSPI
+from wayfarer.simhal.chips.cmps14 import CMPS14Chip
+from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
+from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.sensor_models import FlowSense, HeadingSense
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
+
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+
+
+def world() -> World:
+    return World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), Streams(0))
+
+
+class Echo:
+    """A chip on any bus: gives back what it got, upside down."""
+
+    def __init__(self) -> None:
+        self.got: list[bytes] = []
+
+    def write(self, data: bytes) -> None:
+        self.got.append(data)
+
+    receive = write
+
+    def read(self, count: int) -> bytes:
+        return self.got[-1][::-1].ljust(count, b"\0")
+
+    def exchange(self, data: bytes) -> bytes:
+        self.got.append(data)
+        return data[::-1]
+
+
+# -- I2C ---------------------------------------------------------------------------------------------------------
+
+
+async def test_chips_of_one_bus_hear_only_what_is_for_them() -> None:
+    bus, first, second = FakeI2C("i2c"), Echo(), Echo()
+    bus.attach(0x10, first)
+    bus.attach(0x11, second)
+    await bus.write(0x10, b"\x01")
+    assert await bus.write_read(0x11, b"\x02\x03", 3) == b"\x03\x02\0"
+    assert await bus.write_then_read(0x11, b"\x04", 1) == b"\x04"
+    bus.post(0x10, b"\x05")
+    assert (first.got, second.got) == ([b"\x01", b"\x05"], [b"\x02\x03", b"\x04"])
+
+
+def test_two_chips_at_one_address_are_a_mistake_of_the_rig() -> None:
+    bus = FakeI2C("/dev/i2c-1")
+    bus.attach(0x60, Echo())
+    with pytest.raises(ChipMisuse, match="/dev/i2c-1: two chips at 0x60"):
+        bus.attach(0x60, Echo())
+
+
+async def test_nobody_at_an_address_does_not_answer() -> None:
+    bus = FakeI2C("/dev/i2c-1")
+    bus.attach(0x60, Echo())
+    for transfer in (bus.write(0x61, b"\0"), bus.write_read(0x61, b"\0", 1), bus.write_then_read(0x61, b"\0", 1)):
+        with pytest.raises(NotResponding, match="/dev/i2c-1: no answer at address 0x61"):
+            await transfer
+    bus.post(0x61, b"\0")  # it never raises
+
+
+# -- SPI and serial ----------------------------------------------------------------------------------------------
+
+
+async def test_pieces_go_to_the_chip_one_by_one() -> None:
+    device, chip = FakeSPI("spi"), Echo()
+    device.chip = chip
+    assert await device.transfer(b"\x01\x02", b"\x03") == (b"\x02\x01", b"\x03")
+    assert chip.got == [b"\x01\x02", b"\x03"]
+
+
+async def test_spi_line_without_a_chip_floats_high() -> None:
+    assert await FakeSPI("spi").transfer(b"\x00\x00\x00", b"\x01") == (b"\xff\xff\xff", b"\xff")
+
+
+async def test_serial_line_without_a_listener_takes_everything_and_tells_nothing() -> None:
+    port = FakeSerial("serial")
+    await port.write(b"\x80")
+    port.chip = chip = Echo()
+    await port.write(b"\x81")
+    port.post(b"\x82")
+    assert chip.got == [b"\x81", b"\x82"]
+
+
+# -- what no chip declares ---------------------------------------------------------------------------------------
+
+
+async def test_transfer_that_a_chip_does_not_declare_fails_loudly_through_the_bus() -> None:
+    bench, buses = world(), FakeBuses()
+    i2c, spi = buses.i2c("/dev/i2c-1"), buses.spi("/dev/spidev0.1")
+    i2c.attach(0x60, CMPS14Chip(HeadingSense(bench, Streams(0)), lambda: 0.0))
+    i2c.attach(0x15, ThunderBorgChip(bench, lambda: 0.0))
+    spi.chip = PMW3901Chip(FlowSense(bench, Streams(0)), lambda: 0.0)
+    undeclared: list[Any] = [
+        i2c.write(0x60, b""),
+        i2c.write(0x15, bytes((99, 1))),
+        i2c.write(0x15, bytes((8, 1, 2))),
+        i2c.write_then_read(0x15, bytes((153,)), 3),
+        spi.transfer(b""),
+    ]
+    for transfer in undeclared:
+        with pytest.raises(ChipMisuse):
+            await transfer
+
+
+# -- the whole bench ---------------------------------------------------------------------------------------------
+
+
+def test_one_name_is_one_bus() -> None:
+    buses = FakeBuses()
+    assert buses.i2c("a") is buses.i2c("a")
+    assert buses.i2c("a") is not buses.i2c("b")
+    assert buses.spi("a", mode=0, speed_hz=400_000) is buses.spi("a", mode=3, speed_hz=1)
+    assert buses.serial("a", baud=9600) is buses.serial("a")
+    names = [bus.name for bus in (buses.i2c("a"), buses.spi("b"), buses.serial("c"))]
+    assert names == ["a", "b", "c"]
+
+
+async def test_camera_shows_its_picture_at_the_time_and_in_the_size_that_was_asked_for() -> None:
+    buses = FakeBuses()
+    asked = []
+
+    def render(t_s: float, width: int, height: int) -> Frame:
+        asked.append((width, height))
+        return Frame(t_s, np.zeros((height, width), np.uint8))
+
+    buses.cameras["0"] = render
+    there = buses.camera("0", width=64, height=48, rate_hz=10.0, exposure_us=None)
+    assert (await there.frame()).luma.shape == (48, 64)
+    assert asked == [(64, 48)]
+    with pytest.raises(NotResponding, match="camera 1: no camera"):
+        await buses.camera("1", width=64, height=48, rate_hz=10.0, exposure_us=None).frame()
+    await buses.close()

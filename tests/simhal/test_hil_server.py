@@ -1,0 +1,253 @@
+"""The bench: what a rover file's real drivers get from chips at the other end of a socket."""
+
+# ruff: noqa: TID251 - a socket needs real time
+from __future__ import annotations
+
+import asyncio
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pytest
+
+from wayfarer.config.factory import assemble
+from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.drivers.buses import Buses
+from wayfarer.errors import BadConfig, BadInput, NotResponding
+from wayfarer.hal import STOP, Rover, WheelCommand
+from wayfarer.simhal.chips.thunderborg import FAILSAFE_S
+from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, BenchBuses, BenchLine, buses
+from wayfarer.simhal.hil_server import Bench, serve
+
+I2C = "/dev/i2c-1"
+FLOW = {"driver": "pmw3901", "bus": "/dev/spidev0.1"}
+AHEAD = WheelCommand(0.5, 0.5)
+
+
+def minirover() -> RoverConfig:
+    config = load_rover("minirover")
+    return config.model_copy(update={"parts": {**config.parts, "motion": FLOW}})
+
+
+class Clock:
+    """A clock that a test sets."""
+
+    now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def bench() -> tuple[Bench, Clock]:
+    clock = Clock()
+    return Bench(minirover(), 0, clock), clock
+
+
+async def i2c(bench: Bench, address: int, *data: int) -> dict[str, Any]:
+    return await bench.answer({"do": "i2c", "bus": I2C, "address": address, "data": [bytes(data).hex()]})
+
+
+async def test_transfer_reaches_the_chip_and_its_reply_comes_back() -> None:
+    made, _ = bench()
+    request = {"do": "i2c", "bus": I2C, "address": 0x15, "data": ["99"], "count": 6}
+    assert (await made.answer(request))["data"][0].startswith("9915")
+
+
+async def test_read_alone_is_the_answer_to_the_write_before_it() -> None:
+    made, _ = bench()
+    assert await i2c(made, 0x15, 0x99) == {"data": []}
+    request = {"do": "i2c", "bus": I2C, "address": 0x15, "data": [], "count": 6}
+    assert (await made.answer(request))["data"][0].startswith("9915")
+
+
+async def test_misuse_of_a_chip_and_silence_are_told_and_not_fatal() -> None:
+    made, _ = bench()
+    assert "no command" in (await i2c(made, 0x15, 99))["error"]
+    assert "no answer at address 0x16" in (await i2c(made, 0x16, 0))["error"]
+    assert await i2c(made, 0x15, 14, 0) == {"data": []}
+
+
+async def test_deadman_acts_at_its_own_time_and_the_record_says_so() -> None:
+    made, clock = bench()
+    for command in ((19, 1), (11, 100)):
+        await i2c(made, 0x15, *command)
+    told_s = clock.now_s
+    clock.now_s += 10.0
+    made.step()
+    last = (await made.answer({"do": "look"}))["commands"][-1]
+    assert last == (pytest.approx(told_s + FAILSAFE_S), 0.0, 0.0)
+
+
+async def test_board_forgets_its_deadman_with_its_power() -> None:
+    made, _ = bench()
+    await i2c(made, 0x15, 19, 1)
+    assert (await made.answer({"do": "look"}))["deadman_armed"] == [True]
+    await made.answer({"do": "power_cycle"})
+    assert (await made.answer({"do": "look"}))["deadman_armed"] == [False]
+
+
+async def test_silenced_part_answers_no_more_and_its_neighbour_does() -> None:
+    made, _ = bench()
+    await made.answer({"do": "silence", "bus": I2C, "address": 0x60})
+    assert "0x60" in (await i2c(made, 0x60, 0))["error"]
+    assert "error" not in await i2c(made, 0x15, 14, 0)
+
+
+def test_camera_is_refused() -> None:
+    with pytest.raises(BadConfig, match=r"parts\.motion"):
+        Bench(load_rover("minirover"), 0, Clock())
+    with pytest.raises(BadInput, match="no camera"):
+        BenchBuses("nowhere").camera("0", width=64, height=48, rate_hz=10, exposure_us=None)
+
+
+def test_buses_are_those_of_the_socket_that_the_environment_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(SOCKET_VARIABLE, raising=False)
+    with pytest.raises(BadInput, match=SOCKET_VARIABLE):
+        buses()
+    monkeypatch.setenv(SOCKET_VARIABLE, "/tmp/some.sock")
+    handed_out: Buses = buses()
+    assert isinstance(handed_out, BenchBuses)
+
+
+def wait_for(path: Path) -> None:
+    while not path.exists():
+        time.sleep(0.01)
+
+
+@asynccontextmanager
+async def served(config: RoverConfig) -> AsyncIterator[str]:
+    """The path of a bench that serves a rover meanwhile."""
+    with TemporaryDirectory(prefix="wf-") as folder:
+        path = Path(folder) / "bench"
+        serving = asyncio.create_task(serve(config, path, 0))
+        await asyncio.to_thread(wait_for, path)
+        yield str(path)
+        serving.cancel()
+        with suppress(asyncio.CancelledError):
+            await serving
+
+
+async def use(rover: Rover) -> None:
+    """Every driver of a rover, once."""
+    assert rover.motion is not None
+    for part in rover.parts.values():
+        await part.open()
+    reading = await rover.compass.read()
+    assert abs((reading.heading_deg + 180.0) % 360.0 - 180.0) < 10.0, "the rover stands facing north"
+    await rover.motion.read()  # the first after the opening says nothing
+    assert (await rover.motion.read()).quality > 0.0
+    assert (await rover.motors.drive(AHEAD)).left == pytest.approx(0.5, abs=0.01)
+    await rover.motors.stop()
+
+
+@pytest.mark.parametrize("config", [load_rover("forestrover"), minirover()], ids=["forestrover", "minirover"])
+async def test_real_drivers_of_a_shipped_rover_work_over_the_socket(config: RoverConfig) -> None:
+    async with served(config) as path:
+        over = BenchBuses(path)
+        await use(assemble(config, over))
+        line = await asyncio.to_thread(BenchLine, path)
+        look = await asyncio.to_thread(line.ask, "look")
+        line.close()
+        await over.close()
+    told = [(left, right) for _, left, right in look["commands"]]
+    assert max(left for left, _ in told) == pytest.approx(0.5, abs=0.01)
+    assert look["commanded"] == [0.0, 0.0]
+
+
+async def test_hanging_bus_misses_its_deadline_and_its_neighbours_do_not() -> None:
+    async with served(minirover()) as path:
+        over = BenchBuses(path)
+        rover = assemble(minirover(), over)
+        await rover.motors.open()
+        line = await asyncio.to_thread(BenchLine, path)
+        await asyncio.to_thread(line.ask, "hang", bus=I2C, for_s=0.4)
+        line.close()
+        with pytest.raises(NotResponding, match="no end of a transfer"):
+            await rover.motors.drive(STOP)
+        with pytest.raises(NotResponding, match="hangs"):
+            await rover.compass.read()
+        assert rover.motion is not None
+        await rover.motion.open()
+        await asyncio.sleep(0.5)
+        assert await rover.motors.drive(STOP) == STOP
+        await over.close()
+
+
+async def test_write_that_hung_in_the_wire_arrives_late_and_the_stop_right_behind_it() -> None:
+    async with served(minirover()) as path:
+        over = BenchBuses(path)
+        motors = assemble(minirover(), over).motors
+        await motors.open()
+        bus = over.i2c(I2C)
+        line = await asyncio.to_thread(BenchLine, path)
+        hung_s = (await asyncio.to_thread(line.ask, "hang", bus=I2C, for_s=0.4))["t_s"]
+        with pytest.raises(NotResponding, match="no end of a transfer"):
+            await bus.write(0x15, b"\x0b\x79")  # the left side ahead: what the driver writes once it has asked
+        motors.halt()
+        await asyncio.sleep(0.5)
+        look = await asyncio.to_thread(line.ask, "look")
+        line.close()
+        await over.close()
+    late, stop = [command for command in look["commands"] if command[0] > hung_s]
+    assert late[0] - hung_s >= 0.4
+    assert late[1] > 0.0
+    assert stop[1:] == [0.0, 0.0]
+    assert stop[0] - late[0] < FAILSAFE_S / 2, "the deadman did it"
+
+
+async def test_command_behind_a_question_that_hung_never_reaches_the_wheels() -> None:
+    async with served(minirover()) as path:
+        over = BenchBuses(path)
+        motors = assemble(minirover(), over).motors
+        await motors.open()
+        line = await asyncio.to_thread(BenchLine, path)
+        hung_s = (await asyncio.to_thread(line.ask, "hang", bus=I2C, for_s=0.4))["t_s"]
+        with pytest.raises(NotResponding, match="no end of a transfer"):
+            await motors.drive(AHEAD)
+        await asyncio.sleep(0.5)
+        look = await asyncio.to_thread(line.ask, "look")
+        line.close()
+        await over.close()
+    assert [command[1:] for command in look["commands"] if command[0] > hung_s] == []
+
+
+async def test_errors_on_the_wire_come_back_as_a_real_bus_tells_them() -> None:
+    async with served(minirover()) as path:
+        over = BenchBuses(path)
+        bus = over.i2c(I2C)
+        with pytest.raises(NotResponding, match="no acknowledgement"):
+            await bus.write(0x16, b"\0")
+        with pytest.raises(NotResponding, match="ThunderBorg: no command 63"):
+            await bus.write(0x15, b"\x63")
+        await over.close()
+
+
+async def test_missing_bench_is_told_by_its_path() -> None:
+    over = BenchBuses("/nowhere/bench")
+    with pytest.raises(NotResponding, match="no bench at /nowhere/bench"):
+        await over.i2c(I2C).write(0x15, b"\0")
+    await over.close()
+
+
+def test_bench_that_is_ended_while_a_client_is_connected_says_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "bench"
+    command = [sys.executable, "-m", "wayfarer.simhal.hil_server", "--rover", "forestrover", "--socket", str(path)]
+    with (
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served_bench,
+        socket.socket(socket.AF_UNIX) as client,
+    ):
+        assert served_bench.stdout is not None
+        served_bench.stdout.readline()
+        client.connect(str(path))
+        client.sendall(b'{"do": "look"}\n')
+        assert client.recv(65_536)
+        served_bench.send_signal(signal.SIGINT)
+        _, said = served_bench.communicate(timeout=10.0)
+    assert (served_bench.returncode, said) == (0, b"")

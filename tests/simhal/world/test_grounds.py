@@ -1,0 +1,108 @@
+"""``--ground``, through the commands: what it keeps, compares, tells and refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import Run
+from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.report.words import facts
+from wayfarer.simhal.world.grounds import GroundName
+
+SIM = ("sim", "--jobs", "1", "--trials", "1", "--budget-m", "5")
+NO_CHASSIS = 'name = "plain"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.4\n'
+
+
+@pytest.fixture
+def plain(tmp_path: Path) -> Path:
+    """A rover without a chassis."""
+    file = tmp_path / "plain.toml"
+    file.write_text(NO_CHASSIS, encoding="utf-8")
+    return file
+
+
+def test_ground_is_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
+    code, _, err = run(*SIM, "--ground", "mud", "--out", tmp_path / "out", "--log", tmp_path / "log")
+    assert code == 0, err
+    assert json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))["ground"] == "mud"
+    results = read_results(tmp_path / "out")
+    assert results.rebuild().ground is GroundName.mud
+    assert dict(facts(results.settings))["ground"] == "mud"
+    (log,) = (path for path in (tmp_path / "log").rglob("*") if path.is_file())
+    assert json.loads(log.read_text(encoding="utf-8").splitlines()[0])["ground"] == "mud"
+
+
+def test_ideal_ground_is_what_there_was_before_and_says_nothing(run: Run, tmp_path: Path) -> None:
+    for name, ground in (("unsaid", ()), ("said", ("--ground", "ideal"))):
+        code, _, err = run(*SIM, *ground, "--out", tmp_path / name, "--log", tmp_path / f"{name}-log")
+        assert code == 0, err
+    for file in ("campaign.json", "trials.csv"):
+        assert (tmp_path / "unsaid" / file).read_bytes() == (tmp_path / "said" / file).read_bytes()
+    assert "ground" not in json.loads((tmp_path / "said" / "campaign.json").read_text(encoding="utf-8"))
+    assert dict(facts(read_results(tmp_path / "said").settings))["ground"] == "ideal"
+
+
+@pytest.mark.parametrize(("there", "here"), [("ideal", "mud"), ("mud", "ideal")])
+def test_folder_of_another_ground_is_not_resumed(run: Run, tmp_path: Path, there: str, here: str) -> None:
+    run(*SIM, "--ground", there, "--out", tmp_path / "out")
+    code, out, err = run(*SIM, "--ground", here, "--out", tmp_path / "out", "--resume")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert f"ground is '{there}' there and '{here}' here" in err
+    assert run(*SIM, "--ground", there, "--out", tmp_path / "out", "--resume")[0] == 0
+
+
+def test_both_depths_decide_the_same(run: Run, tmp_path: Path) -> None:
+    rows = []
+    for depth in ("device", "bus"):
+        code, _, err = run(*SIM, "--ground", "mud", "--depth", depth, "--out", tmp_path / depth)
+        assert code == 0, err
+        rows.append((tmp_path / depth / "trials.csv").read_bytes())
+    assert rows[0] == rows[1]
+
+
+def test_grounds_can_be_swept(run: Run, tmp_path: Path) -> None:
+    code, _, err = run(
+        "sweep", "ground=ideal,mud", "--trials", "1", "--budget-m", "5", "--jobs", "1", "--out", tmp_path / "out"
+    )
+    assert code == 0, err
+    settings = json.loads((tmp_path / "out" / "sweep.json").read_text(encoding="utf-8"))
+    assert settings["axes"] == [{"key": "ground", "values": ["ideal", "mud"], "now": "ideal"}]
+    ideal, mud = (tmp_path / "out" / "trials.csv").read_text(encoding="utf-8").splitlines()[1:]
+    assert (ideal.split(",")[:2], mud.split(",")[:2]) == (["0", "ideal"], ["1", "mud"])
+    assert ideal.split(",")[2:] != mud.split(",")[2:]
+
+
+def test_sweep_of_grounds_with_another_chassis_is_another_sweep(run: Run, tmp_path: Path) -> None:
+    """Ideal ground reads nothing of the chassis; the other points do."""
+    sweep = ("sweep", "ground=ideal,mud", "--trials", "1", "--budget-m", "5", "--jobs", "1", "--out", tmp_path / "out")
+    run(*sweep)
+    kept = tmp_path / "out" / "sweep.json"
+    kept.write_text(kept.read_text(encoding="utf-8").replace('"weight_kg": 6.1', '"weight_kg": 7.1'), encoding="utf-8")
+    code, out, err = run(*sweep, "--resume")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "another sweep: rover.chassis.weight_kg differ" in err
+
+
+def test_other_physics_has_a_ground_of_another_kind(run: Run) -> None:
+    code, out, err = run(*SIM, "--physics", "mujoco", "--ground", "mud")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "--ground mud is of physics-light; with --physics mujoco say --friction" in err
+
+
+@pytest.mark.parametrize("command", [(*SIM, "--ground", "mud"), ("sweep", "ground=ideal,mud", "--out", "never")])
+def test_rover_without_a_body_is_one_line(run: Run, plain: Path, command: tuple[str, ...]) -> None:
+    code, out, err = run(*command, "--rover", plain)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "rover 'plain' gives no chassis.weight_kg, and --ground mud needs a body with wheels" in err
+    assert str(plain) in err
+
+
+def test_unknown_ground_is_one_line(run: Run, tmp_path: Path) -> None:
+    code, out, err = run("sweep", "ground=ideal,ice", "--out", tmp_path / "out")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "ground" in err
+    assert "'leaf-litter'" in err
+    assert not (tmp_path / "out").exists()

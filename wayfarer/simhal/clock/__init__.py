@@ -1,0 +1,1 @@
+"""Time in the simulation: virtual, or as many times faster than the clock."""

@@ -1,0 +1,140 @@
+"""Beginning and ending faults at their times, in one run."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable
+from contextlib import AbstractContextManager, ExitStack, suppress
+from dataclasses import replace
+from math import inf
+from typing import Any, Protocol
+
+from wayfarer.config.rover_file import RoverConfig
+from wayfarer.errors import BadInput, NotResponding
+from wayfarer.hal import Rover
+from wayfarer.simhal.faults.bus import bus_fault, misplaced, place_of
+from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
+from wayfarer.simhal.faults.process import TakePower, process_fault
+from wayfarer.simhal.faults.readings import TamperedPart, crashed, reading_fault
+from wayfarer.simhal.faults.wires import TamperedBuses
+from wayfarer.simhal.faults.world import world_fault
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
+
+PUMP_S = 0.05
+PARTS = ("compass", "motion", "contact", "position", "motors")
+
+
+class Note(Protocol):
+    """Takes what a fault did, for the log: ground truth that no field code sees."""
+
+    def __call__(self, t_s: float, fault: Fault, *, begins: bool) -> None:
+        """Take the beginning of a fault, or its end."""
+
+
+class Bug(RuntimeError):
+    """What a driver with a bug raises."""
+
+
+class Injector:
+    """Holds the faults of one run.
+
+    Build the rover over ``buses``, pass it through ``fit``, and enter the injector when the run begins: leaving it ends
+    what still lasts, the latest first.
+
+    Args:
+        faults: what is to go wrong.
+        config: the rover, for where its parts are.
+        seed: of the faults' own chance, which is apart from the world's.
+    """
+
+    def __init__(self, faults: Iterable[Fault], config: RoverConfig, seed: int) -> None:
+        self._faults = tuple(faults)
+        self._config = config
+        self._streams = Streams(seed)
+        self._parts: dict[str, TamperedPart] = {}
+        self._lasting: dict[int, ExitStack] = {}
+        self.buses = TamperedBuses()
+
+    @property
+    def board(self) -> Any:
+        """The chip of the motor board; None at device depth, where there is none."""
+        if "motors" not in self._config.parts:
+            return None
+        with suppress(NotResponding):
+            return place_of(Fault(0.0, 0.0, "motors", "reset"), self._config, self.buses).chip
+        return None
+
+    def fit(self, rover: Rover) -> Rover:
+        """Return the rover with everything around its parts that the faults need.
+
+        Raises:
+            BadInput: the rover has no such part, or one to which a fault cannot happen.
+        """
+        for fault in self._faults:
+            if KINDS[fault.kind].layer is Layer.BUS and (why := misplaced(fault, self._config)):
+                raise BadInput(f"{fault}: {why}")
+        kinds = (Layer.READING, Layer.PROCESS)
+        targets = {fault.target for fault in self._faults if KINDS[fault.kind].layer in kinds} & set(PARTS)
+        for name in targets:
+            if getattr(rover, name) is None:
+                raise BadInput(f"rover '{self._config.name}' has no {name} to inject a fault into")
+            self._parts[name] = TamperedPart(getattr(rover, name))
+        fitted: dict[str, Any] = dict(self._parts)
+        return replace(rover, **fitted)
+
+    def start(self, world: SimulatedWorld, take_power: TakePower, note: Note) -> None:
+        """Begin what begins at once, and the rest at its time from now on."""
+        self._world, self._take_power, self._note = world, take_power, note
+        loop = asyncio.get_running_loop()
+        self._pump(loop)
+        for number, fault in enumerate(self._faults):
+            if fault.at_s <= 0.0:
+                self.begin(number, fault)
+            else:
+                loop.call_later(fault.at_s, self.begin, number, fault)
+
+    def _pump(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Let the world go on, and chips act, even if no part asks: faults may silence all of them."""
+        self._world.chips_act()
+        self._world.advance_to(loop.time())
+        if self._faults:
+            loop.call_later(PUMP_S, self._pump, loop)
+
+    def end(self) -> None:
+        """End all that lasts, the latest first, and begin nothing more."""
+        self._faults = ()
+        for number in reversed(list(self._lasting)):
+            self._lasting.pop(number).close()
+
+    def begin(self, number: int, fault: Fault) -> None:
+        """Begin a fault now, whatever its time; it lasts as long as it says. ``number`` tells it from others."""
+        if not self._faults:
+            return
+        loop = asyncio.get_running_loop()
+        self._note(loop.time(), fault, begins=True)
+        stack = self._lasting[number] = ExitStack()
+        stack.enter_context(self._effect(number, fault))
+        if fault.for_s < inf:
+            loop.call_later(fault.for_s, self.cease, number, fault)
+
+    def cease(self, number: int, fault: Fault) -> None:
+        """End a fault that lasts; nothing happens where it has ended."""
+        stack = self._lasting.pop(number, None)
+        if stack is not None:
+            stack.close()
+            self._note(asyncio.get_running_loop().time(), fault, begins=False)
+
+    def _effect(self, number: int, fault: Fault) -> AbstractContextManager[None]:
+        chance = self._streams.random(f"fault.{number}")
+        match KINDS[fault.kind].layer:
+            case Layer.WORLD:
+                return world_fault(fault, self._world)
+            case Layer.READING:
+                return reading_fault(fault, self._parts[fault.target], chance)
+            case Layer.BUS:
+                return bus_fault(fault, place_of(fault, self._config, self.buses), chance)
+            case Layer.PROCESS if fault.kind == "task_crash":
+                return crashed(self._parts[fault.target], Bug("a bug in a driver, injected"))
+            case _:
+                return process_fault(fault, self._take_power)

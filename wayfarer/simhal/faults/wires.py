@@ -1,0 +1,227 @@
+"""Fake buses whose wires can be tampered with; without a fault they are ``fakebus``'s own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from wayfarer.drivers.buses import Camera, Frame
+from wayfarer.drivers.linux import FRAME_DEADLINE_S
+from wayfarer.errors import NotResponding
+from wayfarer.simhal.buses import ChipMisuse, FakeBuses, FakeI2C, FakeSerial, FakeSPI
+from wayfarer.simhal.faults.bus_hang import Hang
+
+# What a chip answers, and what it was asked with: what the driver gets instead.
+Answer = Callable[[bytes, bytes], bytes]
+# What was written: what the chip gets instead, None where it hears nothing.
+Write = Callable[[bytes], bytes | None]
+
+
+class Wire:
+    """What is wrong between one chip and the bus.
+
+    ``answers`` change what the chip says, ``writes`` what it hears; ``unheard`` says for each transfer whether it is
+    not acknowledged.
+    """
+
+    def __init__(self, where: str) -> None:
+        self.where = where
+        self.answers: list[Answer] = []
+        self.writes: list[Write] = []
+        self.unheard: list[Callable[[], bool]] = []
+
+    def check(self) -> None:
+        """Acknowledge a transfer.
+
+        Raises:
+            NotResponding: it is not.
+        """
+        if any(is_lost() for is_lost in self.unheard):
+            raise NotResponding(f"{self.where}: not acknowledged; a fault was injected")
+
+    def heard(self, data: bytes) -> bytes | None:
+        """Return what the chip hears of what was written."""
+        for change in self.writes:
+            changed = change(data)
+            if changed is None:
+                return None
+            data = changed
+        return data
+
+    def said(self, asked: bytes, answer: bytes) -> bytes:
+        """Return what the driver gets of what the chip said."""
+        for change in self.answers:
+            answer = change(asked, answer)
+        return answer
+
+
+class TamperedChip:
+    """A chip behind a wire; speaks whichever of the three chip protocols the chip does."""
+
+    def __init__(self, chip: Any, wire: Wire) -> None:
+        self._chip = chip
+        self._wire = wire
+        self._asked = b""
+
+    def write(self, data: bytes) -> None:
+        """Take a write on an I2C bus."""
+        self._wire.check()
+        self._asked = data
+        if (heard := self._wire.heard(data)) is not None:
+            self._chip.write(heard)
+
+    def read(self, count: int) -> bytes:
+        """Give a read on an I2C bus."""
+        self._wire.check()
+        return self._wire.said(self._asked, self._chip.read(count))
+
+    def exchange(self, data: bytes) -> bytes:
+        """Exchange bytes on an SPI bus, where nothing acknowledges."""
+        heard = self._wire.heard(data)
+        answer = bytes(len(data)) if heard is None else self._chip.exchange(heard)
+        return self._wire.said(data, answer)
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes on a serial line; noise that comes out as a command that the chip does not know is passed over."""
+        self._wire.check()
+        heard = self._wire.heard(data)
+        if heard == data:
+            self._chip.receive(data)
+            return
+        for byte in heard or b"":
+            with suppress(ChipMisuse):
+                self._chip.receive(bytes((byte,)))
+
+
+class TamperedI2C(FakeI2C):
+    """An I2C bus that can hang, with a wire to each address."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.hang = Hang(name)
+        self._wires: dict[int, Wire] = {}
+
+    def wire(self, address: int) -> Wire:
+        """Return the wire to an address."""
+        return self._wires.setdefault(address, Wire(f"{self.name}: 0x{address:02X}"))
+
+    def chip_at(self, address: int) -> Any:
+        """Return the chip at an address, behind its wire."""
+        return TamperedChip(super().chip_at(address), self.wire(address))
+
+    async def write(self, address: int, data: bytes) -> None:
+        """Write to the chip at an address."""
+        await self.hang.carry(lambda: self.chip_at(address).write(data))
+
+    async def write_read(self, address: int, data: bytes, count: int) -> bytes:
+        """Write, then read."""
+
+        def transfer() -> bytes:
+            chip = self.chip_at(address)
+            chip.write(data)
+            answer: bytes = chip.read(count)
+            return answer
+
+        return await self.hang.carry(transfer)
+
+    write_then_read = write_read
+
+    def post(self, address: int, data: bytes) -> None:
+        """Write without waiting."""
+        self.hang.post(lambda: self.chip_at(address).write(data))
+
+
+class TamperedSPI(FakeSPI):
+    """An SPI bus that can hang."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.hang = Hang(name)
+        self.wire = Wire(name)
+
+    async def transfer(self, *pieces: bytes) -> tuple[bytes, ...]:
+        """Exchange pieces with the chip."""
+
+        def exchange() -> tuple[bytes, ...]:
+            self.wire.check()
+            chip = None if self.chip is None else TamperedChip(self.chip, self.wire)
+            return tuple(b"\xff" * len(piece) if chip is None else chip.exchange(piece) for piece in pieces)
+
+        return await self.hang.carry(exchange)
+
+
+class TamperedSerial(FakeSerial):
+    """A serial line that can hang."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.hang = Hang(name)
+        self.wire = Wire(name)
+
+    async def write(self, data: bytes) -> None:
+        """Send bytes."""
+        await self.hang.carry(lambda: self._send(data))
+
+    def post(self, data: bytes) -> None:
+        """Send bytes without waiting."""
+        self.hang.post(lambda: self._send(data))
+
+    def _send(self, data: bytes) -> None:
+        if self.chip is not None:
+            TamperedChip(self.chip, self.wire).receive(data)
+
+
+class TamperedCamera:
+    """A camera that can hang, go, or show what is not there.
+
+    ``shows`` change its pictures, one after another; ``last`` is the latest picture as it was handed on.
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        self.name = camera.name
+        self.hang = Hang(camera.name, FRAME_DEADLINE_S)
+        self.wire = Wire(camera.name)
+        self.shows: list[Callable[[Frame], Frame]] = []
+        self.last: Frame | None = None
+        self._camera = camera
+
+    async def frame(self) -> Frame:
+        """Return the next frame, changed."""
+        await self.hang.carry(self.wire.check)
+        frame = await self._camera.frame()
+        for change in self.shows:
+            frame = change(frame)
+        self.last = frame
+        return frame
+
+
+class TamperedBuses(FakeBuses):
+    """Hands out buses that can be tampered with, by name; ``views`` are the cameras that were handed out."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.views: dict[str, TamperedCamera] = {}
+
+    def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> TamperedCamera:
+        """Return the camera of that name."""
+        camera = super().camera(name, width=width, height=height, rate_hz=rate_hz, exposure_us=exposure_us)
+        return self.views.setdefault(name, TamperedCamera(camera))
+
+    def i2c(self, name: str) -> TamperedI2C:
+        """Return the I2C bus of that name."""
+        bus = self._i2c.setdefault(name, TamperedI2C(name))
+        assert isinstance(bus, TamperedI2C)
+        return bus
+
+    def spi(self, name: str, *, mode: int = 0, speed_hz: int = 400_000) -> TamperedSPI:  # noqa: ARG002
+        """Return the SPI device of that name."""
+        bus = self._spi.setdefault(name, TamperedSPI(name))
+        assert isinstance(bus, TamperedSPI)
+        return bus
+
+    def serial(self, name: str, *, baud: int = 9600) -> TamperedSerial:  # noqa: ARG002
+        """Return the serial port of that name."""
+        port = self._serial.setdefault(name, TamperedSerial(name))
+        assert isinstance(port, TamperedSerial)
+        return port

@@ -1,0 +1,136 @@
+"""The daemon's end of the bench (``bench.py``): buses whose chips live in another process.
+
+A rover file with ``buses = "wayfarer.simhal.hil_buses:buses"`` gets them; ``WAYFARER_BENCH`` names the socket.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+from functools import partial
+from typing import Any
+
+import orjson
+
+from wayfarer.drivers.linux import LinuxBuses
+from wayfarer.drivers.threaded import ThreadedI2C, ThreadedSerial, ThreadedSPI
+from wayfarer.errors import BadInput
+
+SOCKET_VARIABLE = "WAYFARER_BENCH"
+
+
+def from_hex(pieces: list[str]) -> tuple[bytes, ...]:
+    """Return the bytes of pieces as they cross the socket."""
+    return tuple(bytes.fromhex(piece) for piece in pieces)
+
+
+class BenchLine:
+    """A blocking line to a bus of the bench, or without one to the bench itself.
+
+    Raises:
+        OSError: there is no bench at that path.
+    """
+
+    def __init__(self, path: str, bus: str = "") -> None:
+        self._bus = bus
+        self._connection = socket.socket(socket.AF_UNIX)
+        try:
+            self._connection.connect(path)
+        except OSError as error:
+            self._connection.close()
+            raise OSError(f"no bench at {path}: {error.strerror}") from None
+        self._answers = self._connection.makefile("rb")
+
+    def ask(self, do: str, **details: object) -> dict[str, Any]:
+        """Return the bench's reply.
+
+        Raises:
+            OSError: the transfer failed on the wire, or the bench has ended.
+        """
+        self._connection.sendall(orjson.dumps({"do": do, **details}) + b"\n")
+        line = self._answers.readline()
+        if not line:
+            raise OSError("the bench has ended")
+        reply: dict[str, Any] = orjson.loads(line)
+        if "error" in reply:
+            raise OSError(reply["errno"], reply["error"])
+        return reply
+
+    def exchange(self, kind: str, *pieces: bytes, **details: int) -> tuple[bytes, ...]:
+        """Do a transfer on the bus and return what came back; raises as ``ask``."""
+        return from_hex(self.ask(kind, bus=self._bus, data=[piece.hex() for piece in pieces], **details)["data"])
+
+    def close(self) -> None:
+        """Hang up."""
+        self._answers.close()
+        self._connection.close()
+
+
+class BenchI2C(BenchLine):
+    """An I2C bus of the bench; implements ``threaded.BlockingI2C``."""
+
+    def write(self, address: int, data: bytes) -> None:
+        """Write bytes."""
+        self.exchange("i2c", data, address=address)
+
+    def write_read(self, address: int, data: bytes, count: int) -> bytes:
+        """Write, then read."""
+        return self.exchange("i2c", data, address=address, count=count)[0]
+
+    write_then_read = write_read
+
+
+class BenchSPI(BenchLine):
+    """An SPI device of the bench; implements ``threaded.BlockingSPI``."""
+
+    def transfer(self, pieces: tuple[bytes, ...]) -> tuple[bytes, ...]:
+        """Exchange pieces."""
+        return self.exchange("spi", *pieces)
+
+
+class BenchSerial(BenchLine):
+    """A serial port of the bench; implements ``threaded.BlockingSerial``."""
+
+    def write(self, data: bytes) -> None:
+        """Write bytes."""
+        self.exchange("serial", data)
+
+
+class BenchBuses(LinuxBuses):
+    """Implements ``drivers.buses.Buses`` over the bench at a socket."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__()
+        self._path = path
+
+    def i2c(self, name: str) -> ThreadedI2C:
+        """Return an I2C bus of the bench."""
+        return self._once(name, lambda: ThreadedI2C(name, partial(BenchI2C, self._path, name)))
+
+    def spi(self, name: str, *, mode: int, speed_hz: int) -> ThreadedSPI:  # noqa: ARG002
+        """Return an SPI device of the bench; its mode and speed are not simulated."""
+        return self._once(name, lambda: ThreadedSPI(name, partial(BenchSPI, self._path, name)))
+
+    def serial(self, name: str, *, baud: int) -> ThreadedSerial:  # noqa: ARG002
+        """Return a serial port of the bench; its speed is not simulated."""
+        return self._once(name, lambda: ThreadedSerial(name, partial(BenchSerial, self._path, name)))
+
+    def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> Any:  # noqa: ARG002
+        """Refuse.
+
+        Raises:
+            BadInput: always; a real camera would not see the simulated world.
+        """
+        raise BadInput(f"camera {name}: the bench serves no camera; name another [parts.motion]")
+
+
+def buses() -> BenchBuses:
+    """Return the buses of the bench at ``$WAYFARER_BENCH``.
+
+    Raises:
+        BadInput: the variable is not set.
+    """
+    path = os.environ.get(SOCKET_VARIABLE)
+    if not path:
+        raise BadInput(f"{SOCKET_VARIABLE} is not set: it names the socket of python -m wayfarer.simhal.hil_server")
+    return BenchBuses(path)

@@ -1,0 +1,252 @@
+"""The rover's electronics in a process of their own: a world, and the chips of a rover file, in real time.
+
+::
+
+    python -m wayfarer.simhal.hil_server --rover rover.toml --socket /tmp/bench.sock
+    WAYFARER_BENCH=/tmp/bench.sock wayfarer run --config rover.toml
+
+with ``buses = "wayfarer.simhal.hil_buses:buses"`` as the first line of ``rover.toml``. The daemon then runs its real
+drivers over its real bus threads, and may be killed, suspended or disconnected: nothing here notices but the motor
+boards' own deadmen. ``WAYFARER_BENCH`` names the socket; it exists to try the daemon without hardware, and for tests.
+
+Both ends speak one JSON object a line. Transfers name a bus and give their bytes in hex, a list of pieces; on I2C no
+piece means a read alone. Beside them
+
+* ``{"do": "look", "since_s": 0.0}`` tells how the world is and what its wheels were told since then;
+* ``{"do": "power_cycle"}`` interrupts the motor board's power for a moment;
+* ``{"do": "inject", "target": "motors", "kind": "failsafe_off"}`` begins a fault of the bus layer (``faults.KINDS``);
+* ``{"do": "silence", "bus": "/dev/i2c-1", "address": 96}`` takes a part off its bus;
+* ``{"do": "hang", "bus": "/dev/i2c-1", "for_s": 1.0}`` holds a bus: what is under way ends late, as told.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import errno
+from asyncio import StreamReader, StreamWriter
+from collections import deque
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from math import inf
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import orjson
+
+from wayfarer.config.rover_file import RoverConfig, load_rover, part_settings
+from wayfarer.drivers.camera_motion import CameraMotion
+from wayfarer.errors import BadConfig, BadInput, NotResponding
+from wayfarer.escape.api import Vehicle
+from wayfarer.simhal.build_rover import Solder
+from wayfarer.simhal.buses import ChipMisuse
+from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.faults.bus import bus_fault, place_of
+from wayfarer.simhal.faults.kinds import KINDS, Fault
+from wayfarer.simhal.faults.wires import TamperedBuses
+from wayfarer.simhal.hil_buses import from_hex
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
+
+TICK_S = 0.01  # how late a deadman may act in real time; in the world it acts at its own
+KEPT_COMMANDS = 2000  # 50 s of two sides at 20 Hz
+_SABERTOOTH_TIMEOUT = 14  # its user's guide, page 19
+
+
+class RecordedWorld(World):
+    """A world that remembers what its wheels were told: (time that it is true from, left duty, right duty)."""
+
+    def __init__(
+        self, forest: Forest, vehicle: Vehicle, physics: Physics, streams: Streams, starts_s: float = 0.0
+    ) -> None:
+        self.commands: deque[tuple[float, float, float]] = deque(maxlen=KEPT_COMMANDS)
+        self._now_s = starts_s
+        super().__init__(forest, vehicle, physics, streams, starts_s)
+
+    @property
+    def wheels_m_s(self) -> tuple[float, float]:
+        """How fast the left and right wheels turn."""
+        return self._left_m_s, self._right_m_s
+
+    def advance_to(self, t_s: float) -> None:
+        """Go on to a time."""
+        self._now_s = t_s
+        super().advance_to(t_s)
+
+    def command(self, left: float, right: float) -> None:
+        """Set the duty of both sides."""
+        self.commands.append((self._now_s, left, right))
+        super().command(left, right)
+
+
+class Bench(Solder):
+    """All chips of one rover, in a generated forest, and what can be done to them.
+
+    What has no chip (a bumper, a receiver, a light at a GPIO pin) is left out.
+
+    Args:
+        config: the rover file.
+        seed: which forest, and which luck.
+        clock: seconds; the world's time.
+
+    Raises:
+        BadConfig: the file has a camera, which is too much for this wire.
+    """
+
+    def __init__(self, config: RoverConfig, seed: int, clock: Callable[[], float]) -> None:
+        streams = Streams(seed)
+        self.world = RecordedWorld(generate_forest(seed, 0, seed), config.vehicle, Physics(), streams, clock())
+        self._wires = TamperedBuses()
+        super().__init__(self.world, streams, clock, self._wires)
+        self._config = config
+        self._silent: set[tuple[str, int]] = set()
+        self._faults = ExitStack()
+        self._hangs_until_s: dict[str, float] = {}
+        for part, table in config.parts.items():
+            driver, settings = part_settings(part, table)
+            if driver is CameraMotion:
+                raise BadConfig(f"rover '{config.name}': the bench serves no camera; name another [parts.{part}]")
+            if driver in self.chips:
+                self.chips[driver](settings)
+
+    def step(self) -> None:
+        """Let time pass: first for the deadmen, then for the world."""
+        self.tick()
+        self.world.advance_to(self._clock())
+
+    async def meet(self, reader: StreamReader, writer: StreamWriter) -> None:
+        """Answer a client's requests in turn until it goes away."""
+        try:
+            while line := await reader.readline():
+                writer.write(orjson.dumps(await self.answer(orjson.loads(line))) + b"\n")
+                await writer.drain()
+        except ConnectionError:
+            pass
+        finally:
+            writer.close()
+
+    async def answer(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Do what a request says and return the reply; where that failed ``error`` says why, and ``errno`` as Linux."""
+        do = getattr(self, f"_do_{request.pop('do')}")
+        try:
+            reply: dict[str, Any] = await do(**request)
+        except NotResponding as error:
+            return {"error": str(error), "errno": errno.EREMOTEIO}
+        except ChipMisuse as error:
+            return {"error": str(error), "errno": 0}
+        return reply
+
+    # -- transfers -----------------------------------------------------------------------------------------------
+
+    async def _do_i2c(self, bus: str, address: int, data: list[str], count: int = 0) -> dict[str, Any]:
+        await self._wait_for(bus)
+        if (bus, address) in self._silent:
+            raise NotResponding(f"{bus}: no answer at address 0x{address:02X}")
+        wires = self._wires.i2c(bus)
+        if not data:
+            return {"data": [wires.chip_at(address).read(count).hex()]}
+        (piece,) = from_hex(data)
+        if count:
+            return {"data": [(await wires.write_read(address, piece, count)).hex()]}
+        await wires.write(address, piece)
+        return {"data": []}
+
+    async def _do_spi(self, bus: str, data: list[str]) -> dict[str, Any]:
+        await self._wait_for(bus)
+        return {"data": [piece.hex() for piece in await self._wires.spi(bus).transfer(*from_hex(data))]}
+
+    async def _do_serial(self, bus: str, data: list[str]) -> dict[str, Any]:
+        await self._wait_for(bus)
+        for piece in from_hex(data):
+            await self._wires.serial(bus).write(piece)
+        return {"data": []}
+
+    async def _wait_for(self, bus: str) -> None:
+        """Wait until a bus no longer hangs."""
+        await asyncio.sleep(self._hangs_until_s.get(bus, 0.0) - self._clock())
+
+    # -- what a test, or a person, may see and do ------------------------------------------------------------------
+
+    async def _do_look(self, since_s: float = -inf) -> dict[str, Any]:
+        self.step()
+        return {
+            "t_s": self._clock(),
+            "commanded": self.world.commanded,
+            "commands": [command for command in self.world.commands if command[0] >= since_s],
+            "wheels_m_s": self.world.wheels_m_s,
+            "forward_m": self.world.forward_m,
+            "deadman_armed": [
+                board.failsafe if isinstance(board, ThunderBorgChip) else bool(board.settings.get(_SABERTOOTH_TIMEOUT))
+                for board in self._boards
+            ],
+        }
+
+    async def _do_power_cycle(self) -> dict[str, Any]:
+        for board in self._boards:
+            board.power_cycle()
+        return {"t_s": self._clock()}
+
+    async def _do_inject(self, target: str, kind: str, **params: Any) -> dict[str, Any]:
+        fault = Fault(0.0, inf, target, kind, KINDS[kind].params(**params))
+        self._faults.enter_context(bus_fault(fault, place_of(fault, self._config, self._wires), Random(0)))
+        return {"t_s": self._clock()}
+
+    async def _do_silence(self, bus: str, address: int) -> dict[str, Any]:
+        self._silent.add((bus, address))
+        return {"t_s": self._clock()}
+
+    async def _do_hang(self, bus: str, for_s: float) -> dict[str, Any]:
+        t_s = self._clock()
+        self._hangs_until_s[bus] = t_s + for_s
+        return {"t_s": t_s}
+
+
+async def serve(config: RoverConfig, path: Path, seed: int) -> None:
+    """Serve a rover's chips at a socket for ever.
+
+    Raises:
+        BadConfig: the rover has a camera.
+    """
+    bench = Bench(config, seed, asyncio.get_running_loop().time)
+    talks: set[asyncio.Task[None]] = set()
+
+    def meet(reader: StreamReader, writer: StreamWriter) -> None:
+        talk = asyncio.create_task(bench.meet(reader, writer))
+        talks.add(talk)
+        talk.add_done_callback(talks.discard)
+
+    async with await asyncio.start_unix_server(meet, path):
+        print(f"the chips of {config.name} are at {path}", flush=True)
+        try:
+            while True:
+                bench.step()
+                await asyncio.sleep(TICK_S)
+        finally:  # left to the end of the loop, they would end in tracebacks
+            for talk in talks:
+                talk.cancel()
+            await asyncio.gather(*talks, return_exceptions=True)
+
+
+def main() -> None:
+    """Serve what the command line says."""
+    parser = argparse.ArgumentParser(
+        prog="python -m wayfarer.simhal.hil_server", description=(__doc__ or "").partition("\n")[0]
+    )
+    parser.add_argument("--rover", required=True, help="a shipped rover or a TOML file")
+    parser.add_argument("--socket", required=True, type=Path, help="where to serve its chips")
+    parser.add_argument("--seed", type=int, default=0, help="which forest, and which luck")
+    options = parser.parse_args()
+    try:
+        config = load_rover(options.rover)
+        with suppress(KeyboardInterrupt):
+            asyncio.run(serve(config, options.socket, options.seed))
+    except BadInput as error:
+        parser.error(str(error))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,9 +1,0 @@
-"""Making faults happen to a simulated rover, and ending them again.
-
-Each kind of fault is a context manager: entered when the fault begins, left when it ends, so that what it changed is
-restored however the run ends. ``Injector`` enters and leaves them at their times, on the run's own loop.
-"""
-
-from wayfarer.simhal.injection.injector import Injector
-
-__all__ = ["Injector"]

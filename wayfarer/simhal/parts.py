@@ -1,0 +1,169 @@
+"""Simulated parts at device depth: they implement the protocols of ``wayfarer.hal`` over the one world.
+
+Each reports what its real counterpart would: the quantised bearing of a CMPS14, flow in counts with a quality, the
+sides of a bumper, wheels in the steps of a motor board. None knows more of the world than its sense gives.
+"""
+
+from __future__ import annotations
+
+from asyncio import get_running_loop, sleep
+from math import cos, radians
+
+from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, PositionFix, WheelCommand
+from wayfarer.safety.mission_limits import METRES_PER_DEG
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSense, HeadingSense
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
+
+FLOW_QUALITY = 0.8
+DEADMAN_S = 0.3  # as forestrover.toml sets its Sabertooth's
+ORIGIN_DEG = 51.0, 0.0  # latitude and longitude of the forest's corner; nothing depends on it
+FIX_ERROR_M = 3.0  # standard deviation of each axis under trees; from no source
+
+
+class SimPart:
+    """Life cycle shared by all simulated parts: opening one takes the clock of the running loop."""
+
+    name = "simulated part"
+
+    def __init__(self, world: SimulatedWorld) -> None:
+        self._world = world
+
+    async def open(self) -> None:
+        """Take the clock."""
+        self._time = get_running_loop().time
+
+    async def close(self) -> None:
+        """Nothing to release."""
+
+
+class SimCompass(SimPart):
+    """A compass with noise on bearing and tilt, quantised to 0.1 degrees as the CMPS14's 16-bit registers are.
+
+    It takes ``opens_s`` to start up.
+    """
+
+    name = "simulated compass"
+
+    def __init__(self, world: SimulatedWorld, streams: Streams, opens_s: float = 0.0) -> None:
+        super().__init__(world)
+        self._sample = HeadingSense(world, streams).sample
+        self._opens_s = opens_s
+
+    async def open(self) -> None:
+        """Take the clock, one sample, as a real one is asked who it is, and the time that starting up takes."""
+        await super().open()
+        self._sample(self._time())
+        await sleep(self._opens_s)
+
+    async def read(self) -> CompassReading:
+        """Return heading and tilt now."""
+        t_s = self._time()
+        heading, pitch, roll = self._sample(t_s)
+        return CompassReading(t_s, heading / 10.0, pitch / 10.0, roll / 10.0, 3)
+
+
+class SimFlow(SimPart):
+    """An optical flow sensor: displacement since the last read, in counts; it takes ``opens_s`` to start up."""
+
+    name = "simulated optical flow"
+
+    def __init__(
+        self, world: SimulatedWorld, streams: Streams, m_per_count: float = FLOW_M_PER_COUNT, opens_s: float = 0.0
+    ) -> None:
+        super().__init__(world)
+        self._sample = FlowSense(world, streams, m_per_count).sample
+        self._m_per_count = m_per_count
+        self._opens_s = opens_s
+
+    async def open(self) -> None:
+        """Take the clock, and the time that starting up takes."""
+        await super().open()
+        self._quality = 0.0  # of the first reading: a displacement since nobody knows when
+        await sleep(self._opens_s)
+
+    async def read(self) -> MotionReading:
+        """Return the displacement since the previous read."""
+        t_s = self._time()
+        forward, right = self._sample(t_s)
+        quality, self._quality = self._quality, FLOW_QUALITY
+        return MotionReading(t_s, forward * self._m_per_count, right * self._m_per_count, quality)
+
+
+class SimBumper(SimPart):
+    """A bumper all around that also feels along which bearing the touched obstacle lies."""
+
+    name = "simulated bumper"
+
+    async def read(self) -> ContactReading:
+        """Return what touches the body now."""
+        t_s = self._time()
+        self._world.chips_act()  # a deadman may have tripped since
+        self._world.advance_to(t_s)
+        touch = self._world.touch
+        if touch is None:
+            return ContactReading(t_s, (), None)
+        return ContactReading(t_s, touch.sides, touch.obstacle.axis_deg)
+
+
+class SimReceiver(SimPart):
+    """A GPS receiver with white noise; a real one's error wanders."""
+
+    name = "simulated receiver"
+
+    def __init__(self, world: SimulatedWorld, streams: Streams) -> None:
+        super().__init__(world)
+        self._error_m = streams.normal("receiver", FIX_ERROR_M)
+
+    async def read(self) -> PositionFix:
+        """Return a fix."""
+        t_s, world = self._time(), self._world
+        world.chips_act()
+        world.advance_to(t_s)
+        latitude_deg, longitude_deg = ORIGIN_DEG
+        north_m, east_m = world.y_m + self._error_m(), world.x_m + self._error_m()
+        return PositionFix(
+            t_s,
+            latitude_deg + north_m / METRES_PER_DEG,
+            longitude_deg + east_m / (METRES_PER_DEG * cos(radians(latitude_deg))),
+            FIX_ERROR_M,
+        )
+
+
+class SimMotors(SimPart):
+    """Both wheel sides; what is commanded is applied from the world's next step on.
+
+    ``steps`` is how many steps of duty the board knows between still and full: 127 for a Sabertooth.
+    """
+
+    name = "simulated motors"
+    deadman_s: float | None = DEADMAN_S
+
+    def __init__(self, world: SimulatedWorld, steps: float = 127.0) -> None:
+        super().__init__(world)
+        self._steps = steps
+
+    async def drive(self, command: WheelCommand) -> WheelCommand:
+        """Apply a command, in whole steps towards zero."""
+        steps, (left, right), now_s, world = self._steps, command, self._time(), self._world
+        left, right = int(left * steps) / steps, int(right * steps) / steps
+        world.advance_to(now_s)
+        world.command(left, right)
+        world.deadman_at_s = now_s + DEADMAN_S
+        return WheelCommand(left, right)
+
+    async def stop(self) -> None:
+        """Stop both sides."""
+        self.halt()
+
+    def halt(self) -> None:
+        """Stop both sides."""
+        self._world.command(*STOP)
+
+    async def read_back(self) -> WheelCommand:
+        """Return the duty of both sides."""
+        return WheelCommand(*self._world.commanded)
+
+    async def health(self) -> MotorHealth:
+        """Return the battery's voltage and no faults."""
+        return MotorHealth(self._world.battery_v, ())

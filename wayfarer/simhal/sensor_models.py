@@ -1,0 +1,59 @@
+"""What the simulated senses feel of the world, in the units of the chips: the same at device depth and at bus depth.
+
+A sense is sampled once for each reading that a driver takes, so both depths draw the same chance in the same order.
+"""
+
+from __future__ import annotations
+
+from math import degrees
+
+from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
+
+# PMW3901 at 0.1 m above ground: 0.213 mm a count (hardware.md 8.2).
+FLOW_M_PER_COUNT = 0.00213195 * 0.1
+TENTHS_PER_RAD = degrees(10.0)
+
+
+class HeadingSense:
+    """Heading and tilt with noise, in tenths of a degree as in a CMPS14's 16-bit registers."""
+
+    def __init__(self, world: SimulatedWorld, streams: Streams) -> None:
+        self._world = world
+        self._bias_deg = world.physics.compass_bias_deg
+        self._noise_tenths = streams.normal("compass.heading", world.physics.compass_noise_deg * 10.0)
+        self._tilt_noise_tenths = streams.normal("compass.tilt", world.physics.tilt_noise_deg * 10.0)
+
+    def sample(self, t_s: float) -> tuple[int, int, int]:
+        """Return heading in 0..3599, pitch (nose up) and roll (right side down), all in tenths of a degree."""
+        world, tilt_noise_tenths = self._world, self._tilt_noise_tenths
+        world.advance_to(t_s)
+        off_deg = world.field_deg + self._bias_deg
+        return (
+            round(world.heading_rad * TENTHS_PER_RAD + off_deg * 10.0 + self._noise_tenths()) % 3600,
+            round((world.pitch_deg + world.ground_pitch_deg + world.bump_deg) * 10.0 + tilt_noise_tenths()),
+            (round((world.roll_deg + world.ground_roll_deg) * 10.0 + tilt_noise_tenths()) + 1800) % 3600 - 1800,
+        )
+
+
+class FlowSense:
+    """Displacement over ground since the previous sample, in counts of a PMW3901."""
+
+    def __init__(self, world: SimulatedWorld, streams: Streams, m_per_count: float = FLOW_M_PER_COUNT) -> None:
+        self._world = world
+        self._m_per_count = m_per_count
+        self._noise_counts = world.physics.flow_noise_counts
+        self._noise_share = world.physics.flow_noise_share
+        self._noise = streams.normal("flow", 1.0)
+        self._last_m = self._last_right_m = 0.0
+
+    def sample(self, t_s: float) -> tuple[int, int]:
+        """Return forward and right displacement in counts."""
+        world, noise = self._world, self._noise
+        world.advance_to(t_s)
+        signed_m = world.forward_m - world.reverse_m
+        counts, self._last_m = (signed_m - self._last_m) / self._m_per_count, signed_m
+        forward = round(counts + (self._noise_counts + self._noise_share * abs(counts)) * noise())
+        right_m = world.right_m
+        right, self._last_right_m = (right_m - self._last_right_m) / self._m_per_count, right_m
+        return forward, round(right + self._noise_counts * noise())

@@ -1,0 +1,158 @@
+"""Obstacles as the rover's body meets them: exact contact tests, and a map that says which obstacles are near.
+
+A trunk is a capsule around its centre line, a tree a circle (a capsule of no length). The body is a rectangle.
+"""
+
+from __future__ import annotations
+
+from math import atan2, ceil, degrees, hypot
+from typing import NamedTuple
+
+from wayfarer.simhal.world.forest import Forest, Trunk
+
+CELL_M = 2.0
+
+
+class Obstacle(NamedTuple):
+    """A capsule: centre line from (x0, y0) to (x1, y1), radius; ``axis_deg`` is its bearing, None for a tree."""
+
+    x0_m: float
+    y0_m: float
+    x1_m: float
+    y1_m: float
+    radius_m: float
+    axis_deg: float | None
+
+    def nearest(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """Return the point of the centre line that is nearest to a point."""
+        along_x, along_y = self.x1_m - self.x0_m, self.y1_m - self.y0_m
+        length_sq = along_x * along_x + along_y * along_y
+        if length_sq == 0.0:
+            return self.x0_m, self.y0_m
+        share = ((x_m - self.x0_m) * along_x + (y_m - self.y0_m) * along_y) / length_sq
+        share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
+        return self.x0_m + share * along_x, self.y0_m + share * along_y
+
+
+def obstacles_of(forest: Forest, clearance_m: float = 0.0) -> list[Obstacle]:
+    """Return every tree of a forest, and every trunk that does not pass under a belly of that clearance."""
+    trunks = [_lying(trunk, diameter_m) for trunk, diameter_m in forest.thick_trunks if diameter_m > clearance_m]
+    return trunks + [Obstacle(x_m, y_m, x_m, y_m, forest.tree_radius_m, None) for x_m, y_m in forest.trees_m]
+
+
+def low_trunks_of(forest: Forest, clearance_m: float) -> list[Obstacle]:
+    """Return every trunk that passes under a belly of that clearance."""
+    return [_lying(trunk, diameter_m) for trunk, diameter_m in forest.thick_trunks if diameter_m <= clearance_m]
+
+
+def _lying(t: Trunk, diameter_m: float) -> Obstacle:
+    return Obstacle(t.x0_m, t.y0_m, t.x1_m, t.y1_m, diameter_m / 2, _axis_deg(t.x1_m - t.x0_m, t.y1_m - t.y0_m))
+
+
+def _axis_deg(east_m: float, north_m: float) -> float:
+    """Return the compass bearing of an undirected line, in [0, 180)."""
+    return degrees(atan2(east_m, north_m)) % 180.0
+
+
+class Body:
+    """The rover's rectangular outline and its contact test."""
+
+    def __init__(self, length_m: float, width_m: float) -> None:
+        self.half_length_m = length_m / 2
+        self.half_width_m = width_m / 2
+        self.reach_m = hypot(self.half_length_m, self.half_width_m)
+        self._inner_m = min(self.half_length_m, self.half_width_m)
+
+    def overlaps(self, obstacle: Obstacle, x_m: float, y_m: float, sin_h: float, cos_h: float) -> bool:
+        """Tell whether the body, centred at (x, y) and heading where (sin, cos) says, overlaps the obstacle."""
+        near_x, near_y = obstacle.nearest(x_m, y_m)
+        dx, dy = near_x - x_m, near_y - y_m
+        distance_sq = dx * dx + dy * dy
+        radius_m = obstacle.radius_m
+        if distance_sq > (self.reach_m + radius_m) ** 2:
+            return False
+        if distance_sq < (self._inner_m + radius_m) ** 2:
+            return True
+        ends = (
+            (obstacle.x0_m - x_m, obstacle.y0_m - y_m),
+            (obstacle.x1_m - x_m, obstacle.y1_m - y_m),
+        )
+        # In the body's frame: forward along the heading, right across it.
+        (f0, r0), (f1, r1) = ((e * sin_h + n * cos_h, e * cos_h - n * sin_h) for e, n in ends)
+        return self._distance_sq(f0, r0, f1, r1) < radius_m * radius_m
+
+    def _distance_sq(self, f0: float, r0: float, f1: float, r1: float) -> float:
+        """Return the squared distance from the body's rectangle to a segment in its own frame, 0 where they cross.
+
+        The nearest pair has an end of the segment or a corner of the rectangle in it, unless they cross.
+        """
+        if self._crosses(f0, r0, f1, r1):
+            return 0.0
+        best = min(self._end_distance_sq(f0, r0), self._end_distance_sq(f1, r1))
+        df, dr = f1 - f0, r1 - r0
+        length_sq = df * df + dr * dr
+        if length_sq == 0.0:
+            return best
+        for cf in (self.half_length_m, -self.half_length_m):
+            for cr in (self.half_width_m, -self.half_width_m):
+                share = ((cf - f0) * df + (cr - r0) * dr) / length_sq
+                if 0.0 < share < 1.0:
+                    gap_f, gap_r = f0 + share * df - cf, r0 + share * dr - cr
+                    best = min(best, gap_f * gap_f + gap_r * gap_r)
+        return best
+
+    def _end_distance_sq(self, f: float, r: float) -> float:
+        gap_f = max(abs(f) - self.half_length_m, 0.0)
+        gap_r = max(abs(r) - self.half_width_m, 0.0)
+        return gap_f * gap_f + gap_r * gap_r
+
+    def _crosses(self, f0: float, r0: float, f1: float, r1: float) -> bool:
+        """Clip the segment to the rectangle (Liang-Barsky); tell whether anything is left of it."""
+        low, high = 0.0, 1.0
+        for start, end, half in ((f0, f1, self.half_length_m), (r0, r1, self.half_width_m)):
+            delta = end - start
+            if delta == 0.0:
+                if abs(start) > half:
+                    return False
+                continue
+            a, b = (-half - start) / delta, (half - start) / delta
+            low, high = max(low, min(a, b)), min(high, max(a, b))
+            if low > high:
+                return False
+        return True
+
+
+class Map:
+    """Which obstacles are near a place: those whose surface is within ``near_m`` of it, and a few more.
+
+    The smaller the cells of ``cell_m``, the fewer those are; that pays where obstacles are close to each other.
+    """
+
+    def __init__(self, obstacles: list[Obstacle], near_m: float, cell_m: float = CELL_M) -> None:
+        self._near_m = near_m
+        self._cell_m = cell_m
+        self._cells: dict[tuple[int, int], list[Obstacle]] = {}
+        for obstacle in obstacles:
+            self._enter(obstacle)
+
+    def _enter(self, obstacle: Obstacle) -> None:
+        """List the obstacle in every cell that it may be near to: those near to points a cell apart along it."""
+        x0, y0, x1, y1, radius_m, _ = obstacle
+        cell_m = self._cell_m
+        count = max(ceil(hypot(x1 - x0, y1 - y0) / cell_m), 1)
+        reach_m = radius_m + self._near_m + cell_m / 2
+        cells: set[tuple[int, int]] = set()
+        for point in range(count + 1):
+            x, y = x0 + (x1 - x0) * point / count, y0 + (y1 - y0) * point / count
+            rows = range(int((y - reach_m) // cell_m), int((y + reach_m) // cell_m) + 1)
+            for column in range(int((x - reach_m) // cell_m), int((x + reach_m) // cell_m) + 1):
+                cells.update((column, row) for row in rows)
+        for cell in cells:
+            self._cells.setdefault(cell, []).append(obstacle)
+
+    def near(self, x_m: float, y_m: float) -> list[Obstacle]:
+        """Return the obstacles near a point."""
+        return self._cells.get((int(x_m // self._cell_m), int(y_m // self._cell_m)), _NOTHING)
+
+
+_NOTHING: list[Obstacle] = []

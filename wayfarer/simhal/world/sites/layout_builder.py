@@ -1,0 +1,76 @@
+"""The ground of a site as it is laid: branches one by one, then trees where there is room."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import atan2, cos, degrees, hypot, radians, sin
+
+from wayfarer.angles import axis_offset_deg
+from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest, Trunk, lean_of
+from wayfarer.simhal.world.generate import TREE_RADIUS_M, TRUNK_DIAMETER_M, Box, Draw
+
+GOAL_HEADING_DEG = 0.0  # north, as in the abstract forests
+
+
+class Ground:
+    """Branches and trees around a start, with a goal line ``ahead_m`` north of it. Metres, and degrees from north."""
+
+    def __init__(self, start_m: tuple[float, float], ahead_m: float) -> None:
+        self.start_m = start_m
+        self._goal_y_m = start_m[1] + ahead_m
+        self._branches: list[tuple[Trunk, float]] = []
+        self._trees_m: list[tuple[float, float]] = []
+
+    def lay_branch(self, middle_m: tuple[float, float], bearing_deg: float, length_m: float, diameter_m: float) -> None:
+        """Lay a branch; its ends are on whole millimetres and inside the world, and so is its thickness."""
+        east_m, north_m = (f(radians(bearing_deg)) * length_m / 2.0 for f in (sin, cos))
+        x_m, y_m = middle_m
+        ends = (x_m - east_m, y_m - north_m, x_m + east_m, y_m + north_m)
+        x0_m, y0_m, x1_m, y1_m = (round(min(max(end_m, 0.0), WORLD_SIZE_M), 3) for end_m in ends)
+        axis_deg = degrees(atan2(x1_m - x0_m, y1_m - y0_m))  # an end that was cut off at the edge has turned it
+        lean = lean_of(axis_offset_deg(axis_deg, GOAL_HEADING_DEG))
+        self._branches.append((Trunk(x0_m, y0_m, x1_m, y1_m, lean), round(diameter_m, 3)))
+
+    def keep_free(self, radius_m: float) -> None:
+        """Take away every branch that reaches within a radius of the start."""
+        self._branches = [
+            (trunk, diameter_m)
+            for trunk, diameter_m in self._branches
+            if trunk.distance_m(*self.start_m) > radius_m + diameter_m / 2.0
+        ]
+
+    def stand_trees(self, count: int, within: Box, draw: Draw, clear_m: float) -> None:
+        """Stand trees that touch nothing and leave the start a clearing of radius ``clear_m``.
+
+        A place that has no room is left empty: dense ground has fewer trees.
+        """
+        for x_m, y_m in _places(count, within, draw):
+            if hypot(x_m - self.start_m[0], y_m - self.start_m[1]) > clear_m and self._has_room(x_m, y_m):
+                self._trees_m.append((x_m, y_m))
+
+    def _has_room(self, x_m: float, y_m: float) -> bool:
+        branches = all(
+            trunk.distance_m(x_m, y_m) > TREE_RADIUS_M + diameter_m / 2.0 for trunk, diameter_m in self._branches
+        )
+        return branches and all(hypot(x_m - x, y_m - y) > 2.0 * TREE_RADIUS_M for x, y in self._trees_m)
+
+    def as_forest(self, layout: int) -> Forest:
+        """Return all of it as a forest of that number."""
+        return Forest(
+            forest=layout,
+            noise=0,
+            start_m=self.start_m,
+            heading_deg=GOAL_HEADING_DEG,
+            goal_y_m=self._goal_y_m,
+            trunk_diameter_m=TRUNK_DIAMETER_M,
+            tree_radius_m=TREE_RADIUS_M,
+            trunks=tuple(trunk for trunk, _ in self._branches),
+            trees_m=tuple(self._trees_m),
+            diameters_m=tuple(diameter_m for _, diameter_m in self._branches),
+        )
+
+
+def _places(count: int, within: Box, draw: Draw) -> Iterator[tuple[float, float]]:
+    """Yield places in a box, on whole millimetres."""
+    for _ in range(count):
+        yield round(draw(within.west_m, within.east_m), 3), round(draw(within.south_m, within.north_m), 3)
