@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer import __version__
-from wayfarer.cli import care, compare, control, demo, faults, logs, replay, report, rover, sim, sweep
+from wayfarer.cli import commissioning, compare, control, demo, faults, logs, replay, report, rover, sim, sweep
 from wayfarer.daemon.stderr_writer import clean
 from wayfarer.errors import BadInput, WayfarerError
 
@@ -48,15 +48,15 @@ for verb in control.COMMANDS:
     lenient = {"ignore_unknown_options": verb in control.TAKE_A_MINUS}
     app.command(rich_help_panel=CONTROL, context_settings=lenient)(verb)
 app.command("stop-motors", rich_help_panel=ROVER)(rover.stop_motors)
-app.command(rich_help_panel=ROVER)(care.check)
-app.command(rich_help_panel=ROVER)(care.calibrate)
+app.command(rich_help_panel=ROVER)(commissioning.check)
+app.command(rich_help_panel=ROVER)(commissioning.calibrate)
 app.add_typer(
     logs.app, name="logs", rich_help_panel=AFTERWARDS, help="What a run did, or does now: list, follow, show, summary."
 )
 app.command(rich_help_panel=AFTERWARDS, epilog=report.EXAMPLES)(report.report)
 app.command(rich_help_panel=AFTERWARDS, epilog=compare.EXAMPLES)(compare.compare)
 app.command(rich_help_panel=AFTERWARDS, epilog=replay.EXAMPLES)(replay.replay)
-app.command("install-service", rich_help_panel=ROVER)(care.install_service)
+app.command("install-service", rich_help_panel=ROVER)(commissioning.install_service)
 
 
 def main() -> None:

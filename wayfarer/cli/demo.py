@@ -14,7 +14,7 @@ import typer
 
 from wayfarer.cli.rover import simulated
 from wayfarer.cli.sim import Depth
-from wayfarer.cli.watching import live_page
+from wayfarer.cli.viewer_options import live_page
 from wayfarer.views.live import HOST, PORT
 
 if TYPE_CHECKING:

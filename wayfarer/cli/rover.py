@@ -11,7 +11,7 @@ import typer
 
 from wayfarer.cli.extras import require
 from wayfarer.cli.sim import Depth
-from wayfarer.cli.watching import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
+from wayfarer.cli.viewer_options import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:

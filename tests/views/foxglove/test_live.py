@@ -20,7 +20,7 @@ from aiohttp import ClientConnectionError, ClientSession, ClientWebSocketRespons
 from tests.views.foxglove.logs import HEADER, Record, stamped, tick
 from tests.views.foxglove.protobuf import Descriptors
 from tests.views.foxglove.test_scene import WORLD
-from wayfarer.cli.watching import viewers
+from wayfarer.cli.viewer_options import viewers
 from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.daemon.viewer import Viewer
 from wayfarer.errors import BadInput

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from wayfarer import cli
-from wayfarer.cli import care, terminal
+from wayfarer.cli import commissioning, terminal
 from wayfarer.cli.status_text import status_text
 from wayfarer.commissioning.calibrate import STEPS
 from wayfarer.commissioning.checks.deadman import board_settings
@@ -268,7 +268,7 @@ def buses() -> FakeBuses:
 def rover_file(tmp_path: Path) -> Path:
     shipped = (Path(cli.__file__).parents[1] / "rovers/forestrover.toml").read_text(encoding="utf-8")
     path = tmp_path / "rover.toml"
-    path.write_text('buses = "tests.test_cli_rover:buses"\n' + shipped, encoding="utf-8")
+    path.write_text('buses = "tests.cli.test_rover:buses"\n' + shipped, encoding="utf-8")
     return path
 
 
@@ -343,7 +343,7 @@ def test_rover_is_run_as_it_was_calibrated_to_turn_and_the_simulated_one_is_not(
 
 
 def test_every_step_of_calibrating_can_be_named() -> None:
-    assert tuple(step.value for step in care.Step) == STEPS
+    assert tuple(step.value for step in commissioning.Step) == STEPS
 
 
 def test_calibrating_wants_a_person(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

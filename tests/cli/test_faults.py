@@ -20,7 +20,7 @@ from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.simhal.faults.kinds import Layer
 
-PAGE = (Path(__file__).parents[1] / "docs" / "faults.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
 LOOSE = """\
 [[scenario]]
 name = "loose-plug"

@@ -18,7 +18,7 @@ from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+CHECKOUT = Path(__file__).resolve().parents[2]
 
 FOREST = {
     "forest": 0, "noise": 1, "start_m": [25.0, 12.5], "heading_deg": 0.0, "goal_y_m": 50.0,
