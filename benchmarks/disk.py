@@ -13,14 +13,13 @@ from pathlib import Path
 from statistics import quantiles
 
 from benchmarks.figures import Figure, timed
-from wayfarer.control.latest import Snapshot
 from wayfarer.control.records import TickRecord
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
-from wayfarer.hal import CompassReading, MotionReading, WheelCommand
+from wayfarer.hal import CompassReading, MotionReading, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Level
 
 PERIOD_S = 0.01  # five times the rover's rate, to meet five times as many moments of the disk

@@ -74,6 +74,15 @@ class ContactReading(NamedTuple):
     obstacle_bearing_deg: float | None
 
 
+class Snapshot(NamedTuple):
+    """What all sensors say at one control tick; None where a sensor has not spoken (motion: since the last tick)."""
+
+    t_s: float
+    compass: CompassReading | None
+    motion: MotionReading | None
+    contact: ContactReading | None
+
+
 class WheelCommand(NamedTuple):
     """Duty of the left and right wheels, each in -1 (full reverse) to 1 (full ahead); 0 stops."""
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from unittest.mock import Mock, call
 
-from wayfarer.control.latest import Snapshot
 from wayfarer.control.records import RunLog, Tee, TickRecord
 from wayfarer.escape.api import Decision, Phase
-from wayfarer.hal import STOP, PositionFix
+from wayfarer.hal import STOP, PositionFix, Snapshot
 from wayfarer.safety.conditions import Level
 
 RECORD = TickRecord(

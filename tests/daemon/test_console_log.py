@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from wayfarer.control.latest import Snapshot
 from wayfarer.control.records import TickRecord
 from wayfarer.daemon.console_log import ConsoleLog
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
-from wayfarer.hal import STOP, PositionFix
+from wayfarer.hal import STOP, PositionFix, Snapshot
 from wayfarer.safety.conditions import Level
 
 

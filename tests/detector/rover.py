@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from wayfarer.control.latest import Snapshot
 from wayfarer.detector import ALL_WELL, Detection, Detector, DetectorSettings
 from wayfarer.escape.api import Anomaly, Vehicle
-from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, WheelCommand
+from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.gate import SafetySettings
 from wayfarer.safety.interval import IntervalTimer

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from tests.detector.rover import PIVOT, SETTINGS, TICK_S, Rover, started
 from wayfarer.angles import wrap180
-from wayfarer.control.latest import Snapshot
 from wayfarer.detector import ALL_WELL, DetectorSettings
-from wayfarer.hal import STOP, CompassReading, WheelCommand
+from wayfarer.hal import STOP, CompassReading, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition
 
 

@@ -7,10 +7,9 @@ from dataclasses import replace
 import pytest
 
 from tests.detector.rover import SETTINGS, TICK_S, Rover, started
-from wayfarer.control.latest import Snapshot
 from wayfarer.detector import ALL_WELL, Detection
 from wayfarer.escape.api import Anomaly
-from wayfarer.hal import CompassReading, ContactReading, Side
+from wayfarer.hal import CompassReading, ContactReading, Side, Snapshot
 from wayfarer.safety.conditions import Condition
 
 

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.detector.rover import FULL, PIVOT, TICK_S, Rover
-from wayfarer.control.latest import Snapshot
-from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Side
+from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Side, Snapshot
 from wayfarer.safety.conditions import Condition
 
 # A second of rubbish: what the sensors may take to be silent in is over by then.

@@ -5,10 +5,9 @@ from __future__ import annotations
 import pytest
 
 from tests.detector.rover import FULL, MAX_SPEED_M_S, STEP_M, TICK_S, Rover, started
-from wayfarer.control.latest import Snapshot
 from wayfarer.detector import ALL_WELL
 from wayfarer.escape.api import Anomaly
-from wayfarer.hal import STOP, CompassReading, MotionReading
+from wayfarer.hal import STOP, CompassReading, MotionReading, Snapshot
 from wayfarer.safety.conditions import Condition
 
 

@@ -7,12 +7,11 @@ from pathlib import Path
 import pytest
 
 from tests.fieldlog.lines import read
-from wayfarer.control.latest import Snapshot
 from wayfarer.control.records import TickRecord
 from wayfarer.escape.api import Decision, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
-from wayfarer.hal import STOP
+from wayfarer.hal import STOP, Snapshot
 from wayfarer.safety.conditions import Level
 
 BOOT_S = 1.7e9  # what a computer without a clock of its own believes until it finds the right time

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from wayfarer.config.rover_file import load_rover
-from wayfarer.control.latest import Snapshot
 from wayfarer.control.records import TickRecord
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Decision, Phase
@@ -18,7 +17,7 @@ from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.log import FieldLog, Record
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.writer import RunFiles
-from wayfarer.hal import STOP
+from wayfarer.hal import STOP, Snapshot
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.world.generate import generate_forest
 

@@ -126,7 +126,7 @@ def _followed(run: Path) -> Iterator[Any]:
 
 STORY = Target(
     "log",
-    ["wayfarer.fieldlog.reader", "wayfarer.views.text.account", "wayfarer.views.text.fields",
+    ["wayfarer.fieldlog.reader", "wayfarer.views.text.account", "wayfarer.fieldlog.fields",
      "wayfarer.views.text.listing", "wayfarer.views.text.story", "wayfarer.views.text.summary_text",
      "wayfarer.views.text.verdict", "wayfarer.views.text.wording", "wayfarer.views.text.whereabouts",
      "wayfarer.fieldlog.dead_reckoning", "wayfarer.views.text.tail:RunTail"],

@@ -16,8 +16,8 @@ import typer
 
 from wayfarer import __version__
 from wayfarer.cli import commissioning, compare, control, demo, faults, logs, replay, report, rover, sim, sweep
-from wayfarer.daemon.stderr_writer import clean
 from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.fieldlog.printable import clean
 
 if TYPE_CHECKING:
     from rich.table import Table

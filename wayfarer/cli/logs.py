@@ -239,7 +239,7 @@ def _form(wanted: Form | None, out: Path | None) -> Form:
 
 def _titled(run: Path) -> str:
     """Return the name of a run's folder, however it was given."""
-    from wayfarer.daemon.stderr_writer import clean
+    from wayfarer.fieldlog.printable import clean
 
     return clean(run.resolve().name)
 

@@ -31,12 +31,11 @@ from wayfarer.config.log_settings import LogSettings
 from wayfarer.config.messages import at_line, explain, line_of, most_telling, one_line, shown, with_short_keys
 from wayfarer.config.registry import check_buses, driver_names, find_driver
 from wayfarer.config.wiring import clash
-from wayfarer.daemon.watchdog import STALL_LIMIT_S
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.safety.entrapment import ProgressSettings
-from wayfarer.safety.gate import SafetySettings
+from wayfarer.safety.gate import STALL_LIMIT_S, SafetySettings
 from wayfarer.safety.motor_board import BoardSettings
 from wayfarer.units import Hertz
 

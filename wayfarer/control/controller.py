@@ -14,14 +14,14 @@ from enum import Enum
 from typing import Protocol
 
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.latest import Cells, Snapshot
+from wayfarer.control.latest import Cells
 from wayfarer.control.power_reports import Electrics
 from wayfarer.control.records import RunLog, TickRecord
 from wayfarer.detector import Detector
 from wayfarer.detector.odometer import Odometer
 from wayfarer.errors import BadReading, DriverError
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
-from wayfarer.hal import STOP, PositionFix, WheelCommand
+from wayfarer.hal import STOP, PositionFix, Snapshot, WheelCommand
 from wayfarer.safety.arming import Arming
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.entrapment import Progress

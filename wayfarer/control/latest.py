@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, TypeVar
 
-from wayfarer.hal import CompassReading, ContactReading, MotionReading
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
 
 R = TypeVar("R")
 
@@ -56,15 +56,6 @@ class MotionCell:
         pending = self._pending
         self._pending = None
         return pending
-
-
-class Snapshot(NamedTuple):
-    """What all sensors say at one control tick; None where a sensor has not spoken (motion: since the last tick)."""
-
-    t_s: float
-    compass: CompassReading | None
-    motion: MotionReading | None
-    contact: ContactReading | None
 
 
 class Cells:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
-from wayfarer.control.latest import Snapshot
 from wayfarer.escape.api import Decision, Observation
-from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
+from wayfarer.hal import MotorHealth, PositionFix, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 
 

@@ -8,10 +8,9 @@ from typing import TypeVar
 
 from wayfarer.commissioning.checks.api import Place
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.latest import Snapshot
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover, Snapshot
 
 R = TypeVar("R", CompassReading, MotionReading, ContactReading)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from wayfarer.control.records import PartialLog, TickRecord
-from wayfarer.daemon.stderr_writer import clean
 from wayfarer.escape.api import Phase
+from wayfarer.fieldlog.printable import clean
 
 
 class ConsoleLog(PartialLog):

@@ -42,13 +42,12 @@ from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.folders import new_run_folder
-from wayfarer.fieldlog.last_run import Unfinished, unfinished_run
+from wayfarer.fieldlog.last_run import Unfinished, unclean_text, unfinished_run
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import Rover
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.views.text.wording import unclean_text
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,13 +16,6 @@ LINES = 200  # queued at most: some minutes of a rover that drives
 CLOSE_S = 0.2  # how long the end of a run waits for what is queued
 
 
-def clean(text: str) -> str:
-    """Return a text without anything that a terminal obeys: those characters are written out."""
-    if text.isprintable():
-        return text
-    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in text)
-
-
 class LineWriter:
     """Writes lines to stderr from any thread, never waiting and never raising; its thread begins with the first one.
 

@@ -22,8 +22,8 @@ from pathlib import Path
 from types import FrameType
 
 from wayfarer.daemon.stderr_writer import LineWriter
+from wayfarer.safety.gate import STALL_LIMIT_S
 
-STALL_LIMIT_S = 0.2  # field.md, fault 37: ArduPilot's rover disarms after as long without its main loop
 WHERE_FRAMES = 4  # the innermost ones: what blocks, and who called it
 NEVER_US = 2.0**64 - 1.0  # what systemd calls infinity
 HALT_AGAIN_S = 0.1  # a stop may be lost on the bus; it is repeated for as long as the loop stands still

@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import radians
 from typing import NamedTuple
 
-from wayfarer.control.latest import Snapshot
 from wayfarer.detector.compass import CompassWatch
 from wayfarer.detector.contact import ContactWatch
 from wayfarer.detector.drive import DriveWatch
@@ -14,7 +13,7 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.tilt import TiltWatch
 from wayfarer.detector.turnable import TurnAbility
 from wayfarer.escape.api import Anomaly, Vehicle
-from wayfarer.hal import CompassReading, ContactReading
+from wayfarer.hal import CompassReading, ContactReading, Snapshot
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.interval import Interval
 

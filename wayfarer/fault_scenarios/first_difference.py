@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-from wayfarer.control.latest import Snapshot
 from wayfarer.fault_scenarios.recorder import Monitor
+from wayfarer.hal import Snapshot
 
 
 class Difference(NamedTuple):

@@ -7,9 +7,8 @@ from math import inf
 from typing import Any, NamedTuple
 
 from wayfarer.control.controller import Mode
-from wayfarer.control.latest import Snapshot
 from wayfarer.control.records import TickRecord
-from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
+from wayfarer.hal import MotorHealth, PositionFix, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.simhal.faults.kinds import Fault
 

@@ -17,13 +17,12 @@ import structlog
 from structlog.typing import EventDict, WrappedLogger
 
 from wayfarer import __version__
-from wayfarer.control.latest import Snapshot
 from wayfarer.control.records import TickRecord
 from wayfarer.escape.api import Observation
 from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.writer import LineSink
-from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
+from wayfarer.hal import MotorHealth, PositionFix, Snapshot, WheelCommand
 
 CLOCK_STEP_S = 1.0  # more than a clock is slewed between two records; finding the right time steps it by hours
 

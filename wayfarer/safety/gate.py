@@ -17,6 +17,7 @@ from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import LEVELS, Condition, Level, worst
 from wayfarer.units import Seconds
 
+STALL_LIMIT_S = 0.2  # field.md, fault 37: ArduPilot's rover disarms after as long without its main loop
 LOW_VOLTAGE_SHARE = 0.7  # of ``duty_max`` while the computer's supply sags: field catalogue, fault 32
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from wayfarer.config.rover_file import load_rover
-from wayfarer.control.latest import Snapshot
 from wayfarer.control.records import TickRecord
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, WheelCommand
+from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 
 WORLD = {

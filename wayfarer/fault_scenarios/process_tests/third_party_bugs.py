@@ -14,7 +14,7 @@ from wayfarer.fault_scenarios.process_tests.wheel_history import first_stop, sto
 from wayfarer.fault_scenarios.scenario import Reached
 
 MISBEHAVING = buggy_algorithms.__name__
-GUARD_S = 0.2  # watchdog.STALL_LIMIT_S
+GUARD_S = 0.2  # safety.gate.STALL_LIMIT_S
 MARGIN_S = 0.02  # between the two writes of one drive command
 CYCLE_S = 0.05
 BUSY_S = 0.25  # memory that is given back takes its time

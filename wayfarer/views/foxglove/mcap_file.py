@@ -11,9 +11,9 @@ from foxglove import Context, open_mcap
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.atomic_file import whole_file
+from wayfarer.fieldlog.fields import clock_zero_s
 from wayfarer.fieldlog.reader import Damage, Record, RunReader
 from wayfarer.views.foxglove.channels import Channels
-from wayfarer.views.text.fields import clock_zero_s
 
 
 class Exported(NamedTuple):

@@ -13,11 +13,11 @@ from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any
 
+from wayfarer.fieldlog.fields import name, names, number, reckoning, sound_tick, span, table
 from wayfarer.fieldlog.log import Record
 from wayfarer.views.live.pulse import Pulse
 from wayfarer.views.live.trail import Trail
 from wayfarer.views.live.words import ANOMALIES, CAUSES, PHASES, because, level_text
-from wayfarer.views.text.fields import name, names, number, reckoning, sound_tick, span, table
 from wayfarer.views.text.story import Story
 from wayfarer.views.text.wording import Tone
 

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from wayfarer.views.text.fields import number
+from wayfarer.fieldlog.fields import number
 
 WINDOW_S = 2.0  # for the rate
 STALE_S = 0.5  # where the rover file gives no limit; PX4 and ArduPilot allow flow as much

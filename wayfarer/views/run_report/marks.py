@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wayfarer.escape.api import Phase
+from wayfarer.fieldlog.fields import name, number, span
 from wayfarer.views.run_report.data import GAP_S, PHASES, Event, Floats, RunData
 from wayfarer.views.run_report.drawing import BLACK, GREEN, GREY, ORANGE, SKY, VERMILION
 from wayfarer.views.run_report.forest_map import STROKES
-from wayfarer.views.text.fields import name, number, span
 from wayfarer.views.text.wording import Tone, event_tone
 
 # Told apart by shape alone; the triangles point to where the body tips.

@@ -10,6 +10,7 @@ from typing import Any
 
 from wayfarer.escape.api import Phase
 from wayfarer.fieldlog.dead_reckoning import QUALITY_MIN, Place
+from wayfarer.fieldlog.fields import name, names, reckoning, sound_tick
 from wayfarer.fieldlog.reader import Damage, Record, RunReader
 from wayfarer.views.run_report.data import (
     ANOMALIES,
@@ -28,7 +29,6 @@ from wayfarer.views.run_report.data import (
     number,
 )  # fmt: skip
 from wayfarer.views.text.account import Account
-from wayfarer.views.text.fields import name, names, reckoning, sound_tick
 from wayfarer.views.text.verdict import readable
 from wayfarer.views.text.wording import event_name
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from html import escape
 from math import isnan
 
+from wayfarer.fieldlog.fields import name, span
 from wayfarer.views.run_report import page, words
 from wayfarer.views.run_report.data import Event, RunData, Sensor
 from wayfarer.views.run_report.marks import is_trouble
-from wayfarer.views.text.fields import name, span
 from wayfarer.views.text.wording import event_text
 
 ROWS = 500  # of a table; whoever wants more reads the log

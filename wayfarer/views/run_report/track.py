@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from wayfarer.fieldlog.fields import number
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.drawing import GREY, VERMILION
@@ -33,7 +34,6 @@ from wayfarer.views.run_report.map import (
 )  # fmt: skip
 from wayfarer.views.run_report.marks import stroke_of
 from wayfarer.views.run_report.position import local_metres
-from wayfarer.views.text.fields import number
 
 RECKONED: dict[str, Any] = {"color": GREY, "linewidth": 0.9, "linestyle": (0, (4, 1.5)), "label": "dead reckoning"}
 ARROW: dict[str, Any] = {"color": VERMILION, "linewidth": 1.1, "marker": ">", "markersize": 4, "label": "goal heading"}

@@ -8,10 +8,10 @@ from math import isnan
 
 import numpy as np
 
-from wayfarer.daemon.stderr_writer import clean
+from wayfarer.fieldlog.fields import name, span
+from wayfarer.fieldlog.printable import clean
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.track import drift_m
-from wayfarer.views.text.fields import name, span
 
 NO_WAY = "The log has no heading, so nobody can say where the rover went."
 NO_TICKS = "There is nothing to draw over time: the log has no control ticks, or they say nothing."

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
 
+from wayfarer.fieldlog.fields import began_wall_s, flag, name, names, number, reckoning, sound_tick, table, whole
 from wayfarer.fieldlog.reader import Record
-from wayfarer.views.text.fields import began_wall_s, flag, name, names, number, reckoning, sound_tick, table, whole
 from wayfarer.views.text.periods import Periods
 from wayfarer.views.text.summary import LowBattery, Mark, Summary
 from wayfarer.views.text.whereabouts import Search

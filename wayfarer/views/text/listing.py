@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from wayfarer.daemon.stderr_writer import clean
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.fields import began_wall_s, local_time, name, number, span, whole
 from wayfarer.fieldlog.folders import run_folders, run_number
 from wayfarer.fieldlog.last_run import end_of_log
+from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.reader import Record, RunReader, log_parts, read_header
-from wayfarer.views.text.fields import began_wall_s, local_time, name, number, span, whole
 from wayfarer.views.text.wording import marks
 
 ALIVE_S = 5.0  # a log that was written to so recently has no outcome because its run still goes on

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from wayfarer.fieldlog.fields import name, names, number, span, whole
 from wayfarer.fieldlog.reader import Damage, Record
-from wayfarer.views.text.fields import name, names, number, span, whole
 from wayfarer.views.text.wording import (
     Tone,
     aim_text,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from wayfarer.fieldlog.fields import local_time, span
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.views.text.fields import local_time, span
 from wayfarer.views.text.summary import Summary
 from wayfarer.views.text.verdict import NO_OUTCOME
 from wayfarer.views.text.whereabouts import Offset, Where

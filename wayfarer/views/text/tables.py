@@ -17,10 +17,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import Any
 
-from wayfarer.daemon.stderr_writer import clean
 from wayfarer.fieldlog.dead_reckoning import DeadReckoning
+from wayfarer.fieldlog.fields import local_time, number, reckoning, sound_tick
+from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.reader import Record
-from wayfarer.views.text.fields import local_time, number, reckoning, sound_tick
 from wayfarer.views.text.wording import event_text, fault_text, outcome_text
 
 # Always there and in this order, so that the tables of two runs can be put below each other.

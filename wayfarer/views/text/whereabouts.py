@@ -7,9 +7,9 @@ from math import atan2, cos, degrees, hypot, isfinite, radians
 
 from wayfarer.angles import wrap180, wrap360
 from wayfarer.fieldlog.dead_reckoning import Place
+from wayfarer.fieldlog.fields import number
 from wayfarer.fieldlog.reader import Record
 from wayfarer.safety.mission_limits import METRES_PER_DEG
-from wayfarer.views.text.fields import number
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Any
 
-from wayfarer.daemon.stderr_writer import clean
+from wayfarer.fieldlog.fields import ABSURD, name, names, number
+from wayfarer.fieldlog.last_run import unclean_text
+from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.reader import Record
-from wayfarer.views.text.fields import ABSURD, local_time, name, names, number
 
 
 class Tone(Enum):
@@ -56,16 +57,6 @@ def event_text(event: Record) -> str:
     details = {key.removeprefix(f"{what}_"): value for key, value in event.items() if key not in STAMP}
     told = [_detail(key, value) for key, value in details.items() if value not in (None, [])]
     return f"{what.replace('_', ' ')}{': ' if told else ''}{', '.join(told)}"
-
-
-def unclean_text(event: Record) -> str:
-    """Say how the run before this one was left."""
-    which = f"the run before ({name(event, 'run') or '?'})"
-    if error := name(event, "error"):
-        return f"unclean shutdown: {which} cannot be read: {error}"
-    mode, wall_s = name(event, "mode"), number(event, "last_t_wall")
-    told = [f"while {mode}" if mode else "", local_time(wall_s, "at %Y-%m-%d %H:%M:%S") if wall_s else ""]
-    return f"unclean shutdown: {' '.join([which, 'was cut off', *filter(None, told)])}: killed, or without power"
 
 
 def event_name(event: Record) -> str:

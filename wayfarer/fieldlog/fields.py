@@ -10,8 +10,8 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from wayfarer.daemon.stderr_writer import clean
 from wayfarer.fieldlog.dead_reckoning import DeadReckoning
+from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.reader import Record
 
 ABSURD = 1e10  # no time, way, angle or voltage of a run comes near it: the bytes of a number beyond it were changed
