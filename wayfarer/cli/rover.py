@@ -153,7 +153,7 @@ def _real(
 def simulated(
     config: RoverConfig, where: str, depth: Depth, seed: int
 ) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:
-    """Return what makes a simulated rover and what closes it, as ``daemon.service.Service`` wants them.
+    """Return what makes a simulated rover and what closes it, as ``daemon.daemon.Service`` wants them.
 
     ``where`` is the rover's file, or the name of a shipped one.
 

@@ -66,7 +66,7 @@ class Depth(StrEnum):
 
 
 class Ground(StrEnum):
-    """What the wheels stand on in physics-light; the names of ``simhal.grounds``."""
+    """What the wheels stand on in physics-light; the names of ``simhal.world.grounds``."""
 
     ideal = "ideal"
     leaf_litter = "leaf-litter"

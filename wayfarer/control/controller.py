@@ -139,7 +139,7 @@ class Helm:
             self.mission.position(fix)
 
     def power(self, t_s: float, flags: int | None) -> None:
-        """Take the power flags of the computer's firmware, None where there are none; see ``power.PowerWatch``."""
+        """Take the power flags of the computer's firmware, None where there are none; see ``supply.PowerWatch``."""
         self.electrics.power(t_s, flags)
 
     def finish(self, reason: str, text: str) -> None:

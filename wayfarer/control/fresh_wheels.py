@@ -16,7 +16,7 @@ from wayfarer.hal import STOP, DriveMotors, WheelCommand
 class FreshWheels:
     """The rover's motors as the helm sees them: a command of a tick that began too long ago is a stop.
 
-    Implements ``helm.Wheels``.
+    Implements ``controller.Wheels``.
 
     Args:
         motors: take the commands.

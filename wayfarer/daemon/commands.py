@@ -36,7 +36,7 @@ OPENING_S = 3.0  # for the parts to open, right after the start, before an armin
 
 
 class RoverCommands:
-    """Implements ``control.protocol.Commands``. Whatever stops the wheels does so before anything else.
+    """Implements ``socket.protocol.Commands``. Whatever stops the wheels does so before anything else.
 
     Args:
         supervisor: the run.

@@ -1,7 +1,7 @@
 """Buses as drivers see them.
 
 A driver asks ``Buses`` for the bus that its settings name and awaits transfers on it. Whether behind them are a
-Raspberry Pi's device files (``linux.py``), simulated chips (``simhal.fakebus``) or another process is not its business.
+Raspberry Pi's device files (``linux.py``), simulated chips (``simhal.buses``) or another process is not its business.
 No transfer ever waits longer than a deadline: a bus that hangs raises ``NotResponding``. The first one may take seconds
 more, for it opens the bus.
 """

@@ -85,10 +85,10 @@ class Campaign:
 
     ``slip_mean_m`` is the mean distance between slip events and ``budget_m`` the path after which a rover
     counts as entrapped. Without ``forests`` the layouts are generated; with ``spl`` missing shortest paths
-    are computed. ``depth`` is how far down the simulation goes: ``device`` or ``bus`` (``simhal.rig``). ``physics``,
+    are computed. ``depth`` is how far down the simulation goes: ``device`` or ``bus`` (``build_rover``). ``physics``,
     but for its ``slip_mean_m``, and the ``trees_per_ha`` of generated layouts are what a sweep may change beside the
     rover.
-    ``scenario`` names the site (``simhal.sites``) that layouts are drawn of in place of the abstract forests, one a
+    ``scenario`` names the site (``world.sites``) that layouts are drawn of in place of the abstract forests, one a
     trial. With ``terrains`` the body moves in MuJoCo and not in physics-light; ``ground`` is what physics-light has
     under the wheels.
     """

@@ -163,7 +163,7 @@ class Rerun:
 
 
 class LoggedMotors:
-    """Wheels that take what the log says they took; implements ``helm.Wheels``."""
+    """Wheels that take what the log says they took; implements ``controller.Wheels``."""
 
     def __init__(self) -> None:
         self.applied = STOP

@@ -1,6 +1,6 @@
 """A bench and a daemon over it, each a process of its own: where a fault of the process happens for real.
 
-The bench (``simhal.bench``) holds the chips of one rover and writes down what its wheels were told and when. All
+The bench (``simhal.hil_server``) holds the chips of one rover and writes down what its wheels were told and when. All
 processes of a machine share one monotonic clock, so its times compare with those in the daemon's log: a busy machine
 delays what is seen here, not what is judged.
 """
@@ -142,7 +142,7 @@ class Site:
     # -- the bench -------------------------------------------------------------------------------------------------
 
     def bench(self, do: str, **details: object) -> dict[str, Any]:
-        """Ask the bench itself; see ``simhal.bench``."""
+        """Ask the bench itself; see ``simhal.hil_server``."""
         return self._line.ask(do, **details)
 
     @property
@@ -213,11 +213,11 @@ class Site:
         return process
 
     def ask(self, do: str, **details: object) -> dict[str, Any]:
-        """Ask the daemon; raises as ``control.client.ask``."""
+        """Ask the daemon; raises as ``socket.client.ask``."""
         return ask({"do": do, **details}, self.socket)
 
     def status(self) -> dict[str, Any]:
-        """Return what the daemon says of itself; raises as ``control.client.ask``."""
+        """Return what the daemon says of itself; raises as ``socket.client.ask``."""
         return self.ask("status")
 
     def sees(self) -> bool:

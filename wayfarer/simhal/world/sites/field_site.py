@@ -14,7 +14,7 @@ from wayfarer.simhal.world.generate import Draw, draw_from
 from wayfarer.simhal.world.shortest_path import shortest_path_m
 from wayfarer.simhal.world.sites.layout_builder import Ground
 
-SITE_STREAM = 3  # beside those of simhal.generate
+SITE_STREAM = 3  # beside those of generate.py
 # Layouts are the same for both rovers of the paper: there is to be a way for the wider one of them and a hand's breadth
 # more, as if it could drive over nothing. A wider rover still has its own layouts.
 WIDEST = Vehicle(length_m=0.437, width_m=0.377, track_m=0.47, max_speed_m_s=1.4)  # paper, table II: ForestRover
