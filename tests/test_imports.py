@@ -162,13 +162,13 @@ def test_no_module_imports_itself_in_a_circle() -> None:
     assert set(lowest_first) >= set(MODULES)
 
 
-def test_nothing_but_the_command_its_reports_and_the_environment_imports_the_simulator() -> None:
+def test_no_field_code_imports_the_simulator() -> None:
     users = {module for module in outside_simhal() if any(within(name, "simhal") for name in wayfarer_modules(module))}
     assert users
     assert users <= set(modules_of("cli", "views.run_report"))
 
 
-def test_of_the_simulator_only_the_rig_and_the_bench_know_the_drivers() -> None:
+def test_of_the_simulator_only_what_builds_a_rover_knows_the_drivers() -> None:
     """They put the chips under them; chips and world know none."""
     users = {
         module
