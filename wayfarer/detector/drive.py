@@ -213,7 +213,8 @@ class DriveWatch:
         while told and t_s - told[0][0] > self._settings.drive_memory_s:
             told.popleft()
         alike = [when_s for when_s, each in told if each == what]
-        if alike and t_s - alike[-1] < self._window_s and self._window[0].t_s <= alike[-1]:
+        begins_s = self._window[0].t_s if self._window else t_s
+        if alike and t_s - alike[-1] < self._window_s and begins_s <= alike[-1]:
             return
         told.append((t_s, what))
         failed = len(alike) + 1 >= limit
