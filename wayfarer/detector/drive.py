@@ -82,7 +82,8 @@ class DriveWatch:
         t_s, _, driven_s, (left, right), _ = interval
         self._add_told(driven_s, left, right)
         duty = left + right
-        if abs(duty) >= self._from_duty:
+        straight = abs(duty) >= self._from_duty
+        if straight:
             way = AHEAD if duty > 0.0 else BACK
         else:
             way = CLOCKWISE if left > right else ANTICLOCKWISE
@@ -99,9 +100,9 @@ class DriveWatch:
             window.popleft()
         then = window[0]
         still = -self._least_deg < gained_deg - then.gained_deg < self._least_deg
-        if still and not self._told and way in (AHEAD, BACK):
+        if still and straight and not self._told:
             return  # as nearly always; a rover that is held turns no more than that
-        if way not in (AHEAD, BACK):
+        if not straight:
             self._check_sense(then, now)
         elif not still:
             self._compare(then, now)

@@ -121,12 +121,18 @@ class Stall:
 
     def _stands(self) -> bool:
         """Tell whether the body stands: over the newest intervals that fill the short window."""
-        count, span_s = 0, 0.0
-        while span_s < self._stands_s:
-            if count == len(self._intervals):
-                return False
+        count, span_s, commanded_m, seen_m = 0, 0.0, 0.0, 0.0
+        for interval in reversed(self._intervals):
             count += 1
-            span_s += self._intervals[-count].driven_s
+            span_s += interval.driven_s
+            commanded_m += interval.commanded_m
+            seen_m += interval.moved_m or 0.0
+            if span_s >= self._stands_s:
+                break
+        else:
+            return False
+        if seen_m >= self._share * commanded_m:
+            return False  # as nearly always: no more was possible than was commanded
         speed_m_s = self._intervals[-count].before_m_s
         moved_m = could_m = unseen_s = turned_deg = 0.0
         for place in range(-count, 0):
@@ -149,7 +155,9 @@ class Stall:
 
 def _possible(speed_m_s: float, driven_s: float, commanded_m: float, gained_m_s: float) -> tuple[float, float]:
     """Return how far a body of that speed can go as commanded, and its speed then."""
+    reach_m, reach_m_s = (speed_m_s + gained_m_s / 2) * driven_s, speed_m_s + gained_m_s
+    commanded_m_s = commanded_m / driven_s
     return (
-        min(commanded_m, (speed_m_s + gained_m_s / 2) * driven_s),
-        min(commanded_m / driven_s, speed_m_s + gained_m_s),
+        reach_m if reach_m < commanded_m else commanded_m,
+        reach_m_s if reach_m_s < commanded_m_s else commanded_m_s,
     )
