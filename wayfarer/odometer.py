@@ -28,9 +28,8 @@ class Odometer:
         self._told_m += abs(interval.forward_m)
         if motion is not None:
             self._take(motion)
-        covered_m = self._read_m + self._share * self._told_m
-        if covered_m > self.covered_m:
-            self.covered_m = covered_m
+        covered_m, before_m = self._read_m + self._share * self._told_m, self.covered_m
+        self.covered_m = covered_m if covered_m > before_m else before_m
 
     def _take(self, motion: MotionReading) -> None:
         told_m, before_m = self._told_m, self._told_before_m

@@ -100,9 +100,11 @@ class Stall:
         gained_m_s = self._gain_m_s2 * straight * driven_s
         possible_m, self._possible_m_s = _possible(self._possible_m_s, driven_s, commanded_m, gained_m_s)
         self._intervals.append(Driven(driven_s, commanded_m, moved_m, turned_deg, gained_m_s, possible_m, before_m_s))
-        self._sum(self._intervals[-1], 1)
+        self._span_s += driven_s
+        self._moved_m += possible_m if moved_m is None else moved_m  # what was not seen counts as driven
+        self._could_m += possible_m
         while self._span_s - self._intervals[0].driven_s >= self._nowhere_s:
-            self._sum(self._intervals.popleft(), -1)
+            self._drop_oldest()
         nowhere = self._span_s >= self._nowhere_s and self._too_little(self._moved_m, self._could_m)
         self.found = nowhere or self._stands()
 
@@ -112,12 +114,12 @@ class Stall:
         self._span_s = self._moved_m = self._could_m = self._possible_m_s = 0.0
         self.found = False
 
-    def _sum(self, interval: Driven, sign: int) -> None:
-        """Add an interval to the long window, or take it away; what was not seen counts as driven."""
-        moved_m, possible_m = interval.moved_m, interval.possible_m
-        self._span_s += sign * interval.driven_s
-        self._moved_m += sign * (possible_m if moved_m is None else moved_m)
-        self._could_m += sign * possible_m
+    def _drop_oldest(self) -> None:
+        """Take the oldest interval out of the long window."""
+        oldest = self._intervals.popleft()
+        self._span_s -= oldest.driven_s
+        self._moved_m -= oldest.possible_m if oldest.moved_m is None else oldest.moved_m
+        self._could_m -= oldest.possible_m
 
     def _stands(self) -> bool:
         """Tell whether the body stands: over the newest intervals that fill the short window."""

@@ -121,7 +121,8 @@ class TurnController:
     def curve_speed_m_s(self, wanted_m_s: float, radius_m: float) -> float:
         """Return the fastest speed, up to the one wanted, at which the wheels can keep to a curve on this ground."""
         duty = max(1.0 - self.dead_zone - RESERVE_DUTY, LEAST_DUTY)
-        return min(wanted_m_s, duty / (1.0 / self._max_speed_m_s + degrees(1.0 / radius_m) / self._ideal_deg_s))
+        fastest_m_s = duty / (1.0 / self._max_speed_m_s + degrees(1.0 / radius_m) / self._ideal_deg_s)
+        return fastest_m_s if fastest_m_s < wanted_m_s else wanted_m_s
 
     def _watch(self, gained_deg: float, dt_s: float) -> None:
         """Count for how long the wheels have turned against each other and turned nothing."""
