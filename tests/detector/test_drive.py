@@ -132,6 +132,14 @@ def test_third_window_to_the_same_side_is_a_fault_whichever_way_the_rover_drives
     assert set(jolt(chassis, DEAD_LEFT)) == {Condition.DRIVE_ASYMMETRY, None}, "it is counted anew"
 
 
+@pytest.mark.parametrize("then", [BACK, PIVOT])
+def test_second_window_may_be_told_at_the_tick_at_which_another_manoeuvre_begins(then: WheelCommand) -> None:
+    for ticks in range(20, 60):
+        chassis = Chassis(DEAD_LEFT)
+        found = chassis.drive(ticks * PERIOD_S, FULL) + chassis.drive(1.0, then)
+        assert Condition.DRIVE_ASYMMETRY in found
+
+
 def test_windows_to_both_sides_are_chance() -> None:
     chassis = Chassis(HEALTHY)
     for gains in (DEAD_LEFT, DEAD_RIGHT, DEAD_LEFT, DEAD_RIGHT):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot, inf, radians
+from math import hypot, radians
 
 from wayfarer.conditions import Condition
 from wayfarer.detector.runaway import Runaway
@@ -75,11 +75,13 @@ class MotionWatch:
             return  # no such time; or the first one, which says how far since nobody knows when
         dt_s, self._spoke_t_s = read_t_s - self._spoke_t_s, read_t_s
         commanded_m, self._commanded_m = self._commanded_m, 0.0
+        told_m, before_m = abs(commanded_m), self._before_m
+        self._before_m = told_m
         # A reading may be older than the gap that the tick saw: then nothing is known to have been driven.
         driven_s = dt_s - self._undriven_s if self._undriven_s < dt_s else 0.0
         self._undriven_s = 0.0
         turned_deg = self._turned_deg
-        straight = abs(commanded_m) / hypot(self._pushed_m, turned_deg * self._m_per_deg) if commanded_m else 1.0
+        straight = told_m / hypot(self._pushed_m, turned_deg * self._m_per_deg) if commanded_m else 1.0
         self._pushed_m = self._turned_deg = 0.0
         if not signed and commanded_m < 0.0:
             forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
@@ -87,9 +89,10 @@ class MotionWatch:
         can_be = abs(forward_m) <= limit_m >= abs(right_m) and 0.0 <= quality <= 1.0
         known = can_be and quality >= self._quality_min
         # No reading counts for much more than what was driven: garbage now and then hides no stall.
-        most_m = MOST_SHARE * max(abs(commanded_m), self._before_m) if commanded_m else inf
-        self._before_m = abs(commanded_m)
-        counted_m = max(-most_m, min(forward_m, most_m)) if known else None
+        counted_m = forward_m if known else None
+        if known and commanded_m:
+            most_m = MOST_SHARE * (told_m if told_m > before_m else before_m)
+            counted_m = most_m if forward_m > most_m else -most_m if forward_m < -most_m else forward_m
         self.stall.add(driven_s, commanded_m, counted_m, turned_deg=turned_deg, straight=straight)
         if not can_be:
             conditions.append(Condition.MOTION_IMPLAUSIBLE)

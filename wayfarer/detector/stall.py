@@ -100,9 +100,11 @@ class Stall:
         gained_m_s = self._gain_m_s2 * straight * driven_s
         possible_m, self._possible_m_s = _possible(self._possible_m_s, driven_s, commanded_m, gained_m_s)
         self._intervals.append(Driven(driven_s, commanded_m, moved_m, turned_deg, gained_m_s, possible_m, before_m_s))
-        self._sum(self._intervals[-1], 1)
+        self._span_s += driven_s
+        self._moved_m += possible_m if moved_m is None else moved_m  # what was not seen counts as driven
+        self._could_m += possible_m
         while self._span_s - self._intervals[0].driven_s >= self._nowhere_s:
-            self._sum(self._intervals.popleft(), -1)
+            self._drop_oldest()
         nowhere = self._span_s >= self._nowhere_s and self._too_little(self._moved_m, self._could_m)
         self.found = nowhere or self._stands()
 
@@ -112,21 +114,27 @@ class Stall:
         self._span_s = self._moved_m = self._could_m = self._possible_m_s = 0.0
         self.found = False
 
-    def _sum(self, interval: Driven, sign: int) -> None:
-        """Add an interval to the long window, or take it away; what was not seen counts as driven."""
-        moved_m, possible_m = interval.moved_m, interval.possible_m
-        self._span_s += sign * interval.driven_s
-        self._moved_m += sign * (possible_m if moved_m is None else moved_m)
-        self._could_m += sign * possible_m
+    def _drop_oldest(self) -> None:
+        """Take the oldest interval out of the long window."""
+        oldest = self._intervals.popleft()
+        self._span_s -= oldest.driven_s
+        self._moved_m -= oldest.possible_m if oldest.moved_m is None else oldest.moved_m
+        self._could_m -= oldest.possible_m
 
     def _stands(self) -> bool:
         """Tell whether the body stands: over the newest intervals that fill the short window."""
-        count, span_s = 0, 0.0
-        while span_s < self._stands_s:
-            if count == len(self._intervals):
-                return False
+        count, span_s, commanded_m, seen_m = 0, 0.0, 0.0, 0.0
+        for interval in reversed(self._intervals):
             count += 1
-            span_s += self._intervals[-count].driven_s
+            span_s += interval.driven_s
+            commanded_m += interval.commanded_m
+            seen_m += interval.moved_m or 0.0
+            if span_s >= self._stands_s:
+                break
+        else:
+            return False
+        if seen_m >= self._share * commanded_m:
+            return False  # as nearly always: no more was possible than was commanded
         speed_m_s = self._intervals[-count].before_m_s
         moved_m = could_m = unseen_s = turned_deg = 0.0
         for place in range(-count, 0):
@@ -149,7 +157,9 @@ class Stall:
 
 def _possible(speed_m_s: float, driven_s: float, commanded_m: float, gained_m_s: float) -> tuple[float, float]:
     """Return how far a body of that speed can go as commanded, and its speed then."""
+    reach_m, reach_m_s = (speed_m_s + gained_m_s / 2) * driven_s, speed_m_s + gained_m_s
+    commanded_m_s = commanded_m / driven_s
     return (
-        min(commanded_m, (speed_m_s + gained_m_s / 2) * driven_s),
-        min(commanded_m / driven_s, speed_m_s + gained_m_s),
+        reach_m if reach_m < commanded_m else commanded_m,
+        reach_m_s if reach_m_s < commanded_m_s else commanded_m_s,
     )
