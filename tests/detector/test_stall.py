@@ -221,3 +221,10 @@ def test_flow_that_saturates_is_not_motion_that_is_absent() -> None:
     for _ in range(200):
         moved_m = 0.74 * 0.05 * chance.gauss(1.0, 0.03)
         assert rover.tick(FULL, moved_m, dt_s=0.05, heading_deg=chance.choice([0.0, 0.1])) == ALL_WELL
+
+
+def test_sides_that_push_against_each_other_gain_no_speed() -> None:
+    """On mud both slip, so their friction cancels out: from a stand the body does not go ahead, and it is not held."""
+    rover = started()
+    for _ in range(20):
+        assert rover.tick(WheelCommand(-0.3, 1.0), 0.0).anomalies == ()
