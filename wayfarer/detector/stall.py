@@ -33,9 +33,9 @@ TURNS_FROM_DEG_S = 70.0
 class Driven(NamedTuple):
     """An interval of driving; distances and speeds are positive in the direction that is commanded.
 
-    ``moved_m`` is None where nothing was seen, ``slid_m`` is to the right, ``gained_m_s`` is the speed that the ground's
-    grip gives in this time, ``possible_m`` the distance possible since driving began this way, and ``before_m_s`` the
-    speed at which the ground passed before.
+    ``moved_m`` is None where nothing was seen, ``slid_m`` is to the right, ``gained_m_s`` is the speed that grip gives
+    in this time, ``possible_m`` the distance possible since driving began this way, and ``before_m_s`` the speed at
+    which the ground passed before.
     """
 
     driven_s: float
