@@ -39,7 +39,7 @@ class Chassis:
         moved_m = 0.0
         if not blocked:
             self.heading_deg += (self._left - self._right) * DEG_S * PERIOD_S
-            moved_m = (wheels.left + wheels.right) / 2 * PERIOD_S
+            moved_m = (self._left + self._right) / 2 * PERIOD_S
         read_deg = wrap360(self.heading_deg + self._chance.gauss(0.0, self._noise_deg))
         return self.rover.tick(wheels, moved_m, dt_s=PERIOD_S, heading_deg=read_deg).conditions
 
@@ -113,6 +113,16 @@ def test_rover_that_turns_on_for_a_while_on_slippery_ground_is_well(friction: fl
         told, moved_m = (wheels, (wheels.left + wheels.right) / 2 * PERIOD_S) if tick > 20 else (PIVOT, 0.0)
         found.add(drive_of(rover.tick(told, moved_m, dt_s=PERIOD_S, heading_deg=wrap360(heading_deg)).conditions))
     assert found == {None}
+
+
+def test_ground_that_holds_a_turn_while_chance_turns_the_body_is_no_dead_side() -> None:
+    """Told to turn left at half of full duty, it drives straight at the mean of both sides and drifts to the right."""
+    rover, wheels = started(), WheelCommand(0.2, 0.9)
+    drift_deg_s = 0.7 * SETTINGS.drive_margin_deg / SETTINGS.drive_window_s
+    for tick in range(60):
+        moved_m = (wheels.left + wheels.right) / 2 * PERIOD_S
+        said = rover.tick(wheels, moved_m, dt_s=PERIOD_S, heading_deg=tick * PERIOD_S * drift_deg_s)
+        assert drive_of(said.conditions) is None
 
 
 def jolt(chassis: Chassis, gains: tuple[float, float], wheels: WheelCommand = FULL) -> list[Condition | None]:

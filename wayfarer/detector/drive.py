@@ -9,7 +9,7 @@ turns as told, in a window in which a dead side would have shown, is cleared of 
 from __future__ import annotations
 
 from collections import deque
-from math import degrees, hypot, inf
+from math import degrees, hypot, inf, radians
 from typing import NamedTuple
 
 from wayfarer.conditions import Condition
@@ -64,6 +64,7 @@ class DriveWatch:
         self._from_duty = 2 * settings.drive_from_m_s / vehicle.max_speed_m_s
         self._turn_stop_deg_s2 = degrees(TURN_STOP * settings.gain_m_s2 / hypot(vehicle.length_m, vehicle.width_m))
         self._deg_s_per_duty = degrees(vehicle.max_speed_m_s / vehicle.track_m)
+        self._m_per_deg = radians(vehicle.track_m)
         self._left_deg_s = self._right_deg_s = 0.0
         self._told_sums = (0.0, 0.0, 0.0, 0.0)  # the first sums of a ``Moment``
         self._way = AHEAD
@@ -153,10 +154,19 @@ class DriveWatch:
         first, last = self._before[0], self._before[-1]
         return (last.gained_deg - first.gained_deg) / (last.t_s - first.t_s)
 
-    def _coasts_deg(self, way: float) -> float:
-        """Return how far the body may turn on that way from the rate that it had before the window."""
+    def _coasts_deg(self, then: Moment, now: Moment, way: float) -> float:
+        """Return how far the body may turn on that way from the rate that it had before the window.
+
+        One that gains or loses speed as fast as slippery ground allows spends its grip on that, and turns on meanwhile.
+        """
         rate_deg_s = way * self._rate_before_deg_s()
-        return max(0.0, rate_deg_s) * max(TURNS_ON_S, rate_deg_s / (2 * self._turn_stop_deg_s2))
+        if rate_deg_s <= 0.0:
+            return 0.0
+        early_m, late_m = self._halves_m(then, now)
+        window_s = now.t_s - then.t_s
+        slides = abs(late_m - early_m) >= self._settings.gain_m_s2 * (window_s / 2) ** 2
+        turns_on_s = max(TURNS_ON_S, window_s if slides else 0.0, rate_deg_s / (2 * self._turn_stop_deg_s2))
+        return rate_deg_s * turns_on_s
 
     def _clear_sides(self, then: Moment, now: Moment) -> None:
         """Forget what was told of either side, if it would have shown in this window as well."""
@@ -176,13 +186,27 @@ class DriveWatch:
         clockwise_deg = now.clockwise_deg - then.clockwise_deg
         anticlockwise_deg = now.anticlockwise_deg - then.anticlockwise_deg
         way, that_way_deg = (1.0, clockwise_deg) if excess_deg > 0.0 else (-1.0, anticlockwise_deg)
-        coasted_deg = self._coasts_deg(way)
-        if way * measured_deg < that_way_deg + coasted_deg + settings.drive_margin_deg / 2:
+        coasted_deg = self._coasts_deg(then, now, way)
+        beyond_deg = way * measured_deg - that_way_deg - coasted_deg
+        if beyond_deg < settings.drive_margin_deg / 2:
             return  # no more than it was told to turn that way: it was held, as by a tree or by the ground
         side, dead_deg = (LEFT, left_deg) if excess_deg * self._way < 0.0 else (RIGHT, right_deg)
+        if beyond_deg < settings.drive_margin_deg and self._both_push(now, side):
+            return  # chance turned it, while the ground held it
         self._suspect = self._suspect or (now.t_s + settings.drive_confirm_s - 1e-6, side)
         if abs(excess_deg) - coasted_deg > settings.reversed_share * abs(dead_deg) + settings.reversed_margin_deg:
             self._tell(now.t_s, REVERSED, settings.reversed_turns)
+
+    def _both_push(self, now: Moment, side: int) -> bool:
+        """Tell whether the body goes on as fast as both sides drive it, and not as fast as without the one.
+
+        Of late, as a side may just have died. A sense that cannot tell which way never shows it.
+        """
+        middle = self._window[len(self._window) // 2]
+        left_deg, right_deg = now.left_deg - middle.left_deg, now.right_deg - middle.right_deg
+        dead_deg, other_deg = (left_deg, right_deg) if side == LEFT else (right_deg, left_deg)
+        between_m = (other_deg + dead_deg / 2) / 2 * self._m_per_deg
+        return self._way * (now.ahead_m - middle.ahead_m) >= max(0.0, self._way * between_m)
 
     def _check_sense(self, then: Moment, now: Moment) -> None:
         """Look for a turn on the spot that goes the other way, or straight on."""
@@ -192,7 +216,7 @@ class DriveWatch:
         if commanded_deg < settings.reversed_turn_deg:
             return
         measured_deg = way * (now.gained_deg - then.gained_deg)
-        back_deg = settings.reversed_back_deg + self._coasts_deg(-way)
+        back_deg = settings.reversed_back_deg + self._coasts_deg(then, now, -way)
         suspected = any(what == REVERSED for _, what in self._told)
         straight = suspected and measured_deg < self._least_deg and self._goes_straight_on(then, now)
         if straight or measured_deg <= -back_deg:
@@ -203,9 +227,13 @@ class DriveWatch:
 
         A body with one side in mud goes ahead as well, so that this alone raises no suspicion.
         """
-        middle = self._window[len(self._window) // 2]
-        early_m, late_m = middle.ahead_m - then.ahead_m, now.ahead_m - middle.ahead_m
+        early_m, late_m = self._halves_m(then, now)
         return abs(early_m + late_m) >= self._settings.reversed_straight_m and early_m * late_m >= early_m * early_m
+
+    def _halves_m(self, then: Moment, now: Moment) -> tuple[float, float]:
+        """Return how far the body was seen to go ahead in each half of the window."""
+        middle = self._window[len(self._window) // 2]
+        return middle.ahead_m - then.ahead_m, now.ahead_m - middle.ahead_m
 
     def _tell(self, t_s: float, what: int, limit: int) -> None:
         """Take note of what a window shows; so many alike within memory are a fault.

@@ -30,13 +30,15 @@ class MotionWatch:
         self._watched = watched
         self._stale_s = settings.motion_stale_s
         self._quality_min = settings.quality_min
+        self._seen_from_m_s = settings.immobilised_from_m_s
         self._speed_max_m_s = settings.motion_speed_max_m_s
         self.stall = Stall(settings)
         self.runaway = Runaway(settings)
         self.moves = False
         self.ahead_m = 0.0
         self._commanded_m = self._before_m = self._undriven_s = 0.0
-        self._pushed_m = self._turned_deg = 0.0  # how far the sides were told to go, either way; how far it turned
+        # How far the sides were told to go, either way, and the left one further than their mean; how far it turned.
+        self._pushed_m = self._led_m = self._turned_deg = 0.0
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
 
     def start(self, t_s: float) -> None:
@@ -58,6 +60,7 @@ class MotionWatch:
         self._commanded_m += forward_m
         left, right = applied
         self._pushed_m += (abs(left) + abs(right)) * self._half_speed_m_s * driven_s
+        self._led_m += (left - right) * self._half_speed_m_s * driven_s
         self._turned_deg += turned_deg
         self._undriven_s += tick_s - driven_s
         if applied != STOP:
@@ -82,7 +85,9 @@ class MotionWatch:
         self._undriven_s = 0.0
         turned_deg = self._turned_deg
         straight = told_m / hypot(self._pushed_m, turned_deg * self._m_per_deg) if commanded_m else 1.0
-        self._pushed_m = self._turned_deg = 0.0
+        if abs(self._led_m - turned_deg * self._m_per_deg) > abs(commanded_m - forward_m):
+            straight = 0.0  # one side's wheels slip ahead, the other's back: their friction cancels out
+        self._pushed_m = self._led_m = self._turned_deg = 0.0
         if not signed and commanded_m < 0.0:
             forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
         limit_m = self._speed_max_m_s * dt_s
@@ -93,7 +98,8 @@ class MotionWatch:
         if known and commanded_m:
             most_m = MOST_SHARE * (told_m if told_m > before_m else before_m)
             counted_m = most_m if forward_m > most_m else -most_m if forward_m < -most_m else forward_m
-        self.stall.add(driven_s, commanded_m, counted_m, turned_deg=turned_deg, straight=straight)
+        slid_m = right_m if known and abs(right_m) >= self._seen_from_m_s * dt_s else 0.0
+        self.stall.add(driven_s, commanded_m, counted_m, turned_deg=turned_deg, straight=straight, slid_m=slid_m)
         if not can_be:
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
         if not known:
@@ -103,7 +109,7 @@ class MotionWatch:
         self._moved_t_s = read_t_s
         if signed:
             self.ahead_m += forward_m
-        self.moves = abs(forward_m) >= self._settings.immobilised_from_m_s * dt_s
+        self.moves = abs(forward_m) >= self._seen_from_m_s * dt_s
         stood_s = read_t_s - self._driven_t_s
         if stood_s > 0.0 or self.runaway.found:
             self.runaway.add(dt_s, stood_s, forward_m)
