@@ -43,7 +43,7 @@ EXPLAINED = {
     Why.CANNOT_TURN: f"away from obstacles, under {TURNS_BELOW_SHARE:.0%} of the turn that was asked for came about",
     Why.WEDGED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body, against something",
     Why.STALLED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body and was hardly against anything",
-    Why.NARROW: "a way out is as wide as this body, none as wide as its diagonal: there are places where it cannot turn",
+    Why.NARROW: "a way out is as wide as this body, none as wide as its diagonal: it cannot turn everywhere",
     Why.ORBITING: f"under {NEW_BELOW_SHARE:.0%} of the places where it was were new to it",
     Why.OUT_OF_TIME: "it still came to new places when its time or path was used up",
 }
