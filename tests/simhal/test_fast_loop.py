@@ -15,7 +15,7 @@ import pytest
 
 from tests.simhal.test_loop import timeouts, timers_in_time_order, trace_of, waiting_for
 from wayfarer.pace import Pace
-from wayfarer.simhal.fast_loop import CATCH_UP_S, LATE_S, FastLoop
+from wayfarer.simhal.fast_loop import CATCH_UP_S, CATCH_UP_S, LATE_S, FastLoop
 from wayfarer.watchdog import StallGuard
 
 T = TypeVar("T")
@@ -37,15 +37,15 @@ def test_programs_note_the_same_in_the_same_order_as_in_virtual_time(program: An
 def test_sleep_takes_as_much_shorter_as_the_loop_is_fast(speed: float) -> None:
     async def main() -> tuple[float, float]:
         loop = asyncio.get_running_loop()
-        clock_s = time.monotonic()
-        await asyncio.sleep(0)  # the loop's time is that of the turn's beginning, which this computer may be late for
-        loop_s = loop.time()
+        await asyncio.sleep(0)  # the loop's time is that of the turn's beginning
+        clock_s, loop_s = time.monotonic(), loop.time()
         await asyncio.sleep(0.2 * speed)
         return time.monotonic() - clock_s, loop.time() - loop_s
 
     clock_s, loop_s = run(main(), speed)
     assert 0.2 * speed <= loop_s <= 0.2 * speed + 10 * LATE_S
-    assert 0.199 <= clock_s < 1.0, "slower than asked for is right only on a very busy computer"
+    # What this computer lost just before is made up for by waiting less; slower is right only where it is very busy.
+    assert 0.2 - CATCH_UP_S <= clock_s < 1.0
 
 
 def test_work_that_holds_up_the_loop_does_not_make_timers_late() -> None:
