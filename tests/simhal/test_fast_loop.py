@@ -15,7 +15,7 @@ import pytest
 
 from tests.simhal.test_loop import timeouts, timers_in_time_order, trace_of, waiting_for
 from wayfarer.pace import Pace
-from wayfarer.simhal.fast_loop import CATCH_UP_S, CATCH_UP_S, LATE_S, FastLoop
+from wayfarer.simhal.fast_loop import CATCH_UP_S, LATE_S, FastLoop
 from wayfarer.watchdog import StallGuard
 
 T = TypeVar("T")
