@@ -41,7 +41,7 @@ PRINTS = {
 @cache
 def output_of(name: str, *arguments: str) -> str:
     """What an example prints; it must not say anything on stderr."""
-    command = [sys.executable, FOLDER / f"{name}.py", *arguments]
+    command = [sys.executable, str(FOLDER / f"{name}.py"), *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert not done.stderr
     return done.stdout.strip()
