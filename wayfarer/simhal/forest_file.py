@@ -69,7 +69,8 @@ def content_of(source: str | Path) -> bytes:
         BadForest: no such file.
     """
     if source == REFERENCE:
-        return gzip.decompress((files(__package__) / REFERENCE_FILE).read_bytes())
+        beside_this = files(__name__.rpartition(".")[0])
+        return gzip.decompress((beside_this / REFERENCE_FILE).read_bytes())
     try:
         return Path(source).read_bytes()
     except OSError as error:
