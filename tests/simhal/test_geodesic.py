@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 from math import asin, atan2, hypot, inf, sqrt
-from pathlib import Path
 
 import pytest
 
 from wayfarer.simhal import geodesic
 from wayfarer.simhal.forest import Forest, Trunk
-from wayfarer.simhal.forest_file import read_forests
 from wayfarer.simhal.generate import generate_forest
 from wayfarer.simhal.geodesic import shortest_path_m
+from wayfarer.simhal.plan import read_forest_file
 
 OPEN = Forest(
     forest=0,
@@ -102,7 +101,7 @@ def test_looking_at_likely_detours_first_changes_no_length(layout: int, monkeypa
     assert shortest_path_m(forest) == pytest.approx(length_m, abs=1e-3)
 
 
-def test_reference_lengths_are_reproduced(reference_forests_path: Path) -> None:
-    forests = read_forests(reference_forests_path)[::62]
+def test_reference_lengths_are_reproduced() -> None:
+    forests = read_forest_file("reference").forests[::62]
     longer_m = [(shortest_path_m(forest) or inf) - (forest.shortest_path_m or inf) for forest in forests]
     assert all(0.0 < more_m < 0.2 for more_m in longer_m)  # the file's paths begin and end a little inside
