@@ -9,27 +9,19 @@ from wayfarer.config.registry import find_algorithm
 from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Vehicle
 
 PERIOD_S = 0.05
-
 vehicle = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=1.4)
 handler = find_algorithm("forest-pledge").make(EscapeSettings(), vehicle, Random(0))
 
 heading_deg, travelled_m = 0.0, 0.0
 for tick in range(120):
-    stuck = tick == 20  # what the other stack's own stuck detector says
-    decision = handler.decide(
-        Observation(
-            t_s=tick * PERIOD_S,
-            heading_deg=heading_deg % 360.0,
-            pitch_deg=0.0,
-            roll_deg=0.0,
-            anomalies=(Anomaly.IMMOBILISED,) if stuck else (),
-            contact=None,
-            goal_heading_deg=0.0,
-            travelled_m=travelled_m,
-        )
-    )
+    seen = Observation(
+        t_s=tick * PERIOD_S, heading_deg=heading_deg % 360.0, pitch_deg=0.0, roll_deg=0.0,
+        anomalies=(Anomaly.IMMOBILISED,) if tick == 20 else (),  # what the other stack's own stuck detector says
+        contact=None, goal_heading_deg=0.0, travelled_m=travelled_m,
+    )  # fmt: skip
+    decision = handler.decide(seen)
     left, right = decision.wheels  # hand these to your motors; here a rover without mass obeys at once
     heading_deg += (left - right) * vehicle.max_speed_m_s / vehicle.track_m * PERIOD_S * 57.3
     travelled_m += abs(left + right) / 2 * vehicle.max_speed_m_s * PERIOD_S
     if decision.why != decision.phase.value:
-        print(f"{tick * PERIOD_S:5.2f} s  {decision.why:20} -> {decision.phase.value:10} at {heading_deg:6.1f} deg")
+        print(f"{seen.t_s:5.2f} s  {decision.why:20} -> {decision.phase.value:10} at {heading_deg:6.1f} deg")

@@ -20,11 +20,11 @@ REFERENCE_FOLDER = Path(__file__).resolve().parents[2] / "shared" / "reference"
 
 
 @pytest.fixture(scope="session")
-def reference_forests_path() -> Path:
-    """The reference forests beside the checkout; the test skips where they are absent."""
-    path = REFERENCE_FOLDER / "forests.jsonl"
+def reference_results_path() -> Path:
+    """What the released simulator did in the reference forests, beside the checkout; skips where that is absent."""
+    path = REFERENCE_FOLDER / "results-forest-pledge.jsonl"
     if not path.is_file():
-        pytest.skip(f"the reference forests are not at {path}")
+        pytest.skip(f"the released simulator's results are not at {path}")
     return path
 
 

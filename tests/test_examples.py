@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import re
 import runpy
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,26 +17,56 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_trial
 
-EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
+FOLDER = Path(__file__).parents[1] / "examples"
+EXAMPLES = sorted(path.stem for path in FOLDER.glob("*.py"))
+LONG = "failsafe_under_a_planner"  # has another stack's planner and rover in it as well
+LINES = range(5, 21)  # beside imports
+
+# What each example prints, as regular expressions that are found in this order.
+PRINTS = {
+    "algorithm_of_your_own": [r"left_hand: (escaped|left_bounds) after \d+\.\d m"],
+    "anomalies_in_a_field_log": [r"s  immobilised  at +\d+\.\d deg, follow\.anomaly", r"log: whole"],
+    "campaign_at_a_site": [r"interventions", r"forest-pledge +4 ", r"paper +10 ", r"\d+ s simulated"],
+    "compare_two_algorithms": [r"^forest-pledge: SPL 0", r"tight-pledge: SPL 0", r"gain of SPL in pairs: [+-]0\."],
+    "driver_of_your_own": [r"^b'Z'", r"b'n\\xff\\x99\\x00'", r"b'n\\x00\\x00\\x00'$"],
+    "escape_handler_alone": [r"follow\.anomaly", r"back_off\.done", r"turn_away\.done", r"probe\.realigned"],
+    "failsafe_under_a_planner": [r"^the planner alone: still", r"the handler drives", r"with the fail-safe: out"],
+    "fault_in_a_trial": [r"^S2 by compass_stale after 0\.", r"as expected$"],
+    "gym_forest_pledge": [r"^trial 7, forest-pledge: escaped after"],
+    "replay_a_log": [r"^as logged: \d+ decisions, then the end", r"patient: .* key='anomalies'"],
+    "trial_in_a_forest": [r"^layout 7", r"outcome +(escaped|left_bounds)", r"spl +0\.\d", r"ticks +\d+$"],
+}
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_example_runs(example: Path) -> None:
-    done = subprocess.run([sys.executable, str(example)], capture_output=True, text=True, check=True)
-    assert done.stdout
+@cache
+def output_of(name: str, *arguments: str) -> str:
+    """What an example prints; it must not say anything on stderr."""
+    command = [sys.executable, str(FOLDER / f"{name}.py"), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert not done.stderr
+    return done.stdout.strip()
 
 
-def test_escape_handler_alone_goes_through_a_whole_episode() -> None:
-    example = next(path for path in EXAMPLES if path.stem == "escape_handler_alone")
-    done = subprocess.run([sys.executable, str(example)], capture_output=True, text=True, check=True)
-    events = [line.split()[2] for line in done.stdout.splitlines()]
-    assert events == ["follow.anomaly", "back_off.done", "turn_away.done", "probe.realigned"]
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_example_prints_what_it_shows(name: str) -> None:
+    assert re.search(".*".join(f"(?:{line})" for line in PRINTS[name]), output_of(name), re.DOTALL)
+
+
+def test_there_are_ten_short_examples() -> None:
+    assert len([name for name in EXAMPLES if name != LONG]) >= 10
+
+
+@pytest.mark.parametrize("name", [name for name in EXAMPLES if name != LONG])
+def test_example_is_short(name: str) -> None:
+    source = (FOLDER / f"{name}.py").read_text()
+    imports = [part for part in ast.parse(source).body if isinstance(part, ast.Import | ast.ImportFrom)]
+    lines = source.splitlines()[imports[-1].end_lineno :]
+    assert len([line for line in lines if line.strip()]) in LINES
 
 
 @pytest.fixture(scope="module")
 def failsafe_example() -> dict[str, Any]:
-    return runpy.run_path(str(next(path for path in EXAMPLES if path.stem == "failsafe_under_a_planner")))
+    return runpy.run_path(str(FOLDER / f"{LONG}.py"))
 
 
 @pytest.mark.parametrize("forest", [0, 2, 4])
@@ -47,8 +80,6 @@ def test_failsafe_gets_out_where_the_planner_alone_stays_stuck(failsafe_example:
 
 
 def test_agent_of_the_catalogue_ends_as_the_trial_of_that_number() -> None:
-    example = next(path for path in EXAMPLES if path.stem == "gym_forest_pledge")
-    told = subprocess.run([sys.executable, str(example), "7"], capture_output=True, text=True, check=True).stdout
     campaign = Campaign(("forest-pledge",), 8, load_rover("sim"))
     result = run_trial(campaign.spec(Task("forest-pledge", 7), campaign.make_forest(7)))
-    assert f"{result.outcome} after {result.path_m:.1f} m, {result.time_s:.2f} s" in told
+    assert f"{result.outcome} after {result.path_m:.1f} m, {result.time_s:.2f} s" in output_of("gym_forest_pledge", "7")

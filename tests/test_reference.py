@@ -21,8 +21,8 @@ def trials_of(file: ForestFile, algorithm: str, sample: range = SAMPLE, budget_m
 
 
 @pytest.fixture(scope="module")
-def file(reference_forests_path: Path) -> ForestFile:
-    return read_forest_file(reference_forests_path)
+def file() -> ForestFile:
+    return read_forest_file("reference")
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +31,9 @@ def ours(file: ForestFile) -> list[TrialResult]:
 
 
 @pytest.fixture(scope="module")
-def theirs(reference_forests_path: Path, ours: list[TrialResult]) -> list[dict[str, float | str]]:
+def theirs(reference_results_path: Path, ours: list[TrialResult]) -> list[dict[str, float | str]]:
     """What the released simulator did in the same forests."""
-    text = (reference_forests_path.parent / "results-forest-pledge.jsonl").read_text(encoding="utf-8")
+    text = reference_results_path.read_text(encoding="utf-8")
     by_forest = {(row["forest"], row["noise"]): row for row in map(json.loads, text.splitlines())}
     return [by_forest[result.forest, result.noise] for result in ours]
 

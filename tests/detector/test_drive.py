@@ -39,7 +39,7 @@ class Chassis:
         moved_m = 0.0
         if not blocked:
             self.heading_deg += (self._left - self._right) * DEG_S * PERIOD_S
-            moved_m = (wheels.left + wheels.right) / 2 * PERIOD_S
+            moved_m = (self._left + self._right) / 2 * PERIOD_S
         read_deg = wrap360(self.heading_deg + self._chance.gauss(0.0, self._noise_deg))
         return self.rover.tick(wheels, moved_m, dt_s=PERIOD_S, heading_deg=read_deg).conditions
 
@@ -115,6 +115,16 @@ def test_rover_that_turns_on_for_a_while_on_slippery_ground_is_well(friction: fl
     assert found == {None}
 
 
+def test_ground_that_holds_a_turn_while_chance_turns_the_body_is_no_dead_side() -> None:
+    """Told to turn left at half of full duty, it drives straight at the mean of both sides and drifts to the right."""
+    rover, wheels = started(), WheelCommand(0.2, 0.9)
+    drift_deg_s = 0.7 * SETTINGS.drive_margin_deg / SETTINGS.drive_window_s
+    for tick in range(60):
+        moved_m = (wheels.left + wheels.right) / 2 * PERIOD_S
+        said = rover.tick(wheels, moved_m, dt_s=PERIOD_S, heading_deg=tick * PERIOD_S * drift_deg_s)
+        assert drive_of(said.conditions) is None
+
+
 def jolt(chassis: Chassis, gains: tuple[float, float], wheels: WheelCommand = FULL) -> list[Condition | None]:
     """Drive for a moment with those sides, then stand."""
     chassis.gains = gains
@@ -130,6 +140,14 @@ def test_third_window_to_the_same_side_is_a_fault_whichever_way_the_rover_drives
     found = [set(jolt(chassis, DEAD_LEFT, each)) - {None} for each in wheels]
     assert found == [{Condition.DRIVE_ASYMMETRY}, {Condition.DRIVE_ASYMMETRY}, {Condition.DRIVE_FAILED}]
     assert set(jolt(chassis, DEAD_LEFT)) == {Condition.DRIVE_ASYMMETRY, None}, "it is counted anew"
+
+
+@pytest.mark.parametrize("then", [BACK, PIVOT])
+def test_second_window_may_be_told_at_the_tick_at_which_another_manoeuvre_begins(then: WheelCommand) -> None:
+    for ticks in range(20, 60):
+        chassis = Chassis(DEAD_LEFT)
+        found = chassis.drive(ticks * PERIOD_S, FULL) + chassis.drive(1.0, then)
+        assert Condition.DRIVE_ASYMMETRY in found
 
 
 def test_windows_to_both_sides_are_chance() -> None:

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.detector.rover import BACK, FULL, PIVOT, STEP_M, Rover, started
+from tests.detector.rover import BACK, FULL, PIVOT, SETTINGS, STEP_M, Rover, started
 from wayfarer.config.rover_file import load_rover
-from wayfarer.detector import ALL_WELL
+from wayfarer.detector import ALL_WELL, Stall
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import STOP, WheelCommand
 
@@ -221,3 +221,14 @@ def test_flow_that_saturates_is_not_motion_that_is_absent() -> None:
     for _ in range(200):
         moved_m = 0.74 * 0.05 * chance.gauss(1.0, 0.03)
         assert rover.tick(FULL, moved_m, dt_s=0.05, heading_deg=chance.choice([0.0, 0.1])) == ALL_WELL
+
+
+def test_body_that_skates_sideways_does_not_stand() -> None:
+    """Its speed ahead is gone, but the ground goes by; one under which it does not go by stands."""
+    found = []
+    for slid_m in (0.03, 0.0):
+        stall = Stall(SETTINGS)
+        for moved_m in (0.03, 0.03, 0.0, 0.0, 0.0, 0.0):
+            stall.add(0.1, 0.05, moved_m, slid_m=slid_m)
+        found.append(stall.found)
+    assert found == [False, True]

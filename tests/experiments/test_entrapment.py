@@ -108,6 +108,13 @@ def test_layout_is_closed_where_not_even_an_edge_can_be_reached() -> None:
     assert not is_closed(wall)  # over the other edges
 
 
+@pytest.mark.parametrize(("gap_m", "why"), [(0.5, Why.NARROW), (0.9, Why.ORBITING)])
+def test_way_out_that_is_no_wider_than_the_diagonal_is_narrow(gap_m: float, why: Why) -> None:
+    edge_m = 25.0 + (gap_m + CLEARING.trunk_diameter_m) / 2.0  # the body of sim.toml: 0.4 m wide, 0.57 m across
+    north = Trunk(22.0, 15.0, 50.0 - edge_m, 15.0, "across"), Trunk(edge_m, 15.0, 28.0, 15.0, "across")
+    assert cause(around(6.0), replace(CLEARING, trunks=(*BOX[:3], *north))) is why
+
+
 def test_trial_in_a_closed_layout_says_so() -> None:
     spec = TrialSpec(0, "forest-pledge", CLOSED, 5, ROVER, budget_m=60.0)
     result, trace = run_traced(spec)

@@ -6,14 +6,11 @@ from math import inf
 
 import pytest
 
+from tests.fault_scenarios.free_minutes import ground
 from wayfarer.config.rover_file import load_rover
 from wayfarer.fault_scenarios.free_driving import drive_freely
 from wayfarer.simhal.faults.kinds import Drive, Fault
-from wayfarer.simhal.mujoco.terrain import Range, Terrains
-
-
-def ground(friction: float, torque_scale: float) -> Terrains:
-    return Terrains(Range(friction, friction), torque_scale=Range(torque_scale, torque_scale))
+from wayfarer.simhal.world.grounds import GroundName
 
 
 @pytest.mark.slow
@@ -32,3 +29,7 @@ def test_dead_side_is_found_where_the_ground_lets_the_rover_turn() -> None:
     dead = Fault(3.0, inf, "world", "drive", Drive(left_gain=0.0))
     said = drive_freely(load_rover("sim"), ground(0.15, 1.0), 60.0, seed=0, faults=[dead])
     assert "drive_asymmetry" in {name for _, name in said}
+
+
+def test_nothing_is_said_in_ten_minutes_on_mud_in_physics_light() -> None:
+    assert drive_freely(load_rover("sim"), None, 600.0, seed=0, ground=GroundName.mud) == []

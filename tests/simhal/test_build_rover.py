@@ -94,8 +94,8 @@ def test_forestrover_is_the_same_at_both_depths() -> None:
 
 
 @pytest.mark.parametrize("trial", [0, 123, 421])
-def test_reference_forests_are_the_same_at_both_depths(reference_forests_path: Path, trial: int) -> None:
-    forests = read_forest_file(reference_forests_path)
+def test_reference_forests_are_the_same_at_both_depths(trial: int) -> None:
+    forests = read_forest_file("reference")
     campaign = Campaign(("forest-pledge",), 500, load_rover("sim"), forests=forests, budget_m=100.0)
     device, bus = at_both_depths(campaign.spec(Task("forest-pledge", trial), campaign.make_forest(trial)))
     assert bus == device

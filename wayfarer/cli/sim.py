@@ -20,6 +20,8 @@ wayfarer sim --trials 1000 --out results --resume
 
 wayfarer sim --trials 200 --algorithm paper --slip-mean-m 2
 
+wayfarer sim --trials 500 --algorithm paper --forests reference
+
 wayfarer sim --algorithm levy-walk,my_rules:spiral --spl
 
 wayfarer sim --trial 17 --log logs/17
@@ -98,8 +100,12 @@ def sim(
         ),
     ] = "forest-pledge",
     forests: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Forests to use, in file order; without it two noises on generated layouts."),
+        str | None,
+        typer.Option(
+            metavar="FILE|reference",
+            help="Forests to use, in file order; 'reference' stands for the 500 of the paper's simulator. Without it "
+            "two noises on generated layouts.",
+        ),
     ] = None,
     scenario: Annotated[
         Scenario | None,

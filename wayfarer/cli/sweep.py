@@ -18,7 +18,7 @@ wayfarer sweep footprint_m=0.2,0.4,0.6,0.8 slip_mean_m=2,5,10 --spl --out body
 
 wayfarer sweep ground=ideal,leaf-litter,dry-soil,mud --out grounds
 
-wayfarer sweep sim.compass_noise_deg=0:20:2 --algorithm paper --forests forests.jsonl --out noise
+wayfarer sweep sim.compass_noise_deg=0:20:2 --algorithm paper --forests reference --out noise
 
 wayfarer report angles
 """
@@ -45,8 +45,12 @@ def sweep(
         str, typer.Option(metavar="NAME[,NAME...]|paper", help="What decides; 'paper' stands for the ten of the paper.")
     ] = "forest-pledge",
     forests: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Forests to use, in file order; without it two noises on generated layouts."),
+        str | None,
+        typer.Option(
+            metavar="FILE|reference",
+            help="Forests to use, in file order; 'reference' stands for the 500 of the paper's simulator. Without it "
+            "two noises on generated layouts.",
+        ),
     ] = None,
     rover: Annotated[str, typer.Option(metavar="NAME|FILE", help="A shipped rover or a TOML file.")] = "sim",
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Another seed is another campaign.")] = 0,

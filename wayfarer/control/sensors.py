@@ -75,7 +75,8 @@ async def keep_sampling(row: SensorTask, cells: Cells, log: RunLog) -> None:
 
 async def _sample(row: SensorTask, write: Callable[[Any], None]) -> None:
     read, pace = row.read, Pace(row.rate_hz)
+    write(await read())
+    row.spoke.set()
     while True:
-        write(await read())
-        row.spoke.set()
         await pace.wait()
+        write(await read())

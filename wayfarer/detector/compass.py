@@ -70,9 +70,11 @@ class CompassWatch:
         since_s, self._read_t_s = read_t_s - self._read_t_s, read_t_s
         if heading_deg != self._heading_deg:
             self._equal_s = self._all_equal_s = 0.0
-        elif pitch_deg != self._pitch_deg or roll_deg != self._roll_deg:
-            self._all_equal_s = 0.0
-        self._frozen = max(self._equal_s, self._all_equal_s) >= self._settings.frozen_s
+            self._frozen = False
+        else:
+            if pitch_deg != self._pitch_deg or roll_deg != self._roll_deg:
+                self._all_equal_s = 0.0
+            self._frozen = max(self._equal_s, self._all_equal_s) >= self._settings.frozen_s
         self._heading_deg, self._pitch_deg, self._roll_deg = heading_deg, pitch_deg, roll_deg
         if calibration is None or calibration >= self._calibration_min:
             self._low_since_s = None
@@ -97,7 +99,8 @@ class CompassWatch:
         if self._rejections:
             self._insists.update(reading.t_s, False)
         self.reading = reading
-        self._believed_t_s = max(self._believed_t_s, reading.t_s)  # no age is longer than the run
+        read_t_s, start_t_s = reading.t_s, self._believed_t_s
+        self._believed_t_s = read_t_s if read_t_s > start_t_s else start_t_s  # no age is longer than the run
 
     def _reject(self, t_s: float) -> None:
         self._rejections = (self._rejections << 1 | 1) & self._of_readings

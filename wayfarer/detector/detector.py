@@ -35,6 +35,9 @@ class Detector:
     the compass was calibrated when the rover was armed, ``duty_max`` what the gate lets through.
     ``watches_motion`` and ``needs_contact`` say whether silence of that sensor is a condition, ``watches_contact``
     whether a touch is an anomaly as well.
+
+    ``compass`` and ``contact`` are the newest readings that can be true, None before the first: no other reaches a
+    decision.
     """
 
     def __init__(
@@ -57,16 +60,8 @@ class Detector:
         self._drive = DriveWatch(settings, vehicle)
         self._turns = TurnAbility(settings, duty_max)
         self._started = False
-
-    @property
-    def compass(self) -> CompassReading | None:
-        """The newest compass reading that can be true, None before the first: no other reaches a decision."""
-        return self._compass.reading
-
-    @property
-    def contact(self) -> ContactReading | None:
-        """The newest contact reading that can be true, None before the first: no other reaches a decision."""
-        return self._contact.reading
+        self.compass: CompassReading | None = None
+        self.contact: ContactReading | None = None
 
     def update(self, interval: Interval, snapshot: Snapshot) -> Detection:
         """Take in one tick: what the wheels were told since the previous tick, and what the sensors say now."""
@@ -75,21 +70,23 @@ class Detector:
             self._start(t_s)
         left, right = interval.applied
         turning_s = interval.driven_s if abs(left - right) >= self._turning_duty else 0.0
-        gained_deg = self._compass.gained_deg
+        before_deg = self._compass.gained_deg
         conditions = self._compass.update(t_s, turning_s, compass, moves=self._motion.moves)
+        gained_deg = self._compass.gained_deg
         doubtful = bool(conditions)
-        self._motion.update(interval, self._compass.gained_deg - gained_deg, motion, conditions)
+        self._motion.update(interval, gained_deg - before_deg, motion, conditions)
         anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found else []
-        believed = self._compass.reading
+        self.compass = believed = self._compass.reading
         if believed is not None:
             self._tilt.update(t_s, believed, anomalies, conditions)
         if contact is not None or self._needs_contact:
             self._contact.update(t_s, contact, anomalies, conditions)
+            self.contact = self._contact.reading
         trusted = not (anomalies or doubtful)
-        self._drive.update(interval, self._compass.gained_deg, self._motion.ahead_m, trusted=trusted)
+        self._drive.update(interval, gained_deg, self._motion.ahead_m, trusted=trusted)
         if t_s < self._drive.until_t_s:
             conditions.append(self._drive.condition)
-        conditions += self._turns.update(interval, self._compass.gained_deg)
+        conditions += self._turns.update(interval, gained_deg)
         return Detection(tuple(anomalies), tuple(conditions)) if anomalies or conditions else ALL_WELL
 
     def begin_mission(self) -> None:

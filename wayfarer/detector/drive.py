@@ -9,7 +9,7 @@ turns as told, in a window in which a dead side would have shown, is cleared of 
 from __future__ import annotations
 
 from collections import deque
-from math import degrees, hypot, inf
+from math import degrees, hypot, inf, radians
 from typing import NamedTuple
 
 from wayfarer.detector.settings import DetectorSettings
@@ -22,6 +22,7 @@ from wayfarer.safety.interval import Interval
 LEFT, RIGHT, REVERSED = -1, 1, 0
 # What a window is of: driving ahead or back, or turning on the spot.
 AHEAD, BACK, CLOCKWISE, ANTICLOCKWISE = 1, -1, 2, -2
+STRAIGHT = (AHEAD, BACK)
 
 # Wheels stand about three quarters of the way from the middle of a body to its corners, and its weight is spread
 # evenly: a friction f stops its turning with f g times this, over the diagonal of its outline, in rad/s2.
@@ -37,7 +38,7 @@ class Moment(NamedTuple):
 
     ``left_deg`` and ``right_deg`` are what each side was told to turn the rover by itself, the left one clockwise, the
     right one back, with the lag of a body. ``clockwise_deg`` and ``anticlockwise_deg`` are what both were told to turn
-    it either way, without. ``gained_deg`` is what it has turned, clockwise, and ``rate_deg_s`` how fast it did before.
+    it either way, without. ``gained_deg`` is what it has turned, clockwise.
     """
 
     t_s: float
@@ -46,7 +47,6 @@ class Moment(NamedTuple):
     clockwise_deg: float
     anticlockwise_deg: float
     gained_deg: float
-    rate_deg_s: float
     ahead_m: float
 
 
@@ -64,11 +64,12 @@ class DriveWatch:
         self._from_duty = 2 * settings.drive_from_m_s / vehicle.max_speed_m_s
         self._turn_stop_deg_s2 = degrees(TURN_STOP * settings.gain_m_s2 / hypot(vehicle.length_m, vehicle.width_m))
         self._deg_s_per_duty = degrees(vehicle.max_speed_m_s / vehicle.track_m)
+        self._m_per_deg = radians(vehicle.track_m)
         self._left_deg_s = self._right_deg_s = 0.0
         self._told_sums = (0.0, 0.0, 0.0, 0.0)  # the first sums of a ``Moment``
         self._way = AHEAD
         self._window: deque[Moment] = deque()
-        self._gained: deque[tuple[float, float]] = deque(maxlen=RATE_TICKS + 1)
+        self._before: deque[Moment] = deque(maxlen=RATE_TICKS + 1)  # the last ones before the window
         self._told: deque[tuple[float, int]] = deque()
         self._suspect: tuple[float, int] | None = None  # when to tell, and of which side
         self.condition = Condition.DRIVE_ASYMMETRY
@@ -89,19 +90,20 @@ class DriveWatch:
         window = self._window
         if way != self._way or not trusted:
             self._way = way
-            window.clear()
+            self._leave_window()
         if self._suspect is not None:
             self._confirm(t_s, self._suspect, interval.applied, trusted=trusted)
-        rate_deg_s = self._rate_before_deg_s(t_s, gained_deg)
-        now = Moment(t_s, *self._told_sums, gained_deg, rate_deg_s, ahead_m)
+        # As ``Moment(...)`` does it, but without a call in Python, 20 times a second.
+        now = tuple.__new__(Moment, (t_s, *self._told_sums, gained_deg, ahead_m))
         window.append(now)
-        while t_s - window[0].t_s > self._window_s:
-            window.popleft()
         then = window[0]
-        still = -self._least_deg < gained_deg - then.gained_deg < self._least_deg
-        if still and not self._told and way in (AHEAD, BACK):
+        while t_s - then.t_s > self._window_s:
+            self._before.append(window.popleft())
+            then = window[0]
+        still = abs(gained_deg - then.gained_deg) < self._least_deg
+        if still and not self._told and way in STRAIGHT:
             return  # as nearly always; a rover that is held turns no more than that
-        if way not in (AHEAD, BACK):
+        if way not in STRAIGHT:
             self._check_sense(then, now)
         elif not still:
             self._compare(then, now)
@@ -111,15 +113,16 @@ class DriveWatch:
     def _add_told(self, driven_s: float, left: float, right: float) -> None:
         """Add what the wheels were told for so long."""
         share, deg_s_per_duty = driven_s / (driven_s + self._lag_s), self._deg_s_per_duty
-        self._left_deg_s += (left * deg_s_per_duty - self._left_deg_s) * share
-        self._right_deg_s += (right * deg_s_per_duty - self._right_deg_s) * share
+        left_deg_s = self._left_deg_s = self._left_deg_s + (left * deg_s_per_duty - self._left_deg_s) * share
+        right_deg_s = self._right_deg_s = self._right_deg_s + (right * deg_s_per_duty - self._right_deg_s) * share
         left_deg, right_deg, clockwise_deg, anticlockwise_deg = self._told_sums
         turn_deg = (left - right) * deg_s_per_duty * driven_s
         if turn_deg > 0.0:
             clockwise_deg += turn_deg
         else:
             anticlockwise_deg -= turn_deg
-        left_deg, right_deg = left_deg + self._left_deg_s * driven_s, right_deg + self._right_deg_s * driven_s
+        left_deg += left_deg_s * driven_s
+        right_deg += right_deg_s * driven_s
         self._told_sums = left_deg, right_deg, clockwise_deg, anticlockwise_deg
 
     def _confirm(self, t_s: float, suspect: tuple[float, int], applied: WheelCommand, *, trusted: bool) -> None:
@@ -139,20 +142,31 @@ class DriveWatch:
         elif alone:
             self._show(t_s, Condition.DRIVE_ASYMMETRY)
 
-    def _rate_before_deg_s(self, t_s: float, gained_deg: float) -> float:
-        """Return the turn rate that the body had before this tick."""
-        gained = self._gained
-        rate_deg_s = 0.0
-        if len(gained) > RATE_TICKS:
-            (first_s, first_deg), (last_s, last_deg) = gained[0], gained[-1]
-            rate_deg_s = (last_deg - first_deg) / (last_s - first_s)
-        gained.append((t_s, gained_deg))
-        return rate_deg_s
+    def _leave_window(self) -> None:
+        """Begin another window with the next tick."""
+        self._before.extend(self._window)
+        self._window.clear()
 
-    def _coasts_deg(self, then: Moment, way: float) -> float:
-        """Return how far the body may turn on that way from the rate that it had before the window."""
-        rate_deg_s = way * then.rate_deg_s
-        return max(0.0, rate_deg_s) * max(TURNS_ON_S, rate_deg_s / (2 * self._turn_stop_deg_s2))
+    def _rate_before_deg_s(self) -> float:
+        """Return the turn rate that the body had before the window."""
+        if len(self._before) <= RATE_TICKS:
+            return 0.0
+        first, last = self._before[0], self._before[-1]
+        return (last.gained_deg - first.gained_deg) / (last.t_s - first.t_s)
+
+    def _coasts_deg(self, then: Moment, now: Moment, way: float) -> float:
+        """Return how far the body may turn on that way from the rate that it had before the window.
+
+        One that gains or loses speed as fast as slippery ground allows spends its grip on that, and turns on meanwhile.
+        """
+        rate_deg_s = way * self._rate_before_deg_s()
+        if rate_deg_s <= 0.0:
+            return 0.0
+        early_m, late_m = self._halves_m(then, now)
+        window_s = now.t_s - then.t_s
+        slides = abs(late_m - early_m) >= self._settings.gain_m_s2 * (window_s / 2) ** 2
+        turns_on_s = max(TURNS_ON_S, window_s if slides else 0.0, rate_deg_s / (2 * self._turn_stop_deg_s2))
+        return rate_deg_s * turns_on_s
 
     def _clear_sides(self, then: Moment, now: Moment) -> None:
         """Forget what was told of either side, if it would have shown in this window as well."""
@@ -172,13 +186,27 @@ class DriveWatch:
         clockwise_deg = now.clockwise_deg - then.clockwise_deg
         anticlockwise_deg = now.anticlockwise_deg - then.anticlockwise_deg
         way, that_way_deg = (1.0, clockwise_deg) if excess_deg > 0.0 else (-1.0, anticlockwise_deg)
-        coasted_deg = self._coasts_deg(then, way)
-        if way * measured_deg < that_way_deg + coasted_deg + settings.drive_margin_deg / 2:
+        coasted_deg = self._coasts_deg(then, now, way)
+        beyond_deg = way * measured_deg - that_way_deg - coasted_deg
+        if beyond_deg < settings.drive_margin_deg / 2:
             return  # no more than it was told to turn that way: it was held, as by a tree or by the ground
         side, dead_deg = (LEFT, left_deg) if excess_deg * self._way < 0.0 else (RIGHT, right_deg)
+        if beyond_deg < settings.drive_margin_deg and self._both_push(now, side):
+            return  # chance turned it, while the ground held it
         self._suspect = self._suspect or (now.t_s + settings.drive_confirm_s - 1e-6, side)
         if abs(excess_deg) - coasted_deg > settings.reversed_share * abs(dead_deg) + settings.reversed_margin_deg:
             self._tell(now.t_s, REVERSED, settings.reversed_turns)
+
+    def _both_push(self, now: Moment, side: int) -> bool:
+        """Tell whether the body goes on as fast as both sides drive it, and not as fast as without the one.
+
+        Of late, as a side may just have died. A sense that cannot tell which way never shows it.
+        """
+        middle = self._window[len(self._window) // 2]
+        left_deg, right_deg = now.left_deg - middle.left_deg, now.right_deg - middle.right_deg
+        dead_deg, other_deg = (left_deg, right_deg) if side == LEFT else (right_deg, left_deg)
+        between_m = (other_deg + dead_deg / 2) / 2 * self._m_per_deg
+        return self._way * (now.ahead_m - middle.ahead_m) >= max(0.0, self._way * between_m)
 
     def _check_sense(self, then: Moment, now: Moment) -> None:
         """Look for a turn on the spot that goes the other way, or straight on."""
@@ -188,7 +216,7 @@ class DriveWatch:
         if commanded_deg < settings.reversed_turn_deg:
             return
         measured_deg = way * (now.gained_deg - then.gained_deg)
-        back_deg = settings.reversed_back_deg + self._coasts_deg(then, -way)
+        back_deg = settings.reversed_back_deg + self._coasts_deg(then, now, -way)
         suspected = any(what == REVERSED for _, what in self._told)
         straight = suspected and measured_deg < self._least_deg and self._goes_straight_on(then, now)
         if straight or measured_deg <= -back_deg:
@@ -199,9 +227,13 @@ class DriveWatch:
 
         A body with one side in mud goes ahead as well, so that this alone raises no suspicion.
         """
-        middle = self._window[len(self._window) // 2]
-        early_m, late_m = middle.ahead_m - then.ahead_m, now.ahead_m - middle.ahead_m
+        early_m, late_m = self._halves_m(then, now)
         return abs(early_m + late_m) >= self._settings.reversed_straight_m and early_m * late_m >= early_m * early_m
+
+    def _halves_m(self, then: Moment, now: Moment) -> tuple[float, float]:
+        """Return how far the body was seen to go ahead in each half of the window."""
+        middle = self._window[len(self._window) // 2]
+        return middle.ahead_m - then.ahead_m, now.ahead_m - middle.ahead_m
 
     def _tell(self, t_s: float, what: int, limit: int) -> None:
         """Take note of what a window shows; so many alike within memory are a fault.
@@ -213,13 +245,14 @@ class DriveWatch:
         while told and t_s - told[0][0] > self._settings.drive_memory_s:
             told.popleft()
         alike = [when_s for when_s, each in told if each == what]
-        if alike and t_s - alike[-1] < self._window_s and self._window[0].t_s <= alike[-1]:
+        begins_s = self._window[0].t_s if self._window else t_s
+        if alike and t_s - alike[-1] < self._window_s and begins_s <= alike[-1]:
             return
         told.append((t_s, what))
         failed = len(alike) + 1 >= limit
         if failed:
             told.clear()  # whoever arms the rover anew has seen to it
-            self._window.clear()
+            self._leave_window()
         self._show(t_s, Condition.DRIVE_FAILED if failed else Condition.DRIVE_ASYMMETRY)
 
     def _show(self, t_s: float, condition: Condition) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot, inf, radians
+from math import hypot, radians
 
 from wayfarer.detector.runaway import Runaway
 from wayfarer.detector.settings import DetectorSettings
@@ -30,13 +30,15 @@ class MotionWatch:
         self._watched = watched
         self._stale_s = settings.motion_stale_s
         self._quality_min = settings.quality_min
+        self._seen_from_m_s = settings.immobilised_from_m_s
         self._speed_max_m_s = settings.motion_speed_max_m_s
         self.stall = Stall(settings)
         self.runaway = Runaway(settings)
         self.moves = False
         self.ahead_m = 0.0
         self._commanded_m = self._before_m = self._undriven_s = 0.0
-        self._pushed_m = self._turned_deg = 0.0  # how far the sides were told to go, either way; how far it turned
+        # How far the sides were told to go, either way, and the left one further than their mean; how far it turned.
+        self._pushed_m = self._led_m = self._turned_deg = 0.0
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
 
     def start(self, t_s: float) -> None:
@@ -58,6 +60,7 @@ class MotionWatch:
         self._commanded_m += forward_m
         left, right = applied
         self._pushed_m += (abs(left) + abs(right)) * self._half_speed_m_s * driven_s
+        self._led_m += (left - right) * self._half_speed_m_s * driven_s
         self._turned_deg += turned_deg
         self._undriven_s += tick_s - driven_s
         if applied != STOP:
@@ -75,22 +78,28 @@ class MotionWatch:
             return  # no such time; or the first one, which says how far since nobody knows when
         dt_s, self._spoke_t_s = read_t_s - self._spoke_t_s, read_t_s
         commanded_m, self._commanded_m = self._commanded_m, 0.0
+        told_m, before_m = abs(commanded_m), self._before_m
+        self._before_m = told_m
         # A reading may be older than the gap that the tick saw: then nothing is known to have been driven.
         driven_s = dt_s - self._undriven_s if self._undriven_s < dt_s else 0.0
         self._undriven_s = 0.0
         turned_deg = self._turned_deg
-        straight = abs(commanded_m) / hypot(self._pushed_m, turned_deg * self._m_per_deg) if commanded_m else 1.0
-        self._pushed_m = self._turned_deg = 0.0
+        straight = told_m / hypot(self._pushed_m, turned_deg * self._m_per_deg) if commanded_m else 1.0
+        if abs(self._led_m - turned_deg * self._m_per_deg) > abs(commanded_m - forward_m):
+            straight = 0.0  # one side's wheels slip ahead, the other's back: their friction cancels out
+        self._pushed_m = self._led_m = self._turned_deg = 0.0
         if not signed and commanded_m < 0.0:
             forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
         limit_m = self._speed_max_m_s * dt_s
         can_be = abs(forward_m) <= limit_m >= abs(right_m) and 0.0 <= quality <= 1.0
         known = can_be and quality >= self._quality_min
         # No reading counts for much more than what was driven: garbage now and then hides no stall.
-        most_m = MOST_SHARE * max(abs(commanded_m), self._before_m) if commanded_m else inf
-        self._before_m = abs(commanded_m)
-        counted_m = max(-most_m, min(forward_m, most_m)) if known else None
-        self.stall.add(driven_s, commanded_m, counted_m, turned_deg=turned_deg, straight=straight)
+        counted_m = forward_m if known else None
+        if known and commanded_m:
+            most_m = MOST_SHARE * (told_m if told_m > before_m else before_m)
+            counted_m = most_m if forward_m > most_m else -most_m if forward_m < -most_m else forward_m
+        slid_m = right_m if known and abs(right_m) >= self._seen_from_m_s * dt_s else 0.0
+        self.stall.add(driven_s, commanded_m, counted_m, turned_deg=turned_deg, straight=straight, slid_m=slid_m)
         if not can_be:
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
         if not known:
@@ -100,7 +109,7 @@ class MotionWatch:
         self._moved_t_s = read_t_s
         if signed:
             self.ahead_m += forward_m
-        self.moves = abs(forward_m) >= self._settings.immobilised_from_m_s * dt_s
+        self.moves = abs(forward_m) >= self._seen_from_m_s * dt_s
         stood_s = read_t_s - self._driven_t_s
         if stood_s > 0.0 or self.runaway.found:
             self.runaway.add(dt_s, stood_s, forward_m)

@@ -28,13 +28,16 @@ class Odometer:
         self._told_m += abs(interval.forward_m)
         if motion is not None:
             self._take(motion)
-        self.covered_m = max(self.covered_m, self._read_m + self._share * self._told_m)
+        covered_m, before_m = self._read_m + self._share * self._told_m, self.covered_m
+        self.covered_m = covered_m if covered_m > before_m else before_m
 
     def _take(self, motion: MotionReading) -> None:
-        told_m, self._told_m = self._told_m, 0.0
-        most_m, self._told_before_m = MOST_SHARE * max(told_m, self._told_before_m), told_m
-        # Written so that NaN counts as driven.
-        believed = self._quality_min <= motion.quality <= 1.0
-        moved_m = min(most_m, abs(motion.forward_m)) if believed else told_m
+        told_m, before_m = self._told_m, self._told_before_m
+        self._told_m, self._told_before_m = 0.0, told_m
+        moved_m = told_m
+        if self._quality_min <= motion.quality <= 1.0:  # written so that NaN counts as driven
+            most_m = MOST_SHARE * (told_m if told_m > before_m else before_m)
+            seen_m = abs(motion.forward_m)
+            moved_m = seen_m if seen_m < most_m else most_m
         self._read_m += moved_m
-        self._share = min(moved_m / told_m, 1.0) if told_m > 0.0 else 1.0
+        self._share = moved_m / told_m if moved_m < told_m else 1.0

@@ -33,14 +33,15 @@ TURNS_FROM_DEG_S = 70.0
 class Driven(NamedTuple):
     """An interval of driving; distances and speeds are positive in the direction that is commanded.
 
-    ``moved_m`` is None where nothing was seen, ``gained_m_s`` is the speed that the ground's grip gives in this time,
-    ``possible_m`` the distance possible since driving began this way, and ``before_m_s`` the speed at which the ground
-    passed before.
+    ``moved_m`` is None where nothing was seen, ``slid_m`` is to the right, ``gained_m_s`` is the speed that grip gives
+    in this time, ``possible_m`` the distance possible since driving began this way, and ``before_m_s`` the speed at
+    which the ground passed before.
     """
 
     driven_s: float
     commanded_m: float
     moved_m: float | None
+    slid_m: float
     turned_deg: float
     gained_m_s: float
     possible_m: float
@@ -73,6 +74,7 @@ class Stall:
         *,
         turned_deg: float = 0.0,
         straight: float = 1.0,
+        slid_m: float = 0.0,
     ) -> None:
         """Add an interval of driving.
 
@@ -83,8 +85,10 @@ class Stall:
             turned_deg: how far the body turned.
             straight: how much of the wheels' pushing is ahead or back, 0 to 1; the ground's grip is spent on turning
                 for the rest.
+            slid_m: how far it slid to the right, where that is plain to see.
         """
         before_m_s = (self._last_m_s + self._before_last_m_s) / 2  # of two, so that noise counts for half
+        last_m_s = self._last_m_s
         if moved_m is not None and driven_s > 0.0:
             self._before_last_m_s, self._last_m_s = self._last_m_s, moved_m / driven_s
         if abs(commanded_m) < self._from_m_s * driven_s or driven_s <= 0.0:
@@ -93,16 +97,22 @@ class Stall:
         if (commanded_m > 0.0) is not self._ahead:
             self._ahead = not self._ahead
             self._begin()
+            if last_m_s * commanded_m < 0.0 and abs(last_m_s) > abs(before_m_s):
+                before_m_s = last_m_s  # still on its way in the other direction, and faster than before
         if not self._ahead:
             commanded_m, before_m_s, moved_m = -commanded_m, -before_m_s, None if moved_m is None else -moved_m
         if not self._intervals:
             self._possible_m_s = before_m_s
         gained_m_s = self._gain_m_s2 * straight * driven_s
         possible_m, self._possible_m_s = _possible(self._possible_m_s, driven_s, commanded_m, gained_m_s)
-        self._intervals.append(Driven(driven_s, commanded_m, moved_m, turned_deg, gained_m_s, possible_m, before_m_s))
-        self._sum(self._intervals[-1], 1)
+        self._intervals.append(
+            Driven(driven_s, commanded_m, moved_m, slid_m, turned_deg, gained_m_s, possible_m, before_m_s)
+        )
+        self._span_s += driven_s
+        self._moved_m += possible_m if moved_m is None else moved_m  # what was not seen counts as driven
+        self._could_m += possible_m
         while self._span_s - self._intervals[0].driven_s >= self._nowhere_s:
-            self._sum(self._intervals.popleft(), -1)
+            self._drop_oldest()
         nowhere = self._span_s >= self._nowhere_s and self._too_little(self._moved_m, self._could_m)
         self.found = nowhere or self._stands()
 
@@ -112,27 +122,34 @@ class Stall:
         self._span_s = self._moved_m = self._could_m = self._possible_m_s = 0.0
         self.found = False
 
-    def _sum(self, interval: Driven, sign: int) -> None:
-        """Add an interval to the long window, or take it away; what was not seen counts as driven."""
-        moved_m, possible_m = interval.moved_m, interval.possible_m
-        self._span_s += sign * interval.driven_s
-        self._moved_m += sign * (possible_m if moved_m is None else moved_m)
-        self._could_m += sign * possible_m
+    def _drop_oldest(self) -> None:
+        """Take the oldest interval out of the long window."""
+        oldest = self._intervals.popleft()
+        self._span_s -= oldest.driven_s
+        self._moved_m -= oldest.possible_m if oldest.moved_m is None else oldest.moved_m
+        self._could_m -= oldest.possible_m
 
     def _stands(self) -> bool:
         """Tell whether the body stands: over the newest intervals that fill the short window."""
-        count, span_s = 0, 0.0
-        while span_s < self._stands_s:
-            if count == len(self._intervals):
-                return False
+        count, span_s, commanded_m, seen_m = 0, 0.0, 0.0, 0.0
+        for interval in reversed(self._intervals):
             count += 1
-            span_s += self._intervals[-count].driven_s
+            span_s += interval.driven_s
+            commanded_m += interval.commanded_m
+            seen_m += interval.moved_m or 0.0
+            if span_s >= self._stands_s:
+                break
+        else:
+            return False
+        if seen_m >= self._share * commanded_m:
+            return False  # as nearly always: no more was possible than was commanded
         speed_m_s = self._intervals[-count].before_m_s
-        moved_m = could_m = unseen_s = turned_deg = 0.0
+        moved_m = could_m = slid_m = unseen_s = turned_deg = 0.0
         for place in range(-count, 0):
             interval = self._intervals[place]
             possible_m, speed_m_s = _possible(speed_m_s, interval.driven_s, interval.commanded_m, interval.gained_m_s)
             could_m += possible_m
+            slid_m += interval.slid_m
             turned_deg += interval.turned_deg
             if interval.moved_m is None:
                 unseen_s += interval.driven_s
@@ -141,7 +158,7 @@ class Stall:
                 moved_m += interval.moved_m
         if unseen_s >= self._share * span_s or abs(turned_deg) > TURNS_FROM_DEG_S * span_s:
             return False
-        return self._too_little(moved_m, could_m)
+        return self._too_little(max(moved_m, abs(slid_m)), could_m)  # one that skates sideways does not stand
 
     def _too_little(self, moved_m: float, could_m: float) -> bool:
         return could_m > SEEN_FROM_M and moved_m < self._share * could_m
@@ -149,7 +166,9 @@ class Stall:
 
 def _possible(speed_m_s: float, driven_s: float, commanded_m: float, gained_m_s: float) -> tuple[float, float]:
     """Return how far a body of that speed can go as commanded, and its speed then."""
+    reach_m, reach_m_s = (speed_m_s + gained_m_s / 2) * driven_s, speed_m_s + gained_m_s
+    commanded_m_s = commanded_m / driven_s
     return (
-        min(commanded_m, (speed_m_s + gained_m_s / 2) * driven_s),
-        min(commanded_m / driven_s, speed_m_s + gained_m_s),
+        reach_m if reach_m < commanded_m else commanded_m,
+        reach_m_s if reach_m_s < commanded_m_s else commanded_m_s,
     )

@@ -44,10 +44,10 @@ class TurnAbility:
     def update(self, interval: Interval, gained_deg: float) -> tuple[Condition, ...]:
         """Take in a tick: what the wheels were told, and the heading gained since the start of the run."""
         left, right = interval.applied
-        duty = (left - right) / 2.0
         if not -AHEAD_SHARE <= (left + right) / (left - right or 1.0) <= AHEAD_SHARE:
             self._way = 0.0
             return self._found
+        duty = (left - right) / 2.0
         if duty * self._way <= 0.0:
             self._way, self._from_deg, self._tried_s = duty, gained_deg, 0.0
         turned_deg = copysign(1.0, duty) * (gained_deg - self._from_deg)

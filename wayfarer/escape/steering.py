@@ -53,7 +53,8 @@ class HeadingHold:
         last_error = self._last_error
         if last_error is not None:
             dt_s = t_s - self._last_t_s
-            self._integral = min(max(self._integral + error * dt_s, -INTEGRAL_MAX_RAD_S), INTEGRAL_MAX_RAD_S)
+            integral, most = self._integral + error * dt_s, INTEGRAL_MAX_RAD_S
+            self._integral = most if integral > most else -most if integral < -most else integral
             turn += self._i * self._integral
             if self._d and dt_s > 0.0:
                 turn += self._d * (error - last_error) / dt_s

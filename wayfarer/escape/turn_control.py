@@ -88,16 +88,19 @@ class TurnController:
             return
         rate_deg_s = gained_deg / dt_s
         self._latest_deg_s = (self._latest_deg_s + rate_deg_s) / 2.0
-        self._expected_deg_s += (self._told_deg_s - self._expected_deg_s) * dt_s / (dt_s + LAG_S)
+        expected_deg_s = self._expected_deg_s
+        expected_deg_s += (self._told_deg_s - expected_deg_s) * dt_s / (dt_s + LAG_S)
+        self._expected_deg_s = expected_deg_s
         # More than full duty can answer is not kept: anti-windup.
         most_deg = self._most_behind_deg
-        behind_deg = (self._behind_deg + self._expected_deg_s * dt_s - gained_deg) * FORGET_S / (FORGET_S + dt_s)
+        behind_deg = (self._behind_deg + expected_deg_s * dt_s - gained_deg) * FORGET_S / (FORGET_S + dt_s)
         self._behind_deg = most_deg if behind_deg > most_deg else -most_deg if behind_deg < -most_deg else behind_deg
         share = dt_s / (dt_s + AVERAGE_S)
         duty = self._duty if applied is None else (applied.left - applied.right) / 2.0
         self._mean_duty += (duty - self._mean_duty) * share
         self._mean_rate_deg_s += (rate_deg_s - self._mean_rate_deg_s) * share
-        self._learn(dt_s)
+        if abs(expected_deg_s) >= LEARN_FROM_DEG_S:
+            self._learn(dt_s)
         if self._pushes:
             self._watch(gained_deg, dt_s)
 
@@ -118,7 +121,8 @@ class TurnController:
     def curve_speed_m_s(self, wanted_m_s: float, radius_m: float) -> float:
         """Return the fastest speed, up to the one wanted, at which the wheels can keep to a curve on this ground."""
         duty = max(1.0 - self.dead_zone - RESERVE_DUTY, LEAST_DUTY)
-        return min(wanted_m_s, duty / (1.0 / self._max_speed_m_s + degrees(1.0 / radius_m) / self._ideal_deg_s))
+        fastest_m_s = duty / (1.0 / self._max_speed_m_s + degrees(1.0 / radius_m) / self._ideal_deg_s)
+        return fastest_m_s if fastest_m_s < wanted_m_s else wanted_m_s
 
     def _watch(self, gained_deg: float, dt_s: float) -> None:
         """Count for how long the wheels have turned against each other and turned nothing."""
@@ -131,12 +135,12 @@ class TurnController:
     def _learn(self, dt_s: float) -> None:
         """Take what the turn duty has beyond the turn rate for the ground's; let go where a body has come free."""
         told = self._expected_deg_s
-        if -LEARN_FROM_DEG_S < told < LEARN_FROM_DEG_S:
-            return  # as nearly always
         duty, rate, latest = self._mean_duty, self._mean_rate_deg_s, self._latest_deg_s
         if told < 0.0:
             told, duty, rate, latest = -told, -duty, -rate, -latest
-        if min(rate, latest) > max(LEARN_FROM_DEG_S, LEARN_FROM_SHARE * told):
+        share_deg_s = LEARN_FROM_SHARE * told
+        least_deg_s = share_deg_s if share_deg_s > LEARN_FROM_DEG_S else LEARN_FROM_DEG_S
+        if rate > least_deg_s < latest:
             seen = min(max(duty - rate / self._ideal_deg_s, 0.0), DEAD_ZONE_MAX)
             self.dead_zone += (seen - self.dead_zone) * dt_s / LEARN_S
             if latest > FREE_SHARE * told + FREE_DEG_S:

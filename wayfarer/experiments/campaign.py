@@ -190,14 +190,15 @@ class Campaign:
         return replace(forest, shortest_path_m=shortest_path_m(forest, self.rover.vehicle.width_m))
 
 
-def read_forest_file(path: Path) -> ForestFile:
-    """Read a file of forests.
+def read_forest_file(source: str | Path) -> ForestFile:
+    """Read a file of forests; the text ``reference`` is the one that comes with wayfarer.
 
     Raises:
         BadForest: no such file, nothing in it, or a forest that cannot be used; the text names file, line and
             reason.
     """
-    from wayfarer.simhal.world.forest_file import read_forests
+    from wayfarer.simhal.world.forest_file import content_of, forests_in
 
-    forests = tuple(read_forests(path))
-    return ForestFile(path.name, blake2b(path.read_bytes(), digest_size=16).hexdigest(), forests)
+    content = content_of(source)
+    checksum = blake2b(content, digest_size=16).hexdigest()
+    return ForestFile(Path(source).name, checksum, tuple(forests_in(source, content)))

@@ -25,6 +25,7 @@ from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run_campaign import Finished
 from wayfarer.experiments.tables import FORESTS, Layout, print_table
+from wayfarer.simhal.world.forest_file import content_of
 from wayfarer.simhal.world.grounds import GroundName
 
 if TYPE_CHECKING:
@@ -165,15 +166,15 @@ def run_all(
     resume: bool = False,
     jobs: int | None = None,
     cluster: str | None = None,
-    forests: Path | None = None,
+    forests: str | Path | None = None,
     log: Path | None = None,
     run_trial: RunTrial = field_trial,
 ) -> int:
     """Run a campaign, show it, print its table, and return the exit code.
 
-    ``forests`` is the file that the campaign's forests were read from; ``out`` keeps a copy of it. With ``log`` each
-    trial's full field log goes into a folder of its own there. With ``cluster``, the address of a Dask scheduler, the
-    trials run on its workers, else in ``jobs`` processes.
+    ``forests`` is what the campaign's forests were read from (``campaign.read_forest_file``); ``out`` keeps a copy. With
+    ``log`` each trial's full field log goes into a folder of its own there. With ``cluster``, the address of a Dask
+    scheduler, the trials run on its workers, else in ``jobs`` processes.
 
     Raises:
         BadInput: ``out`` cannot be used, or there is no such cluster; nothing is left behind then. ``log`` is not new
@@ -191,7 +192,7 @@ def run_all(
         ResultsFolder(out, campaign.settings(), resume=resume) if out else nullcontext() as folder,
     ):
         if folder and forests:
-            folder.keep_forests(forests)
+            folder.keep_forests(content_of(forests))
         kept = len(folder.kept) if folder else 0
         if kept:
             say(aside, f"{kept} of {total} trials are in {out} already")

@@ -33,6 +33,7 @@ class Why(StrEnum):
     CANNOT_TURN = "cannot turn"
     WEDGED = "wedged"
     STALLED = "stalled in the open"
+    NARROW = "narrow way"
     ORBITING = "orbiting"
     OUT_OF_TIME = "out of time"
 
@@ -42,6 +43,7 @@ EXPLAINED = {
     Why.CANNOT_TURN: f"away from obstacles, under {TURNS_BELOW_SHARE:.0%} of the turn that was asked for came about",
     Why.WEDGED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body, against something",
     Why.STALLED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body and was hardly against anything",
+    Why.NARROW: "a way out is as wide as this body, none as wide as its diagonal: it cannot turn everywhere",
     Why.ORBITING: f"under {NEW_BELOW_SHARE:.0%} of the places where it was were new to it",
     Why.OUT_OF_TIME: "it still came to new places when its time or path was used up",
 }
@@ -66,7 +68,7 @@ class Entrapment(NamedTuple):
 
 def entrapment(forest: Forest, rover: RoverConfig, trace: Trace) -> Entrapment:
     """Return why the rover of this way was entrapped."""
-    points = _driven(trace.points)
+    vehicle, points = rover.vehicle, _driven(trace.points)
     halfway_s = (points[0].t_s + points[-1].t_s) / 2.0
     late = [point for point in points if point.t_s >= halfway_s]
     west_m, east_m = _ends([point.x_m for point in late])
@@ -74,12 +76,14 @@ def entrapment(forest: Forest, rover: RoverConfig, trace: Trace) -> Entrapment:
     extent_m, touching = hypot(east_m - west_m, north_m - south_m), _touching(late)
     turned = _turned(late, rover.escape.turn_deg_s)
     new = _new([point for point in points if point.t_s < halfway_s], late)
-    if is_closed(forest, rover.vehicle.width_m):
+    if is_closed(forest, vehicle.width_m):
         why = Why.CLOSED
     elif turned is not None and turned < TURNS_BELOW_SHARE:
         why = Why.CANNOT_TURN
-    elif extent_m <= IN_ONE_PLACE_LENGTHS * rover.vehicle.length_m:
+    elif extent_m <= IN_ONE_PLACE_LENGTHS * vehicle.length_m:
         why = Why.WEDGED if touching >= AGAINST_FROM_SHARE else Why.STALLED
+    elif is_closed(forest, hypot(vehicle.width_m, vehicle.length_m)):
+        why = Why.NARROW
     else:
         why = Why.ORBITING if new < NEW_BELOW_SHARE else Why.OUT_OF_TIME
     middle_m = (west_m + east_m) / 2.0, (south_m + north_m) / 2.0

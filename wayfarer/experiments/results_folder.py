@@ -72,14 +72,14 @@ class ResultsFolder:
         """Tell whether the final files are there."""
         return (self.path / TRIALS).exists() and not (self.path / PARTIAL).exists()
 
-    def keep_forests(self, file: Path) -> None:
-        """Keep a copy of the campaign's forest file; whoever reads it compares its checksum with the settings'.
+    def keep_forests(self, content: bytes) -> None:
+        """Keep a copy of the campaign's forest file; the report compares its checksum with the settings'.
 
         Raises:
-            WayfarerError: the file cannot be read, or the folder not be written.
+            WayfarerError: the folder cannot be written.
         """
         with self._writing():
-            write_whole(self.path / FORESTS, file.read_bytes())
+            write_whole(self.path / FORESTS, content)
 
     def append(self, row: Row) -> None:
         """Keep a finished trial, whatever happens to this process next.

@@ -25,6 +25,7 @@ from wayfarer.hal import WheelCommand
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.grounds import GroundName
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:
@@ -140,7 +141,12 @@ class _Claims(PartialLog):
 
 
 def drive_freely(
-    rover: RoverConfig, terrains: Terrains | None, for_s: float, seed: int, faults: Sequence[Fault] = ()
+    rover: RoverConfig,
+    terrains: Terrains | None,
+    for_s: float,
+    seed: int,
+    faults: Sequence[Fault] = (),
+    ground: GroundName = GroundName.ideal,
 ) -> list[tuple[float, str]]:
     """Drive the programme on free ground and return what the detector said, and when: nothing, if it is right.
 
@@ -150,11 +156,12 @@ def drive_freely(
         for_s: how long.
         seed: of the programme and of all noise.
         faults: what goes wrong meanwhile.
+        ground: what physics-light has under the wheels.
     """
     nowhere = replace(rover.progress, give_up_s=NEVER_S, anomalies_max=int(NEVER_S))
     spec = TrialSpec(
         0, f"{__name__}:FREE_DRIVING", CLEARING, seed, rover.model_copy(update={"progress": nowhere}),
-        slip_mean_m=NO_MUD_M, terrains=terrains, faults=faults,
+        slip_mean_m=NO_MUD_M, terrains=terrains, faults=faults, ground=ground,
     )  # fmt: skip
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         return runner.run(_drive(spec, for_s))

@@ -6,6 +6,7 @@ A consumer that draws more, or less, or not at all changes nothing for the other
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import chain
 from random import Random
 from zlib import crc32
 
@@ -31,7 +32,8 @@ class Streams:
 
     def normal(self, name: str, sd: float) -> Callable[[], float]:
         """Return a function that draws from a normal distribution with mean 0."""
-        return _normal(self.generator(name), sd * self._sense_noise if name in SENSES else sd).__next__
+        blocks = _normal_blocks(self.generator(name), sd * self._sense_noise if name in SENSES else sd)
+        return chain.from_iterable(blocks).__next__
 
     def random(self, name: str) -> Random:
         """Return Python's generator of that name, for field code, which does not need numpy."""
@@ -42,6 +44,6 @@ class Streams:
         return f"{self._seed}/{name}"
 
 
-def _normal(generator: Generator, sd: float) -> Iterator[float]:
+def _normal_blocks(generator: Generator, sd: float) -> Iterator[list[float]]:
     while True:
-        yield from (generator.standard_normal(BLOCK) * sd).tolist()
+        yield (generator.standard_normal(BLOCK) * sd).tolist()

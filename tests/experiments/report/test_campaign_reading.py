@@ -117,7 +117,7 @@ def test_resuming_adds_a_copy_that_is_missing(finished: Path, folder: Path) -> N
     (folder / FORESTS).unlink()
     campaign = campaign_of(finished.parent / "given.jsonl")
     with ResultsFolder(folder, campaign.settings(), resume=True) as results:
-        results.keep_forests(finished.parent / "given.jsonl")
+        results.keep_forests((finished.parent / "given.jsonl").read_bytes())
     assert (folder / FORESTS).read_bytes() == (finished / FORESTS).read_bytes()
 
 
@@ -135,7 +135,7 @@ def test_copy_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     with ResultsFolder(tmp_path / "out", campaign_of(given).settings()) as folder:
         monkeypatch.setattr("os.fsync", fail)
         with pytest.raises(WayfarerError, match="No space left"):
-            folder.keep_forests(given)
+            folder.keep_forests(given.read_bytes())
     assert not list((tmp_path / "out").glob(f"{FORESTS}*"))
 
 

@@ -44,7 +44,8 @@ def test_sleep_takes_as_much_shorter_as_the_loop_is_fast(speed: float) -> None:
 
     clock_s, loop_s = run(main(), speed)
     assert 0.2 * speed <= loop_s <= 0.2 * speed + 10 * LATE_S
-    assert 0.199 <= clock_s < 1.0, "slower than asked for is right only on a very busy computer"
+    # What this computer lost just before is made up for by waiting less; slower is right only where it is very busy.
+    assert 0.2 - CATCH_UP_S <= clock_s < 1.0
 
 
 def test_work_that_holds_up_the_loop_does_not_make_timers_late() -> None:

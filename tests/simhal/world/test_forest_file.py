@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from wayfarer.angles import axis_offset_deg
 from wayfarer.errors import BadForest, BadInput
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest, Trunk, lean_of
-from wayfarer.simhal.world.forest_file import read_forests, write_forests
+from wayfarer.simhal.world.forest_file import REFERENCE, content_of, forests_in, read_forests, write_forests
 
 ROW: dict[str, Any] = {
     "forest": 3,
@@ -47,16 +47,16 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "forests.jsonl"
 
 
-def test_reference_file_is_read_whole(reference_forests_path: Path) -> None:
-    forests = read_forests(reference_forests_path)
+def test_reference_file_is_read_whole() -> None:
+    forests = forests_in(REFERENCE, content_of(REFERENCE))
     assert len({(forest.forest, forest.noise) for forest in forests}) == 500
     assert forests[0].trunks[0] == Trunk(6.375, 30.128, 27.736, 31.514, "across")
     assert forests[0].trees_m[0] == (33.3, 6.9)
     assert forests[0].shortest_path_m == 37.61
 
 
-def test_reference_file_survives_writing(reference_forests_path: Path, path: Path) -> None:
-    forests = read_forests(reference_forests_path)
+def test_reference_file_survives_writing(path: Path) -> None:
+    forests = forests_in(REFERENCE, content_of(REFERENCE))
     write_forests(path, forests)
     assert read_forests(path) == forests
 

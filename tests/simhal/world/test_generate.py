@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from hashlib import blake2b
 from itertools import combinations, pairwise
 from math import atan2, degrees, hypot
@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import ks_2samp
 
+from wayfarer.experiments.campaign import read_forest_file
 from wayfarer.simhal.world.forest import Forest, Trunk, check_forest
-from wayfarer.simhal.world.forest_file import read_forests, write_forests
+from wayfarer.simhal.world.forest_file import write_forests
 from wayfarer.simhal.world.generate import CLEARING, DIVIDED, MAX_TILT_DEG, generate_forest
 from wayfarer.simhal.world.shortest_path import shortest_path_m
 
@@ -22,9 +23,9 @@ numbers = st.integers(0, 2**63)
 
 
 @pytest.fixture(scope="module")
-def reference(reference_forests_path: Path) -> list[Forest]:
+def reference() -> tuple[Forest, ...]:
     """One forest of each of the 250 reference layouts."""
-    return read_forests(reference_forests_path)[::2]
+    return read_forest_file("reference").forests[::2]
 
 
 @pytest.fixture(scope="module")
@@ -165,7 +166,7 @@ def bearing_deg(trunk: Trunk) -> float:
     ],
 )
 def test_layouts_are_distributed_like_the_reference(
-    measure: Callable[[Forest], list[float]], reference: list[Forest], generated: list[Forest]
+    measure: Callable[[Forest], list[float]], reference: Sequence[Forest], generated: list[Forest]
 ) -> None:
     expected = [value for forest in reference for value in measure(forest)]
     drawn = [value for forest in generated for value in measure(forest)]

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 from math import asin, atan2, hypot, inf, sqrt
-from pathlib import Path
 
 import pytest
 
+from wayfarer.experiments.campaign import read_forest_file
 from wayfarer.simhal.world import shortest_path
 from wayfarer.simhal.world.forest import Forest, Trunk
-from wayfarer.simhal.world.forest_file import read_forests
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.shortest_path import shortest_path_m
 
@@ -102,7 +101,7 @@ def test_looking_at_likely_detours_first_changes_no_length(layout: int, monkeypa
     assert shortest_path_m(forest) == pytest.approx(length_m, abs=1e-3)
 
 
-def test_reference_lengths_are_reproduced(reference_forests_path: Path) -> None:
-    forests = read_forests(reference_forests_path)[::62]
+def test_reference_lengths_are_reproduced() -> None:
+    forests = read_forest_file("reference").forests[::62]
     longer_m = [(shortest_path_m(forest) or inf) - (forest.shortest_path_m or inf) for forest in forests]
     assert all(0.0 < more_m < 0.2 for more_m in longer_m)  # the file's paths begin and end a little inside

@@ -178,7 +178,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
                 f"({self._describe_tasks()})"
             )
         now_s = timers[0][_WHEN]
-        self._now_s = max(self._now_s, now_s)
+        self._now_s = now_s if now_s > self._now_s else self._now_s
         while timers and timers[0][_WHEN] <= now_s:
             self._ready.append(heappop(timers))
 

@@ -5,6 +5,7 @@ A trunk is a capsule around its centre line, a tree a circle (a capsule of no le
 
 from __future__ import annotations
 
+from itertools import product
 from math import atan2, ceil, degrees, hypot
 from typing import NamedTuple
 
@@ -144,9 +145,9 @@ class Map:
         cells: set[tuple[int, int]] = set()
         for point in range(count + 1):
             x, y = x0 + (x1 - x0) * point / count, y0 + (y1 - y0) * point / count
+            columns = range(int((x - reach_m) // cell_m), int((x + reach_m) // cell_m) + 1)
             rows = range(int((y - reach_m) // cell_m), int((y + reach_m) // cell_m) + 1)
-            for column in range(int((x - reach_m) // cell_m), int((x + reach_m) // cell_m) + 1):
-                cells.update((column, row) for row in rows)
+            cells.update(product(columns, rows))
         for cell in cells:
             self._cells.setdefault(cell, []).append(obstacle)
 

@@ -4,13 +4,21 @@ Keys: ``forest``, ``noise`` (whole numbers, a pair occurs once), ``start_m`` [x,
 ``goal_y_m``, ``trunk_diameter_m``, ``tree_radius_m``, ``trunks_m`` [[x0, y0, x1, y1, lean], ...], ``trees_m``
 [[x, y], ...], ``shortest_path_m`` where it is known, and ``diameters_m`` [d, ...], one a trunk, where they differ.
 Blank lines do not count.
+
+One such file comes with wayfarer, beside this module, and has a word for its name: ``reference``. Its 500 forests (250
+layouts with 2 noise seeds each) are those that the simulator of the Blind-Wayfarer paper generates
+(https://github.com/Xu-Yanran/blind_wayfarer), measured as plain geometry, with shortest paths computed for a body
+0.4 m wide. That repository states no licence; the file has measured coordinates only, nothing of its code, and comes
+under wayfarer's MIT licence as far as coordinates can have one.
 """
 
 from __future__ import annotations
 
+import gzip
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
+from importlib.resources import files
 from math import isfinite
 from pathlib import Path
 from reprlib import Repr
@@ -35,6 +43,8 @@ REQUIRED_KEYS = (
 )
 OPTIONAL_KEYS = ("shortest_path_m", "diameters_m")
 TOO_LARGE = 2**31  # a million passes through the file later it still fits a table of results
+REFERENCE = "reference"
+REFERENCE_FILE = "reference_forests.jsonl.gz"
 
 _brief = Repr()
 _brief.maxstring = _brief.maxother = _brief.maxlong = 40
@@ -47,11 +57,26 @@ def read_forests(path: Path) -> list[Forest]:
         BadForest: no such file, nothing in it, or a forest that cannot be used; the text names file, line,
             key, reason and what was expected.
     """
+    return forests_in(path, content_of(path))
+
+
+def content_of(source: str | Path) -> bytes:
+    """Return what a file of forests holds; the text ``reference`` is the file that comes with wayfarer.
+
+    A ``Path`` is always a file of the user, and so is the text ``./reference``.
+
+    Raises:
+        BadForest: no such file.
+    """
+    if source == REFERENCE:
+        beside_this = files(__name__.rpartition(".")[0])
+        return gzip.decompress((beside_this / REFERENCE_FILE).read_bytes())
     try:
-        content = path.read_bytes()
+        return Path(source).read_bytes()
     except OSError as error:
-        raise BadForest(f"{path}: cannot be read ({error.strerror}), expected a file of forests") from None
-    return _forests_of(path, content)
+        raise BadForest(
+            f"{source}: cannot be read ({error.strerror}), expected a file of forests, or the word {REFERENCE}"
+        ) from None
 
 
 def write_forests(path: Path, forests: Iterable[Forest]) -> None:
@@ -62,7 +87,7 @@ def write_forests(path: Path, forests: Iterable[Forest]) -> None:
         BadInput: what is there is no ordinary file.
     """
     content = "".join(_line_of(forest) for forest in forests).encode()
-    _forests_of(path, content)
+    forests_in(path, content)
     try:
         with whole_file(path) as draft:
             draft.write_bytes(content)
@@ -70,8 +95,13 @@ def write_forests(path: Path, forests: Iterable[Forest]) -> None:
         raise BadForest(f"{path}: cannot be written ({error.strerror}); check the folder and its rights") from None
 
 
-def _forests_of(path: Path, content: bytes) -> list[Forest]:
-    """Return the forests of a file's content; only a line feed ends a line."""
+def forests_in(source: str | Path, content: bytes) -> list[Forest]:
+    """Return the forests in a file's content, in its order; only a line feed ends a line.
+
+    Raises:
+        BadForest: nothing in it, or a forest that cannot be used; the text names ``source``, line, key, reason and what
+            was expected.
+    """
     forests: list[Forest] = []
     lines: dict[tuple[int, int], int] = {}
     for number, line in enumerate(content.split(b"\n"), start=1):
@@ -80,11 +110,11 @@ def _forests_of(path: Path, content: bytes) -> list[Forest]:
                 forest = _forest_of(line)
                 _check_pair_is_new(forest, lines)
             except BadForest as defect:
-                raise BadForest(f"{path}, line {number}: {defect}") from None
+                raise BadForest(f"{source}, line {number}: {defect}") from None
             lines[forest.forest, forest.noise] = number
             forests.append(forest)
     if not forests:
-        raise BadForest(f"{path}: there is no forest in this file, expected one JSON object a line")
+        raise BadForest(f"{source}: there is no forest in this file, expected one JSON object a line")
     return forests
 
 

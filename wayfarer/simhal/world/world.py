@@ -275,7 +275,7 @@ class World:
             gap_m = hypot(near_x - x_m, near_y - y_m) - obstacle.radius_m - reach_m
             if gap_m <= 0.0:
                 within_reach.append(obstacle)
-            free_m = min(free_m, gap_m)
+            free_m = gap_m if gap_m < free_m else free_m
         self._free_m = free_m
         return within_reach
 

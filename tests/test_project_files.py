@@ -1,0 +1,55 @@
+"""The files for people say what is so: paths that are there, one version, hooks that run what the CI runs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from wayfarer import __version__
+
+ROOT = Path(__file__).parents[1]
+CACHES = re.compile(r" --no-cache| --cache-dir \S+")
+
+
+def text_of(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def paths_in(text: str) -> set[str]:
+    """What stands between backquotes and looks like a path of the checkout, and the paths of `pytest` commands."""
+    quoted = re.findall(r"`([\w./-]+/[\w./-]*)`", text)
+    tried = [word for command in re.findall(r"pytest ([^`\n#]+)", text) for word in command.split() if "/" in word]
+    return {*quoted, *tried}
+
+
+@pytest.mark.parametrize("path", sorted(paths_in(text_of("CONTRIBUTING.md"))))
+def test_path_that_a_recipe_names_is_there(path: str) -> None:
+    assert (ROOT / path).exists()
+
+
+@pytest.mark.parametrize(
+    ("file", "names"),
+    [
+        ("wayfarer/escape/catalogue.py", ["_ROWS_BEYOND", "_ROWS"]),
+        ("wayfarer/config/registry.py", ["BUILT_IN_DRIVERS"]),
+        ("wayfarer/simhal/build_rover.py", ["class Solder"]),
+        ("wayfarer/simhal/faults/kinds.py", ["KINDS"]),
+        ("wayfarer/fieldlog/log.py", ["def tick_fields"]),
+        ("wayfarer/fieldlog/schema.py", ["KEYS", "SCHEMA"]),
+    ],
+)
+def test_name_that_a_recipe_names_is_in_its_file(file: str, names: list[str]) -> None:
+    assert all(re.search(rf"^{name}\b", text_of(file), re.MULTILINE) for name in names)
+
+
+def test_changelog_and_citation_have_the_version() -> None:
+    assert re.search(rf"^## \[{re.escape(__version__)}\] - \d{{4}}-\d\d-\d\d$", text_of("CHANGELOG.md"), re.MULTILINE)
+    assert re.search(rf"^version: {re.escape(__version__)}$", text_of("CITATION.cff"), re.MULTILINE)
+
+
+def test_hooks_before_a_commit_are_what_the_ci_runs() -> None:
+    hooks = re.findall(r"entry: (.+)", text_of(".pre-commit-config.yaml"))
+    commands = re.findall(r"^(?:ruff|mypy)\b.*$", text_of(".ci/run"), re.MULTILINE)
+    assert hooks == [CACHES.sub("", command) for command in commands]
