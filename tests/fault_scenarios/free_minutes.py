@@ -1,8 +1,9 @@
 """What the detector says in free driving: of healthy rovers (nothing, if it is right), and of broken drives (how soon).
 
 ``python -m tests.fault_scenarios.free_minutes silence`` drives each healthy rover for ten minutes on each ground of
-both worlds and prints what was said (a quarter of an hour). ``python -m tests.fault_scenarios.free_minutes faults`` breaks a
-side after 20 s and prints how often and how soon that was told, as a Markdown table (ten minutes).
+both worlds and prints what was said (a quarter of an hour).
+``python -m tests.fault_scenarios.free_minutes faults`` breaks a side after 20 s and prints how often and how soon that
+was told, as a Markdown table (ten minutes).
 """
 
 from __future__ import annotations

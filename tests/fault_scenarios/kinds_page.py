@@ -1,4 +1,4 @@
-"""The table of kinds in ``docs/faults.md``: ``python -m tests.fault_scenarios.kinds_page`` prints it anew."""
+"""The table of kinds in ``docs/faults.md``: ``python -m tests.fault_scenarios.kinds_page`` prints it again."""
 
 from __future__ import annotations
 
