@@ -193,9 +193,21 @@ class DriveWatch:
         side, dead_deg = (LEFT, left_deg) if excess_deg * self._way < 0.0 else (RIGHT, right_deg)
         if beyond_deg < settings.drive_margin_deg and self._both_push(now, side):
             return  # chance turned it, while the ground held it
-        self._suspect = self._suspect or (now.t_s + settings.drive_confirm_s - 1e-6, side)
-        if abs(excess_deg) - coasted_deg > settings.reversed_share * abs(dead_deg) + settings.reversed_margin_deg:
+        reversed_deg = settings.reversed_share * abs(dead_deg) + settings.reversed_margin_deg
+        if abs(excess_deg) - coasted_deg > reversed_deg:
             self._tell(now.t_s, REVERSED, settings.reversed_turns)
+        elif self._held(then, now):
+            return
+        self._suspect = self._suspect or (now.t_s + settings.drive_confirm_s - 1e-6, side)
+
+    def _held(self, then: Moment, now: Moment) -> bool:
+        """Tell whether the body was seen to get on by hardly anything: what holds it may turn it as well.
+
+        One side alone drives it half as far as both. Where nothing at all was seen, nobody knows.
+        """
+        told_m = (now.left_deg - then.left_deg + now.right_deg - then.right_deg) / 2 * self._m_per_deg
+        moved_m = now.ahead_m - then.ahead_m
+        return moved_m != 0.0 and self._way * moved_m < self._settings.immobilised_below * self._way * told_m
 
     def _both_push(self, now: Moment, side: int) -> bool:
         """Tell whether the body goes on as fast as both sides drive it, and not as fast as without the one.
