@@ -131,7 +131,7 @@ LIVE = Target(
     "live",
     ["wayfarer.views.live.talk", "wayfarer.views.live.server:LivePage._answer",
      "wayfarer.views.live.server:LivePage._answer_page", "wayfarer.views.live.server:LivePage._answer_socket",
-     "wayfarer.views.live.server:_plain", "wayfarer.views.live.audience:Viewer.acknowledge"],
+     "wayfarer.views.live.server:_plain", "wayfarer.views.live.audience:PageViewer.acknowledge"],
     _conversations,
     _shown,
     quick=60,

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import fields
 
-from wayfarer.commissioning.checks.api import Place
+from wayfarer.commissioning.checks.api import HostEnvironment
 from wayfarer.commissioning.checks.system import diagnose
 from wayfarer.config.rover_file import RoverConfig, line_in, part_settings
 from wayfarer.errors import BadConfig
 
 
-def refuse_missing_ports(config: RoverConfig, where: str, place: Place) -> None:
+def refuse_missing_ports(config: RoverConfig, where: str, place: HostEnvironment) -> None:
     """Refuse a rover of which a device file is not there, or may not be used.
 
     Args:

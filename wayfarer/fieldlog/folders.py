@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.disk_errors import cure
+from wayfarer.fieldlog.disk_errors import error_advice
 
 FILE_NAME = "run.jsonl"  # the newest part of a run's log; older ones are run.00001.jsonl and so on
 RUN_NAME = re.compile(r"(\d+)-\d{8}T\d{6}Z", re.ASCII)
@@ -37,7 +37,7 @@ def new_run_folder(logs: Path) -> Path:
             folder = logs / f"{last + 1:05d}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}"
             folder.mkdir()
     except OSError as error:
-        raise BadInput(f"{logs}: no folder can be made for the field log: {cure(error)}") from None
+        raise BadInput(f"{logs}: no folder can be made for the field log: {error_advice(error)}") from None
     return folder
 
 

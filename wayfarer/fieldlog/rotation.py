@@ -15,12 +15,12 @@ import orjson
 
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.fieldlog.folders import FILE_NAME, older_parts, part_path
-from wayfarer.fieldlog.segment import Part, sync_folder
+from wayfarer.fieldlog.segment import Segment, sync_folder
 
 MB = 1_000_000
 
 
-class Parts:
+class SegmentRotation:
     """Makes the parts of a log; ``newest`` is the one to be written, None if the last attempt to make one failed.
 
     Args:
@@ -38,7 +38,7 @@ class Parts:
         self._run_bytes = settings.run_mb * MB
         self._header = header
         folder.mkdir(parents=True, exist_ok=True)
-        self.newest: Part | None = None
+        self.newest: Segment | None = None
         self._make(1, header(1))
         sync_folder(folder.parent)
 
@@ -60,7 +60,7 @@ class Parts:
         else:
             self.begin(line)
 
-    def begin(self, line: bytes) -> Part:
+    def begin(self, line: bytes) -> Segment:
         """Make the part that begins with a line, whatever became of the one before.
 
         Raises:
@@ -79,8 +79,8 @@ class Parts:
             self.newest.close()
             self.newest = None
 
-    def _make(self, number: int, header: bytes) -> Part:
-        self.newest = Part(self._folder / FILE_NAME, header)
+    def _make(self, number: int, header: bytes) -> Segment:
+        self.newest = Segment(self._folder / FILE_NAME, header)
         self._number = number
         self._empty_bytes = self.newest.size
         self._full_bytes = self._part_bytes

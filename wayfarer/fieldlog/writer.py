@@ -14,9 +14,9 @@ from typing import Protocol
 
 from wayfarer.config.log_settings import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.disk_errors import DRIVES_ON, Trouble, cure
-from wayfarer.fieldlog.rotation import MB, Parts, at
-from wayfarer.fieldlog.segment import Part
+from wayfarer.fieldlog.disk_errors import DRIVES_ON, DiskErrorReporter, error_advice
+from wayfarer.fieldlog.rotation import MB, SegmentRotation, at
+from wayfarer.fieldlog.segment import Segment
 
 BATCH_BYTES = 65_536  # what is written at once, unless it is asked for earlier
 LOG_GAP = {"record": "event", "t_s": None, "t_wall": None, "name": "log_gap"}  # the times come from ``at``
@@ -66,7 +66,7 @@ class RunFiles:
         self.dropped = 0
         self._folder = folder
         self._settings = settings
-        self.trouble = Trouble(tell)
+        self.trouble = DiskErrorReporter(tell)
         self._counting = Lock()
         self._batch: list[bytes] = []
         self._batch_bytes = 0
@@ -77,9 +77,9 @@ class RunFiles:
     def open(self, header: Callable[[int], bytes]) -> None:
         """Make folder and file, and write the header; see ``LineSink``."""
         try:
-            self._parts = Parts(self._folder, self._settings, header)
+            self._parts = SegmentRotation(self._folder, self._settings, header)
         except OSError as error:
-            raise BadInput(f"{self._folder}: the field log cannot be written: {cure(error)}") from None
+            raise BadInput(f"{self._folder}: the field log cannot be written: {error_advice(error)}") from None
 
     def bulk(self, line: bytes) -> None:
         """Write a line with the next batch; see ``LineSink``."""
@@ -167,7 +167,7 @@ class RunFiles:
         finally:
             self.lose(left)
 
-    def _part_for(self, lines: list[bytes]) -> Part:
+    def _part_for(self, lines: list[bytes]) -> Segment:
         """Return the part that takes these lines."""
         parts = self._parts
         if parts.newest is None or not parts.newest.fit:
@@ -190,7 +190,7 @@ class RunFiles:
             text = f"the field log takes only events and positions: less than {self._settings.free_mb:g} MB are free"
             self.trouble.begins("disk", f"{self._folder}: {text}: delete old runs{DRIVES_ON}")
 
-    def _sync(self, part: Part) -> None:
+    def _sync(self, part: Segment) -> None:
         try:
             part.sync()
         except OSError:
@@ -201,5 +201,5 @@ class RunFiles:
 
     def _fail(self, error: OSError) -> None:
         self._failing = True
-        text = f"{self._folder}: the field log cannot be written: {cure(error)}{DRIVES_ON}"
+        text = f"{self._folder}: the field log cannot be written: {error_advice(error)}{DRIVES_ON}"
         self.trouble.begins("disk", text)

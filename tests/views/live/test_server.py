@@ -19,7 +19,7 @@ from tests.views.live.records import run_log, tick
 from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.views.live.audience import LIMITS, Limits
+from wayfarer.views.live.audience import LIMITS, ViewerLimits
 from wayfarer.views.live.server import LivePage
 
 TOKEN = "s3cret"
@@ -70,7 +70,7 @@ class Site:
 
 
 @contextlib.asynccontextmanager
-async def serving(host: str = "127.0.0.1", limits: Limits = LIMITS) -> AsyncIterator[Site]:
+async def serving(host: str = "127.0.0.1", limits: ViewerLimits = LIMITS) -> AsyncIterator[Site]:
     page, rover = LivePage(host, 0, TOKEN, limits=limits), Rover()
     log = run_log(page.show)
     async with aiohttp.ClientSession() as client, page.serving(rover):  # type: ignore[arg-type]

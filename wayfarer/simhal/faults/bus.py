@@ -21,7 +21,7 @@ from wayfarer.simhal.buses import FakeI2C
 from wayfarer.simhal.chips.pmw3901 import BURST
 from wayfarer.simhal.faults.bus_hang import Hang
 from wayfarer.simhal.faults.kinds import Fault
-from wayfarer.simhal.faults.wires import TamperedBuses, Wire
+from wayfarer.simhal.faults.wires import FaultyWire, TamperedBuses
 
 _THUNDERBORG_ID, _THUNDERBORG_FAILSAFE = 153, 20
 _PMW3901_PRODUCT = 0x00
@@ -52,12 +52,12 @@ _FITS: dict[str, tuple[type, ...]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class WiredPart:
     """Where a part is: its chip (or camera), its wire, and the hang of its bus; ``settings`` are its driver's."""
 
     settings: Any
     chip: Any
-    wire: Wire
+    wire: FaultyWire
     hang: Hang
 
 
@@ -71,24 +71,24 @@ def misplaced(fault: Fault, config: RoverConfig) -> str | None:
     return f"rover '{config.name}': '{fault.kind}' cannot happen to driver = \"{table['driver']}\""
 
 
-def place_of(fault: Fault, config: RoverConfig, buses: TamperedBuses) -> Place:
+def place_of(fault: Fault, config: RoverConfig, buses: TamperedBuses) -> WiredPart:
     """Return where a fault is to happen that is not ``misplaced``."""
     settings = part_settings(fault.target, config.parts[fault.target])[1]
     if isinstance(settings, CMPS14Settings | ThunderBorgSettings):
         i2c = buses.i2c(settings.bus)
-        return Place(settings, FakeI2C.chip_at(i2c, settings.address), i2c.wire(settings.address), i2c.hang)
+        return WiredPart(settings, FakeI2C.chip_at(i2c, settings.address), i2c.wire(settings.address), i2c.hang)
     if isinstance(settings, PMW3901Settings):
         spi = buses.spi(settings.bus)
-        return Place(settings, spi.chip, spi.wire, spi.hang)
+        return WiredPart(settings, spi.chip, spi.wire, spi.hang)
     if isinstance(settings, SabertoothSettings):
         port = buses.serial(settings.port)
-        return Place(settings, port.chip, port.wire, port.hang)
+        return WiredPart(settings, port.chip, port.wire, port.hang)
     assert isinstance(settings, CameraMotionSettings)
     camera = buses.views[settings.camera]
-    return Place(settings, camera, camera.wire, camera.hang)
+    return WiredPart(settings, camera, camera.wire, camera.hang)
 
 
-def bus_fault(fault: Fault, place: Place, chance: Random) -> AbstractContextManager[None]:
+def bus_fault(fault: Fault, place: WiredPart, chance: Random) -> AbstractContextManager[None]:
     """Return what makes a fault of this layer happen."""
     effect: AbstractContextManager[None] = _EFFECTS[fault.kind](place, fault.params, chance)
     return effect
@@ -101,7 +101,7 @@ def _listed(items: list[Any], item: Any) -> Iterator[None]:
     items.remove(item)
 
 
-def _nack(place: Place, params: Any, chance: Random) -> AbstractContextManager[None]:
+def _nack(place: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
     left = params.most
 
     def is_lost() -> bool:
@@ -114,13 +114,13 @@ def _nack(place: Place, params: Any, chance: Random) -> AbstractContextManager[N
 
 
 @contextmanager
-def _hang(place: Place, _: object, __: Random) -> Iterator[None]:
+def _hang(place: WiredPart, _: object, __: Random) -> Iterator[None]:
     place.hang.begin()
     yield
     place.hang.end()
 
 
-def _flipped_bits(place: Place, params: Any, chance: Random) -> AbstractContextManager[None]:
+def _flipped_bits(place: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
     def flip(data: bytes) -> bytes:
         if chance.random() >= params.chance or not data:
             return data
@@ -134,7 +134,7 @@ def _flipped_bits(place: Place, params: Any, chance: Random) -> AbstractContextM
     return _listed(place.wire.writes, flip)
 
 
-def _shifted_block(place: Place, params: Any, _: Random) -> AbstractContextManager[None]:
+def _shifted_block(place: WiredPart, params: Any, _: Random) -> AbstractContextManager[None]:
     def shift(_: bytes, answer: bytes) -> bytes:
         whole = int.from_bytes(answer, "big") << int(params.bits)
         return (whole & ((1 << len(answer) * 8) - 1)).to_bytes(len(answer), "big")
@@ -143,13 +143,13 @@ def _shifted_block(place: Place, params: Any, _: Random) -> AbstractContextManag
 
 
 def _all(byte: int) -> Callable[..., AbstractContextManager[None]]:
-    def effect(place: Place, _: object, __: Random) -> AbstractContextManager[None]:
+    def effect(place: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
         return _listed(place.wire.answers, lambda _, answer: bytes((byte,)) * len(answer))
 
     return effect
 
 
-def _wrong_id(place: Place, params: Any, _: Random) -> AbstractContextManager[None]:
+def _wrong_id(place: WiredPart, params: Any, _: Random) -> AbstractContextManager[None]:
     """Change what the part says when it is asked who it is."""
 
     def lie(asked: bytes, answer: bytes) -> bytes:
@@ -165,7 +165,7 @@ def _wrong_id(place: Place, params: Any, _: Random) -> AbstractContextManager[No
 
 
 @contextmanager
-def _reset(place: Place, _: object, __: Random) -> Iterator[None]:
+def _reset(place: WiredPart, _: object, __: Random) -> Iterator[None]:
     """Take the power away: the part is silent for as long, and begins anew after that."""
     _lose_power(place.chip)
     with ExitStack() as silence:
@@ -185,14 +185,14 @@ def _lose_power(chip: Any) -> None:
             return
 
 
-def _lost_bytes(place: Place, params: Any, chance: Random) -> AbstractContextManager[None]:
+def _lost_bytes(place: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
     def lose(data: bytes) -> bytes:
         return bytes(byte for byte in data if chance.random() >= params.chance)
 
     return _listed(place.wire.writes, lose)
 
 
-def _failsafe_off(place: Place, _: object, __: Random) -> AbstractContextManager[None]:
+def _failsafe_off(place: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
     def off(asked: bytes, answer: bytes) -> bytes:
         return answer[:1] + b"\0" + answer[2:] if asked == bytes((_THUNDERBORG_FAILSAFE,)) else answer
 
@@ -200,13 +200,13 @@ def _failsafe_off(place: Place, _: object, __: Random) -> AbstractContextManager
 
 
 @contextmanager
-def _board_fault(place: Place, _: object, __: Random) -> Iterator[None]:
+def _board_fault(place: WiredPart, _: object, __: Random) -> Iterator[None]:
     place.chip.drive_faults.add(0)
     yield
     place.chip.drive_faults.discard(0)
 
 
-def _ignores(place: Place, _: object, __: Random) -> AbstractContextManager[None]:
+def _ignores(place: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
     """Let requests through and nothing that drives: the board goes on with what it had."""
 
     def drop(data: bytes) -> bytes | None:
@@ -215,21 +215,21 @@ def _ignores(place: Place, _: object, __: Random) -> AbstractContextManager[None
     return _listed(place.wire.writes, drop)
 
 
-def _dark(place: Place, _: object, __: Random) -> AbstractContextManager[None]:
+def _dark(place: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
     if isinstance(place.settings, CameraMotionSettings):
         return _listed(place.chip.shows, lambda frame: frame._replace(luma=frame.luma * 0))
     return _dark_chip(place)
 
 
 @contextmanager
-def _dark_chip(place: Place) -> Iterator[None]:
+def _dark_chip(place: WiredPart) -> Iterator[None]:
     kept = place.chip.squal, place.chip.shutter
     place.chip.squal, place.chip.shutter = _DARK_SQUAL, _LONGEST_SHUTTER
     yield
     place.chip.squal, place.chip.shutter = kept
 
 
-def _spikes(place: Place, params: Any, _: Random) -> AbstractContextManager[None]:
+def _spikes(place: WiredPart, params: Any, _: Random) -> AbstractContextManager[None]:
     x, y = mounted(place.settings)(params.counts, 0)
     bursts = 0
 
@@ -244,7 +244,7 @@ def _spikes(place: Place, params: Any, _: Random) -> AbstractContextManager[None
     return _listed(place.wire.answers, spike)
 
 
-def _same_picture(place: Place, _: object, __: Random) -> AbstractContextManager[None]:
+def _same_picture(place: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
     def show(frame: Frame) -> Frame:
         last: Frame | None = place.chip.last
         return frame if last is None else last._replace(t_s=frame.t_s)
@@ -253,7 +253,7 @@ def _same_picture(place: Place, _: object, __: Random) -> AbstractContextManager
 
 
 @contextmanager
-def _uncalibrated(place: Place, _: object, __: Random) -> Iterator[None]:
+def _uncalibrated(place: WiredPart, _: object, __: Random) -> Iterator[None]:
     kept = place.chip.calibration
     place.chip.calibration = 0
     yield
