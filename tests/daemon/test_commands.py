@@ -264,7 +264,7 @@ def break_motors(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize(
-    ("harm", "text"),
+    ("set_faults", "text"),
     [
         (break_battery, "motor faults: motor A: drive fault .*switch it off and on"),
         (break_compass, "compass calibration: level 1 of 3, at least 2 is needed"),

@@ -16,7 +16,7 @@ FULL = WheelCommand(1.0, -1.0)
 
 
 class Turns:
-    """Feeds the watch tick by tick; the body turns at the rate that a test gives."""
+    """Feeds the monitor tick by tick; the body turns at the rate that a test gives."""
 
     def __init__(self, duty_max: float = 1.0) -> None:
         self.watch = TurnabilityMonitor(SETTINGS, duty_max)

@@ -35,7 +35,7 @@ from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.grounds import GroundName
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
-from wayfarer.views.text import account, wording
+from wayfarer.views.text import run_summariser, wording
 
 README = Path(__file__).resolve().parents[2] / "field_logs" / "README.md"
 CODE = Path(wayfarer.__file__).parent
@@ -184,5 +184,5 @@ def test_page_names_every_kind_of_record_and_the_version_of_the_schema() -> None
 
 
 def test_tools_over_logs_know_only_events_that_there_are() -> None:
-    known = wording.PERSON | wording.WARNINGS | wording.FAULTS | account.FAILURES
+    known = wording.PERSON | wording.WARNINGS | wording.FAULTS | run_summariser.FAILURES
     assert known <= set(documented_events())

@@ -20,7 +20,7 @@ from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.reader import Damage
-    from wayfarer.views.text.story import Line
+    from wayfarer.views.text.run_narrator import Line
 
 POLL_S = 0.3  # how long a line waits until it is shown, at most
 STDOUT = Path("-")
@@ -77,7 +77,7 @@ def list_runs(*, logs: Logs = None) -> None:
 def follow(run: Run = None, *, logs: Logs = None) -> None:
     """Tell what happens while it happens, run after run; with RUN until that run ends. Ctrl-C ends it."""
     from wayfarer.fieldlog.folders import find_run, run_folders
-    from wayfarer.views.text.story import RunNarrator
+    from wayfarer.views.text.run_narrator import RunNarrator
     from wayfarer.views.text.tail import follow as follow_records
     from wayfarer.views.text.verdict import NO_OUTCOME
 
@@ -115,7 +115,7 @@ def show(
     """Tell a run from its beginning."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import Damage, RunReader
-    from wayfarer.views.text.story import RunNarrator
+    from wayfarer.views.text.run_narrator import RunNarrator
     from wayfarer.views.text.verdict import NO_OUTCOME, readable
 
     narrator, ended = RunNarrator(ticks=ticks), False
@@ -140,7 +140,7 @@ def summary(
     """Say what came of a run: how far, how long, what went wrong, and where the rover is likely to be."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import RunReader
-    from wayfarer.views.text.account import summarise
+    from wayfarer.views.text.run_summariser import summarise
     from wayfarer.views.text.verdict import readable
 
     reader = RunReader(find_run(run, log_folder(logs)))

@@ -1,4 +1,4 @@
-"""Pacing a task on a fixed grid of times; and how often somebody may ask for something."""
+"""Running a task at a fixed rate, and limiting how often a client may ask for something."""
 
 from __future__ import annotations
 

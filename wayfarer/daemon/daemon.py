@@ -28,7 +28,6 @@ from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.console_log import ConsoleLog
 from wayfarer.daemon.dry_run import DryMotors
-from wayfarer.daemon.heartbeat import WatchdogFeed
 from wayfarer.daemon.host_health import Health, HostHealthMonitor
 from wayfarer.daemon.motors_lock import MotorsLock, motors_device
 from wayfarer.daemon.signals import handle_signals
@@ -38,6 +37,7 @@ from wayfarer.daemon.socket.server import ControlServer
 from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.daemon.viewer import Viewer
 from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, feed_watchdog, watchdog_period_s
+from wayfarer.daemon.watchdog_feed import WatchdogFeed
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.clock import wall_clock

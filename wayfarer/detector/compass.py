@@ -7,7 +7,7 @@ from math import inf
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.hal import CompassReading
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.persistence import Debounce
+from wayfarer.safety.debounce import Debounce
 
 
 class CompassMonitor:

@@ -8,7 +8,7 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import ContactReading
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.persistence import Debounce
+from wayfarer.safety.debounce import Debounce
 
 
 class ContactMonitor:

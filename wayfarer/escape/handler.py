@@ -9,9 +9,9 @@ from random import Random
 from wayfarer.angles import wrap180
 from wayfarer.escape import policies
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
-from wayfarer.escape.level import PitchBaseline
 from wayfarer.escape.manoeuvres import MANOEUVRES, EscapePlan
 from wayfarer.escape.phases import WHY, PhaseEvent, Transitions
+from wayfarer.escape.pitch_baseline import PitchBaseline
 from wayfarer.escape.reckoning import Reckoning
 from wayfarer.escape.tactics import AnomalyContext, Tactic
 from wayfarer.escape.turn_control import TurnController

@@ -40,7 +40,7 @@ class AutoArm:
     async def serving(self, commands: Commands) -> AsyncIterator[None]:
         """Serve while entered; see ``Viewer``."""
         async with self._viewer.serving(commands):
-            arming = asyncio.create_task(self._arm(commands), name="self-arming")
+            arming = asyncio.create_task(self._arm(commands), name="auto-arm")
             try:
                 yield
             finally:

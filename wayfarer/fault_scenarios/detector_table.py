@@ -19,9 +19,9 @@ from wayfarer.experiments.executors import Stopped, stream
 from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.run_campaign import stop_on_signals
 from wayfarer.experiments.statistics import wilson_interval
+from wayfarer.fault_scenarios.batch_progress import shown, worker_death_explained
 from wayfarer.fault_scenarios.detector_score import NOTHING, Score
 from wayfarer.fault_scenarios.detector_trials import CELLS, DetectorCase, DetectorRunner, DetectorTask, Scores
-from wayfarer.fault_scenarios.progress import shown, worker_death_explained
 from wayfarer.fieldlog.atomic_file import whole_file
 
 TRIALS = 50  # of each cell, where nobody says how many

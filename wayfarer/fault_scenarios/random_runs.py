@@ -20,7 +20,7 @@ from wayfarer.experiments.commands import INTERRUPTED, cores, make_empty_folder
 from wayfarer.experiments.executors import Stopped, stream
 from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.run_campaign import stop_on_signals
-from wayfarer.fault_scenarios.progress import shown, worker_death_explained
+from wayfarer.fault_scenarios.batch_progress import shown, worker_death_explained
 from wayfarer.fault_scenarios.random_scenarios import draw_scenario, refuse_missing_package
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario
 from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario

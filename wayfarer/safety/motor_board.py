@@ -17,7 +17,7 @@ from annotated_types import Interval
 
 from wayfarer.hal import MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.persistence import Debounce
+from wayfarer.safety.debounce import Debounce
 from wayfarer.units import Hertz, Seconds
 
 Volts = Annotated[float, Interval(gt=0, le=60)]

@@ -20,8 +20,8 @@ from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
 from wayfarer.experiments.entrapment import Cause
 from wayfarer.experiments.report.campaign import write_report
-from wayfarer.experiments.report.gallery import choose
 from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.report.worst_trials import choose
 from wayfarer.experiments.results_folder import TRIALS as TABLE
 
 GALLERY = 2

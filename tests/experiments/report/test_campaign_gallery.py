@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from tests.experiments.report.campaigns import ALGORITHMS, campaign_of, row
 from wayfarer.experiments.executors import Done
 from wayfarer.experiments.progress_bar import ProgressDisplay
-from wayfarer.experiments.report.gallery import RerunTrial, choose, ending, run_again
 from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.report.worst_trials import RerunTrial, choose, ending, run_again
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 
 

@@ -20,14 +20,14 @@ from wayfarer.fieldlog.folders import find_run
 from wayfarer.fieldlog.reader import Damage, Record, RunReader, read_header
 from wayfarer.fieldlog.schema import KINDS
 from wayfarer.views.run_report.reading import read_run
-from wayfarer.views.text.account import summarise
 from wayfarer.views.text.export import export, write_table
+from wayfarer.views.text.last_position import RangeBearing
 from wayfarer.views.text.listing import lines, rows
-from wayfarer.views.text.story import RunNarrator
+from wayfarer.views.text.run_narrator import RunNarrator
+from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.tail import RunTail
 from wayfarer.views.text.verdict import NO_OUTCOME, LogIntegrity, judge, readable
-from wayfarer.views.text.whereabouts import RangeBearing
 
 RUN = "00017-20261121T061405Z"
 WHOLE = numbered([HEADER, event("armed", 0.0), *drive(0.0, 1.0), outcome(1.0)])

@@ -72,7 +72,7 @@ class AgentBridge:
         self._answers.put(wheels)
 
     def leave(self) -> None:
-        """End the trial, wherever it is, by its own stop path; may be repeated."""
+        """End the trial, wherever it is, by its own shutdown; may be repeated."""
         self._answers.put(None)
         self._thread.join()
 
@@ -135,7 +135,7 @@ def _ending(setup: TrialSetup, log: TrialCounters) -> Ending:
     return Ending(outcome, in_time, setup.outcome_monitor.path_m(setup.world), setup.world.t_s, log.ticks)
 
 
-_BRIDGE: ContextVar[AgentBridge] = ContextVar("seat")
+_BRIDGE: ContextVar[AgentBridge] = ContextVar("bridge")
 
 AGENT = Algorithm("agent", "agent", "whoever steps the environment", lambda *_: _BRIDGE.get(), origin=__name__)
 AGENT_NAME = f"{__name__}:AGENT"

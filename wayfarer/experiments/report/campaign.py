@@ -15,11 +15,11 @@ from wayfarer.experiments.progress_bar import shown_progress
 from wayfarer.experiments.report import words
 from wayfarer.experiments.report.escape_figure import escape_figure
 from wayfarer.experiments.report.forest_figure import close_up_figure, forest_figure, legend_figure
-from wayfarer.experiments.report.gallery import RerunTrial, choose, run_again
 from wayfarer.experiments.report.paths_figure import paths_figure
 from wayfarer.experiments.report.ratio_figure import ratio_figure
 from wayfarer.experiments.report.reading import Results, read_results
 from wayfarer.experiments.report.table import causes_table, results_table
+from wayfarer.experiments.report.worst_trials import RerunTrial, choose, run_again
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.views.run_report import page
 from wayfarer.views.run_report.drawing import house_style, save

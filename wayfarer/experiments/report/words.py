@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from wayfarer import __version__
 from wayfarer.errors import BadInput
 from wayfarer.experiments.entrapment import EXPLAINED, Entrapment
-from wayfarer.experiments.report.gallery import ending
 from wayfarer.experiments.report.ratio_figure import quantile, ratios
 from wayfarer.experiments.report.reading import Results, Settings
+from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 
 LEGEND = (

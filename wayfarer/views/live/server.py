@@ -18,10 +18,10 @@ from wayfarer.daemon.socket.protocol import Commands, Refused
 from wayfarer.fieldlog.log import Record
 from wayfarer.views.live.access import Access
 from wayfarer.views.live.address import address_to_open, bind
-from wayfarer.views.live.audience import LIMITS, Broadcaster, PageViewer, ViewerLimits
+from wayfarer.views.live.broadcaster import LIMITS, Broadcaster, PageViewer, ViewerLimits
+from wayfarer.views.live.client_session import ClientSession
 from wayfarer.views.live.document import document
-from wayfarer.views.live.feed import PageModel
-from wayfarer.views.live.talk import ClientSession
+from wayfarer.views.live.page_model import PageModel
 
 STATE_S = 0.1
 REST_S = 0.02  # between two floods of events

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.fieldlog.reader import Damage, Record
 from wayfarer.safety.conditions import Level
-from wayfarer.views.text.account import RunSummariser
+from wayfarer.views.text.run_summariser import RunSummariser
 from wayfarer.views.text.summary import RunSummary
 
 Floats = NDArray[np.float64]

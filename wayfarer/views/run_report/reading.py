@@ -28,7 +28,7 @@ from wayfarer.views.run_report.data import (
     columns,
     number,
 )  # fmt: skip
-from wayfarer.views.text.account import RunSummariser
+from wayfarer.views.text.run_summariser import RunSummariser
 from wayfarer.views.text.verdict import readable
 from wayfarer.views.text.wording import event_name
 

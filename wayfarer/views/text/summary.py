@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from wayfarer.views.text.last_position import LastPosition
 from wayfarer.views.text.periods import PeriodPercentiles
-from wayfarer.views.text.whereabouts import LastPosition
 
 
 @dataclass(frozen=True, slots=True)

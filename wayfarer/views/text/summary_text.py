@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 
 from wayfarer.fieldlog.fields import local_time, span
 from wayfarer.fieldlog.reader import Damage
+from wayfarer.views.text.last_position import LastPosition, RangeBearing
 from wayfarer.views.text.summary import RunSummary
 from wayfarer.views.text.verdict import NO_OUTCOME
-from wayfarer.views.text.whereabouts import LastPosition, RangeBearing
 from wayfarer.views.text.wording import whole_deg
 
 

@@ -1,4 +1,4 @@
-"""What a log is worth: whole, repaired by leaving out what cannot be read, or unreadable."""
+"""The integrity of a log: whole, repaired by leaving out what cannot be read, or unreadable."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class LogVerdict(NamedTuple):
 
 
 def judge(run: Path) -> LogVerdict:
-    """Read a whole run and say what it is worth; one that still goes on has no outcome, and is repaired at best."""
+    """Read a whole run and judge its log; one that still goes on has no outcome, and is repaired at best."""
     records, ended = 0, False
     try:
         reader = RunReader(run)

@@ -1,4 +1,4 @@
-"""A run as lines for people: what changed, what happened, and now and then how it stands. Pure."""
+"""Tells a run as lines for people: what changed, what happened, and now and then how it stands. Pure."""
 
 from __future__ import annotations
 

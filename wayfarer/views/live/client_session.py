@@ -17,7 +17,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from wayfarer.control.rate import RateLimiter
 from wayfarer.daemon.socket.protocol import Commands, Refused, check, perform, read_line
 from wayfarer.errors import WayfarerError
-from wayfarer.views.live.audience import PageViewer, TooSlow, ViewerLimits
+from wayfarer.views.live.broadcaster import PageViewer, TooSlow, ViewerLimits
 
 VERBS = ("hold", "resume", "stop", "mark")
 STOPPING = ("hold", "stop")  # are done whoever asks, and however often
@@ -31,7 +31,7 @@ class ClientSession:
 
     Args:
         socket: its connection.
-        viewer: its place in the audience.
+        viewer: how far it has got with the news.
         commands: what the daemon can do.
         turn: shared by all: one message is taken in a turn of the loop, so that a flood waits for the control tick and
             not the tick for the flood.

@@ -1,4 +1,4 @@
-"""How a sensor does, from the readings that it gave: how old the last one is, and how many there are a second. Pure."""
+"""The status of a sensor, from its readings: how old the last one is, and how many there are a second. Pure."""
 
 from __future__ import annotations
 

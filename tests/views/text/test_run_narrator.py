@@ -1,4 +1,4 @@
-"""The story of a run: what a person reads of it."""
+"""A run told in lines: what a person reads of it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import pytest
 
 from tests.views.text.records import HEADER, drive, event, numbered, outcome, record, tick
 from wayfarer.fieldlog.reader import Record
-from wayfarer.views.text.story import RunNarrator
+from wayfarer.views.text.run_narrator import RunNarrator
 from wayfarer.views.text.wording import Tone
 
 

@@ -77,10 +77,10 @@ class Broadcaster:
 
 
 class PageViewer:
-    """One of the audience.
+    """One viewer of the page, and how far it has got.
 
     Args:
-        broadcaster: what it looks at.
+        broadcaster: where its news comes from.
         send: sends it a text; waits where the connection is full.
         silent_s: how long it may acknowledge nothing, in seconds of the loop.
         unseen: how many messages may be under way.

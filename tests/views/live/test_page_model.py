@@ -15,7 +15,7 @@ from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.hal import PositionFix, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.views.live.feed import LINES, MARKS, PageModel
+from wayfarer.views.live.page_model import LINES, MARKS, PageModel
 
 
 @pytest.fixture

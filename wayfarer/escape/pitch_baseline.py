@@ -1,4 +1,4 @@
-"""How far the nose has risen: what pushes onto a trunk rears up, what spins its wheels stays level."""
+"""How far the nose has risen above the ground: what pushes onto a trunk rears up, what spins stays level."""
 
 from __future__ import annotations
 

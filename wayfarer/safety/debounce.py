@@ -1,4 +1,4 @@
-"""Waiting until something has lasted."""
+"""Debouncing: a signal counts once it has lasted for some time."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What a page needs of a run, kept from its records: all of it for a new viewer, what is new for the others. Pure.
+"""The state of a run as the page shows it, kept from the records: all of it for a new viewer, then what is new. Pure.
 
 Three things come out. The *snapshot* is everything that a page shows. *News* must not be missed: a piece of the way, an
-anomaly, a line of the story, the end. The *state* is how things are now; a viewer that is slow gets only the newest.
+anomaly, a line about the run, the end. The *state* is how things are now; a viewer that is slow gets only the newest.
 
 Metres are east and north: of the start where the rover only knows what it dead-reckons, of the forest where the run is
 simulated and so the truth is known.
@@ -15,13 +15,13 @@ from typing import Any
 
 from wayfarer.fieldlog.fields import name, names, number, reckoning, sound_tick, span, table
 from wayfarer.fieldlog.log import Record
-from wayfarer.views.live.pulse import SensorStatus
+from wayfarer.views.live.sensor_status import SensorStatus
 from wayfarer.views.live.trail import Trail
 from wayfarer.views.live.words import ANOMALIES, CAUSES, PHASES, because, level_text
-from wayfarer.views.text.story import RunNarrator
+from wayfarer.views.text.run_narrator import RunNarrator
 from wayfarer.views.text.wording import Tone
 
-LINES = 200  # of the story; half an hour of a rover that drives
+LINES = 200  # about the run; half an hour of a rover that drives
 MARKS = 400  # anomalies that are drawn; the oldest go first
 PHASES_KEPT = 400
 
@@ -123,7 +123,7 @@ class PageModel:
             "mission_m": round(self._mission_m, 2),
             "battery_v": number(self._board, "battery_v"),
             "faults": list(self._board.get("faults", ())),
-            "sensors": [[sensor, pulse.now(self._t_s)] for sensor, pulse in self._sensor_statuses.items()],
+            "sensors": [[sensor, status.now(self._t_s)] for sensor, status in self._sensor_statuses.items()],
             "place": self._place,
         }
 

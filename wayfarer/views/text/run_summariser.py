@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable
 
 from wayfarer.fieldlog.fields import began_wall_s, flag, name, names, number, reckoning, sound_tick, table, whole
 from wayfarer.fieldlog.reader import Record
+from wayfarer.views.text.last_position import PositionTracker
 from wayfarer.views.text.periods import Periods
 from wayfarer.views.text.summary import LowBattery, Mark, RunSummary
-from wayfarer.views.text.whereabouts import PositionTracker
 
 HELD = {"hold", "fault"}  # the levels at which the gate lets no wheel turn
 # The events that tell of something that failed; ``sensor_failed`` is counted by sensor.
