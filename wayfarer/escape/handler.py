@@ -159,7 +159,7 @@ class PhasedHandler:
     def _ask_tactics(self, observation: Observation, *, new_episode: bool) -> None:
         """Let the tactics change the plan in the course; the side that they choose is the episode's."""
         reckoning = self._reckoning
-        met = AnomalyContext(
+        context = AnomalyContext(
             new_episode,
             self._level.risen_deg,
             wrap180(observation.heading_deg - observation.goal_heading_deg),
@@ -169,5 +169,5 @@ class PhasedHandler:
             self._blocked_turns,
         )
         for tactic in self._tactics:
-            tactic.plan(met, self._escape_plan)
+            tactic.plan(context, self._escape_plan)
         self._side = self._escape_plan.side

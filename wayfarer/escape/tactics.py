@@ -43,7 +43,7 @@ class Tactic(Protocol):
     def reset(self) -> None:
         """Forget everything: a new mission begins."""
 
-    def plan(self, met: AnomalyContext, escape_plan: EscapePlan) -> None:
+    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """Change the plan for this anomaly."""
 
 
@@ -56,7 +56,7 @@ class PlanScaling:
     def reset(self) -> None:
         """See ``Tactic``; there is nothing to forget."""
 
-    def plan(self, _met: AnomalyContext, escape_plan: EscapePlan) -> None:
+    def plan(self, _context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """See ``Tactic``."""
         escape_plan.turn_deg *= self._turn
         escape_plan.back_off_m *= self._back_off
@@ -79,11 +79,11 @@ class ShortBackOff:
         """See ``Tactic``."""
         self._last_m = -inf
 
-    def plan(self, met: AnomalyContext, escape_plan: EscapePlan) -> None:
+    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """See ``Tactic``."""
-        free = met.travelled_m - self._last_m > self._free_run_m
-        self._last_m = met.travelled_m
-        escape_plan.back_off_m *= self._first if free and not met.blocked_turns else self._again
+        free = context.travelled_m - self._last_m > self._free_run_m
+        self._last_m = context.travelled_m
+        escape_plan.back_off_m *= self._first if free and not context.blocked_turns else self._again
 
 
 # A rover that pushes onto a trunk for the 0.3 s of a stall raises its nose by some 8 degrees; a compass's own noise is
@@ -91,14 +91,14 @@ class ShortBackOff:
 NOSE_UP_DEG = 3.0
 
 
-def on_the_way(met: AnomalyContext) -> bool:
+def on_the_way(context: AnomalyContext) -> bool:
     """Tell whether the rover was following its goal: along a wall, contacts are what is to be expected."""
-    return met.new_episode
+    return context.new_episode
 
 
-def nose_level(met: AnomalyContext) -> bool:
+def nose_level(context: AnomalyContext) -> bool:
     """Tell whether the nose did not rise: nothing that can be climbed is ahead."""
-    return met.nose_up_deg < NOSE_UP_DEG
+    return context.nose_up_deg < NOSE_UP_DEG
 
 
 class RetryAhead:
@@ -116,11 +116,11 @@ class RetryAhead:
         """See ``Tactic``."""
         self._last_m = -inf
 
-    def plan(self, met: AnomalyContext, escape_plan: EscapePlan) -> None:
+    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """See ``Tactic``."""
-        free = met.travelled_m - self._last_m > self._free_run_m
-        self._last_m = met.travelled_m
-        if free and not met.blocked_turns and self._worth(met):
+        free = context.travelled_m - self._last_m > self._free_run_m
+        self._last_m = context.travelled_m
+        if free and not context.blocked_turns and self._worth(context):
             escape_plan.turn_deg = 0.0
 
 
@@ -140,11 +140,11 @@ class ConfirmWall:
         self._next_side = -CLOCKWISE
         self._confirmed = True
 
-    def plan(self, met: AnomalyContext, escape_plan: EscapePlan) -> None:
+    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """See ``Tactic``."""
-        near = met.travelled_m - self._last_m <= self._confirms_within_m
-        self._last_m = met.travelled_m
-        if met.new_episode and not near:
+        near = context.travelled_m - self._last_m <= self._confirms_within_m
+        self._last_m = context.travelled_m
+        if context.new_episode and not near:
             self._confirmed = False
             escape_plan.side, self._next_side = self._next_side, -self._next_side
             escape_plan.turn_deg = self._small_turn_deg
@@ -171,9 +171,9 @@ class ArcSchedule:
         self._last_m = self._longest_m = 0.0
         self._gap_deg = 0.0
 
-    def plan(self, met: AnomalyContext, escape_plan: EscapePlan) -> None:
+    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """See ``Tactic``."""
-        run_m, self._last_m = met.travelled_m - self._last_m, met.travelled_m
+        run_m, self._last_m = context.travelled_m - self._last_m, context.travelled_m
         if run_m >= self._free_run_m:
             self._step, self._in_a_row = max(self._step - 1, 0), 0
         else:
@@ -182,14 +182,14 @@ class ArcSchedule:
                 self._step = min(self._step + 1, len(self._radii) - 1)
         escape_plan.radius_m *= self._radii[self._step]
         escape_plan.back_off_m *= 1.0 + self._step
-        self._remember_gap(met, escape_plan, run_m)
+        self._remember_gap(context, escape_plan, run_m)
 
-    def _remember_gap(self, met: AnomalyContext, escape_plan: EscapePlan, run_m: float) -> None:
-        if met.new_episode:
-            towards_deg = self._gap_deg - met.bearing_deg
+    def _remember_gap(self, context: AnomalyContext, escape_plan: EscapePlan, run_m: float) -> None:
+        if context.new_episode:
+            towards_deg = self._gap_deg - context.bearing_deg
             if abs(self._gap_deg) <= 90.0 and abs(towards_deg) > escape_plan.turn_deg:
                 escape_plan.side = 1 if towards_deg > 0.0 else -1
                 escape_plan.turn_deg = abs(towards_deg)
             self._longest_m = 0.0
         elif run_m > self._longest_m:
-            self._longest_m, self._gap_deg = run_m, met.bearing_deg
+            self._longest_m, self._gap_deg = run_m, context.bearing_deg

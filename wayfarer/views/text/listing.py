@@ -11,7 +11,7 @@ from wayfarer.fieldlog.fields import began_wall_s, local_time, name, number, spa
 from wayfarer.fieldlog.folders import run_folders, run_number
 from wayfarer.fieldlog.last_run import end_of_log
 from wayfarer.fieldlog.printable import clean
-from wayfarer.fieldlog.reader import Record, RunReader, log_parts, read_header
+from wayfarer.fieldlog.reader import Record, RunReader, log_segments, read_header
 from wayfarer.views.text.wording import marks
 
 ALIVE_S = 5.0  # a log that was written to so recently has no outcome because its run still goes on
@@ -74,9 +74,9 @@ def _cell(row: RunRow, column: str, width: int) -> str:
 def _row(run: Path, now_wall_s: float) -> RunRow:
     title = _title(run)
     try:
-        parts = log_parts(run)
-        size_b, written_s = sum(part.stat().st_size for part in parts), parts[-1].stat().st_mtime
-        first, last = next(iter(RunReader(run)), None), _last(parts)
+        segments = log_segments(run)
+        size_b, written_s = sum(segment.stat().st_size for segment in segments), segments[-1].stat().st_mtime
+        first, last = next(iter(RunReader(run)), None), _last(segments)
     except (BadInput, OSError):
         first = None
     if first is None:
@@ -135,10 +135,10 @@ def _began(header: Record, first: Record, end: Record) -> str:
     return "clock not set" if wall_s is None else local_time(wall_s, "%Y-%m-%d %H:%M")
 
 
-def _last(parts: Sequence[Path]) -> dict[str, Record]:
+def _last(segments: Sequence[Path]) -> dict[str, Record]:
     """Return the last record of each kind, and the last of ``any``."""
     found: dict[str, Record] = {}
-    for record in reversed(end_of_log(parts)):
+    for record in reversed(end_of_log(segments)):
         found.setdefault("any", record)
         found.setdefault(record["record"], record)
     return found
