@@ -35,7 +35,7 @@ PARTS = {
     "/wayfarer/detector/": "detector",
     "/wayfarer/escape/": "escape handler",
     "/wayfarer/safety/gate.py": "safety gate",
-    "/wayfarer/control/controller.py": "helm",
+    "/wayfarer/control/controller.py": "controller",
 }
 
 

@@ -34,7 +34,7 @@ def test_path_that_a_recipe_names_is_there(path: str) -> None:
     [
         ("wayfarer/escape/catalogue.py", ["_ROWS_BEYOND", "_ROWS"]),
         ("wayfarer/config/registry.py", ["BUILT_IN_DRIVERS"]),
-        ("wayfarer/simhal/build_rover.py", ["class Solder"]),
+        ("wayfarer/simhal/build_rover.py", ["class ChipWiring"]),
         ("wayfarer/simhal/faults/kinds.py", ["KINDS"]),
         ("wayfarer/fieldlog/log.py", ["def tick_fields"]),
         ("wayfarer/fieldlog/schema.py", ["KEYS", "SCHEMA"]),

@@ -269,9 +269,9 @@ def test_missing_library_and_missing_board_are_told_apart_with_their_remedies(mo
             bare.setitem(sys.modules, "gpiozero", None)
             with pytest.raises(NotResponding, match=r"pip install '\.\[pi\]'"):
                 await motors_on().open()
-        with monkeypatch.context() as desk:
-            desk.setattr(gpiozero.Device, "pin_factory", None)
-            desk.setenv("GPIOZERO_PIN_FACTORY", "none-of-these")
+        with monkeypatch.context() as computer:
+            computer.setattr(gpiozero.Device, "pin_factory", None)
+            computer.setenv("GPIOZERO_PIN_FACTORY", "none-of-these")
             with pytest.raises(NotResponding, match=r"group gpio.*python3-lgpio"):
                 await motors_on().open()
 

@@ -45,7 +45,7 @@ ONE_TRIAL = "One trial again"
 MUJOCO = "Physics mujoco"
 
 
-class Scenario(StrEnum):
+class SiteOption(StrEnum):
     """The paper's field trials."""
 
     extended_maze = "extended-maze"
@@ -60,14 +60,14 @@ class AnomalySource(StrEnum):
     contact = "contact"
 
 
-class Depth(StrEnum):
+class DepthOption(StrEnum):
     """How far down the simulation goes."""
 
     device = "device"
     bus = "bus"
 
 
-class Ground(StrEnum):
+class GroundOption(StrEnum):
     """What the wheels stand on in physics-light; the names of ``simhal.world.grounds``."""
 
     ideal = "ideal"
@@ -76,7 +76,7 @@ class Ground(StrEnum):
     mud = "mud"
 
 
-class PhysicsName(StrEnum):
+class PhysicsOption(StrEnum):
     """What moves the body."""
 
     light = "light"
@@ -108,7 +108,7 @@ def sim(
         ),
     ] = None,
     scenario: Annotated[
-        Scenario | None,
+        SiteOption | None,
         typer.Option(help="A site of the paper's field trials in place of forests: one layout a trial."),
     ] = None,
     rover: Annotated[str, typer.Option(metavar="NAME|FILE", help="A shipped rover or a TOML file.")] = "sim",
@@ -137,16 +137,16 @@ def sim(
         typer.Option(help="Notice an obstacle by not moving, or at once by touch. (default: as the rover file says)"),
     ] = None,
     depth: Annotated[
-        Depth, typer.Option(help="Simulated parts, or the real drivers over simulated chips; slower.")
-    ] = Depth.device,
+        DepthOption, typer.Option(help="Simulated parts, or the real drivers over simulated chips; slower.")
+    ] = DepthOption.device,
     physics: Annotated[
-        PhysicsName,
+        PhysicsOption,
         typer.Option(help="What moves the body: physics-light, or wheels that grip and slip in MuJoCo; slower."),
-    ] = PhysicsName.light,
+    ] = PhysicsOption.light,
     ground: Annotated[
-        Ground,
+        GroundOption,
         typer.Option(help="What physics-light has under the wheels: 'ideal' turns as told, others grip and slip."),
-    ] = Ground.ideal,
+    ] = GroundOption.ideal,
     friction: Annotated[
         str | None,
         typer.Option(
@@ -220,10 +220,10 @@ def sim(
     terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
     _refuse_without_mujoco(physics, terrain)
     _refuse_what_cannot_be_filmed(physics, trial, video, video_speed)
-    if ground is not Ground.ideal and physics is PhysicsName.mujoco:
+    if ground is not GroundOption.ideal and physics is PhysicsOption.mujoco:
         raise BadInput(f"--ground {ground} is of physics-light; with --physics mujoco say --friction, or leave it out")
     require("simulating")
-    if physics is PhysicsName.mujoco:
+    if physics is PhysicsOption.mujoco:
         require("--physics mujoco")
     if video:
         require("--video")
@@ -251,7 +251,7 @@ def sim(
         spl=spl,
         depth=depth.value,
         forests=read_forest_file(forests) if forests else None,
-        terrains=commands.terrains(terrain) if physics is PhysicsName.mujoco else None,
+        terrains=commands.terrains(terrain) if physics is PhysicsOption.mujoco else None,
         ground=GroundName(ground.value),
     )
     if scenario:
@@ -276,19 +276,19 @@ def _refuse_odd_pairs(out: Path | None, resume: bool, trial: int | None, log: Pa
         raise BadInput("--trial runs one trial and prints its row; it keeps no --out, leave it out")
 
 
-def _refuse_without_mujoco(physics: PhysicsName, terrain: dict[str, str | None]) -> None:
+def _refuse_without_mujoco(physics: PhysicsOption, terrain: dict[str, str | None]) -> None:
     given = [name for name, text in terrain.items() if text is not None]
-    if given and physics is PhysicsName.light:
+    if given and physics is PhysicsOption.light:
         raise BadInput(f"--{given[0].replace('_', '-')} counts only with --physics mujoco; add that, or leave it out")
 
 
 def _refuse_what_cannot_be_filmed(
-    physics: PhysicsName, trial: int | None, video: Path | None, video_speed: float | None
+    physics: PhysicsOption, trial: int | None, video: Path | None, video_speed: float | None
 ) -> None:
     if video is None:
         if video_speed is not None:
             raise BadInput("--video-speed is that of a film; say where to write one with --video FILE")
-    elif physics is PhysicsName.light:
+    elif physics is PhysicsOption.light:
         raise BadInput("--video films a world of rigid bodies; add --physics mujoco")
     elif trial is None:
         raise BadInput("--video films one trial; say which with --trial N")

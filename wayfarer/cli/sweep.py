@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.sim import RUNNING, AnomalySource, Depth
+from wayfarer.cli.sim import RUNNING, AnomalySource, DepthOption
 
 EXAMPLES = """Examples:
 
@@ -63,8 +63,8 @@ def sweep(
         typer.Option(help="Notice an obstacle by not moving, or at once by touch. (default: as the rover file says)"),
     ] = None,
     depth: Annotated[
-        Depth, typer.Option(help="Simulated parts, or the real drivers over simulated chips; slower.")
-    ] = Depth.device,
+        DepthOption, typer.Option(help="Simulated parts, or the real drivers over simulated chips; slower.")
+    ] = DepthOption.device,
     spl: Annotated[
         bool, typer.Option("--spl", help="Compute the shortest paths that are not known, for SPL; slower.")
     ] = False,

@@ -1,4 +1,4 @@
-"""What parts have got over by themselves, noted in the log: a wire that works loose is counted long before it fails."""
+"""Logs the retry counters of drivers, so that a loose wire shows long before it fails."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from wayfarer.hal import Counting, Driver
 NOTE_HZ = 1.0
 
 
-class TroubleNotes:
+class DriverCounters:
     """Writes an event for each part whose counts have changed since the last ``note``.
 
     ``counting`` are the parts that count at all, with what was noted of each.

@@ -1,4 +1,4 @@
-"""A simulated rover that shows itself: it drives as soon as somebody looks on.
+"""Arms a simulated rover by itself, as soon as the live page is opened.
 
 A real rover is never armed by this. It stands beside the simulator, where no field code can find it, and arms only a
 run whose own first record says that it is simulated.
@@ -18,7 +18,7 @@ from wayfarer.fieldlog.log import Record
 GOAL_HEADING_DEG = 0.0  # generated forests are left to the north
 
 
-class SelfArming:
+class AutoArm:
     """A viewer around another one: it arms the run once ``watched`` is set and the rover knows its heading."""
 
     def __init__(self, viewer: Viewer, watched: asyncio.Event) -> None:
@@ -40,7 +40,7 @@ class SelfArming:
     async def serving(self, commands: Commands) -> AsyncIterator[None]:
         """Serve while entered; see ``Viewer``."""
         async with self._viewer.serving(commands):
-            arming = asyncio.create_task(self._arm(commands), name="self-arming")
+            arming = asyncio.create_task(self._arm(commands), name="auto-arm")
             try:
                 yield
             finally:

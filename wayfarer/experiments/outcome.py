@@ -1,4 +1,4 @@
-"""The referee of a trial: it alone sees ground truth, and says when and how the trial ended."""
+"""The outcome monitor of a trial: it alone sees ground truth, and says when and how the trial ended."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Outcome = Literal["escaped", "left_bounds", "entrapped", "tipped", "fault"]
 TIME_PER_BUDGET_S_PER_M = 4.0
 
 
-class Referee:
+class OutcomeMonitor:
     """Watches a world; ``call_off`` is called once, when the outcome is known.
 
     A rover that is not out after ``limit_s``, or whose path has used up ``budget_m``, is entrapped.

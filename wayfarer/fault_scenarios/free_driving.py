@@ -1,6 +1,6 @@
 """A programme of driving on free ground, as hard on the ground's grip as a closed loop may be.
 
-It stands in the seat of an escape algorithm and heeds no anomaly: whatever the detector says on free ground is wrong,
+It takes the place of an escape algorithm and heeds no anomaly: whatever the detector says on free ground is wrong,
 and must not change what is driven next. Legs are drawn one after another: headings held, arcs, turns on the spot,
 reversing, standing, and duties of any kind without feedback. The others close the loop on the turn rate that the
 compass shows, up to full duty of one side against the other, as a controller does on ground that holds the body.
@@ -20,7 +20,7 @@ from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.experiments.trial_setup import Stage, TrialSpec
+from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
@@ -169,17 +169,17 @@ def drive_freely(
 
 async def _drive(spec: TrialSpec, for_s: float) -> list[tuple[float, str]]:
     claims = _Claims()
-    stage = Stage(spec, lambda *_: claims)
+    setup = TrialSetup(spec, lambda *_: claims)
 
     def end(world: SimulatedWorld) -> None:
         if world.t_s >= for_s:
-            stage.supervisor.finish("driven", "the programme is over")
+            setup.supervisor.finish("driven", "the programme is over")
 
-    stage.world.after_step = end
-    if stage.injector is not None:
-        stage.injector.start(stage.world, stage.supervisor.helm.power, lambda *_, **__: None)
-    await stage.supervisor.arm(CLEARING.heading_deg)
-    await stage.supervisor.run()
-    if stage.injector is not None:
-        stage.injector.end()
+    setup.world.after_step = end
+    if setup.injector is not None:
+        setup.injector.start(setup.world, setup.supervisor.controller.power, lambda *_, **__: None)
+    await setup.supervisor.arm(CLEARING.heading_deg)
+    await setup.supervisor.run()
+    if setup.injector is not None:
+        setup.injector.end()
     return claims.said

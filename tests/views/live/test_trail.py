@@ -15,7 +15,7 @@ STEPS = st.lists(
 
 
 def walk(trail: Trail, steps: list[tuple[float, float, str]]) -> list[tuple[float, float]]:
-    """Follow steps, thinning as a feed does, and return every place."""
+    """Follow steps, thinning as the page model does, and return every place."""
     east_m = north_m = 0.0
     places = []
     for index, (dx, dy, phase) in enumerate(steps):

@@ -1,4 +1,4 @@
-"""What a log is worth: whole, repaired by leaving out what cannot be read, or unreadable."""
+"""The integrity of a log: whole, repaired by leaving out what cannot be read, or unreadable."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def readable(reader: RunReader) -> Iterator[Record]:
         raise BadInput(f"{reader.run}: nothing in this log can be read ({_lost(reader.damage) or 'it is empty'})")
 
 
-class Worth(IntEnum):
+class LogIntegrity(IntEnum):
     """How much of a log is left; the later, the worse."""
 
     WHOLE = 0
@@ -39,20 +39,20 @@ class Worth(IntEnum):
         return (0, 3, 1)[self]
 
 
-class Verdict(NamedTuple):
+class LogVerdict(NamedTuple):
     """What was found in one log; ``wrong`` says what is not as it should be."""
 
-    worth: Worth
+    integrity: LogIntegrity
     records: int
     wrong: tuple[str, ...]
 
     def __str__(self) -> str:
         records = "1 record" if self.records == 1 else f"{self.records} records"
-        return "; ".join([f"{self.worth.name.lower()}, {records}", *self.wrong])
+        return "; ".join([f"{self.integrity.name.lower()}, {records}", *self.wrong])
 
 
-def judge(run: Path) -> Verdict:
-    """Read a whole run and say what it is worth; one that still goes on has no outcome, and is repaired at best."""
+def judge(run: Path) -> LogVerdict:
+    """Read a whole run and judge its log; one that still goes on has no outcome, and is repaired at best."""
     records, ended = 0, False
     try:
         reader = RunReader(run)
@@ -60,11 +60,11 @@ def judge(run: Path) -> Verdict:
             records += 1
             ended = ended or record["record"] == "outcome"
     except BadInput as error:
-        return Verdict(Worth.UNREADABLE, records, (str(error),))
+        return LogVerdict(LogIntegrity.UNREADABLE, records, (str(error),))
     if not records:
-        return Verdict(Worth.UNREADABLE, records, (_lost(reader.damage) or "it is empty",))
+        return LogVerdict(LogIntegrity.UNREADABLE, records, (_lost(reader.damage) or "it is empty",))
     wrong = tuple(filter(None, (_lost(reader.damage), "" if ended else NO_OUTCOME)))
-    return Verdict(Worth.REPAIRED if wrong else Worth.WHOLE, records, wrong)
+    return LogVerdict(LogIntegrity.REPAIRED if wrong else LogIntegrity.WHOLE, records, wrong)
 
 
 def _lost(damage: Damage) -> str:

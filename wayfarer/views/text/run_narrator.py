@@ -1,4 +1,4 @@
-"""A run as lines for people: what changed, what happened, and now and then how it stands. Pure."""
+"""Tells a run as lines for people: what changed, what happened, and now and then how it stands. Pure."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Line(NamedTuple):
         return f"{span(self.at_s, 2)}  {self.text}"
 
 
-class Story:
+class RunNarrator:
     """Tells a run, record by record.
 
     Args:

@@ -1,4 +1,4 @@
-"""How far the nose has risen: what pushes onto a trunk rears up, what spins its wheels stays level."""
+"""How far the nose has risen above the ground: what pushes onto a trunk rears up, what spins stays level."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from wayfarer.escape.api import Observation
 SETTLE_S = 1.0
 
 
-class Level:
+class PitchBaseline:
     """Follows the pitch of the ground; ``risen_deg`` is how far the nose is above it."""
 
     def __init__(self) -> None:

@@ -1,9 +1,9 @@
-"""Waiting until something has lasted."""
+"""Debouncing: a signal counts once it has lasted for some time."""
 
 from __future__ import annotations
 
 
-class Persistent:
+class Debounce:
     """Holds back a condition until it has lasted."""
 
     __slots__ = ("_for_s", "_since_s")
