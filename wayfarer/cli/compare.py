@@ -28,13 +28,13 @@ shares: exact 95 % intervals; worst: a trial that did not get out, else the long
 
 
 def compare(
-    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `wayfarer sim --out` has filled.")],
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `wayfarer sim --out` wrote.")],
     *,
     against: Annotated[
         str, typer.Option(metavar="ALGORITHM", help="The algorithm that the others are compared with.")
     ] = "forest-pledge",
 ) -> None:
-    """Compare the algorithms of a campaign on the same forests with the same noise: gains, with their intervals."""
+    """Compare the algorithms of a campaign in pairs (same forest, same noise), with 95 % intervals."""
     require("simulating")
     from rich.console import Console
 

@@ -114,7 +114,7 @@ class Helm:
         self._log.event("arming", t_s, start_delay_s=delay_s, goal_heading_deg=goal_heading_deg)
 
     def disarm(self, t_s: float, reason: str) -> None:
-        """Stop the wheels from the next tick on, until armed anew."""
+        """Stop the wheels from the next tick on, until re-armed."""
         self.mode = Mode.DISARMED
         self.why_disarmed = reason
         self._arming = None

@@ -106,7 +106,7 @@ class Supervisor:
         self.helm.arm(asyncio.get_running_loop().time(), goal_heading_deg)
 
     def disarm(self, reason: str) -> None:
-        """Stop the wheels until armed anew, also if arming is only under way; the run goes on."""
+        """Stop the wheels until re-armed, also while arming is under way; the run continues."""
         self._disarms += 1
         if self.mode is not Mode.DISARMED:
             self.helm.disarm(asyncio.get_running_loop().time(), reason)

@@ -125,7 +125,7 @@ class RoverCommands:
         ]
 
     async def disarm(self) -> Details:
-        """Stop the wheels until armed anew; never refused."""
+        """Stop the wheels until re-armed; never refused."""
         self._motors.halt()
         self._supervisor.disarm("asked for by a person")
         return {"mode": self._helm.mode.value}
@@ -147,7 +147,7 @@ class RoverCommands:
         return {"held": False}
 
     async def goal(self, heading_deg: float) -> Details:
-        """Head elsewhere."""
+        """Set a new goal heading."""
         if self._helm.mode is not Mode.ARMED:
             raise Refused(f"the rover is {self._helm.mode.value}: give the heading when arming (wayfarer arm DEG)")
         self._helm.head_for(_now_s(), heading_deg)

@@ -39,7 +39,7 @@ Clock = Callable[[], float]
 
 
 class Depth(StrEnum):
-    """How far down the simulation goes."""
+    """The depth of the simulation: simulated parts, or simulated chips under the real drivers."""
 
     DEVICE = "device"
     BUS = "bus"
