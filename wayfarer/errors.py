@@ -1,4 +1,4 @@
-"""Every error that wayfarer raises on purpose, on one page.
+"""All errors that wayfarer raises on purpose.
 
 ::
 

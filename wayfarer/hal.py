@@ -1,4 +1,4 @@
-"""The Driver interface: one small protocol per capability, and the readings that cross it.
+"""The driver interface: one small protocol per capability, and the types of the readings.
 
 Everything above this file (detector, escape handler, safety gate, supervisor) knows a rover only through these
 protocols; everything below it (``drivers`` for real parts, ``simhal`` for simulated ones) implements them. Field code

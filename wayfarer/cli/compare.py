@@ -1,4 +1,4 @@
-"""``wayfarer compare``: the algorithms of one campaign, pair by pair."""
+"""``wayfarer compare``: paired comparison of the algorithms of one campaign."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wayfarer replay``: a field log as a regression test."""
+"""``wayfarer replay``: recorded readings through today's code, as a regression test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wayfarer report``: a campaign, or a run in the field, as one HTML page with figures."""
+"""``wayfarer report``: an HTML page with figures, of a campaign, a sweep or a field run."""
 
 from __future__ import annotations
 

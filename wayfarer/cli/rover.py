@@ -1,4 +1,4 @@
-"""``wayfarer run``, the daemon, and ``wayfarer stop-motors``, for when it is gone."""
+"""``wayfarer run`` (the daemon) and ``wayfarer stop-motors`` (stops the motors without a daemon)."""
 
 from __future__ import annotations
 

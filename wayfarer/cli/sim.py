@@ -1,4 +1,4 @@
-"""``wayfarer sim``: the rover's own code in simulated forests."""
+"""``wayfarer sim``: trials of the rover's own code in simulated forests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What hangs on which wire: parts that cannot share one are told when the rover file is read.
+"""Detects conflicts between parts that use the same device or chip address, when the rover file is read.
 
 Each driver is made once over buses that only write down what it asks for. So the check holds for every driver, also a
 third party's, and for every ``buses``. A driver says by ``chip`` which chip it speaks to; without it the driver has a

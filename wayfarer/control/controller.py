@@ -1,4 +1,4 @@
-"""The helm: arming, the control tick and the mission limits. It alone commands the wheels while a run lasts.
+"""The controller: arming, the control tick and the mission limits. Only it commands the wheels during a run.
 
 A tick always goes the same way::
 

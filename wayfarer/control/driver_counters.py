@@ -1,4 +1,4 @@
-"""What parts have got over by themselves, noted in the log: a wire that works loose is counted long before it fails."""
+"""Logs driver retry counters, so that a loose wire shows early."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One-slot cells between the sensor tasks, which write at their own rates, and the control tick, which reads all."""
+"""Latest values of the sensors: sensor tasks write them at their own rates, the control tick reads all at once."""
 
 from __future__ import annotations
 

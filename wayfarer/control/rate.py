@@ -1,4 +1,4 @@
-"""Pacing a task on a fixed grid of times; and how often somebody may ask for something."""
+"""Paces a task on a fixed time grid; and limits how often a request is accepted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the status light says, readable at ten metres: colour and rhythm by the state of the rover. Pure.
+"""Colour and rhythm of the status light for each state of the rover, readable at ten metres. Pure.
 
 =========  =======  ========================================
 colour     rhythm   meaning

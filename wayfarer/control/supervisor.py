@@ -1,4 +1,4 @@
-"""The supervisor: opens a rover's parts, runs its sensor tasks and the helm on one asyncio loop, and stops the wheels.
+"""The supervisor: opens the parts, runs sensor tasks and controller on one asyncio loop, and stops the wheels.
 
 What runs is a table (``Supervisor.tasks``): a row for each sensor that the run needs, at the sensor's own rate, and
 beside them the control tick. A sensor that fails is closed and opened again, with growing pauses, while the others run

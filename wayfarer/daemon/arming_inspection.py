@@ -1,4 +1,4 @@
-"""Checks before arming look at what the daemon has open already: parts through their sensor tasks' cells."""
+"""The checks before arming, on parts that the daemon has open: they read the sensor tasks' latest values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the control socket's verbs do to a running rover."""
+"""Commands of the control socket: what each does to a running rover."""
 
 from __future__ import annotations
 

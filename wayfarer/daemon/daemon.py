@@ -1,4 +1,4 @@
-"""Running a rover as a service: its log, its control socket, its watchdogs, and the signals that end it."""
+"""Runs a rover as a service: field log, control socket, watchdogs and signals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A dry run: everything on the real rover but motion."""
+"""Dry run: everything on the real rover except motion."""
 
 from __future__ import annotations
 

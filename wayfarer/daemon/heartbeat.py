@@ -1,4 +1,4 @@
-"""What listens to a run's log to know that it lives: the stall guard, and systemd."""
+"""Feeds the stall guard and systemd's watchdog from log events."""
 
 from __future__ import annotations
 

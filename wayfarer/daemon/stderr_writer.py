@@ -1,4 +1,4 @@
-"""Lines for the terminal or the journal, written where waiting costs nothing.
+"""Writes lines for the terminal or the journal in a thread, so that the event loop never waits for them.
 
 A stderr that nobody drains (a stalled ssh, Ctrl-S, a journal that hangs) blocks whoever writes to it, for good. So
 lines are queued, and a thread of their own writes them; what does not fit is lost, and the loss is told.

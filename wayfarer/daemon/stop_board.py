@@ -1,4 +1,4 @@
-"""Stopping one motor board, of which a table of settings says where it is.
+"""Stops one motor board, given its table of settings.
 
 A daemon that is still there, and would turn the wheels again, is asked to stop. As a program (``python -m
 wayfarer.daemon.stop_board``) it takes the board as JSON: ``stop_motors`` starts it with the rights of another user.

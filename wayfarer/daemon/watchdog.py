@@ -1,4 +1,4 @@
-"""Being watched: telling systemd that the rover is well, and stopping the wheels when the event loop stands still.
+"""Watchdogs: notifies systemd that the rover is well, and stops the wheels when the event loop is blocked.
 
 Two watchers with different jobs. systemd's watchdog is fed from the loop (``feed_watchdog``) and restarts a daemon that
 hangs, after seconds. The stall guard (``StallGuard``) is a thread that stops the wheels within a fraction of a second,

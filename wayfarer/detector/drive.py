@@ -1,4 +1,4 @@
-"""Whether the rover turns as its wheels are told to: a side that is dead, weak or reversed shows in the heading.
+"""Detects a dead, weak or reversed side: compares the turn rate with the wheel commands.
 
 It is judged by what a healthy drive can do on any ground. Ground that grips holds a body back, so a turn may be any
 part of what was told, down to none; ground that is slippery lets it turn on for a while. No ground turns it further

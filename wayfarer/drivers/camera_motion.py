@@ -1,4 +1,4 @@
-"""A camera as evidence of motion, in one of two ways.
+"""A camera as motion sensor, in one of two modes.
 
 ``displacement``: the camera looks straight down. Successive pictures are registered to each other by phase correlation,
 and the shift is scaled to metres. From one picture to the next the rover may drive a third of the ground that a picture

@@ -1,4 +1,4 @@
-"""Buses over blocking devices, each behind a worker thread of its own.
+"""Buses over blocking devices, each behind its worker thread.
 
 A blocking device is opened in its thread at the first transfer, and again after every error: a USB adapter that was
 pulled out comes back as another file, and a handle that failed once tells nothing by failing again. Only the first

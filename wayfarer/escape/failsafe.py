@@ -1,4 +1,4 @@
-"""An escape handler as the fail-safe under another stack's planner: who drives, and when the wheels are given back.
+"""Fail-safe under another stack's planner: decides when an escape handler drives, and when it returns control.
 
 Pure, as all decision logic here: the other stack calls ``FailSafe.update`` once a control tick with its own compass and
 its own word on whether the rover is stuck, and gets None while its planner may drive, else what the wheels must do.

@@ -1,4 +1,4 @@
-"""How far the nose has risen: what pushes onto a trunk rears up, what spins its wheels stays level."""
+"""Pitch relative to level ground: a rover that pushes onto a trunk pitches up, one with spinning wheels stays level."""
 
 from __future__ import annotations
 

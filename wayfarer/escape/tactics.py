@@ -1,4 +1,4 @@
-"""Better plans for the anomaly just met, made of small tactics with a memory; ``catalogue`` composes them.
+"""Tactics: small objects with a memory that may change the plan at an anomaly; ``catalogue`` combines them.
 
 The ten algorithms of the paper answer each anomaly from what they see at that moment (``policies``). A tactic
 remembers: it is asked at each anomaly, after those choices, and may change the plan that is in the ``Course``: side,

@@ -1,4 +1,4 @@
-"""Turning a skid-steered body at the rate that a manoeuvre asks for, by feedback from the compass.
+"""Turn rate control of a skid-steered body, with feedback from the compass.
 
 Tyres resist sideways. A body therefore turns only where the *turn duty* (half the difference of both sides' duties,
 clockwise positive) is more than the ground's friction takes up; that share is the *dead zone*. It depends on ground,

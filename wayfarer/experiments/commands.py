@@ -1,4 +1,4 @@
-"""What ``wayfarer sim`` does once its options are read: all trials of a campaign, or one of them alone."""
+"""Implementation of ``wayfarer sim`` after its options are parsed: a whole campaign, or one trial."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A Dask cluster as an executor: the same campaign on many machines.
+"""Executor on a Dask cluster: one campaign on many machines.
 
 Whoever runs trials must run the same wayfarer, so each worker is asked first, and again with each chunk, for workers
 come and go. The campaign is sent once a worker, as a plugin that the scheduler also gives to those that come later.

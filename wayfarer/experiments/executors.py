@@ -1,4 +1,4 @@
-"""Who runs the trials: this process, a pool of processes, or any executor.
+"""Executors of trials: this process, a pool of processes, or any other executor.
 
 Each worker receives the campaign once, as executors of the standard library do it: by an initializer. The workers of
 a pool are spawned, so that they inherit neither threads nor locks. They are born with SIGINT blocked: Ctrl-C reaches

@@ -1,4 +1,4 @@
-"""The referee of a trial: it alone sees ground truth, and says when and how the trial ended."""
+"""Decides when and how a trial ended. Only this module sees the ground truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Two algorithms on the same forests with the same noise: how much better one is, and how sure that is.
+"""Paired comparison of two algorithms on the same forests and noise, with intervals.
 
 Trials are paired by (forest, noise). The noises of one layout are not independent of each other, so the bootstrap draws
 whole layouts. Entrapment is rare: its interval is exact (Clopper and Pearson, Biometrika 26, 1934), so that none in

@@ -1,4 +1,4 @@
-"""One trial: the daemon's own supervisor on a simulated rover in one forest, watched by a referee."""
+"""One trial: the daemon's own supervisor on a simulated rover in one forest, until an outcome is decided."""
 
 from __future__ import annotations
 

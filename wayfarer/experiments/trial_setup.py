@@ -1,4 +1,4 @@
-"""A simulated rover under the daemon's own supervisor, in one forest, watched by a referee: what a trial runs on."""
+"""Setup of a trial: a simulated rover in one forest under the daemon's own supervisor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a scenario demands of a run besides its level: what must come, what must never, even ticks, wheels at rest."""
+"""Expectations of a scenario besides its level: required and forbidden events, even ticks, stopped wheels."""
 
 from __future__ import annotations
 

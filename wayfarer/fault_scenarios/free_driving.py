@@ -1,4 +1,4 @@
-"""A programme of driving on free ground, as hard on the ground's grip as a closed loop may be.
+"""A driving programme on free ground, where every anomaly that the detector reports is false.
 
 It stands in the seat of an escape algorithm and heeds no anomaly: whatever the detector says on free ground is wrong,
 and must not change what is driven next. Legs are drawn one after another: headings held, arcs, turns on the spot,

@@ -1,4 +1,4 @@
-"""Judging a scenario: was something different for the field code, how severely did it answer, and how soon."""
+"""Judges a scenario: did the fault take effect, how severe was the response, and how long did it take."""
 
 from __future__ import annotations
 

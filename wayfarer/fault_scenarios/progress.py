@@ -1,4 +1,4 @@
-"""What all that runs many things here has in common: showing that it goes on, and saying why it cannot."""
+"""Progress output and worker-crash messages for batch runs."""
 
 from __future__ import annotations
 

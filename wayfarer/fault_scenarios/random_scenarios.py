@@ -1,4 +1,4 @@
-"""Scenarios by chance: which faults, when, for how long and how bad, and what people ask for meanwhile.
+"""Random scenarios: which faults, when, how long and how severe, and operator commands meanwhile.
 
 Everything is drawn from one stream of the scenario's own seed, so the same seed is the same scenario on any machine.
 What is drawn is only what the rover can have at that depth: a fault on the wires needs a part on wires.

@@ -1,4 +1,4 @@
-"""What a scenario's run is judged by: everything that the field code saw, concluded and did, tick by tick."""
+"""Records everything that the field code read, concluded and did in a scenario, tick by tick."""
 
 from __future__ import annotations
 

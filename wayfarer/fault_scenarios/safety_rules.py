@@ -1,4 +1,4 @@
-"""The safety rules of every run, whatever goes wrong: watched from outside the field code, at each tick and world step.
+"""The safety rules of every run, monitored from outside the field code at each tick and world step.
 
 1. Nothing commands motion while the rover is not armed, and nothing arms it but a person.
 2. From the tick on at which a hold or a fault is concluded, or somebody disarms, nothing commands motion, and the

@@ -1,4 +1,4 @@
-"""A scenario as data: which rover, what goes wrong when, what people ask for meanwhile, and what is expected."""
+"""A scenario as data: the rover, the faults and their times, operator commands, and expectations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which scenarios to run, as asked for on a command line, and which cannot be."""
+"""Selects the scenarios that a command line asks for, and names those that cannot run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table of what came of scenarios, for a terminal: as many columns as fit, then what was not as expected."""
+"""Prints the results of scenarios as a table that fits the terminal, then the details of failures."""
 
 from __future__ import annotations
 

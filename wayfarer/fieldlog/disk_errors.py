@@ -1,4 +1,4 @@
-"""Telling a person that the log has trouble: what it is and what to do, once; and once that it is over."""
+"""Reports disk errors of the log to the operator: once at the beginning with advice, once at the end."""
 
 from __future__ import annotations
 

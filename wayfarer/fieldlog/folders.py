@@ -1,4 +1,4 @@
-"""The folders of runs and the files in them: how they are named, and finding one again.
+"""Folders of runs and their files: their names, and finding one again.
 
 A folder is named by a counter, which no clock can turn back, and the time in UTC at which the run began:
 ``00017-20261121T061405Z``. The counter is the order; the time is for people, and wrong where the clock was. A person

@@ -1,4 +1,4 @@
-"""The end of a log, read without what comes before it: an hour of log is 50 MB, and nobody waits for that."""
+"""Reads only the end of a log: an hour of log is 50 MB, too much to read at each start."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The order of a log's records: numbers grow, times grow, and what breaks that is left out. Pure.
+"""Checks the order of a log's records: numbers and times must grow; records that break it are left out. Pure.
 
 One line whose number or time was changed must not cost the lines after it, and a line alone does not show whether it
 is too early or the one before it was too late. So where a record does not simply go on from the one before, the next

@@ -1,4 +1,4 @@
-"""A field log through today's code: the same readings, the same commands, and whether the same decisions come out.
+"""Replay: recorded readings and operator commands through today's code, decisions compared with the log.
 
 Everything that came from outside is taken from the log: readings, what the motors took, what people asked for, what the
 motor board said. Everything that the rover concluded is concluded again, by the helm itself: anomalies, conditions,

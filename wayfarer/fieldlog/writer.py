@@ -1,4 +1,4 @@
-"""The lines of one run's log on their way to its files; written where waiting is allowed: here, or in a thread.
+"""Writes the lines of a run's log to its files; it may block, so it runs in a thread.
 
 Nothing that a disk does raises out of here: what cannot be written is dropped and counted, a record in the log says how
 much is missing and where, and a person is told.

@@ -1,4 +1,4 @@
-"""Waiting until something has lasted."""
+"""Debounce: a condition counts only after it has lasted for a given time."""
 
 from __future__ import annotations
 

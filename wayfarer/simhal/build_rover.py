@@ -1,4 +1,4 @@
-"""Putting a simulated rover together over one world, at either of two depths.
+"""Builds a simulated rover over one world, at device depth or at bus depth.
 
 *Device depth*: simulated parts implement the driver protocols directly; fast. *Bus depth*: the real drivers, over fake
 buses that hold register-accurate chips. Both feel the same senses, in the same quanta, and so decide the same.

@@ -1,4 +1,4 @@
-"""Buses that hold simulated chips: what the real drivers get at bus depth.
+"""Simulated buses with simulated chips, for the real drivers at bus depth.
 
 A chip speaks whole transactions, as on the wire. It declares what it understands; an undeclared register, a wrong
 length, a device that is not there or two at one address are mistakes of whoever wrote the driver or the rig, and fail

@@ -1,4 +1,4 @@
-"""The rover's electronics in a process of their own: a world, and the chips of a rover file, in real time.
+"""Hardware-in-the-loop server: a world and the simulated chips of a rover file, in real time, in one process.
 
 ::
 

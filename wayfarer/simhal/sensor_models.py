@@ -1,4 +1,4 @@
-"""What the simulated senses feel of the world, in the units of the chips: the same at device depth and at bus depth.
+"""Sensor models: what each simulated sensor measures of the world, in chip units, for both depths.
 
 A sense is sampled once for each reading that a driver takes, so both depths draw the same chance in the same order.
 """

@@ -1,4 +1,4 @@
-"""Inspecting a rover that nothing else uses: parts are opened when they are asked for, and read directly."""
+"""Inspection of a rover without a daemon: parts are opened when they are needed, and read directly."""
 
 from __future__ import annotations
 

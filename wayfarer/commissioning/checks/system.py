@@ -1,4 +1,4 @@
-"""The computer: device files and who may use them, power, disk and clock."""
+"""Checks of the computer: device files and permissions, power, disk and clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be asked through the control socket, and what is answered: one JSON object a line, in UTF-8.
+"""Protocol of the control socket: requests and answers, one JSON object a line, in UTF-8.
 
 ::
 

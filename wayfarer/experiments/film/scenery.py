@@ -1,4 +1,4 @@
-"""The model that the film is drawn from: it has the trial's trunks, trees and ground, and is never stepped.
+"""The model that the film is drawn from: the trial's trunks, trees and ground. It is never stepped.
 
 It stands beside the model that the engine moves, so that nothing which is only looked at can touch anything.
 """

@@ -1,4 +1,4 @@
-"""A trial's footage, drawn picture by picture and written as a film."""
+"""Renders a trial's footage and writes it as a film."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The seat of an agent in a trial: an escape handler that asks whoever sits there, in another thread.
+"""Bridge that hands each decision of a trial to a Gymnasium agent in another thread.
 
 An environment is called from outside, a trial runs by itself: supervisor, sensor tasks and helm on a loop of their own.
 So that both stay what they are, the trial has a thread, and the two take turns: while the agent thinks, virtual time

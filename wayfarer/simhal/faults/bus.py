@@ -1,4 +1,4 @@
-"""Faults on the wires and in the chips, below the real drivers."""
+"""Faults of buses and chips, below the real drivers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faults as data: what goes wrong, where, from when to when; and every kind of fault there is.
+"""Faults as data: kind, target, begin and end; and the table of all kinds.
 
 A fault is injected at one of four layers, and the field code cannot tell that it was:
 

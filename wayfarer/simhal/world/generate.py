@@ -1,4 +1,4 @@
-"""Draws forests like those of the paper's abstract simulation, from a seed.
+"""Generates forests like those of the paper's abstract simulation, from a seed.
 
 Fallen branches come from recursive division: a square inside the world is cut by a branch into two regions,
 each of which is cut again until it is too small. Each branch is tilted about its middle, has one gap to pass

@@ -1,4 +1,4 @@
-"""Physics-light, the default world: where the rover is, what it touches, how far it has gone.
+"""Physics-light, the default world: pose, contacts and distance of the rover.
 
 The world has no task of its own. A part calls ``advance_to`` with the time on the loop before it reads or commands, and
 the world takes whole steps of ``Physics.step_s`` up to there. What happens is therefore independent of the order and

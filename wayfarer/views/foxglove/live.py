@@ -1,4 +1,4 @@
-"""A run as it happens, in Foxglove: a WebSocket server that only shows."""
+"""A read-only Foxglove WebSocket server for a running rover."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The channels of plain numbers and words, for plots and tables: one table of their fields. Pure.
+"""Channels of plain numbers and words for plots and tables, from one table of fields. Pure.
 
 Each field has its unit in its name and its meaning in the channel's JSON schema. A value that is not there, is ``null``
 or has another type than the schema says is left out of its message, and a message without any value is not sent: so

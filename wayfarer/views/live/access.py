@@ -1,4 +1,4 @@
-"""Who may look on, and so also stop the rover. Pure: what a request says of itself comes in, a refusal or nothing out.
+"""Access control: host, origin and token checks. Pure: a request comes in, a refusal or nothing out.
 
 On the rover's own computer everybody may; others need the token that is in the address printed at the start. What
 remains to be kept out are web pages from elsewhere, which make the browser of somebody who may send what they like: a

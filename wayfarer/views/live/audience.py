@@ -1,4 +1,4 @@
-"""Many viewers of one run, none of whom can hold up another, or the rover.
+"""Sends a run to many viewers; a slow viewer delays neither another one nor the rover.
 
 Nothing is queued for anybody. There is one short memory of news for all, and the newest state; each viewer is a place
 in that memory, and is sent what it lacks once it has acknowledged what it was sent before. So a viewer with a slow

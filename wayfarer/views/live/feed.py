@@ -1,4 +1,4 @@
-"""What a page needs of a run, kept from its records: all of it for a new viewer, what is new for the others. Pure.
+"""The model of the page, built from log records: a full copy for a new viewer, changes for the others. Pure.
 
 Three things come out. The *snapshot* is everything that a page shows. *News* must not be missed: a piece of the way, an
 anomaly, a line of the story, the end. The *state* is how things are now; a viewer that is slow gets only the newest.

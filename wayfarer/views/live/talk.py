@@ -1,4 +1,4 @@
-"""One viewer's connection: it is told what is new, and may ask for a few things.
+"""One viewer's connection: sends updates, and receives a few commands.
 
 What it asks for goes the way of the control socket's requests. Arming is not among it: wheels must not start from a
 web page. Nor do they go on from a page that shows how things were: a request may have waited, in a network or for a

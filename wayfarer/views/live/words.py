@@ -1,4 +1,4 @@
-"""What the page says instead of the names in the log. Pure."""
+"""Texts of the page for the names in the log. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the figures of one run have in common: how anomalies, phases and events look and what they are called."""
+"""Marks shared by the figures of one run: colours, symbols and names of anomalies, phases and events."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pieces of a page: one HTML file that needs nothing else, reads on a telephone and prints."""
+"""Building blocks of HTML pages: one self-contained file, for telephones and printing too."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading a run's log for its report: once, as a stream, and through everything that may be wrong with it."""
+"""Reads a run's log for its report: once, as a stream, and despite damage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables of one run's report."""
+"""Tables of one run's report."""
 
 from __future__ import annotations
 

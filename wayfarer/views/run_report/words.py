@@ -1,4 +1,4 @@
-"""What the report of one run says in words."""
+"""Texts of one run's report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All runs of a folder, a row each, told from the two ends of each log: hundreds of them are listed in a moment."""
+"""Lists all runs of a folder, one row each, from the first and last records of each log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run in numbers: how far, how long, what went wrong, and where the rover is likely to be."""
+"""The summary of a run: distance, duration, anomalies, and where the rover is likely to be."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A summary for people: a line for each thing that they ask, the most important first. Pure."""
+"""The summary of a run as text, the most important line first. Pure."""
 
 from __future__ import annotations
 

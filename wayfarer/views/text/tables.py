@@ -1,4 +1,4 @@
-"""A log as a table for spreadsheets and plotting: one row a control tick, with everything that was said since the last.
+"""A log as a table for spreadsheets and plots: one row per control tick, with the events since the last one.
 
 ``csv_rows`` has flat columns with units. Columns of ``tick`` keep their names, readings are flattened
 (``compass_heading_deg``), and what other records say stands in the row of the first tick after it, under the record's

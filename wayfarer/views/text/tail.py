@@ -1,4 +1,4 @@
-"""Following a run while it is written: into the next part of its log, and into the next run.
+"""Follows a run while it is written: into the next file of its log, and into the next run.
 
 Files are read as they grow; nothing is locked, and the writer notices nothing. A line counts once its end is there.
 """

@@ -1,4 +1,4 @@
-"""What a log is worth: whole, repaired by leaving out what cannot be read, or unreadable."""
+"""Integrity of a log: complete, partial (damaged records left out), or unreadable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How records are put into words, for one line of a terminal. Pure."""
+"""Texts for records, in one line of a terminal. Pure."""
 
 from __future__ import annotations
 
