@@ -199,7 +199,7 @@ class DriveMotors(Driver, Protocol):
         """Stop both wheels. Needs no earlier state, works before ``open``, may be repeated, never raises."""
 
     def halt(self) -> None:
-        """Send a stop without waiting for it, from any thread: what is left when the event loop stands still.
+        """Send a stop without waiting for it, from any thread: it works also when the event loop is blocked.
 
         It never raises and never blocks. Where the bus hangs, the stop goes out first when it is back.
         """

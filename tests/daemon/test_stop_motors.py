@@ -110,7 +110,7 @@ def stop(rover_file: Path, text: str) -> str:
 def test_board_that_can_be_asked_says_that_the_wheels_stand_still(rover_file: Path) -> None:
     said = stop(rover_file, BUSES + THUNDERBORG)
     assert bench.by_i2c.commanded == STILL
-    assert said == f"{rover_file}: ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels stand still"
+    assert said == f"{rover_file}: ThunderBorg at 0x15 on /dev/i2c-1 reports that the wheels are stopped"
 
 
 def test_board_that_cannot_be_asked_is_stopped_and_nothing_is_claimed(rover_file: Path) -> None:
@@ -237,14 +237,14 @@ def test_board_that_is_driven_is_stopped_and_so_is_another_one_that_the_file_nam
     said = stop(rover_file, BUSES + SABERTOOTH)
     assert (bench.by_i2c.commanded, bench.by_serial.commanded) == (STILL, STILL)
     driven, named = said.split("; ")
-    assert driven == f"the daemon's {record}: ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels stand still"
+    assert driven == f"the daemon's {record}: ThunderBorg at 0x15 on /dev/i2c-1 reports that the wheels are stopped"
     assert named == f"{rover_file}: stop was sent to Sabertooth 128 on /dev/serial0, which cannot confirm it"
 
 
 def test_same_board_from_both_is_stopped_once(rover_file: Path, record: Path) -> None:
     said = stop(rover_file, BUSES + THUNDERBORG)
     assert said == (
-        f"the daemon's {record} and {rover_file}: ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels stand still"
+        f"the daemon's {record} and {rover_file}: ThunderBorg at 0x15 on /dev/i2c-1 reports that the wheels are stopped"
     )
 
 
@@ -431,7 +431,7 @@ def test_daemon_is_asked_to_stop_and_what_it_still_sent_is_taken_back(
     rover_file: Path, monkeypatch: pytest.MonkeyPatch, control_socket: Path
 ) -> None:
     asked = ask_that(monkeypatch, control_socket, drive_on)
-    assert "says that the wheels stand still" in stop(rover_file, BUSES + THUNDERBORG)
+    assert "reports that the wheels are stopped" in stop(rover_file, BUSES + THUNDERBORG)
     assert asked == [{"do": "stop"}]
     assert bench.by_i2c.commanded == STILL
 

@@ -29,8 +29,8 @@ wayfarer demo --algorithm levy-walk --speed 20
 wayfarer demo --seed 44 --no-browser
 """
 
-# Eight episodes, the worst of which turns by 190 degrees before it is unwound, and out after 104 to 115 s whatever luck
-# the noise has (12 runs): 18 s to watch at the speed below.
+# Eight episodes, the worst of which turns by 190 degrees before it is unwound, and out after 104 to 115 s for all
+# noise seeds tried (12 runs): 18 s to watch at the speed below.
 SEED = 22
 SPEED = 6.0
 ROVER = "sim"

@@ -87,7 +87,7 @@ def run(
     name = chosen(config, default="sim" if sim else None)
     loaded = load_rover(name)
     folder = log_folder(logs)
-    if seed is None:  # in the wood every run has its own luck; the log's first record says which
+    if seed is None:  # a real run draws its seed; the log's first record has it
         seed = 0 if sim else SystemRandom().randrange(2**31)
     if sim:
         make_rover, close_buses = simulated(loaded, name, depth or Depth.device, seed)

@@ -72,8 +72,8 @@ class Terminal:
 def with_a_person(run: Callable[[], Coroutine[Any, Any, T]]) -> T:
     """Run a coroutine that may ask questions.
 
-    A signal cancels it, so that whoever turns the wheels can stop them, and ends the process even while a question
-    waits for its answer.
+    A signal cancels it, so that the code that drives the wheels can stop them, and ends the process even while a
+    question waits for its answer.
     """
     import asyncio
 

@@ -50,7 +50,7 @@ FoxglovePort = Annotated[
 def viewers(
     live: bool, live_host: str | None, live_port: int | None, foxglove: bool, foxglove_port: int | None
 ) -> list[Viewer]:
-    """Return who is to look on, and say where; their ports are theirs from now on.
+    """Return the viewers of a run, and print their addresses; their ports are bound from now on.
 
     Raises:
         BadInput: a port cannot be had, or options do not go together.

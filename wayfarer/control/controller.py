@@ -4,7 +4,7 @@ A tick always goes the same way::
 
     snapshot of cells -> detector -> escape handler -> safety gate -> motors -> one log record
 
-While the gate holds the wheels the handler is not asked, and its time stands still: a manoeuvre that is bounded in time
+While the gate holds the wheels, the handler is not called and its clock is paused: a manoeuvre that is bounded in time
 goes on where it was when the hold ends.
 """
 
@@ -102,7 +102,8 @@ class Helm:
     def arm(self, t_s: float, goal_heading_deg: float | None) -> None:
         """Begin to arm: after the start delay the wheels may turn. See ``Arming`` for the goal heading.
 
-        The motors must have been opened anew: only that makes sure that they answer and that their deadman is on.
+        The motors must have been opened just before: only that makes sure that they answer and that their deadman is
+        on.
         """
         self._motors_failed = self.held = False
         self._progress.reset()

@@ -9,7 +9,7 @@ green      steady   driving
 white      slow     escaping: feeling its way around something
 yellow     steady   held, goes on by itself or by ``wayfarer resume``
 magenta    slow     battery low
-red        fast     fault: armed anew only by hand
+red        fast     fault: only a person can re-arm it
 =========  =======  ========================================
 """
 

@@ -86,7 +86,7 @@ class Supervisor:
     ) -> None:
         """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay.
 
-        The motor board is opened anew: one that lost its power for a moment has forgotten its deadman. Nothing has
+        The motor board is opened again: one that lost its power for a moment has forgotten its deadman. Nothing has
         changed when an error is raised.
 
         Args:
@@ -159,7 +159,7 @@ class Supervisor:
         self._log.event("opened", asyncio.get_running_loop().time(), parts=[part.name for part in self._parts])
 
     async def _open(self, part: Driver) -> None:
-        """Open a part; without light and receiver a run begins all the same."""
+        """Open a part; a run also begins without light and receiver."""
         try:
             await part.open()
         except DriverError as error:

@@ -28,7 +28,7 @@ class Live:
         self._supervisor = supervisor
 
     async def open(self, name: str) -> None:
-        """Do nothing for a part that the run has opened; the motors are opened anew, which verifies their deadman."""
+        """Do nothing for a part that the run has opened; the motors are opened again, which verifies their deadman."""
         if name == "motors":
             await self.rover.motors.open()
 

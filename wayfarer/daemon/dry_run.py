@@ -21,7 +21,7 @@ class DryMotors:
         return troubles_of(self._motors)
 
     async def open(self) -> None:
-        """Open the motors: their deadman is verified as ever."""
+        """Open the motors: their deadman is verified as in any run."""
         await self._motors.open()
 
     async def close(self) -> None:

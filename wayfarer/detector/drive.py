@@ -251,7 +251,7 @@ class DriveWatch:
         told.append((t_s, what))
         failed = len(alike) + 1 >= limit
         if failed:
-            told.clear()  # whoever arms the rover anew has seen to it
+            told.clear()  # a person who re-arms the rover has looked at it
             self._leave_window()
         self._show(t_s, Condition.DRIVE_FAILED if failed else Condition.DRIVE_ASYMMETRY)
 

@@ -38,7 +38,7 @@ class Met(NamedTuple):
 
 
 class Tactic(Protocol):
-    """Changes plans; made anew for each handler."""
+    """Changes plans; created for each handler."""
 
     def reset(self) -> None:
         """Forget everything: a new mission begins."""

@@ -121,7 +121,7 @@ def _gain(pairs: Sequence[tuple[Row, Row]], value: Callable[[Row], float | None]
 
 
 def cluster_bootstrap(clusters: Sequence[Sequence[float]], resamples: int = RESAMPLES) -> Estimate:
-    """Return the mean of all values, and the 95 % percentile interval of it when whole clusters are drawn anew.
+    """Return the mean of all values, and the 95 % percentile interval of it when whole clusters are resampled.
 
     The draws are always the same, so that a table can be made again.
     """

@@ -79,7 +79,7 @@ class TraceLog(PartialLog):
 
 
 def run_traced(spec: TrialSpec) -> tuple[TrialResult, Trace]:
-    """Run one trial, and return its result, which is the same as ever, with its trace.
+    """Run one trial, and return its result, which is the same as in the campaign, with its trace.
 
     Raises:
         MissingPart: the rover cannot give what the algorithm needs.

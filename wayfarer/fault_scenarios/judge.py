@@ -129,7 +129,7 @@ def _of_the_escape_logic(monitor: Monitor, expect: Expectation, begun_s: float) 
 
 
 def _stood_s(monitor: Monitor, begun_s: float, from_s: float) -> float | None:
-    """Return after how long the wheels were first told to stand still from a time on; 0 if they stood all the time."""
+    """Return the delay from a time to the first stop command; 0 if the wheels were stopped all the time."""
     ticks = [(moment.t_s, moment.commanded == (0.0, 0.0)) for moment in monitor.moments]
     stood = sorted(each for each in (*ticks, *monitor.stood_still_s) if each[0] >= begun_s)
     if all(still for t_s, still in stood if t_s <= from_s):

@@ -93,7 +93,7 @@ def draw_params(place: Place, chance: Random) -> Any:
 
 
 def _draw(name: str, hint: Any, span: float, chance: Random) -> Any:
-    """Return a value for a parameter; one without a range of its own is within ``span`` on both sides of zero."""
+    """Return a value for a parameter; one without a declared range is within ``span`` on both sides of zero."""
     if get_origin(hint) is Literal:
         return chance.choice(get_args(hint))
     low, high = _range(hint, span)

@@ -2,8 +2,8 @@
 
 1. Nothing commands motion while the rover is not armed, and nothing arms it but a person.
 2. From the tick on at which a hold or a fault is concluded, or somebody disarms, nothing commands motion, and the
-   wheels stand still within the bound.
-3. A fault stays until the rover is armed anew.
+   wheels are stopped within the bound.
+3. A fault stays until the rover is re-armed.
 4. No decision sees a value that cannot be, or one that no valid reading of late gave.
 5. Every stop that the algorithm did not ask for has a reason in the log.
 

@@ -17,7 +17,7 @@ from wayfarer.fault_scenarios.scenario import Reached
 from wayfarer.fault_scenarios.selection import Row
 
 LEGEND = (
-    "S0 note, S1 degrade, S2 hold, S3 fault until armed anew, S4 the board's deadman",
+    "S0 note, S1 degrade, S2 hold, S3 fault until re-armed, S4 the board's deadman",
     "seen: the rover said so; stood: the wheels were told to; seconds since the fault",
 )
 _HOW = {

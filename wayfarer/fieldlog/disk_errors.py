@@ -14,7 +14,7 @@ CURES = {
     errno.ENOTDIR: "a file stands where the folder should be",
     errno.ENOENT: "was it deleted, or is the disk not there?",
     errno.ESTALE: "a new one is begun; copy it before you edit it",
-    errno.EEXIST: "log into a folder of its own",
+    errno.EEXIST: "log into a separate folder",
     errno.EFBIG: "the disk allows no file of this size: set a smaller part_mb",
 }
 

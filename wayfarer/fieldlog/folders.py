@@ -130,7 +130,7 @@ def is_run(path: Path) -> bool:
     try:
         return (path / FILE_NAME).exists() or (path.is_dir() and bool(older_parts(path)))
     except PermissionError:
-        return True  # whoever opens it is told
+        return True  # opening it reports the error
 
 
 @contextmanager

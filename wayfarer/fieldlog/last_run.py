@@ -45,7 +45,7 @@ def unfinished_run(logs: Path) -> Unfinished | None:
     """Return the newest run in a folder of logs if it has no outcome, or cannot be read; never raises."""
     try:
         runs = run_folders(logs)
-    except BadInput:  # whoever makes the next run there is told
+    except BadInput:  # starting the next run there reports the error
         return None
     if not runs:
         return None

@@ -138,7 +138,7 @@ class FieldLog:
         return self._newest
 
     def _show(self, record: Record) -> None:
-        """Show a record; who looks on must not cost the run its log."""
+        """Show a record; a failing viewer must not end the log."""
         for viewer in list(self._viewers):
             try:
                 viewer(record)

@@ -17,7 +17,7 @@ class Level(IntEnum):
     NOTE = 0  # S0: written to the log
     DEGRADE = 1  # S1: go on with less
     HOLD = 2  # S2: wheels zero, resumes when the condition clears
-    FAULT = 3  # S3: wheels zero, latched until armed anew
+    FAULT = 3  # S3: wheels zero, latched until re-armed
 
 
 class Condition(Enum):

@@ -41,7 +41,7 @@ class ProgressSettings:
 
 
 class Progress:
-    """Takes each tick of an armed rover and tells when to give up; ``reset`` begins anew."""
+    """Takes each tick of an armed rover and tells when to give up; ``reset`` starts again."""
 
     def __init__(self, settings: ProgressSettings, quality_min: float) -> None:
         self._settings = settings

@@ -27,7 +27,7 @@ async def calibrate_motors(
 ) -> MotorsEntry | None:
     """Measure the shift of an open compass at half and full duty of open motors; None where the person declines.
 
-    Full is ``duty_max``, ``safety.duty_max`` of the rover file: more it never gets on a mission.
+    Full is ``duty_max``, ``safety.duty_max`` of the rover file: a mission never uses more.
 
     Raises:
         DriverError: one of them stopped answering; the wheels were stopped.

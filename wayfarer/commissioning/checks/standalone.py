@@ -12,9 +12,9 @@ from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHea
 
 
 class Standalone:
-    """An ``Inspection`` of its own; leaving its context stops the wheels and closes every part.
+    """An ``Inspection`` without a daemon; leaving its context stops the wheels and closes every part.
 
-    A part that failed to open is not tried again: the same failure is raised to whoever asks next.
+    A part that failed to open is not tried again: the same failure is raised at the next request.
     """
 
     def __init__(self, config: RoverConfig, rover: Rover, place: Place) -> None:

@@ -37,7 +37,7 @@ class Kind(NamedTuple):
     container_options: dict[str, str]
 
 
-# The one plays wherever there is a browser, the other also within a page such as README.md, at a tenth of the size.
+# MP4 plays in any browser; WebP also plays inside a page such as README.md, and is a tenth of the size.
 KINDS = {
     ".mp4": Kind(DRAWN, 25, "mp4", "libx264", {"crf": "21", "preset": "medium"}, {"movflags": "faststart"}),
     ".webp": Kind((560, 315), 12, "webp", "libwebp_anim", {"quality": "42", "compression_level": "4"}, {"loop": "0"}),

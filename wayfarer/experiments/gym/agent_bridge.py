@@ -2,8 +2,8 @@
 
 An environment is called from outside, a trial runs by itself: supervisor, sensor tasks and helm on a loop of their own.
 So that both stay what they are, the trial has a thread, and the two take turns: while the agent thinks, virtual time
-stands still; while the trial runs, the agent waits. Nothing ever runs at once, so an episode is as deterministic as a
-trial, and each decision is taken where an algorithm would take it: between the detector and the safety gate.
+is paused; while the trial runs, the agent waits. The two never run at the same time, so an episode is as deterministic
+as a trial, and each decision is taken where an algorithm would take it: between the detector and the safety gate.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Seat:
         self._answers.put(wheels)
 
     def leave(self) -> None:
-        """End the trial, wherever it is, by its own stop path; may be repeated."""
+        """End the trial at any point, by its own shutdown; may be repeated."""
         self._answers.put(None)
         self._thread.join()
 
@@ -136,5 +136,5 @@ def _ending(stage: Stage, log: Tally) -> Ending:
 
 _SEAT: ContextVar[Seat] = ContextVar("seat")
 
-AGENT = Algorithm("agent", "agent", "whoever steps the environment", lambda *_: _SEAT.get(), origin=__name__)
+AGENT = Algorithm("agent", "agent", "the agent that steps the environment", lambda *_: _SEAT.get(), origin=__name__)
 AGENT_NAME = f"{__name__}:AGENT"

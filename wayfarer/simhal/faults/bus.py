@@ -166,7 +166,7 @@ def _wrong_id(place: Place, params: Any, _: Random) -> AbstractContextManager[No
 
 @contextmanager
 def _reset(place: Place, _: object, __: Random) -> Iterator[None]:
-    """Take the power away: the part is silent for as long, and begins anew after that."""
+    """Take the power away: the part is silent for as long, and restarts after that."""
     _lose_power(place.chip)
     with ExitStack() as silence:
         if isinstance(place.settings, CMPS14Settings | ThunderBorgSettings):

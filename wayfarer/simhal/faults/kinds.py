@@ -329,6 +329,6 @@ KINDS: Mapping[str, Kind] = {
     "same_picture": Kind(Layer.BUS, "the camera gives the same picture again and again", ("motion",)),
     "uncalibrated": Kind(Layer.BUS, "the part says that its calibration is gone", ("compass",)),
     "task_crash": Kind(Layer.PROCESS, "a bug in a driver ends its task", _PARTS),
-    "loop_stall": Kind(Layer.PROCESS, "the event loop stands still, or the clock jumps", _PROCESS, Stall),
+    "loop_stall": Kind(Layer.PROCESS, "the event loop is blocked, or the clock jumps", _PROCESS, Stall),
     "undervoltage": Kind(Layer.PROCESS, "the computer's supply sags", _PROCESS, Undervoltage),
 }

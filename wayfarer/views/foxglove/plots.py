@@ -15,7 +15,7 @@ from wayfarer.angles import wrap180
 from wayfarer.escape.api import Anomaly
 from wayfarer.fieldlog.reader import Record
 
-NOTHING = "none"  # a state of its own: in a strip of states, a value that is left out would look like the one before
+NOTHING = "none"  # a separate state: in a strip of states, a missing value would look like the previous one
 
 
 class Field(NamedTuple):

@@ -35,7 +35,7 @@ _clients.propagate = False
 class LivePage:
     """Shows a run to browsers; implements ``daemon.viewer.Viewer``.
 
-    ``url`` is the address to open, and ``watched`` is set once somebody looks on.
+    ``url`` is the address to open, and ``watched`` is set once somebody opens the page.
 
     Args:
         host: the address to serve at; peers from anywhere but this computer need the token.
@@ -101,7 +101,7 @@ class LivePage:
                 self._tell()
                 await asyncio.sleep(REST_S * self._speed)
         except Exception:
-            _bugs.exception("in telling viewers: the live page stands still from now on")
+            _bugs.exception("in telling viewers: the live page is not updated any more")
 
     def _tell(self) -> None:
         news = self._feed.news()
@@ -176,7 +176,7 @@ class LivePage:
         self._access.check_socket(request.remote or "", request.headers, request.cookies.get(self._cookie, ""))
         limits, speed = self._limits, self._speed
         if len(self._talks) >= limits.viewers:
-            return _plain(503, f"{limits.viewers} viewers look on already, which is the limit")
+            return _plain(503, f"{limits.viewers} viewers are connected already, which is the limit")
         socket = web.WebSocketResponse(
             timeout=limits.end_s * speed, compress=False, max_msg_size=limits.message_bytes, autoping=False
         )

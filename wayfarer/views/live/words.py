@@ -14,7 +14,7 @@ PHASES: Mapping[str, str] = {
     Phase.TURN_AWAY.value: "Turns away",
     Phase.PROBE.value: "Feels its way back in a curve",
     Phase.STRIDE.value: "Drives a straight piece",
-    Phase.HALT.value: "Stands still",
+    Phase.HALT.value: "Stopped",
 }
 
 _WHILE: Mapping[str, str] = {
@@ -32,7 +32,7 @@ _AFTER: Mapping[str, str] = {
     Phase.TURN_AWAY.value: "it has turned away",
     Phase.PROBE.value: "it has felt its way back",
     Phase.STRIDE.value: "the straight piece is driven",
-    Phase.HALT.value: "it has stood still",
+    Phase.HALT.value: "it was stopped",
 }
 
 EVENTS: Mapping[str, str] = {
@@ -58,14 +58,14 @@ LEVELS: Mapping[str, str] = {
     Level.NOTE.name.lower(): "Noted, drives on",
     Level.DEGRADE.name.lower(): "Goes on with less",
     Level.HOLD.name.lower(): "Wheels held until this clears",
-    Level.FAULT.name.lower(): "Fault: stands until armed anew",
+    Level.FAULT.name.lower(): "Fault: stopped until re-armed",
 }
 
 CAUSES: Mapping[str, str] = {
     Condition.COMPASS_STALE.value: "the compass is silent",
     Condition.COMPASS_LOST.value: "the compass has been silent for seconds",
     Condition.COMPASS_IMPLAUSIBLE.value: "the compass says what cannot be",
-    Condition.COMPASS_FROZEN.value: "the heading stands still while the rover turns",
+    Condition.COMPASS_FROZEN.value: "the heading does not change while the rover turns",
     Condition.COMPASS_UNCALIBRATED.value: "the compass has lost its calibration",
     Condition.MOTION_STALE.value: "the motion sensor is silent",
     Condition.MOTION_UNKNOWN.value: "the motion sensor sees too little",

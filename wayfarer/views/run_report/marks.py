@@ -27,7 +27,7 @@ ANOMALY_MARKS = {
 LEVEL_COLOURS = {"degrade": "#F3DFA8", "hold": ORANGE, "fault": VERMILION}
 
 LONGEST = 30  # letters of a mark that stand in a figure; the list of events has all
-AGAIN = 0.04  # of the run: the same event again so soon is counted, not labelled anew
+AGAIN = 0.04  # of the run: the same event again so soon is counted, not labelled again
 UNLABELLED = {"opened", "arming", "wheels_stopped"}
 MARK_RANK, TROUBLE_RANK, HAND_RANK, OTHER_RANK = range(4)
 

@@ -75,7 +75,7 @@ def bullets(texts: Iterable[str]) -> str:
 
 
 def facts(pairs: Iterable[tuple[str, str]]) -> str:
-    """Return names and values as a list; a long value has a line of its own."""
+    """Return names and values as a list; a long value has a separate line."""
     lines = ['<dl class="facts">']
     for name, value in pairs:
         kind = ' class="long"' if len(value) > LONG else ""

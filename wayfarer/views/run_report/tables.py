@@ -12,7 +12,7 @@ from wayfarer.views.run_report.data import Event, RunData, Sensor
 from wayfarer.views.run_report.marks import is_trouble
 from wayfarer.views.text.wording import event_text
 
-ROWS = 500  # of a table; whoever wants more reads the log
+ROWS = 500  # of a table; the log has all of them
 
 
 def anomalies_table(data: RunData) -> str:

@@ -64,7 +64,7 @@ def _kind(data: RunData) -> str:
 
 
 def _began(data: RunData) -> str:
-    """Return the time in UTC: the same log gives the same page wherever it is made."""
+    """Return the time in UTC: the same log gives the same page on every computer."""
     began_s = data.summary.began_wall_s
     try:
         if began_s is not None:

@@ -100,7 +100,7 @@ class RunTail:
             file.readline()  # only its end is there
 
     def _first(self) -> Iterator[Record]:
-        """Give the record that says what runs, from wherever it is."""
+        """Return the record that says what runs, at its place in the log."""
         first = next(iter(RunReader(self.run)), None)
         if first is not None:
             yield first
