@@ -109,7 +109,7 @@ def _quarrel(place: _Place, other: _Place) -> str | None:
     if place.chip == other.chip or place.address != other.address:
         return None
     if kind != I2C:
-        return f"key '{place.key}' = '{name}': {there} is on it already; each chip needs its own {kind}"
+        return f"key '{place.key}' = '{name}': {there} is on it already; two chips cannot share {kind}"
     if place.address is None:  # a driver that has no key for it: its address is its own affair
         return None
     return (

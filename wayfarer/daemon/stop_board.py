@@ -111,7 +111,7 @@ async def _confirmed(motors: DriveMotors) -> str:
         return f"stop was sent to {motors.name}, which cannot confirm it"
     if turning != STOP:
         raise WayfarerError(f"{motors.name} was told to stop and still says {turning}: switch its power off")
-    return f"{motors.name} reports that the wheels are stopped"
+    return f"{motors.name} says that the wheels are stopped"
 
 
 async def _why_not_open(motors: DriveMotors) -> None:

@@ -16,7 +16,7 @@ from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.simhal.faults.kinds import Fault, Lost, Stall
 
 ROUNDING_S = 1e-6
-STOOD_ALREADY = "the wheels stood already"
+STOOD_ALREADY = "the wheels were stopped already"
 
 _LEVELS = {
     Level.NOTE: Reached.NOTE,
@@ -171,7 +171,7 @@ def _late(expect: Expectation, detected_s: float | None, stood_s: float | None) 
         return
     for what, after_s, from_level in (
         ("detected", detected_s, Reached.NOTE),
-        ("the wheels stood", stood_s, Reached.HOLD),
+        ("the wheels stopped", stood_s, Reached.HOLD),
     ):
         if expect.level >= from_level and (after_s is None or after_s > expect.within_s + ROUNDING_S):
             yield f"{what} {_shown(after_s)}, {expect.within_s:g} s are allowed"

@@ -18,7 +18,7 @@ from wayfarer.fault_scenarios.selection import Row
 
 LEGEND = (
     "S0 note, S1 degrade, S2 hold, S3 fault until re-armed, S4 the board's deadman",
-    "seen: the rover said so; stood: the wheels were told to; seconds since the fault",
+    "seen: the rover reported it; stopped: the wheels were commanded to stop; seconds since the fault",
 )
 _HOW = {
     Tried.SIMULATED: "in virtual time",
@@ -61,7 +61,7 @@ COLUMNS = (
     Column("level\ngot", lambda each: _level(each, each.reached)),
     Column("by", lambda each: each.cause, from_width=130),
     Column("seen\nafter", lambda each: _seconds(each.detected_s), right=True),
-    Column("stood\nafter", lambda each: _seconds(each.stopped_s), right=True),
+    Column("stopped\nafter", lambda each: _seconds(each.stopped_s), right=True),
     Column("bound", lambda each: _seconds(each.within_s), right=True),
     Column("verdict", _verdict),
     Column("first changed", lambda each: each.changed, from_width=190, text=True),

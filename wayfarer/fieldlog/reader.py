@@ -57,7 +57,8 @@ class Damage:
 
     def __str__(self) -> str:
         counts = [(getattr(self, field.name), SAID[field.name]) for field in fields(self)]
-        return ", ".join(one if count == 1 else f"{count} {many}" for count, (one, many) in counts if count) or "whole"
+        told = (one if count == 1 else f"{count} {many}" for count, (one, many) in counts if count)
+        return ", ".join(told) or "complete"
 
 
 SAID = {
