@@ -18,7 +18,7 @@ from wayfarer.fault_scenarios.selection import Row
 
 LEGEND = (
     "S0 note, S1 degrade, S2 hold, S3 fault until re-armed, S4 the board's deadman",
-    "seen: the rover reported it; stopped: the wheels were commanded to stop; seconds since the fault",
+    "seen: reported; stopped: wheels commanded to stop; seconds since the fault",
 )
 _HOW = {
     Tried.SIMULATED: "in virtual time",
