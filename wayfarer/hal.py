@@ -181,7 +181,7 @@ class DriveMotors(Driver, Protocol):
     """The left and right wheels of a skid-steered rover.
 
     ``deadman_s`` is how long after the last command the board itself stops the wheels; None where it cannot. ``open``
-    arms that deadman and verifies it as far as the board can be asked; the helm opens the motors anew at each arming,
+    arms that deadman and verifies it if the board can report it; the controller opens the motors again at each arming,
     because a board that lost its power for a moment has forgotten it.
     """
 

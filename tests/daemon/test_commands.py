@@ -450,7 +450,7 @@ def test_disarming_stops_the_wheels_before_the_next_tick_and_for_good(play: Play
         assert run.wheels == STOP
         await asyncio.sleep(1.0)
         assert run.wheels == STOP
-        assert (await run.status())["why_disarmed"] == "asked for by a person"
+        assert (await run.status())["why_disarmed"] == "requested by a person"
 
     play(scene)
 

@@ -197,9 +197,9 @@ def _refuse_without_mujoco(given: Mapping[str, object], *, detector: bool) -> No
             continue
         option = f"--{name.replace('_', '-')}"
         if not detector:
-            raise BadInput(f"{option} is for the detector's table; add --detector, or leave it out")
+            raise BadInput(f"{option} needs --detector; add that, or leave it out")
         if name != "physics" and given["physics"] is not PhysicsName.mujoco:
-            raise BadInput(f"{option} is of another world; add --physics mujoco, or leave it out")
+            raise BadInput(f"{option} applies only to MuJoCo; add --physics mujoco, or drop it")
 
 
 def _refuse_odd_pairs(given: Mapping[str, object], *, by_chance: bool, detector: bool) -> None:
@@ -214,4 +214,4 @@ def _refuse_odd_pairs(given: Mapping[str, object], *, by_chance: bool, detector:
         if by_chance and not of_chance:
             raise BadInput(f"--trials draws its own faults; leave out {option}")
         if of_chance and not by_chance:
-            raise BadInput(f"{option} is for faults by chance; say how many with --trials N")
+            raise BadInput(f"{option} is for random faults; say how many trials with --trials N")

@@ -42,7 +42,7 @@ class Mode(Enum):
 
 
 class Wheels(Protocol):
-    """As much of ``hal.DriveMotors`` as the helm uses."""
+    """As much of ``hal.DriveMotors`` as the controller uses."""
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Apply the command and return what was really applied."""
@@ -215,7 +215,7 @@ class Helm:
         )
 
     def _own_conditions(self, conditions: tuple[Condition, ...], t_s: float, dt_s: float) -> tuple[Condition, ...]:
-        """Add what the helm itself knows to what the detector found."""
+        """Add the controller's own conditions to those of the detector."""
         if dt_s > self._late_s:
             conditions += (Condition.TICK_LATE,)
         if self._motors_failed:

@@ -208,7 +208,7 @@ class Supervisor:
         return helm.end
 
     async def _watch_board(self) -> None:
-        """Ask the motor board how it is, and soon again where its answer is doubtful; the helm acts on what it says."""
+        """Ask the motor board for its status, sooner again if the answer is doubtful; the controller acts on it."""
         pace = Pace(self._health_hz)
         while True:
             await self._ask_board()

@@ -127,7 +127,7 @@ class RoverCommands:
     async def disarm(self) -> Details:
         """Stop the wheels until re-armed; never refused."""
         self._motors.halt()
-        self._supervisor.disarm("asked for by a person")
+        self._supervisor.disarm("requested by a person")
         return {"mode": self._helm.mode.value}
 
     async def hold(self) -> Details:
@@ -166,7 +166,7 @@ class RoverCommands:
     async def stop(self) -> Details:
         """End the run."""
         self._motors.halt()
-        self._supervisor.finish("requested", "asked for by a person")
+        self._supervisor.finish("requested", "requested by a person")
         return {"log": self._about.get("log")}
 
     def _seen(self, last: TickRecord | None) -> dict[str, Any]:

@@ -233,7 +233,7 @@ class Daemon:
         self._loop.call_soon_threadsafe(note)
 
     def _note_power(self, flags: int | None) -> None:
-        """Hand the computer's power flags to the helm; called in another thread."""
+        """Hand the computer's power flags to the controller; called in another thread."""
         self._loop.call_soon_threadsafe(lambda: self._supervisor.helm.power(self._loop.time(), flags))
 
     def _tell_of_unfinished(self, before: Unfinished) -> None:

@@ -156,8 +156,8 @@ class ThunderBorg:
     what is left: level / (255 * duty_limit).
 
     The board's failsafe, off at power-up, is the deadman: it stops the motors when no drive command came for 0.25 s.
-    Whether requests count as commands is not documented; the helm drives 20 times a second. A board that lost its power
-    for a moment has switched it off: the board is asked before each command to move, and gets none without it.
+    Whether requests count as commands is not documented; the controller drives 20 times a second. A board that lost its
+    power for a moment has switched it off: the board is asked before each command to move, and gets none without it.
 
     ``troubles`` count the transfers that were tried again, and how often the board had lost its power.
     """

@@ -52,7 +52,7 @@ class TrialResult(NamedTuple):
     torque_scale: float | None = None
 
 
-GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the helm's reason of disarming
+GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the controller's reason for disarming
 
 
 class Tally(PartialLog):

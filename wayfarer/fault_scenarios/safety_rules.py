@@ -177,7 +177,7 @@ class Invariants(PartialLog):
     def _check_fault(self, record: TickRecord, mode: Mode) -> None:
         if self._fault and record.level is not Level.FAULT:
             self._break(record.t_s, "rule 3: a fault cleared by itself")
-        if self._fault and mode is Mode.ARMED:  # the helm disarms once the tick of a fault is written
+        if self._fault and mode is Mode.ARMED:  # the controller disarms once the tick of a fault is written
             self._break(record.t_s, "rule 3: a fault left the rover armed")
         self._fault |= record.level is Level.FAULT
 

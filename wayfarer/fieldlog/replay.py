@@ -1,9 +1,9 @@
 """Replay: recorded readings and operator commands through today's code, decisions compared with the log.
 
 Everything that came from outside is taken from the log: readings, what the motors took, what people asked for, what the
-motor board said. Everything that the rover concluded is concluded again, by the helm itself: anomalies, conditions,
-arming, the gate's level, and what the algorithm decided. So a log is a regression test, and a question: what would the
-rover have done with another threshold?
+motor board said. Everything that the rover concluded is computed again, by the controller itself: anomalies,
+conditions, arming, the gate's level, and what the algorithm decided. So a log is a regression test, and a question:
+what would the rover have done with another threshold?
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def replay(run: Path, config: RoverConfig | None = None) -> Replay:
 
 
 class Rerun:
-    """The helm of a run, made again as the log's first record says, and fed from the log."""
+    """The controller of a run, made again as the log's first record says, and fed from the log."""
 
     def __init__(self, run: Path, header: Record, config: RoverConfig | None) -> None:
         try:

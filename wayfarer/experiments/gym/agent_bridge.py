@@ -1,9 +1,10 @@
 """Bridge that hands each decision of a trial to a Gymnasium agent in another thread.
 
-An environment is called from outside, a trial runs by itself: supervisor, sensor tasks and helm on a loop of their own.
-So that both stay what they are, the trial has a thread, and the two take turns: while the agent thinks, virtual time
-is paused; while the trial runs, the agent waits. The two never run at the same time, so an episode is as deterministic
-as a trial, and each decision is taken where an algorithm would take it: between the detector and the safety gate.
+An environment is called from outside, a trial runs by itself: supervisor, sensor tasks and controller on a separate
+loop. So that both stay what they are, the trial has a thread, and the two take turns: while the agent thinks, virtual
+time is paused; while the trial runs, the agent waits. The two never run at the same time, so an episode is as
+deterministic as a trial, and each decision is taken where an algorithm would take it: between the detector and the
+safety gate.
 """
 
 from __future__ import annotations
