@@ -18,10 +18,10 @@ from wayfarer.config.rover_file import load_rover, part_settings
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.drivers.threaded import ThreadedI2C
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments.trial import Tally, run_trial
-from wayfarer.simhal.build_rover import Depth, Solder
+from wayfarer.experiments.trial import TrialCounters, run_trial
+from wayfarer.simhal.build_rover import ChipWiring, Depth
 from wayfarer.simhal.buses import FakeBuses, FakeI2C
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -64,14 +64,14 @@ async def _drive_into_a_hang() -> tuple[float, float, float]:
     chips = FakeBuses()
     device = HangingDevice(chips.i2c("/dev/i2c-1"))
     buses = HangingBuses(chips, device)
-    world = World(generate_forest(0, 0, 0), config.vehicle, Physics(), Streams(0), starts_s=loop.time())
-    solder = Solder(world, Streams(0), loop.time, chips)
+    world = World(generate_forest(0, 0, 0), config.vehicle, Physics(), RandomStreams(0), starts_s=loop.time())
+    wiring = ChipWiring(world, RandomStreams(0), loop.time, chips)
     for part, table in config.parts.items():
         driver, settings = part_settings(part, table)
-        solder.chips[driver](settings)
+        wiring.chips[driver](settings)
     algorithm = CATALOGUE["forest-pledge"]
     handler = algorithm.make(config.escape, config.vehicle, Random(0))
-    supervisor = Supervisor(assemble(config, buses), config, algorithm, handler, Tally())
+    supervisor = Supervisor(assemble(config, buses), config, algorithm, handler, TrialCounters())
     running = asyncio.create_task(supervisor.run())
     await asyncio.sleep(1.0)
     await supervisor.arm(0.0)
@@ -83,7 +83,7 @@ async def _drive_into_a_hang() -> tuple[float, float, float]:
         nonlocal stopped_s
         for _ in range(round(HANG_S / 0.005)):
             await asyncio.sleep(0.005)
-            solder.tick()
+            wiring.tick()
             if world.commanded == (0.0, 0.0) and not stopped_s:
                 stopped_s = loop.time() - device.last_write_s
 

@@ -25,17 +25,17 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from benchmarks.figures import print_table
-from wayfarer.commissioning.checks import Place
+from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.config.rover_file import load_rover
 from wayfarer.config.rover_overlay import laid_over
 from wayfarer.control.controller import Mode
 from wayfarer.control.records import Tee
-from wayfarer.daemon.arming_inspection import Live
+from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
-from wayfarer.experiments.trial_setup import Stage, TrialSpec
+from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.random_scenarios import draw_fault, possible_faults, quick_settings, ready_for
 from wayfarer.fault_scenarios.safety_rules import Invariants
 from wayfarer.fieldlog.log import FieldLog
@@ -46,7 +46,7 @@ from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.world import World
 
-Beside = Callable[[Stage], Coroutine[Any, Any, None]]
+Beside = Callable[[TrialSetup], Coroutine[Any, Any, None]]
 
 ROVER = "forestrover"
 HOUR_S = 3600.0
@@ -145,16 +145,18 @@ async def _soak(for_s: float, seed: int, folder: Path, beside: Beside | None) ->
     rules = CountingRules(counts)
     spec = TrialSpec(0, "forest-pledge", forest, seed, config, budget_m=inf, depth=Depth.BUS, faults=ready_for(places))
     logs = folder / "log"
-    stage = Stage(spec, lambda *_: Tee(FieldLog(RunFiles(logs, LOG), {"simulated": True}, wall=lambda t_s: t_s), rules))
-    stage.world.after_step = partial(_carry_back, forest)  # in place of the referee, who would end the run
-    rules.follow(stage)
-    assert stage.injector is not None
-    stage.injector.start(stage.world, stage.supervisor.helm.power, rules.note)
+    setup = TrialSetup(
+        spec, lambda *_: Tee(FieldLog(RunFiles(logs, LOG), {"simulated": True}, wall=lambda t_s: t_s), rules)
+    )
+    setup.world.after_step = partial(_carry_back, forest)  # in place of the outcome monitor, who would end the run
+    rules.follow(setup)
+    assert setup.injector is not None
+    setup.injector.start(setup.world, setup.supervisor.controller.power, rules.note)
     chance = Random(seed)
     beginning = [place for place in places if place.kind != "task_crash"]
-    others = [_faults(stage, beginning, chance, counts), _person(stage, rules, chance)]
-    tasks = [asyncio.ensure_future(each) for each in (*others, *([beside(stage)] if beside else []))]
-    run = asyncio.ensure_future(stage.supervisor.run())
+    others = [_faults(setup, beginning, chance, counts), _person(setup, rules, chance)]
+    tasks = [asyncio.ensure_future(each) for each in (*others, *([beside(setup)] if beside else []))]
+    run = asyncio.ensure_future(setup.supervisor.run())
     samples: list[Sample] = []
     for _ in range(SAMPLES):
         await asyncio.sleep(for_s / SAMPLES)
@@ -162,11 +164,11 @@ async def _soak(for_s: float, seed: int, folder: Path, beside: Beside | None) ->
         for task in (run, *tasks):
             if task.done():
                 task.result()  # nothing here ends by itself: an error
-    stage.supervisor.finish("requested", "the soak is over")
+    setup.supervisor.finish("requested", "the soak is over")
     await run
     for task in tasks:
         task.cancel()
-    stage.injector.end()
+    setup.injector.end()
     return samples, rules.broken
 
 
@@ -176,9 +178,9 @@ def _carry_back(forest: Forest, world: World) -> None:
         world.carry_to(*forest.start_m, forest.heading_deg)
 
 
-async def _faults(stage: Stage, places: Sequence[Any], chance: Random, counts: Counts) -> None:
+async def _faults(setup: TrialSetup, places: Sequence[Any], chance: Random, counts: Counts) -> None:
     """Begin a fault now and then, of any kind, and none twice at the same time."""
-    assert stage.injector is not None
+    assert setup.injector is not None
     until_s: dict[Any, float] = {}
     time = asyncio.get_running_loop().time
     while True:
@@ -189,22 +191,22 @@ async def _faults(stage: Stage, places: Sequence[Any], chance: Random, counts: C
         counts.faults += 1
         fault = draw_fault(place, time(), chance, LASTS_MOST_S)
         until_s[place] = time() + fault.for_s + 1.0
-        stage.injector.begin(counts.faults, fault)
+        setup.injector.begin(counts.faults, fault)
 
 
-async def _person(stage: Stage, log: Any, chance: Random) -> None:
+async def _person(setup: TrialSetup, log: Any, chance: Random) -> None:
     """Arm again whatever stands, resume what is held, and now and then hold, disarm or send elsewhere."""
-    config, nowhere = stage.config, Path()
-    live = Live(config, stage.rover, Place(nowhere, nowhere, (), 0.0), stage.supervisor)
+    config, nowhere = setup.config, Path()
+    live = RunningInspection(config, setup.rover, HostEnvironment(nowhere, nowhere, (), 0.0), setup.supervisor)
     about = {"start_delay_s": config.safety.start_delay_s}
-    commands = RoverCommands(stage.supervisor, stage.rover.motors, lambda: live, log, about, checks=())
-    helm = stage.supervisor.helm
+    commands = RoverCommands(setup.supervisor, setup.rover.motors, lambda: live, log, about, checks=())
+    controller = setup.supervisor.controller
     while True:
         await asyncio.sleep(chance.expovariate(1.0 / PERSON_EVERY_S))
         with suppress(Refused, NotArmed):
-            if helm.mode is Mode.DISARMED:
+            if controller.mode is Mode.DISARMED:
                 await commands.arm()
-            elif helm.held:
+            elif controller.held:
                 await commands.resume()
             elif chance.random() < 0.1:
                 await chance.choice(

@@ -6,7 +6,7 @@ Or, in this folder: PYTHONPATH=. wayfarer sim --algorithm algorithm_of_your_own:
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.escape.handler import PhasedHandler, Recipe
+from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
 from wayfarer.escape.phases import PLEDGE
 from wayfarer.escape.policies import COUNTER_CLOCKWISE, fixed_angle
 from wayfarer.experiments.trial import run_trial
@@ -14,9 +14,9 @@ from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.testing import check_algorithm
 
-recipe = Recipe(PLEDGE, side=lambda *_: COUNTER_CLOCKWISE, angle=fixed_angle, resets=True, keeps_side=True)
+spec = AlgorithmSpec(PLEDGE, side=lambda *_: COUNTER_CLOCKWISE, angle=fixed_angle, resets=True, keeps_side=True)
 left_hand = Algorithm(
-    "left-hand", "pledge", "Forest-Pledge with the other hand", lambda *given: PhasedHandler(recipe, *given)
+    "left-hand", "pledge", "Forest-Pledge with the other hand", lambda *given: PhasedHandler(spec, *given)
 )
 
 if __name__ == "__main__":

@@ -19,8 +19,8 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import EscapeSettings
 from wayfarer.escape.failsafe import FailSafe
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.simhal.random_streams import Streams
-from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSense, HeadingSense
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -43,9 +43,9 @@ class TheirRover:
     """Wheels, a compass, odometry that does not come from the wheels, and a camera that is dark under dense crowns."""
 
     def __init__(self, forest: int) -> None:
-        streams = Streams(forest)
+        streams = RandomStreams(forest)
         self.world = World(generate_forest(forest, noise=0, seed=0), VEHICLE, Physics(), streams)
-        self._compass, self._odometry = HeadingSense(self.world, streams), FlowSense(self.world, streams)
+        self._compass, self._odometry = HeadingSensorModel(self.world, streams), FlowSensorModel(self.world, streams)
         self._wheels = STOP
         self._drives: deque[tuple[float, float]] = deque(maxlen=8)  # 0.4 s of commanded and moved metres
 

@@ -4,7 +4,7 @@ Run it: pip install '.[sim]' && python examples/fault_in_a_trial.py
 """
 
 from wayfarer.fault_scenarios.judge import judge
-from wayfarer.fault_scenarios.runner import play, play_well
+from wayfarer.fault_scenarios.runner import run_scenario, run_without_faults
 from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario
 from wayfarer.simhal.faults.kinds import Fault
 
@@ -15,6 +15,8 @@ scenario = Scenario(
     faults=(Fault(at_s=15.0, for_s=5.0, target="compass", kind="silent"),),
     for_s=25.0,
 )
-result = judge(scenario, play(scenario), play_well(scenario))  # with the fault, and the same run without
+result = judge(
+    scenario, run_scenario(scenario), run_without_faults(scenario)
+)  # with the fault, and the same run without
 print(f"{result.reached} by {result.cause} after {result.detected_s:.2f} s; stopped after {result.stopped_s:.2f} s")
 print("as expected" if result.passed else "\n".join(result.problems))

@@ -18,7 +18,7 @@ from wayfarer.errors import NotResponding
 from wayfarer.escape import policies
 from wayfarer.escape.api import Decision, EscapeHandler, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import CATALOGUE, Algorithm
-from wayfarer.escape.handler import PhasedHandler, Recipe
+from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
 from wayfarer.escape.phases import PLEDGE
 from wayfarer.hal import (
     STOP,
@@ -34,7 +34,7 @@ from wayfarer.hal import (
 )
 from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -65,8 +65,8 @@ class Unforgetting(PhasedHandler):
 
 
 def test_handler_that_does_not_forget_is_found() -> None:
-    recipe = Recipe(PLEDGE, policies.clockwise, policies.fixed_angle, resets=True, keeps_side=True)
-    unforgetting = replace(CATALOGUE["forest-pledge"], make=lambda *parts: Unforgetting(recipe, *parts))
+    spec = AlgorithmSpec(PLEDGE, policies.clockwise, policies.fixed_angle, resets=True, keeps_side=True)
+    unforgetting = replace(CATALOGUE["forest-pledge"], make=lambda *parts: Unforgetting(spec, *parts))
     with pytest.raises(AssertionError, match=r"after reset\(\)"):
         check_algorithm(unforgetting)
 
@@ -149,7 +149,7 @@ def run(check: Coroutine[Any, Any, None]) -> None:
 
 
 def sim_rover() -> Rover:
-    config, streams = load_rover("sim"), Streams(1)
+    config, streams = load_rover("sim"), RandomStreams(1)
     return device_depth(World(generate_forest(1, 0, 0), config.vehicle, Physics(), streams), streams, config)
 
 

@@ -65,13 +65,13 @@ async def test_adapter_that_comes_back_gets_zeros_until_the_rover_is_armed_anew(
     await motors.open()
     bench = Bench(wheels=motors)
     await bench.tick()
-    bench.helm.arm(bench.t_s, 0.0)
+    bench.controller.arm(bench.t_s, 0.0)
     await bench.tick(5)
     assert adapter.turns
 
     adapter.plugged = False
     await bench.tick(2)
-    assert bench.helm.mode is Mode.DISARMED
+    assert bench.controller.mode is Mode.DISARMED
     (failed,) = bench.log.named("motors_failed")
     assert BY_ID in failed["error"]
     await bench.tick(20)
@@ -81,10 +81,10 @@ async def test_adapter_that_comes_back_gets_zeros_until_the_rover_is_armed_anew(
     assert adapter.opened == 2, "its name is the same, and so it is found again"
     assert adapter.writes
     assert not adapter.turns, "what waited for it is no motion"
-    assert bench.helm.mode is Mode.DISARMED
+    assert bench.controller.mode is Mode.DISARMED
 
     await motors.open()
-    bench.helm.arm(bench.t_s, 0.0)
+    bench.controller.arm(bench.t_s, 0.0)
     await bench.tick(5)
     assert adapter.turns
     assert (TIMEOUT_COMMAND, 3) in adapter.packets(), "it has its deadman before it turns"

@@ -201,7 +201,7 @@ def drive(shop: Workshop, script: Script | None = None, *, for_s: float = 1.0, *
     async def main() -> RunEnd:
         loop = asyncio.get_running_loop()
         under_test = supervisor(shop, **rover)
-        under_test.helm.arm(loop.time(), 0.0)
+        under_test.controller.arm(loop.time(), 0.0)
         shop.run = asyncio.create_task(under_test.run())
         for t_s, act in {for_s: lambda it: it.finish("requested", "enough"), **(script or {})}.items():
             loop.call_later(t_s, act, under_test)

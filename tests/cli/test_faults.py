@@ -15,7 +15,7 @@ import pytest
 
 from tests.fault_scenarios import kinds_page
 from wayfarer import cli
-from wayfarer.fault_scenarios.runner import Played, play
+from wayfarer.fault_scenarios.runner import RunResult, run_scenario
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.simhal.faults.kinds import Layer
@@ -202,10 +202,10 @@ def test_bad_input_is_one_line(options: list[str], says: str, capsys: pytest.Cap
 def test_an_error_inside_one_scenario_does_not_hide_the_others(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fails_once(scenario: Scenario, log_dir: Path | None) -> Played:
+    def fails_once(scenario: Scenario, log_dir: Path | None) -> RunResult:
         if scenario.name == "broken":
             raise ZeroDivisionError("by zero")
-        return play(scenario, log_dir)
+        return run_scenario(scenario, log_dir)
 
     monkeypatch.setattr("wayfarer.fault_scenarios.command.play", fails_once)
     path = scenario_file(tmp_path, LOOSE.replace("loose-plug", "broken") + LOOSE)

@@ -30,9 +30,9 @@ from wayfarer.daemon.motors_lock import MotorsLock
 from wayfarer.daemon.socket.paths import SingleDaemon, daemon_socket
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.simhal.build_rover import Solder
+from wayfarer.simhal.build_rover import ChipWiring
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -256,11 +256,11 @@ def buses() -> FakeBuses:
     """Forestrover's chips, in a clearing."""
     chips = FakeBuses()
     config = load_rover("forestrover")
-    world = World(CLEARING, config.vehicle, Physics(), Streams(0), starts_s=monotonic())
-    solder = Solder(world, Streams(0), monotonic, chips)
+    world = World(CLEARING, config.vehicle, Physics(), RandomStreams(0), starts_s=monotonic())
+    wiring = ChipWiring(world, RandomStreams(0), monotonic, chips)
     for part, table in config.parts.items():
         driver, settings = part_settings(part, table)
-        solder.chips[driver](settings)
+        wiring.chips[driver](settings)
     return chips
 
 
@@ -343,7 +343,7 @@ def test_rover_is_run_as_it_was_calibrated_to_turn_and_the_simulated_one_is_not(
 
 
 def test_every_step_of_calibrating_can_be_named() -> None:
-    assert tuple(step.value for step in commissioning.Step) == STEPS
+    assert tuple(step.value for step in commissioning.CalibrationStep) == STEPS
 
 
 def test_calibrating_wants_a_person(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

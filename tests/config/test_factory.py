@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from wayfarer.config.calibration_file import Calibration, FlowEntry, TurningEntry, TurnResponse, stamp
-from wayfarer.config.factory import Scaled, assemble, calibrated
+from wayfarer.config.factory import ScaledMotionSensor, assemble, calibrated
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.drivers.bumper import Bumper
 from wayfarer.drivers.buses import Buses
@@ -133,7 +133,7 @@ class Flow:
 
 async def test_calibrated_metres_are_scaled_and_nothing_else_is() -> None:
     flow = Flow(MotionReading(3.0, 0.4, -0.2, 0.7, signed=False))
-    scaled = Scaled(flow, 1.25)
+    scaled = ScaledMotionSensor(flow, 1.25)
     assert isinstance(scaled, MotionSensor)
     assert scaled.name == "bench flow", "the calibration is kept under this name"
     await scaled.open()
@@ -144,14 +144,14 @@ async def test_calibrated_metres_are_scaled_and_nothing_else_is() -> None:
 
 def test_troubles_that_a_scaled_sensor_counts_are_those_of_the_sensor() -> None:
     flow = Flow(MotionReading(0.0, 0.0, 0.0, 1.0))
-    assert troubles_of(Scaled(flow, 2.0)) == {}
+    assert troubles_of(ScaledMotionSensor(flow, 2.0)) == {}
     flow.troubles = {"garbage rejected": 2}  # type: ignore[attr-defined]
-    assert troubles_of(Scaled(flow, 2.0)) == {"garbage rejected": 2}
+    assert troubles_of(ScaledMotionSensor(flow, 2.0)) == {"garbage rejected": 2}
 
 
 async def test_error_of_a_scaled_sensor_is_its_own() -> None:
     with pytest.raises(NotResponding, match="bench flow: gone"):
-        await Scaled(Flow(MotionReading(0.0, 0.0, 0.0, 0.0)), 2.0).read()
+        await ScaledMotionSensor(Flow(MotionReading(0.0, 0.0, 0.0, 0.0)), 2.0).read()
 
 
 def test_rover_turns_as_calibrated_both_ways_or_else_as_its_file_says() -> None:
@@ -180,6 +180,6 @@ def test_only_a_rover_whose_flow_was_calibrated_is_scaled(tmp_path: Path) -> Non
     assert scaled.motion._settings.rad_per_count == plain.motion._settings.rad_per_count * FLOW.scale
     assert scaled.motion.name == plain.motion.name
     camera = assemble(load_rover("minirover"), buses, Calibration(flow=FLOW))
-    assert isinstance(camera.motion, Scaled)
+    assert isinstance(camera.motion, ScaledMotionSensor)
     blind = assemble(loaded(tmp_path, COMPASS, MOTORS), buses, Calibration(flow=FLOW))
     assert blind.motion is None

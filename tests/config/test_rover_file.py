@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from wayfarer.config.rover_file import RoverConfig, load_rover, part_settings, rover_names
 from wayfarer.daemon.salvage import motors_of
-from wayfarer.daemon.socket.driven import Driven
+from wayfarer.daemon.socket.driven import DrivenBoard
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 
 BODY = {"length_m": "0.4", "width_m": "0.4", "track_m": "0.5", "max_speed_m_s": "1.4"}
@@ -342,4 +342,4 @@ def test_stopping_the_motors_reads_past_a_byte_order_mark(tmp_path: Path) -> Non
     """With its first key unread, the file's ``buses`` would be taken for the Raspberry Pi's own."""
     path = tmp_path / "rover.toml"
     path.write_bytes(BOM + b'buses = "my.usb:adapter"\n[parts.motors]\ndriver = "sabertooth"\n')
-    assert motors_of(path) == Driven({"driver": "sabertooth"}, "my.usb:adapter")
+    assert motors_of(path) == DrivenBoard({"driver": "sabertooth"}, "my.usb:adapter")

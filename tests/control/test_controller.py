@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.controller import Helm, Mode, Wheels
-from wayfarer.control.latest import Cells
+from wayfarer.control.controller import Controller, Mode, WheelMotors
+from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.records import TickRecord
 from wayfarer.control.status_light import YELLOW, colour
 from wayfarer.detector import Detector
@@ -106,15 +106,17 @@ class Wanting:
 
 
 class Bench:
-    """A helm with parts of which the test has the other end; the compass speaks each tick unless told otherwise."""
+    """A controller with parts of which the test has the other end; the compass speaks each tick unless told otherwise."""
 
-    def __init__(self, handler: EscapeHandler | None = None, wheels: Wheels | None = None, **safety: Any) -> None:
+    def __init__(self, handler: EscapeHandler | None = None, wheels: WheelMotors | None = None, **safety: Any) -> None:
         limits = SafetySettings(**{"start_delay_s": 0.0, "settle_s": 0.2, "slew_per_s": 1000.0} | safety)
         self.config = RoverConfig(name="bench", vehicle=VEHICLE, safety=limits, board=BOARD)
-        self.motors, self.cells, self.log = Motors(), Cells(), Log()
+        self.motors, self.buffers, self.log = Motors(), SensorBuffers(), Log()
         self.handler = Wanting()
         detector = Detector(self.config.detector, VEHICLE, watches_motion=False)
-        self.helm = Helm(wheels or self.motors, self.cells, self.config, detector, handler or self.handler, self.log)
+        self.controller = Controller(
+            wheels or self.motors, self.buffers, self.config, detector, handler or self.handler, self.log
+        )
         self.t_s = 100.0
 
     async def tick(
@@ -123,35 +125,35 @@ class Bench:
         for _ in range(ticks):
             self.t_s += dt_s
             if compass:
-                self.cells.compass.write(CompassReading(self.t_s, heading_deg, 0.0, 0.0, None))
-            await self.helm.tick(self.t_s)
+                self.buffers.compass.write(CompassReading(self.t_s, heading_deg, 0.0, 0.0, None))
+            await self.controller.tick(self.t_s)
 
     async def armed(self, goal_heading_deg: float | None = 0.0) -> Bench:
         """This bench, driving."""
         await self.tick()
-        self.helm.arm(self.t_s, goal_heading_deg)
+        self.controller.arm(self.t_s, goal_heading_deg)
         await self.tick()
-        assert self.helm.mode is Mode.ARMED
+        assert self.controller.mode is Mode.ARMED
         assert self.wheels == AHEAD
         return self
 
     async def board_says(self, battery_v: float | None, *faults: str, for_s: float = 1.0) -> None:
         """Let the board answer the same at each tick for a while."""
         for _ in range(round(for_s / TICK_S)):
-            self.helm.board.update(self.t_s + TICK_S, MotorHealth(battery_v, faults))
+            self.controller.board.update(self.t_s + TICK_S, MotorHealth(battery_v, faults))
             await self.tick()
 
     async def fixes(self, *norths_m: float, every_s: float = 0.5) -> None:
         """Let a receiver give fixes, so many metres north of home, while the rover goes on."""
         for north_m in norths_m:
             fix = HOME._replace(t_s=self.t_s, latitude_deg=HOME.latitude_deg + north_m / METRES_PER_DEG)
-            self.helm.position(fix)
+            self.controller.position(fix)
             await self.tick(round(every_s / TICK_S))
 
     @property
     def end(self) -> str | None:
         """Why the run ended, if it did."""
-        return None if self.helm.end is None else self.helm.end.reason
+        return None if self.controller.end is None else self.controller.end.reason
 
     @property
     def wheels(self) -> WheelCommand:
@@ -168,7 +170,7 @@ class Bench:
 async def test_starts_disarmed_and_never_moves_before_arm() -> None:
     bench = Bench()
     await bench.tick(200)
-    assert bench.helm.mode is Mode.DISARMED
+    assert bench.controller.mode is Mode.DISARMED
     assert set(bench.motors.commands) == {STOP}
     assert bench.handler.seen == [], "nothing is decided while disarmed"
 
@@ -176,18 +178,18 @@ async def test_starts_disarmed_and_never_moves_before_arm() -> None:
 async def test_start_delay_passes_before_the_wheels_turn() -> None:
     bench = Bench(start_delay_s=5.0)
     await bench.tick()
-    bench.helm.arm(bench.t_s, 0.0)
+    bench.controller.arm(bench.t_s, 0.0)
     await bench.tick(99)
-    assert bench.helm.mode is Mode.ARMING
+    assert bench.controller.mode is Mode.ARMING
     assert set(bench.motors.commands) == {STOP}
     await bench.tick(2)
-    assert (bench.helm.mode, bench.wheels) == (Mode.ARMED, AHEAD)
+    assert (bench.controller.mode, bench.wheels) == (Mode.ARMED, AHEAD)
 
 
 async def test_goal_heading_is_captured_at_the_end_of_the_delay() -> None:
     bench = Bench(start_delay_s=2.0)
     await bench.tick()
-    bench.helm.arm(bench.t_s, None)
+    bench.controller.arm(bench.t_s, None)
     await bench.tick(39, heading_deg=40.0)
     await bench.tick(10, heading_deg=75.0)
     assert bench.log.named("armed")[0]["goal_heading_deg"] == pytest.approx(75.0)
@@ -197,17 +199,17 @@ async def test_goal_heading_is_captured_at_the_end_of_the_delay() -> None:
 async def test_arming_is_refused_when_the_heading_does_not_settle() -> None:
     bench = Bench()
     await bench.tick()
-    bench.helm.arm(bench.t_s, None)
+    bench.controller.arm(bench.t_s, None)
     for tick in range(60):
         await bench.tick(heading_deg=tick * 10.0 % 360.0)
-    assert bench.helm.mode is Mode.DISARMED
+    assert bench.controller.mode is Mode.DISARMED
     assert bench.log.named("disarmed") == [{"reason": "not armed: the heading did not settle"}]
     assert set(bench.motors.commands) == {STOP}
 
 
 async def test_arming_is_refused_without_a_compass_and_says_why() -> None:
     bench = Bench()
-    bench.helm.arm(bench.t_s, 0.0)
+    bench.controller.arm(bench.t_s, 0.0)
     await bench.tick(60, compass=False)
     assert bench.log.named("disarmed") == [{"reason": "not armed: compass_stale"}]
     assert set(bench.motors.commands) == {STOP}
@@ -219,18 +221,18 @@ async def test_fault_that_lasts_into_arming_refuses_it_or_is_forgotten_never_bot
     await bench.tick()
     await bench.tick(120, compass=False)
     assert bench.health == (Level.FAULT, Condition.COMPASS_LOST)
-    bench.helm.arm(bench.t_s, 0.0)
+    bench.controller.arm(bench.t_s, 0.0)
     await bench.tick(3, compass=False)
     await bench.tick(40)
-    assert (bench.helm.mode, bench.wheels) in [(Mode.ARMED, AHEAD), (Mode.DISARMED, STOP)]
+    assert (bench.controller.mode, bench.wheels) in [(Mode.ARMED, AHEAD), (Mode.DISARMED, STOP)]
 
 
 async def test_disarm_stops_at_the_next_tick_until_armed_anew() -> None:
     bench = await Bench().armed()
-    bench.helm.disarm(bench.t_s, "asked")
+    bench.controller.disarm(bench.t_s, "asked")
     await bench.tick(20)
     assert set(bench.motors.commands[-20:]) == {STOP}
-    bench.helm.arm(bench.t_s, 0.0)
+    bench.controller.arm(bench.t_s, 0.0)
     await bench.tick()
     assert bench.wheels == AHEAD
 
@@ -245,11 +247,11 @@ async def test_arming_anew_begins_afresh() -> None:
     first, second = Bench(forest_pledge()), Bench(forest_pledge())
     for bench in (first, second):
         await bench.tick()
-        bench.helm.arm(bench.t_s, 0.0)
+        bench.controller.arm(bench.t_s, 0.0)
         await bench.tick(heading_deg=2.0)
-    second.helm.disarm(second.t_s, "asked")
+    second.controller.disarm(second.t_s, "asked")
     await second.tick(1200)
-    second.helm.arm(second.t_s, 0.0)
+    second.controller.arm(second.t_s, 0.0)
     await second.tick(heading_deg=2.0)
     assert second.wheels == pytest.approx(first.wheels)
 
@@ -260,11 +262,11 @@ async def test_arming_anew_begins_afresh() -> None:
 async def test_mission_time_ends_the_run_with_its_reason() -> None:
     bench = await Bench(mission_time_s=3.0).armed()
     await bench.tick(59)
-    assert bench.helm.end is None
+    assert bench.controller.end is None
     await bench.tick(2)
-    assert bench.helm.end is not None
-    assert bench.helm.end.reason == "mission_time"
-    assert "3 s" in bench.helm.end.text
+    assert bench.controller.end is not None
+    assert bench.controller.end.reason == "mission_time"
+    assert "3 s" in bench.controller.end.text
 
 
 async def test_mission_distance_ends_the_run_and_counts_reversing() -> None:
@@ -272,28 +274,28 @@ async def test_mission_distance_ends_the_run_and_counts_reversing() -> None:
     await bench.tick(19)
     bench.handler.wheels = WheelCommand(-0.5, -0.5)
     await bench.tick(19)
-    assert bench.helm.end is None
+    assert bench.controller.end is None
     await bench.tick(4)
-    assert bench.helm.end is not None
-    assert bench.helm.end.reason == "mission_distance"
+    assert bench.controller.end is not None
+    assert bench.controller.end.reason == "mission_distance"
 
 
 async def test_limits_count_from_arming_and_not_while_disarmed() -> None:
     bench = Bench(mission_time_s=1.0)
     await bench.tick(100)
-    assert bench.helm.end is None
+    assert bench.controller.end is None
     await bench.armed()
-    bench.helm.disarm(bench.t_s, "asked")
+    bench.controller.disarm(bench.t_s, "asked")
     await bench.tick(100)
-    assert bench.helm.end is None
+    assert bench.controller.end is None
 
 
 async def test_first_reason_to_end_stands() -> None:
-    helm = Bench().helm
-    helm.finish("escaped", "out")
-    helm.finish("tipped", "over")
-    assert helm.end is not None
-    assert helm.end.reason == "escaped"
+    controller = Bench().controller
+    controller.finish("escaped", "out")
+    controller.finish("tipped", "over")
+    assert controller.end is not None
+    assert controller.end.reason == "escaped"
 
 
 async def test_radius_by_dead_reckoning_ends_the_run_at_its_edge() -> None:
@@ -302,8 +304,8 @@ async def test_radius_by_dead_reckoning_ends_the_run_at_its_edge() -> None:
     assert bench.end is None
     await bench.tick(4, heading_deg=40.0)
     assert bench.end == "mission_radius"
-    assert bench.helm.end is not None
-    assert "2 m" in bench.helm.end.text
+    assert bench.controller.end is not None
+    assert "2 m" in bench.controller.end.text
 
 
 async def test_rover_that_goes_to_and_fro_does_not_reach_its_radius() -> None:
@@ -346,7 +348,7 @@ async def test_position_is_logged_and_no_decision_sees_it() -> None:
     bench = await Bench().armed()
     before = bench.handler.seen[-1]
     await bench.fixes(0.0, 50.0)
-    bench.helm.position(None)
+    bench.controller.position(None)
     assert [None if fix is None else fix.latitude_deg for fix in bench.log.fixes] == [
         52.0, pytest.approx(52.00045, abs=1e-5), None,
     ]  # fmt: skip
@@ -360,9 +362,9 @@ async def test_mission_begins_anew_at_each_arming() -> None:
     for _ in range(3):
         await bench.tick(60)
         assert bench.end is None
-        bench.helm.disarm(bench.t_s, "asked")
+        bench.controller.disarm(bench.t_s, "asked")
         await bench.tick()
-        bench.helm.arm(bench.t_s, 0.0)
+        bench.controller.arm(bench.t_s, 0.0)
 
 
 # -- the operator ------------------------------------------------------------------------------------------------
@@ -370,16 +372,16 @@ async def test_mission_begins_anew_at_each_arming() -> None:
 
 async def test_hold_stops_the_wheels_at_the_next_tick_until_resumed_and_the_mission_goes_on() -> None:
     bench = await Bench().armed()
-    mission = bench.helm.mission
-    bench.helm.hold(bench.t_s, held=True)
+    mission = bench.controller.mission
+    bench.controller.hold(bench.t_s, held=True)
     await bench.tick(200)
     assert set(bench.motors.commands[-200:]) == {STOP}
     assert bench.health == (Level.HOLD, Condition.OPERATOR_HOLD)
-    assert bench.helm.mode is Mode.ARMED
-    bench.helm.hold(bench.t_s, held=False)
+    assert bench.controller.mode is Mode.ARMED
+    bench.controller.hold(bench.t_s, held=False)
     await bench.tick()
     assert bench.wheels == AHEAD
-    assert bench.helm.mission is mission
+    assert bench.controller.mission is mission
     assert [name for name, _ in bench.log.events if name in {"armed", "hold", "resume", "disarmed"}] == [
         "armed", "hold", "resume",
     ]  # fmt: skip
@@ -390,9 +392,9 @@ async def test_handler_is_not_asked_during_a_hold_and_its_time_stands_still() ->
     await bench.tick(3)
     before, asked = bench.handler.seen[-1], len(bench.handler.seen)
     for held_ticks in (1, 200):
-        bench.helm.hold(bench.t_s, held=True)
+        bench.controller.hold(bench.t_s, held=True)
         await bench.tick(held_ticks)
-        bench.helm.hold(bench.t_s, held=False)
+        bench.controller.hold(bench.t_s, held=False)
     assert len(bench.handler.seen) == asked
     await bench.tick(2)
     after = bench.handler.seen[asked:]
@@ -402,51 +404,51 @@ async def test_handler_is_not_asked_during_a_hold_and_its_time_stands_still() ->
 
 async def test_mission_time_goes_on_during_a_hold() -> None:
     bench = await Bench(mission_time_s=3.0).armed()
-    bench.helm.hold(bench.t_s, held=True)
+    bench.controller.hold(bench.t_s, held=True)
     await bench.tick(61)
     assert bench.end == "mission_time"
 
 
 async def test_hold_does_not_outlive_arming_anew() -> None:
     bench = await Bench().armed()
-    bench.helm.hold(bench.t_s, held=True)
-    bench.helm.disarm(bench.t_s, "asked")
+    bench.controller.hold(bench.t_s, held=True)
+    bench.controller.disarm(bench.t_s, "asked")
     await bench.tick()
     await bench.armed()
-    assert not bench.helm.held
+    assert not bench.controller.held
 
 
 async def test_rover_that_is_held_while_it_arms_waits_for_the_resume() -> None:
     bench = Bench()
     await bench.tick()
-    bench.helm.arm(bench.t_s, 0.0)
-    bench.helm.hold(bench.t_s, held=True)
+    bench.controller.arm(bench.t_s, 0.0)
+    bench.controller.hold(bench.t_s, held=True)
     await bench.tick(20)
-    assert (bench.helm.mode, set(bench.motors.commands)) == (Mode.ARMING, {STOP})
-    bench.helm.hold(bench.t_s, held=False)
+    assert (bench.controller.mode, set(bench.motors.commands)) == (Mode.ARMING, {STOP})
+    bench.controller.hold(bench.t_s, held=False)
     await bench.tick()
-    assert (bench.helm.mode, bench.wheels) == (Mode.ARMED, AHEAD)
+    assert (bench.controller.mode, bench.wheels) == (Mode.ARMED, AHEAD)
 
 
 async def test_goal_is_changed_for_the_decisions_and_nothing_else() -> None:
     bench = await Bench().armed(goal_heading_deg=30.0)
-    mission = bench.helm.mission
+    mission = bench.controller.mission
     assert bench.handler.seen[-1].goal_heading_deg == 30.0
-    bench.helm.head_for(bench.t_s, 275.0)
+    bench.controller.head_for(bench.t_s, 275.0)
     await bench.tick()
     assert bench.handler.seen[-1].goal_heading_deg == 275.0
-    assert bench.helm.mission is mission
+    assert bench.controller.mission is mission
     assert bench.wheels == AHEAD
     assert bench.log.named("goal") == [{"goal_heading_deg": 275.0}]
 
 
 async def test_reason_for_being_disarmed_is_kept_for_who_asks() -> None:
     bench = Bench()
-    assert bench.helm.why_disarmed == "not armed since the start"
+    assert bench.controller.why_disarmed == "not armed since the start"
     await bench.armed()
-    bench.helm.disarm(bench.t_s, "asked by the operator")
-    assert bench.helm.why_disarmed == "asked by the operator"
-    assert bench.helm.mission is None
+    bench.controller.disarm(bench.t_s, "asked by the operator")
+    assert bench.controller.why_disarmed == "asked by the operator"
+    assert bench.controller.mission is None
 
 
 # -- the motor board ---------------------------------------------------------------------------------------------
@@ -455,7 +457,7 @@ async def test_reason_for_being_disarmed_is_kept_for_who_asks() -> None:
 async def test_arming_is_refused_while_the_battery_is_low() -> None:
     bench = Bench()
     await bench.board_says(10.9)
-    bench.helm.arm(bench.t_s, 0.0)
+    bench.controller.arm(bench.t_s, 0.0)
     await bench.board_says(10.9, for_s=3.0)
     assert bench.log.named("disarmed") == [{"reason": "not armed: battery_low"}]
     assert set(bench.motors.commands) == {STOP}
@@ -464,7 +466,7 @@ async def test_arming_is_refused_while_the_battery_is_low() -> None:
 async def test_battery_that_gets_low_on_the_way_is_told_and_stops_nothing() -> None:
     bench = await Bench().armed()
     await bench.board_says(10.9)
-    assert (bench.helm.mode, bench.wheels) == (Mode.ARMED, AHEAD)
+    assert (bench.controller.mode, bench.wheels) == (Mode.ARMED, AHEAD)
     assert bench.health == (Level.DEGRADE, Condition.BATTERY_LOW)
     assert [details["cause"] for details in bench.log.named("health")][-1] == "battery_low"
 
@@ -472,14 +474,14 @@ async def test_battery_that_gets_low_on_the_way_is_told_and_stops_nothing() -> N
 async def test_critical_battery_is_a_fault() -> None:
     bench = await Bench().armed()
     await bench.board_says(9.9)
-    assert (bench.wheels, bench.helm.mode) == (STOP, Mode.DISARMED)
+    assert (bench.wheels, bench.controller.mode) == (STOP, Mode.DISARMED)
     assert bench.log.named("disarmed") == [{"reason": "fault: battery_critical"}]
 
 
 async def test_board_fault_latches_and_disarms() -> None:
     bench = await Bench().armed()
     await bench.board_says(12.0, "motor A: drive fault", for_s=2 * TICK_S)
-    assert (bench.wheels, bench.helm.mode) == (STOP, Mode.DISARMED)
+    assert (bench.wheels, bench.controller.mode) == (STOP, Mode.DISARMED)
     await bench.board_says(12.0)
     assert (bench.wheels, bench.health) == (STOP, (Level.FAULT, Condition.BOARD_FAULT)), "latched though it has gone"
     assert bench.log.named("disarmed") == [{"reason": "fault: board_fault"}]
@@ -490,15 +492,15 @@ async def test_board_fault_latches_and_disarms() -> None:
 async def test_board_fault_that_stays_refuses_arming() -> None:
     bench = Bench()
     await bench.board_says(12.0, "motor A: drive fault")
-    bench.helm.arm(bench.t_s, 0.0)
+    bench.controller.arm(bench.t_s, 0.0)
     await bench.board_says(12.0, "motor A: drive fault", for_s=3.0)
-    assert bench.helm.mode is Mode.DISARMED
+    assert bench.controller.mode is Mode.DISARMED
     assert set(bench.motors.commands) == {STOP}
 
 
 async def test_board_that_falls_silent_degrades_and_does_not_stop_a_rover_on_its_way() -> None:
     bench = await Bench().armed()
-    bench.helm.board.silent()
+    bench.controller.board.silent()
     await bench.tick(20)
     assert (bench.wheels, bench.health) == (AHEAD, (Level.DEGRADE, Condition.BOARD_SILENT))
 
@@ -543,7 +545,7 @@ async def test_time_in_which_no_tick_came_is_neither_driven_nor_tried() -> None:
     travelled_m = bench.handler.seen[-1].travelled_m
     await bench.tick(dt_s=60.0)
     await bench.tick()
-    assert bench.helm.mode is Mode.ARMED
+    assert bench.controller.mode is Mode.ARMED
     assert bench.handler.seen[-1].travelled_m - travelled_m == pytest.approx(0.5 * 1.0 * 0.2)
 
 
@@ -556,10 +558,10 @@ async def test_wheels_stand_still_and_the_light_warns_before_they_turn_again_aft
     for _ in range(round(2.0 / TICK_S)):
         await bench.tick()
         standing.append(bench.wheels == STOP)
-        warned = (bench.health, colour(bench.helm, 0.0)) == ((Level.HOLD, Condition.RESUME_WARNING), YELLOW)
+        warned = (bench.health, colour(bench.controller, 0.0)) == ((Level.HOLD, Condition.RESUME_WARNING), YELLOW)
         assert warned is standing[-1]
     assert sum(standing) * TICK_S == pytest.approx(1.0 if gap_s > 1.0 else 0.0, abs=1.5 * TICK_S)
-    assert (bench.helm.mode, bench.wheels) == (Mode.ARMED, AHEAD)
+    assert (bench.controller.mode, bench.wheels) == (Mode.ARMED, AHEAD)
 
 
 async def test_tick_just_within_the_limit_does_not_hold() -> None:
@@ -572,7 +574,7 @@ async def test_stale_compass_holds_the_wheels_and_they_resume() -> None:
     bench = await Bench().armed()
     await bench.tick(10, compass=False)
     assert (bench.wheels, bench.health) == (STOP, (Level.HOLD, Condition.COMPASS_STALE))
-    assert bench.helm.mode is Mode.ARMED
+    assert bench.controller.mode is Mode.ARMED
     await bench.tick()
     assert bench.wheels == AHEAD
     assert [details["level"] for details in bench.log.named("health")][-2:] == ["hold", "well"]
@@ -581,7 +583,7 @@ async def test_stale_compass_holds_the_wheels_and_they_resume() -> None:
 async def test_hold_of_the_mission_before_is_not_warned_of_in_the_next() -> None:
     bench = await Bench().armed()
     await bench.tick(40, compass=False)
-    bench.helm.disarm(bench.t_s, "by a person")
+    bench.controller.disarm(bench.t_s, "by a person")
     await bench.tick(4)
     await bench.armed()
     await bench.tick()
@@ -591,11 +593,11 @@ async def test_hold_of_the_mission_before_is_not_warned_of_in_the_next() -> None
 async def test_lost_compass_is_a_fault_that_disarms() -> None:
     bench = await Bench().armed()
     await bench.tick(120, compass=False)
-    assert bench.helm.mode is Mode.DISARMED
+    assert bench.controller.mode is Mode.DISARMED
     assert bench.log.named("disarmed") == [{"reason": "fault: compass_lost"}]
     await bench.tick(50)
     assert bench.wheels == STOP
-    bench.helm.arm(bench.t_s, 0.0)
+    bench.controller.arm(bench.t_s, 0.0)
     await bench.tick()
     assert bench.wheels == AHEAD
 
@@ -609,8 +611,8 @@ async def test_motors_that_do_not_answer_latch_a_fault_and_disarm() -> None:
     bench.motors.error = None
     await bench.tick(20)
     assert set(bench.motors.commands[-20:]) == {STOP}
-    assert (bench.helm.mode, bench.health) == (Mode.DISARMED, (Level.FAULT, Condition.MOTORS_FAILED))
-    bench.helm.arm(bench.t_s, 0.0)
+    assert (bench.controller.mode, bench.health) == (Mode.DISARMED, (Level.FAULT, Condition.MOTORS_FAILED))
+    bench.controller.arm(bench.t_s, 0.0)
     await bench.tick()
     assert bench.wheels == AHEAD
 
@@ -629,7 +631,7 @@ async def test_decision_that_is_no_number_stops_latches_and_disarms() -> None:
     bench.handler.wheels = WheelCommand(nan, 0.5)
     await bench.tick()
     assert bench.wheels == STOP
-    assert (bench.helm.mode, bench.health) == (Mode.DISARMED, (Level.FAULT, Condition.DECISION_INVALID))
+    assert (bench.controller.mode, bench.health) == (Mode.DISARMED, (Level.FAULT, Condition.DECISION_INVALID))
 
 
 async def test_health_is_logged_when_it_changes_and_not_each_tick() -> None:

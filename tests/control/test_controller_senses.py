@@ -1,4 +1,4 @@
-"""What the detector finds, at the helm: a runaway is fought, and what cannot be reaches no decision."""
+"""What the detector finds, at the controller: a runaway is fought, and what cannot be reaches no decision."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Rolling(Bench):
 
     async def roll(self, ticks: int, speed_m_s: float = 0.5) -> None:
         for _ in range(ticks):
-            self.cells.motion.write(MotionReading(self.t_s + TICK_S, speed_m_s * TICK_S, 0.0, 1.0))
+            self.buffers.motion.write(MotionReading(self.t_s + TICK_S, speed_m_s * TICK_S, 0.0, 1.0))
             await self.tick()
 
 
@@ -41,7 +41,7 @@ async def test_rover_that_goes_on_while_held_is_a_fault_within_half_a_second_and
     bench = Rolling()
     await bench.armed()
     await bench.roll(10)
-    bench.helm.hold(bench.t_s, held=True)
+    bench.controller.hold(bench.t_s, held=True)
     await bench.roll(11)  # the first of them sends the stop
     assert bench.health == (Level.FAULT, Condition.RUNAWAY)
     assert bench.log.named("disarmed") == [{"reason": "fault: runaway"}]
@@ -56,13 +56,13 @@ async def test_rover_that_goes_on_while_held_is_a_fault_within_half_a_second_and
 async def test_rover_that_ran_away_is_not_armed_while_it_still_rolls() -> None:
     bench = Rolling()
     await bench.armed()
-    bench.helm.hold(bench.t_s, held=True)
+    bench.controller.hold(bench.t_s, held=True)
     await bench.roll(20)
-    modes = [bench.helm.mode]
-    bench.helm.arm(bench.t_s, 0.0)
+    modes = [bench.controller.mode]
+    bench.controller.arm(bench.t_s, 0.0)
     for speed_m_s in (0.5, 0.0):
         await bench.roll(5, speed_m_s)
-        modes.append(bench.helm.mode)
+        modes.append(bench.controller.mode)
     assert modes == [Mode.DISARMED, Mode.ARMING, Mode.ARMED]
 
 
@@ -70,28 +70,28 @@ async def test_person_may_push_a_rover_that_is_not_armed() -> None:
     bench = Rolling()
     await bench.roll(40)
     assert bench.health == (Level.WELL, None)
-    assert bench.helm.conditions == ()
+    assert bench.controller.conditions == ()
     assert bench.counting.halts == 0
 
 
 async def test_contact_that_cannot_be_reaches_no_decision() -> None:
     bench = await Bench().armed()
     good = ContactReading(bench.t_s, (Side.LEFT,), 30.0)
-    bench.cells.contact.write(good)
+    bench.buffers.contact.write(good)
     await bench.tick()
     assert bench.handler.seen[-1].contact == good
     for bearing_deg in (nan, inf, -1.0, 180.0):
-        bench.cells.contact.write(ContactReading(bench.t_s, (Side.RIGHT,), bearing_deg))
+        bench.buffers.contact.write(ContactReading(bench.t_s, (Side.RIGHT,), bearing_deg))
         await bench.tick()
         assert bench.handler.seen[-1].contact == good
-    bench.cells.contact.write(ContactReading(bench.t_s + 60.0, (Side.RIGHT,), None))
+    bench.buffers.contact.write(ContactReading(bench.t_s + 60.0, (Side.RIGHT,), None))
     await bench.tick()
     assert bench.handler.seen[-1].contact == good
 
 
 async def test_fix_that_is_no_number_lifts_no_limit() -> None:
     bench = await Bench(mission_radius_m=2.0).armed()
-    bench.helm.position(PositionFix(bench.t_s, nan, 13.0, 3.0))
+    bench.controller.position(PositionFix(bench.t_s, nan, 13.0, 3.0))
     await bench.tick(90)
     assert bench.end == "mission_radius"
 
@@ -109,7 +109,7 @@ async def test_motors_that_say_what_cannot_be_are_lost_and_no_limit_is_lifted(
     with monkeypatch.context() as patched:
         patched.setattr(bench.motors, "drive", drive)
         await bench.tick(2)
-    assert bench.helm.mode is Mode.DISARMED
+    assert bench.controller.mode is Mode.DISARMED
     assert bench.log.ticks[-1].applied == STOP
     assert "duties" in bench.log.named("motors_failed")[0]["error"]
     await bench.armed()

@@ -7,48 +7,48 @@ from typing import Any
 
 import pytest
 
-from wayfarer.control.latest import Cells
+from wayfarer.control.latest import SensorBuffers
 from wayfarer.hal import CompassReading, ContactReading, MotionReading
 
 
 def test_nothing_is_there_before_the_sensors_speak() -> None:
-    assert Cells().snapshot(1.5) == (1.5, None, None, None)
+    assert SensorBuffers().snapshot(1.5) == (1.5, None, None, None)
 
 
 def test_newest_reading_replaces_the_older_and_stays() -> None:
-    cells = Cells()
+    buffers = SensorBuffers()
     old, new = (CompassReading(t_s, 10.0, 0.0, 0.0, None) for t_s in (0.0, 0.1))
-    cells.compass.write(old)
-    cells.compass.write(new)
-    cells.contact.write(contact := ContactReading(0.0, (), None))
+    buffers.compass.write(old)
+    buffers.compass.write(new)
+    buffers.contact.write(contact := ContactReading(0.0, (), None))
     for t_s in (0.2, 0.3):
-        assert cells.snapshot(t_s) == (t_s, new, None, contact)
+        assert buffers.snapshot(t_s) == (t_s, new, None, contact)
 
 
 def test_displacements_add_up_until_they_are_taken() -> None:
-    cells = Cells()
-    cells.motion.write(MotionReading(0.1, 0.25, -0.5, 0.9))
-    cells.motion.write(MotionReading(0.2, 0.5, 0.25, 0.4))
-    cells.motion.write(MotionReading(0.3, -0.125, 0.0, 0.8))
-    assert cells.snapshot(0.3).motion == MotionReading(0.3, 0.625, -0.25, 0.4), "quality is that of the worst part"
-    assert cells.snapshot(0.4).motion is None
+    buffers = SensorBuffers()
+    buffers.motion.write(MotionReading(0.1, 0.25, -0.5, 0.9))
+    buffers.motion.write(MotionReading(0.2, 0.5, 0.25, 0.4))
+    buffers.motion.write(MotionReading(0.3, -0.125, 0.0, 0.8))
+    assert buffers.snapshot(0.3).motion == MotionReading(0.3, 0.625, -0.25, 0.4), "quality is that of the worst part"
+    assert buffers.snapshot(0.4).motion is None
 
 
 def test_displacements_without_a_direction_stay_without_one() -> None:
-    cells = Cells()
+    buffers = SensorBuffers()
     for t_s in (0.1, 0.2):
-        cells.motion.write(MotionReading(t_s, 0.25, 0.0, 0.9, signed=False))
-    assert cells.snapshot(0.2).motion == MotionReading(0.2, 0.5, 0.0, 0.9, signed=False)
+        buffers.motion.write(MotionReading(t_s, 0.25, 0.0, 0.9, signed=False))
+    assert buffers.snapshot(0.2).motion == MotionReading(0.2, 0.5, 0.0, 0.9, signed=False)
 
 
 @pytest.mark.parametrize("readings", [1, 2, 7])
 def test_no_ground_is_lost_at_any_rate(readings: int) -> None:
-    cells = Cells()
+    buffers = SensorBuffers()
     taken_m = 0.0
     for tick in range(10):
         for _ in range(readings):
-            cells.motion.write(MotionReading(float(tick), 0.125, 0.0, 1.0))
-        motion = cells.snapshot(float(tick)).motion
+            buffers.motion.write(MotionReading(float(tick), 0.125, 0.0, 1.0))
+        motion = buffers.snapshot(float(tick)).motion
         taken_m += motion.forward_m if motion is not None else 0.0
     assert taken_m == 10 * readings * 0.125
 
@@ -61,9 +61,9 @@ def test_part_that_is_no_number_leaves_no_displacement_to_be_believed(field: str
     good = MotionReading(0.1, 0.01, 0.0, 0.9)
     change: dict[str, Any] = {field: value}
     bad = good._replace(**change)
-    cells = Cells()
+    buffers = SensorBuffers()
     for reading in (bad, good) if first else (good, bad):
-        cells.motion.write(reading)
-    motion = cells.snapshot(0.1).motion
+        buffers.motion.write(reading)
+    motion = buffers.snapshot(0.1).motion
     assert motion is not None
     assert motion.quality == 0.0 or not isfinite(motion.forward_m + motion.right_m)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.control.power_reports import Electrics
+from wayfarer.control.power_reports import PowerReports
 from wayfarer.control.records import PartialLog
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition
@@ -35,24 +35,24 @@ class Log(PartialLog):
 
 def said(duties: WheelCommand | None, *ticks: WheelCommand, times: int = 2) -> tuple[Condition, ...]:
     """What is wrong once these commands were applied and the board has said the same so often."""
-    electrics = Electrics(BoardSettings(), Log())
+    power_reports = PowerReports(BoardSettings(), Log())
     for applied in ticks[:-1]:
-        electrics.hear(applied)
+        power_reports.hear(applied)
     for _ in range(times):
-        electrics.board_said(1.0, WELL, duties)
-        electrics.hear(ticks[-1])
-    return electrics.conditions(1.0)
+        power_reports.board_said(1.0, WELL, duties)
+        power_reports.hear(ticks[-1])
+    return power_reports.conditions(1.0)
 
 
 def test_report_counts_and_is_logged_when_the_next_tick_begins() -> None:
     log = Log()
-    electrics = Electrics(BoardSettings(), log)
-    electrics.board_said(1.01, WELL, AHEAD)
-    electrics.board_silent(1.02, "no answer")
-    electrics.power(1.03, 0x1)
-    assert (log.written, electrics.conditions(1.04)) == ([], ())
-    assert electrics.hear(STOP)
-    assert electrics.conditions(1.05) == (Condition.BOARD_SILENT, Condition.UNDERVOLTAGE)
+    power_reports = PowerReports(BoardSettings(), log)
+    power_reports.board_said(1.01, WELL, AHEAD)
+    power_reports.board_silent(1.02, "no answer")
+    power_reports.power(1.03, 0x1)
+    assert (log.written, power_reports.conditions(1.04)) == ([], ())
+    assert power_reports.hear(STOP)
+    assert power_reports.conditions(1.05) == (Condition.BOARD_SILENT, Condition.UNDERVOLTAGE)
     assert log.written == [
         ("board", 1.01, AHEAD),
         ("board_silent", 1.02, {"error": "no answer"}),
@@ -94,29 +94,29 @@ def test_answers_that_interleave_with_commands_are_never_a_fault(
     commands: list[WheelCommand], data: st.DataObject
 ) -> None:
     """Each side is asked amid any of the last three commands."""
-    electrics = Electrics(BoardSettings(), Log())
+    power_reports = PowerReports(BoardSettings(), Log())
     for count, applied in enumerate(commands):
         recent = [STOP, STOP, STOP, *commands[: count + 1]][-3:]
         left, right = (data.draw(st.sampled_from(recent)) for _ in range(2))
-        electrics.board_said(float(count), WELL, WheelCommand(left.left, right.right))
-        assert not electrics.hear(applied)
+        power_reports.board_said(float(count), WELL, WheelCommand(left.left, right.right))
+        assert not power_reports.hear(applied)
 
 
 @given(st.lists(COMMANDS, min_size=8, max_size=8), st.lists(st.floats(1.02, 2.0), min_size=2, max_size=2))
 def test_duty_that_was_never_commanded_is_found_whatever_is(commands: list[WheelCommand], beyond: list[float]) -> None:
-    electrics = Electrics(BoardSettings(), Log())
+    power_reports = PowerReports(BoardSettings(), Log())
     for applied in commands:
-        electrics.board_said(0.0, WELL, WheelCommand(*beyond))
-        electrics.hear(applied)
-    assert electrics.conditions(0.0) == DISAGREES
+        power_reports.board_said(0.0, WELL, WheelCommand(*beyond))
+        power_reports.hear(applied)
+    assert power_reports.conditions(0.0) == DISAGREES
 
 
 def test_power_is_told_when_it_changes_only() -> None:
     log = Log()
-    electrics = Electrics(BoardSettings(), log)
+    power_reports = PowerReports(BoardSettings(), log)
     for t_s, flags in enumerate([None, 0, 0, 1, 1, 0x10000, None, 0x10000]):
-        electrics.power(float(t_s), flags)
-        electrics.hear(STOP)
+        power_reports.power(float(t_s), flags)
+        power_reports.hear(STOP)
     assert [(t_s, details["flags"]) for _, t_s, details in log.written if isinstance(details, dict)] == [
         (3.0, "0x1"), (5.0, "0x10000"), (6.0, "0x0"), (7.0, "0x10000"),
     ]  # fmt: skip

@@ -20,7 +20,7 @@ from tests.workshop import (
     breaking,
     drive,
 )
-from wayfarer.control.shutdown import unhindered
+from wayfarer.control.shutdown import run_uncancellable
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
 from wayfarer.hal import (
@@ -176,7 +176,7 @@ async def test_work_that_fails_in_the_moment_of_a_cancellation_shows_its_own_err
         stopping.cancel()
         raise ZeroDivisionError
 
-    stopping = asyncio.create_task(unhindered(fail()))
+    stopping = asyncio.create_task(run_uncancellable(fail()))
     with pytest.raises(ZeroDivisionError):
         await stopping
 

@@ -1,4 +1,4 @@
-"""The supervisor in virtual time: sensors, arming, board and light beside the helm, each with its troubles."""
+"""The supervisor in virtual time: sensors, arming, board and light beside the controller, each with its troubles."""
 
 from __future__ import annotations
 
@@ -247,7 +247,7 @@ def test_motor_board_that_does_not_open_refuses_to_arm_and_nothing_has_changed()
         0.31: lambda it: it.disarm("asked"),
         0.4: breaking(shop, "motors.open", NotResponding("board: no answer; switch it on")),
         0.51: arm,
-        0.9: lambda it: modes.append((it.mode, it.helm.why_disarmed)),
+        0.9: lambda it: modes.append((it.mode, it.controller.why_disarmed)),
     }
     assert drive(shop, script).reason == "requested"
     assert [str(refusal) for refusal in arm.refusals] == ["board: no answer; switch it on"]
@@ -339,8 +339,8 @@ def test_board_that_turns_the_wheels_by_itself_is_a_fault_within_half_a_second(a
     shop, seen = Workshop(), []
     script: Script = {
         0.4: lambda it: setattr(shop, "answer", AHEAD),
-        at_s: lambda it: it.helm.hold(at_s, held=True),
-        at_s + 0.5: lambda it: seen.append((it.mode, it.helm.why_disarmed)),
+        at_s: lambda it: it.controller.hold(at_s, held=True),
+        at_s + 0.5: lambda it: seen.append((it.mode, it.controller.why_disarmed)),
     }
     drive(shop, script, for_s=3.0)
     assert seen == [(Mode.DISARMED, "fault: board_disagrees")]
@@ -352,9 +352,9 @@ def test_board_that_turns_the_wheels_of_a_disarmed_rover_is_stopped_again_and_ag
     script: Script = {
         1.01: lambda it: it.disarm("asked"),
         2.01: lambda it: setattr(shop, "answer", WheelCommand(0.2, 0.0)),
-        2.51: lambda it: seen.append(it.helm.conditions),
+        2.51: lambda it: seen.append(it.controller.conditions),
         4.01: lambda it: setattr(shop, "answer", STOP),
-        5.01: lambda it: seen.append(it.helm.conditions),
+        5.01: lambda it: seen.append(it.controller.conditions),
     }
     drive(shop, script, for_s=6.0)
     assert seen == [(Condition.BOARD_DISAGREES,), ()]
@@ -368,7 +368,7 @@ def test_stop_that_comes_between_a_command_and_the_board_is_no_fault() -> None:
 
     def halt(it: Supervisor) -> None:
         shop.answer = STOP
-        it.helm.hold(1.249, held=True)
+        it.controller.hold(1.249, held=True)
 
     drive(
         shop,
@@ -395,7 +395,7 @@ def test_troubles_of_a_part_are_noted_when_they_grow_at_most_once_a_second() -> 
 
     def fail_often(it: Supervisor) -> None:
         contact.troubles["reads retried"] += 1
-        if it.helm.end is None:
+        if it.controller.end is None:
             asyncio.get_running_loop().call_later(0.01, fail_often, it)
 
     drive(shop, {0.2: fail_often}, for_s=3.5, contact=contact, source="contact")

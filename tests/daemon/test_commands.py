@@ -14,13 +14,13 @@ import orjson
 import pytest
 
 from tests.commissioning.checks.rigs import T_WALL, Flow, Needle, Rig
-from wayfarer.commissioning.checks import Verdict, run_checks
+from wayfarer.commissioning.checks import CheckVerdict, run_checks
 from wayfarer.commissioning.checks.deadman import keep_proof
 from wayfarer.commissioning.checks.parts import contact
 from wayfarer.config.calibration_file import Calibration, MotorsEntry, save, stamp
 from wayfarer.control.records import PartialLog
 from wayfarer.control.supervisor import Supervisor
-from wayfarer.daemon.arming_inspection import FRESH_S, Live
+from wayfarer.daemon.arming_inspection import FRESH_S, RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Commands, Refused
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
@@ -31,7 +31,7 @@ from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 
 ABOUT = {"version": "1", "rover": "sim", "algorithm": "pledge", "log": "logs/00001", "start_delay_s": 2.0}
 DELAY_S = 2.0
@@ -64,7 +64,7 @@ class Run:
         chosen = CATALOGUE[algorithm]
         handler = chosen.make(config.escape, config.vehicle, Random(0))
         self.supervisor = Supervisor(rig.rover, config, chosen, handler, self.log)
-        self.inspect = Live(config, rig.rover, rig.place, self.supervisor)
+        self.inspect = RunningInspection(config, rig.rover, rig.host, self.supervisor)
         self.commands = RoverCommands(self.supervisor, rig.motors, lambda: self.inspect, self.log, ABOUT)
 
     @property
@@ -136,7 +136,7 @@ def test_rover_starts_disarmed_and_drives_after_arming_and_the_delay(play: Play)
         assert run.wheels == STOP
         await asyncio.sleep(0.5)
         assert run.mode == "armed"
-        assert run.supervisor.helm.goal_heading_deg == 90.0
+        assert run.supervisor.controller.goal_heading_deg == 90.0
         assert run.wheels != STOP
 
     play(scene)
@@ -161,7 +161,7 @@ def test_arming_twice_is_refused_and_changes_nothing(play: Play, armed: bool) ->
         with pytest.raises(Refused, match=f"{mode} already: disarm it first"):
             await run.commands.arm(180.0)
         assert run.mode == mode
-        assert run.supervisor.helm.goal_heading_deg == 0.0
+        assert run.supervisor.controller.goal_heading_deg == 0.0
 
     play(scene)
 
@@ -264,7 +264,7 @@ def break_motors(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize(
-    ("harm", "text"),
+    ("set_faults", "text"),
     [
         (break_battery, "motor faults: motor A: drive fault .*switch it off and on"),
         (break_compass, "compass calibration: level 1 of 3, at least 2 is needed"),
@@ -273,10 +273,10 @@ def break_motors(rig: Rig) -> None:
     ],
 )
 def test_arming_is_refused_with_what_a_check_found_and_what_to_do(
-    play: Play, harm: Callable[[Rig], None], text: str
+    play: Play, set_faults: Callable[[Rig], None], text: str
 ) -> None:
     async def scene(run: Run) -> None:
-        harm(run.rig)
+        set_faults(run.rig)
         await asyncio.sleep(0.1)
         with pytest.raises(Refused, match=f"not armed: .*{text}"):
             await run.commands.arm()
@@ -307,7 +307,7 @@ def test_calibration_that_is_bad_broken_or_of_another_part_refuses_arming_and_is
     """Field catalogue, faults 12 and 49."""
 
     async def scene(run: Run) -> None:
-        path = run.rig.place.calibration_file
+        path = run.rig.host.calibration_file
         save(path, Calibration(motors=entry))
         if entry is None:
             path.write_bytes(path.read_bytes()[:-10])
@@ -478,7 +478,7 @@ def test_disarming_is_never_refused(play: Play) -> None:
 def test_hold_stops_the_wheels_at_once_and_resume_goes_on_with_the_same_mission(play: Play) -> None:
     async def scene(run: Run) -> None:
         await run.arm()
-        mission = run.supervisor.helm.mission
+        mission = run.supervisor.controller.mission
         assert await run.commands.hold() == {"held": True}
         assert run.wheels == STOP
         await asyncio.sleep(1.0)
@@ -487,7 +487,7 @@ def test_hold_stops_the_wheels_at_once_and_resume_goes_on_with_the_same_mission(
         assert await run.commands.resume() == {"held": False}
         await asyncio.sleep(0.5)
         assert run.wheels != STOP
-        assert run.supervisor.helm.mission is mission
+        assert run.supervisor.controller.mission is mission
 
     play(scene)
 
@@ -553,7 +553,7 @@ def test_goal_is_refused_before_the_rover_drives(play: Play, arming: bool) -> No
         with pytest.raises(Refused, match=f"{run.mode}: give the heading when arming"):
             await run.commands.goal(90.0)
         await asyncio.sleep(DELAY_S + 1.0)
-        assert run.supervisor.helm.goal_heading_deg == 0.0
+        assert run.supervisor.controller.goal_heading_deg == 0.0
 
     play(scene)
 
@@ -673,7 +673,7 @@ class MuteFlow(Flow):
 
 def test_compass_that_fell_silent_is_stale_and_keeps_the_rover_from_arming(play: Play, tmp_path: Path) -> None:
     rig = Rig(tmp_path)
-    compass = MuteCompass(rig.world, Streams(0))
+    compass = MuteCompass(rig.world, RandomStreams(0))
     rig.rover = dataclasses.replace(rig.rover, compass=compass)
 
     async def scene(run: Run) -> None:
@@ -692,7 +692,7 @@ def test_compass_that_fell_silent_is_stale_and_keeps_the_rover_from_arming(play:
 
 def test_motion_sensor_that_fell_silent_lets_no_rover_drive(play: Play, tmp_path: Path) -> None:
     rig = Rig(tmp_path)
-    motion = MuteFlow(rig.world, Streams(0))
+    motion = MuteFlow(rig.world, RandomStreams(0))
     rig.rover = dataclasses.replace(rig.rover, motion=motion)
 
     async def scene(run: Run) -> None:
@@ -722,7 +722,7 @@ def test_bumper_that_no_decision_uses_is_not_asked(play: Play) -> None:
     async def scene(run: Run) -> None:
         assert await run.inspect.contact() is None
         (finding,) = await run_checks(run.inspect, [contact])
-        assert finding.verdict is Verdict.SKIPPED
+        assert finding.verdict is CheckVerdict.SKIPPED
 
     play(scene)
 

@@ -23,12 +23,12 @@ from tests.system.faulty import FAULTY
 from tests.views.text.records import HEADER, drive, event, numbered, write
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon import host_health
-from wayfarer.daemon.daemon import Daemon, Service, Vessel, serve
+from wayfarer.daemon.daemon import Daemon, RoverSetup, Service, serve
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import AlreadyRunning, SingleDaemon
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments.live_rover import desk_vessel
+from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.build_rover import Depth
@@ -57,10 +57,10 @@ class Site:
             dry_run=False,
         )
 
-    def make_rover(self, finish: Finish) -> Vessel:
+    def make_rover(self, finish: Finish) -> RoverSetup:
         self.finish = finish
-        vessel = desk_vessel(self.service.config, Depth.DEVICE, 7, finish)
-        self.rover = vessel.rover
+        rover_setup = live_rover_setup(self.service.config, Depth.DEVICE, 7, finish)
+        self.rover = rover_setup.rover
         halt = self.rover.motors.halt
 
         def noted_halt() -> None:
@@ -68,7 +68,7 @@ class Site:
             halt()
 
         self.rover.motors.halt = noted_halt  # type: ignore[method-assign]
-        return vessel
+        return rover_setup
 
     async def close_buses(self) -> None:
         self.closed += 1
@@ -370,14 +370,14 @@ def test_second_daemon_leaves_the_first_alone(site: Site) -> None:
 def test_part_that_does_not_open_is_named_and_everything_is_let_go(site: Site) -> None:
     make_rover = site.make_rover
 
-    def make_broken(finish: Finish) -> Vessel:
-        vessel = make_rover(finish)
+    def make_broken(finish: Finish) -> RoverSetup:
+        rover_setup = make_rover(finish)
 
         async def fail() -> None:
             raise NotResponding("CMPS14 at 0x60 on /dev/i2c-1: no answer")
 
-        vessel.rover.compass.open = fail  # type: ignore[method-assign]
-        return vessel
+        rover_setup.rover.compass.open = fail  # type: ignore[method-assign]
+        return rover_setup
 
     site.service = replace(site.service, make_rover=make_broken)
     with pytest.raises(NotResponding, match="CMPS14 at 0x60"):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from wayfarer import cli
-from wayfarer.commissioning.checks import Place
+from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.device_files import refuse_missing_ports
 from wayfarer.errors import BadConfig
@@ -16,8 +16,8 @@ from wayfarer.errors import BadConfig
 PORTS = ("/dev/i2c-1", "/dev/spidev0.1", "/dev/ttyAMA0")
 
 
-def place(root: Path) -> Place:
-    return Place(root, root / "calibration.json", (), 0.0, root)
+def host(root: Path) -> HostEnvironment:
+    return HostEnvironment(root, root / "calibration.json", (), 0.0, root)
 
 
 def make(root: Path, *devices: str) -> None:
@@ -30,12 +30,12 @@ def make(root: Path, *devices: str) -> None:
 def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The device files that are looked at, all of them well."""
     looked_at: list[str] = []
-    monkeypatch.setattr("wayfarer.daemon.device_files.diagnose", lambda _place, device: looked_at.append(device))
+    monkeypatch.setattr("wayfarer.daemon.device_files.diagnose", lambda _host, device: looked_at.append(device))
     return looked_at
 
 
 def test_every_port_of_a_rover_is_looked_at(tmp_path: Path, looked_at: list[str]) -> None:
-    refuse_missing_ports(load_rover("forestrover"), "forestrover", place(tmp_path))
+    refuse_missing_ports(load_rover("forestrover"), "forestrover", host(tmp_path))
     assert looked_at == list(PORTS)
 
 
@@ -52,7 +52,7 @@ def test_port_that_is_not_there_is_named_with_file_key_and_remedy(
 ) -> None:
     make(tmp_path, *(port for port in PORTS if port != missing))
     with pytest.raises(BadConfig) as caught:
-        refuse_missing_ports(load_rover("forestrover"), "forestrover", place(tmp_path))
+        refuse_missing_ports(load_rover("forestrover"), "forestrover", host(tmp_path))
     said = str(caught.value)
     assert re.match(rf"forestrover: key '{key}' \(line \d+\): {missing} is not there", said)
     assert remedy in said
@@ -63,12 +63,12 @@ def test_port_without_permission_is_named_with_its_group(tmp_path: Path, monkeyp
     make(tmp_path, *PORTS)
     monkeypatch.setattr("os.access", lambda path, _mode: "spidev" not in str(path))
     with pytest.raises(BadConfig, match=r"'parts.motion.bus' \(line \d+\): /dev/spidev0.1 .*group 'spi'.*usermod"):
-        refuse_missing_ports(load_rover("forestrover"), "forestrover", place(tmp_path))
+        refuse_missing_ports(load_rover("forestrover"), "forestrover", host(tmp_path))
 
 
 def test_other_buses_have_names_of_their_own(tmp_path: Path, looked_at: list[str]) -> None:
     config = load_rover("forestrover").model_copy(update={"buses": "my.adapter:buses"})
-    refuse_missing_ports(config, "forestrover", place(tmp_path))
+    refuse_missing_ports(config, "forestrover", host(tmp_path))
     assert looked_at == []
 
 

@@ -12,7 +12,7 @@ import time
 
 import pytest
 
-from wayfarer.daemon.stderr_writer import CLOSE_S, LINES, LineWriter
+from wayfarer.daemon.stderr_writer import CLOSE_S, LINES, StderrWriter
 
 PATIENCE_S = 20.0
 BYTES = 65_536  # what a pipe holds until somebody reads
@@ -51,7 +51,7 @@ class Terminal:
 
 def test_lines_arrive_in_order_before_the_writer_is_closed() -> None:
     with Terminal() as terminal:
-        lines = LineWriter()
+        lines = StderrWriter()
         for text in ("armed", "ödland \udc80", "ended"):
             lines.write(text)
         lines.close()
@@ -62,7 +62,7 @@ def test_lines_arrive_in_order_before_the_writer_is_closed() -> None:
 def test_stalled_terminal_holds_up_nobody_and_is_told_what_was_lost() -> None:
     with Terminal() as terminal:
         terminal.stall()
-        lines = LineWriter()
+        lines = StderrWriter()
         lines.write("first")
         while lines._queue:  # until the thread has it, and waits
             time.sleep(0.001)
@@ -80,7 +80,7 @@ def test_stalled_terminal_holds_up_nobody_and_is_told_what_was_lost() -> None:
 def test_closing_waits_for_a_stalled_terminal_only_so_long() -> None:
     with Terminal() as terminal:
         terminal.stall()
-        lines = LineWriter()
+        lines = StderrWriter()
         lines.write("never read")
         began_s = time.monotonic()
         lines.close()
@@ -91,7 +91,7 @@ def test_process_ends_though_its_terminal_is_stalled() -> None:
     """The thread that waits holds nothing that Python needs to exit."""
     reading, writing = os.pipe()
     os.write(writing, b"." * BYTES)
-    code = "from wayfarer.daemon.stderr_writer import LineWriter; lines = LineWriter(); lines.write('x'); lines.close()"
+    code = "from wayfarer.daemon.stderr_writer import StderrWriter; lines = StderrWriter(); lines.write('x'); lines.close()"
     try:
         assert subprocess.run([sys.executable, "-c", code], stderr=writing, timeout=20.0, check=False).returncode == 0
     finally:
@@ -106,7 +106,7 @@ def test_without_a_stderr_nothing_is_raised(monkeypatch: pytest.MonkeyPatch, std
     monkeypatch.setattr(sys, "stderr", closed if stderr else None)
     raised: list[object] = []
     monkeypatch.setattr(threading, "excepthook", raised.append)
-    lines = LineWriter()
+    lines = StderrWriter()
     lines.write("for nobody")
     lines.close()
     lines.write("for nobody")
@@ -118,7 +118,7 @@ def test_thread_that_cannot_be_made_loses_nothing(monkeypatch: pytest.MonkeyPatc
     def refuse(_: threading.Thread) -> None:
         raise RuntimeError("can't start new thread")
 
-    lines = LineWriter()
+    lines = StderrWriter()
     with monkeypatch.context() as patch:
         patch.setattr(threading.Thread, "start", refuse)
         lines.write("early")

@@ -21,7 +21,7 @@ from wayfarer.config.registry import find_driver
 from wayfarer.daemon.motors_lock import MotorsLock
 from wayfarer.daemon.salvage import SHIPPED
 from wayfarer.daemon.socket.client import NoDaemon
-from wayfarer.daemon.socket.driven import Driven, DrivenRecord
+from wayfarer.daemon.socket.driven import DrivenBoard, DrivenRecord
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.errors import BadInput, NotResponding, WayfarerError
@@ -29,7 +29,7 @@ from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -49,7 +49,7 @@ class Bench:
     def __init__(self) -> None:
         self.buses = FakeBuses()
         self.by_i2c, self.by_serial = (
-            World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), Streams(0)) for _ in "12"
+            World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(0)) for _ in "12"
         )
         thunderborg, sabertooth = ThunderBorgChip(self.by_i2c, self.clock), SabertoothChip(self.by_serial, self.clock)
         self.buses.i2c("/dev/i2c-1").attach(0x15, thunderborg)
@@ -227,7 +227,7 @@ def test_shipped_rover_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.fixture
 def record(control_socket: Path) -> Path:
     """What a daemon that drives the ThunderBorg left beside its socket."""
-    DrivenRecord(control_socket).write(Driven({"driver": "thunderborg"}, "tests.daemon.test_stop_motors:buses"))
+    DrivenRecord(control_socket).write(DrivenBoard({"driver": "thunderborg"}, "tests.daemon.test_stop_motors:buses"))
     return control_socket.with_name("motors.json")
 
 
@@ -267,7 +267,7 @@ def test_board_that_does_not_answer_is_told_beside_the_one_that_was_stopped(
     rover_file: Path, record: Path, control_socket: Path, table: str, silent: str
 ) -> None:
     if silent == "motors.json":
-        elsewhere = Driven({"driver": "thunderborg", "address": 0x18}, "tests.daemon.test_stop_motors:buses")
+        elsewhere = DrivenBoard({"driver": "thunderborg", "address": 0x18}, "tests.daemon.test_stop_motors:buses")
         DrivenRecord(control_socket).write(elsewhere)
     with pytest.raises(WayfarerError) as caught:
         stop(rover_file, table)
@@ -278,7 +278,7 @@ def test_board_that_does_not_answer_is_told_beside_the_one_that_was_stopped(
 
 
 def test_recorded_driver_that_is_gone_is_no_success(rover_file: Path, control_socket: Path) -> None:
-    DrivenRecord(control_socket).write(Driven({"driver": "no.such:Driver"}, "linux"))
+    DrivenRecord(control_socket).write(DrivenBoard({"driver": "no.such:Driver"}, "linux"))
     with pytest.raises(
         WayfarerError, match=r"motors\.json: driver 'no\.such:Driver': cannot import.*are stopped"
     ) as caught:

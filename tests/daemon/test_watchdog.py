@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer.daemon.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
+from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, feed_watchdog, watchdog_period_s
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 
@@ -40,7 +40,7 @@ def listener(tmp_path: Path) -> Iterator[Listener]:
 
 
 def test_each_word_reaches_systemd_as_it_expects(listener: Listener) -> None:
-    notifier = Notifier(listener.socket.getsockname())
+    notifier = SystemdNotifier(listener.socket.getsockname())
     notifier.ready()
     notifier.status("armed,\n3 m travelled")
     notifier.watchdog()
@@ -53,18 +53,18 @@ def test_each_word_reaches_systemd_as_it_expects(listener: Listener) -> None:
 def test_abstract_socket_is_named_with_an_at_sign() -> None:
     name = f"wayfarer-test-{os.getpid()}"
     listener = Listener(f"\0{name}")
-    Notifier(f"@{name}").ready()
+    SystemdNotifier(f"@{name}").ready()
     assert listener.heard() == ["READY=1"]
     listener.socket.close()
 
 
 @pytest.mark.parametrize("address", [None, "", "/nowhere/notify", "@nobody-listens-here", "/" + 200 * "x"])
 def test_without_a_listener_nothing_is_raised(address: str | None) -> None:
-    Notifier(address).ready()
+    SystemdNotifier(address).ready()
 
 
 def test_full_socket_makes_nobody_wait(listener: Listener) -> None:
-    notifier = Notifier(listener.socket.getsockname())
+    notifier = SystemdNotifier(listener.socket.getsockname())
     for _ in range(5000):
         notifier.watchdog()
     assert 0 < len(listener.heard()) < 5000
@@ -88,7 +88,7 @@ def test_watchdog_period_is_a_quarter_of_the_limit(environment: dict[str, str], 
 
 
 def test_watchdog_is_fed_only_while_all_is_fresh(listener: Listener) -> None:
-    notifier = Notifier(listener.socket.getsockname())
+    notifier = SystemdNotifier(listener.socket.getsockname())
 
     async def main() -> None:
         time = asyncio.get_running_loop().time

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.detector.rover import BACK, FULL, PIVOT, SETTINGS, STEP_M, Rover, started
 from wayfarer.config.rover_file import load_rover
-from wayfarer.detector import ALL_WELL, Stall
+from wayfarer.detector import ALL_WELL, StallMonitor
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import STOP, WheelCommand
 
@@ -227,7 +227,7 @@ def test_body_that_skates_sideways_does_not_stand() -> None:
     """Its speed ahead is gone, but the ground goes by; one under which it does not go by stands."""
     found = []
     for slid_m in (0.03, 0.0):
-        stall = Stall(SETTINGS)
+        stall = StallMonitor(SETTINGS)
         for moved_m in (0.03, 0.03, 0.0, 0.0, 0.0, 0.0):
             stall.add(0.1, 0.05, moved_m, slid_m=slid_m)
         found.append(stall.found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.turnable import TurnAbility
+from wayfarer.detector.turnable import TurnabilityMonitor
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.interval import Interval
@@ -19,7 +19,7 @@ class Turns:
     """Feeds the watch tick by tick; the body turns at the rate that a test gives."""
 
     def __init__(self, duty_max: float = 1.0) -> None:
-        self.watch = TurnAbility(SETTINGS, duty_max)
+        self.watch = TurnabilityMonitor(SETTINGS, duty_max)
         self.t_s = self.gained_deg = 0.0
         self.found: tuple[Condition, ...] = ()
 

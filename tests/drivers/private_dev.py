@@ -22,7 +22,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from tests.system.nspawn import in_own_mounts
-from wayfarer.simhal.hil_buses import BenchSerial
+from wayfarer.simhal.hil_buses import HilSerial
 
 SHIM = Path(__file__).with_name("ioctl_shim.c")
 NULL = os.makedev(1, 3)
@@ -105,10 +105,10 @@ class SerialLine:
         tty.setraw(self._near)
         self.path = os.ttyname(self._near)
         self._unplugged = threading.Event()
-        self._thread = threading.Thread(target=self._carry, args=(BenchSerial(str(bench), port),))
+        self._thread = threading.Thread(target=self._carry, args=(HilSerial(str(bench), port),))
         self._thread.start()
 
-    def _carry(self, to: BenchSerial) -> None:
+    def _carry(self, to: HilSerial) -> None:
         while not self._unplugged.is_set():
             if select.select([self._far], [], [], POLL_S)[0]:
                 to.write(os.read(self._far, 1024))

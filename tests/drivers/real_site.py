@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from tests.drivers.private_dev import PrivateDev, SerialLine
-from wayfarer.fault_scenarios.process_tests.hil_setup import Site
+from wayfarer.fault_scenarios.process_tests.hil_setup import HilSetup
 from wayfarer.fault_scenarios.process_tests.subprocesses import COMMAND_S, WAYFARER
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -50,7 +50,7 @@ def install(version: str, folder: Path) -> Path:
     return folder
 
 
-class RealSite(Site):
+class RealSite(HilSetup):
     """A site whose processes see a private /dev and these libraries; the bench at its other end is the usual one.
 
     Args:
@@ -108,7 +108,7 @@ def real_site(rover: str, libraries: Path, shim: Path) -> Iterator[RealSite]:
 
     Raises:
         NoMounts: no private /dev can be mounted here.
-        SiteTrouble: the bench does not start.
+        HilSetupError: the bench does not start.
     """
     with TemporaryDirectory(prefix="wf-") as folder, TemporaryDirectory(prefix="wf-dev-") as mounts:
         dev = PrivateDev(Path(mounts))

@@ -24,7 +24,7 @@ from wayfarer.escape.api import Vehicle
 from wayfarer.hal import MotionReading, MotionSensor
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.ground_camera import TILE_PX, GroundCamera, texture
 from wayfarer.simhal.world.physics import Physics
@@ -45,7 +45,7 @@ BELIEVED = DetectorSettings().quality_min
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
-GROUND = texture(Streams(0).generator("ground"))
+GROUND = texture(RandomStreams(0).generator("ground"))
 
 
 def run(main: Coroutine[Any, Any, None]) -> None:
@@ -89,14 +89,14 @@ def readings(settings: CameraMotionSettings, *pictures: Luma) -> list[MotionRead
 
 def over_ground() -> tuple[World, CameraMotion, CameraMotion]:
     """Return a world, a camera that registers its ground and one that only sees it change."""
-    world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, Streams(0))
-    render = GroundCamera(world, Streams(0), M_PER_PIXEL).render
+    world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, RandomStreams(0))
+    render = GroundCamera(world, RandomStreams(0), M_PER_PIXEL).render
     return world, watching(DOWN, render), watching(AHEAD, render)
 
 
 @pytest.mark.parametrize("method", [DOWN, AHEAD])
 def test_keeps_the_promises_of_a_motion_sensor(method: CameraMotionSettings) -> None:
-    render = GroundCamera(over_ground()[0], Streams(0), M_PER_PIXEL).render
+    render = GroundCamera(over_ground()[0], RandomStreams(0), M_PER_PIXEL).render
     assert isinstance(watching(method, render), MotionSensor)
     run(check_motion_sensor(lambda: watching(method, render), lambda: CameraMotion(method, FakeBuses())))
 
@@ -275,7 +275,7 @@ def test_a_picture_of_other_than_grey_bytes_is_refused() -> None:
 def test_a_camera_that_stops_is_told_and_the_next_picture_counts_from_the_last_one() -> None:
     async def main() -> None:
         world, sensor, _ = over_ground()
-        render = GroundCamera(world, Streams(0), M_PER_PIXEL).render
+        render = GroundCamera(world, RandomStreams(0), M_PER_PIXEL).render
         broken = False
 
         def unsteady(t_s: float, width: int, height: int) -> Frame:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from wayfarer.angles import wrap180
-from wayfarer.drivers.cmps14 import CMPS14, OPEN_S, CMPS14Settings, Levels, decode, flaw
+from wayfarer.drivers.cmps14 import CMPS14, OPEN_S, CalibrationLevels, CMPS14Settings, decode, flaw
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import Compass, CompassReading
@@ -21,8 +21,8 @@ from wayfarer.simhal.buses import FakeBuses, FakeI2C
 from wayfarer.simhal.chips.cmps14 import CMPS14Chip
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.parts import SimCompass
-from wayfarer.simhal.random_streams import Streams
-from wayfarer.simhal.sensor_models import HeadingSense
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import HeadingSensorModel
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -41,7 +41,7 @@ EXTREME = bytes.fromhex(
 )
 
 
-class Held(HeadingSense):
+class Held(HeadingSensorModel):
     """A sense that is held at one heading, pitch and roll, in tenths of a degree; it counts how often it was asked."""
 
     def __init__(self, heading: int = 2734, pitch: int = -123, roll: int = 45) -> None:
@@ -107,7 +107,7 @@ class Bench:
 
     def __init__(
         self,
-        sense: HeadingSense | None = None,
+        sense: HeadingSensorModel | None = None,
         settings: CMPS14Settings | None = None,
         firmware: int = 7,
         boot_s: float = 0.0,
@@ -164,7 +164,7 @@ def test_usual_block_is_decoded() -> None:
     assert (block.version, block.bearing_deg, block.bearing8_deg) == (7, 273.4, 272.8125)
     assert (block.pitch8_deg, block.roll8_deg, block.pitch_deg, block.roll_deg) == (-12, 4, -12.3, 4.5)
     assert (block.mag, block.accel, block.gyro) == ((300, -120, -450), (21, -205, 978), (16, -32, 8))
-    assert block.levels == Levels(system=3, gyro=0, accel=3, mag=3)
+    assert block.levels == CalibrationLevels(system=3, gyro=0, accel=3, mag=3)
 
 
 def test_extreme_block_is_decoded() -> None:
@@ -173,7 +173,7 @@ def test_extreme_block_is_decoded() -> None:
     assert (block.bearing_deg, block.bearing8_deg) == (359.9, 0.0)
     assert (block.pitch8_deg, block.roll8_deg, block.pitch_deg, block.roll_deg) == (89, -89, 89.9, -89.9)
     assert (block.mag, block.accel, block.gyro) == ((1, -1, 32767), (-32768, 0, 1), (-1, 0, 1))
-    assert block.levels == Levels(3, 3, 3, 3)
+    assert block.levels == CalibrationLevels(3, 3, 3, 3)
 
 
 def test_block_without_gravity_cannot_be_true() -> None:
@@ -383,9 +383,9 @@ def test_reads_what_the_simulated_compass_reads() -> None:
     forest = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
     vehicle = Vehicle(0.4, 0.4, 0.5, 1.4)
 
-    async def readings(make: Callable[[World, Streams], Compass]) -> list[CompassReading]:
-        world = World(forest, vehicle, Physics(), Streams(3))
-        compass = make(world, Streams(3))
+    async def readings(make: Callable[[World, RandomStreams], Compass]) -> list[CompassReading]:
+        world = World(forest, vehicle, Physics(), RandomStreams(3))
+        compass = make(world, RandomStreams(3))
         await compass.open()
         world.command(1.0, -0.8)
         taken = []
@@ -394,8 +394,8 @@ def test_reads_what_the_simulated_compass_reads() -> None:
             taken.append(await compass.read())
         return taken
 
-    def over_a_bus(world: World, streams: Streams) -> Compass:
-        return Bench(HeadingSense(world, streams)).compass
+    def over_a_bus(world: World, streams: RandomStreams) -> Compass:
+        return Bench(HeadingSensorModel(world, streams)).compass
 
     taken = run(lambda: readings(lambda world, streams: SimCompass(world, streams, OPEN_S)))
     assert taken == run(lambda: readings(over_a_bus))
@@ -522,7 +522,7 @@ def test_levels_are_told_one_by_one() -> None:
     async def main() -> None:
         bench = Bench()
         bench.chip.calibration = 0b11_00_10_01
-        assert await (await bench.opened()).calibration() == Levels(system=3, gyro=0, accel=2, mag=1)
+        assert await (await bench.opened()).calibration() == CalibrationLevels(system=3, gyro=0, accel=2, mag=1)
 
     run(main)
 

@@ -30,7 +30,7 @@ from wayfarer.errors import NotResponding
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -156,7 +156,7 @@ def received(far: int) -> bytes:
 
 async def test_real_serial_port_brings_packets_to_the_board_whole(terminal: tuple[int, str]) -> None:
     far, near = terminal
-    world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), Streams(0))
+    world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(0))
     chip = SabertoothChip(world, lambda: 0.0)
     buses = LinuxBuses()
     motors = Sabertooth(SabertoothSettings(port=near), buses)

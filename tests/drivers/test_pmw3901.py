@@ -21,8 +21,8 @@ from wayfarer.simhal.buses import FakeBuses, FakeSPI, SPIChip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.parts import SimFlow
-from wayfarer.simhal.random_streams import Streams
-from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSense
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -531,7 +531,7 @@ def test_driver_reads_what_the_simulated_part_reads() -> None:
         readings = []
 
         async def main() -> None:
-            world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), Streams(3))
+            world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(3))
             flow = make(world)
             await flow.open()
             await asyncio.sleep(1.0 - time())  # whatever the opening took
@@ -544,8 +544,8 @@ def test_driver_reads_what_the_simulated_part_reads() -> None:
         run(main)
         return readings
 
-    at_bus_depth = readings_of(lambda world: flow_over(PMW3901Chip(FlowSense(world, Streams(3)), time)))
-    at_device_depth = readings_of(lambda world: SimFlow(world, Streams(3)))
+    at_bus_depth = readings_of(lambda world: flow_over(PMW3901Chip(FlowSensorModel(world, RandomStreams(3)), time)))
+    at_device_depth = readings_of(lambda world: SimFlow(world, RandomStreams(3)))
     assert max(reading.forward_m for reading in at_device_depth) > 0.05
     for real, simulated in zip(at_bus_depth, at_device_depth, strict=True):
         assert real == pytest.approx(simulated, rel=1e-3)

@@ -18,7 +18,7 @@ from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -49,7 +49,7 @@ class Bench:
 
     def __init__(self, given: SabertoothSettings | None = None) -> None:
         given = given or SabertoothSettings()
-        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, Streams(0))
+        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, RandomStreams(0))
         self.chip = SabertoothChip(
             self.world,
             lambda: asyncio.get_running_loop().time(),

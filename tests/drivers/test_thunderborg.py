@@ -20,7 +20,7 @@ from wayfarer.hal import STOP, Colour, DriveMotors, StatusLight, WheelCommand
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -79,7 +79,7 @@ class Bench:
 
     def __init__(self, given: ThunderBorgSettings | None = None) -> None:
         given = given or ThunderBorgSettings()
-        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, Streams(0))
+        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, RandomStreams(0))
         self.chip = ThunderBorgChip(
             self.world,
             now_s,

@@ -8,7 +8,7 @@ from random import Random
 from tests.escape.walk import observation
 from wayfarer.angles import wrap360
 from wayfarer.config.rover_file import load_rover
-from wayfarer.detector import Stall
+from wayfarer.detector import StallMonitor
 from wayfarer.escape.api import Anomaly, Decision, Phase
 from wayfarer.escape.catalogue import BUILT_IN
 from wayfarer.hal import STOP
@@ -30,7 +30,7 @@ class Body:
         self.decision = Decision(STOP, Phase.HALT, "halt")
         self._vehicle = config.vehicle
         self._dead_band = dead_band
-        self._stall = Stall(config.detector)
+        self._stall = StallMonitor(config.detector)
         self.seen = observation(heading_deg=heading_deg)
 
     def tick(self, *anomalies: Anomaly) -> Decision:

@@ -13,7 +13,7 @@ from tests.escape.walk import SETTINGS, STUCK, TICK_S, Walk, touch
 from wayfarer.escape.api import Anomaly, Decision, Phase
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.escape.manoeuvres import SLACK, SLACK_S
-from wayfarer.escape.phases import PLEDGE, STRIDES, WHY, Event
+from wayfarer.escape.phases import PLEDGE, STRIDES, WHY, PhaseEvent
 from wayfarer.hal import Side
 
 PLEDGE_FAMILY = [name for name, row in CATALOGUE.items() if row.family == "pledge"]
@@ -136,23 +136,23 @@ def free(phase: Phase) -> Callable[[Walk], None]:
 
 
 # How to bring about each event of the transition table.
-ROUTES: Mapping[tuple[Phase, Event], Callable[[Walk], None]] = {
-    (Phase.FOLLOW, Event.ANOMALY): met_something(Phase.FOLLOW),
-    (Phase.FOLLOW, Event.EXHAUSTED): held_tail,
-    (Phase.BACK_OFF, Event.DONE): free(Phase.BACK_OFF),
-    (Phase.BACK_OFF, Event.ANOMALY): met_something(Phase.BACK_OFF),
-    (Phase.BACK_OFF, Event.EXHAUSTED): spinning(Phase.BACK_OFF),
-    (Phase.TURN_AWAY, Event.DONE): free(Phase.TURN_AWAY),
-    (Phase.TURN_AWAY, Event.ANOMALY): met_something(Phase.TURN_AWAY),
-    (Phase.TURN_AWAY, Event.EXHAUSTED): blocked_turn,
-    (Phase.PROBE, Event.ANOMALY): met_something(Phase.PROBE),
-    (Phase.PROBE, Event.UNWOUND): free(Phase.PROBE),
-    (Phase.PROBE, Event.REALIGNED): free(Phase.PROBE),
-    (Phase.PROBE, Event.EXHAUSTED): spinning(Phase.PROBE),
-    (Phase.STRIDE, Event.ANOMALY): met_something(Phase.STRIDE),
-    (Phase.STRIDE, Event.DONE): free(Phase.STRIDE),
-    (Phase.STRIDE, Event.EXHAUSTED): spinning(Phase.STRIDE),
-    **{(phase, Event.OVERWOUND): overwinding(phase) for phase in Phase if phase is not Phase.HALT},
+ROUTES: Mapping[tuple[Phase, PhaseEvent], Callable[[Walk], None]] = {
+    (Phase.FOLLOW, PhaseEvent.ANOMALY): met_something(Phase.FOLLOW),
+    (Phase.FOLLOW, PhaseEvent.EXHAUSTED): held_tail,
+    (Phase.BACK_OFF, PhaseEvent.DONE): free(Phase.BACK_OFF),
+    (Phase.BACK_OFF, PhaseEvent.ANOMALY): met_something(Phase.BACK_OFF),
+    (Phase.BACK_OFF, PhaseEvent.EXHAUSTED): spinning(Phase.BACK_OFF),
+    (Phase.TURN_AWAY, PhaseEvent.DONE): free(Phase.TURN_AWAY),
+    (Phase.TURN_AWAY, PhaseEvent.ANOMALY): met_something(Phase.TURN_AWAY),
+    (Phase.TURN_AWAY, PhaseEvent.EXHAUSTED): blocked_turn,
+    (Phase.PROBE, PhaseEvent.ANOMALY): met_something(Phase.PROBE),
+    (Phase.PROBE, PhaseEvent.UNWOUND): free(Phase.PROBE),
+    (Phase.PROBE, PhaseEvent.REALIGNED): free(Phase.PROBE),
+    (Phase.PROBE, PhaseEvent.EXHAUSTED): spinning(Phase.PROBE),
+    (Phase.STRIDE, PhaseEvent.ANOMALY): met_something(Phase.STRIDE),
+    (Phase.STRIDE, PhaseEvent.DONE): free(Phase.STRIDE),
+    (Phase.STRIDE, PhaseEvent.EXHAUSTED): spinning(Phase.STRIDE),
+    **{(phase, PhaseEvent.OVERWOUND): overwinding(phase) for phase in Phase if phase is not Phase.HALT},
 }
 
 
@@ -160,16 +160,18 @@ def test_every_row_of_the_table_has_a_route() -> None:
     assert set(ROUTES) == {*PLEDGE, *STRIDES}
 
 
-def routes() -> Iterable[tuple[str, Phase, Event]]:
+def routes() -> Iterable[tuple[str, Phase, PhaseEvent]]:
     for name in CATALOGUE:
-        never = Event.REALIGNED if name == "pledge" else Event.UNWOUND  # Forest-Pledge realigns before it unwinds
+        never = (
+            PhaseEvent.REALIGNED if name == "pledge" else PhaseEvent.UNWOUND
+        )  # Forest-Pledge realigns before it unwinds
         for phase, event in PLEDGE if name in PLEDGE_FAMILY else STRIDES:
             if event is not never:
                 yield name, phase, event
 
 
 @pytest.mark.parametrize(("name", "phase", "event"), list(routes()))
-def test_each_row_of_the_table_is_taken(name: str, phase: Phase, event: Event) -> None:
+def test_each_row_of_the_table_is_taken(name: str, phase: Phase, event: PhaseEvent) -> None:
     walk = Walk(name)
     ROUTES[phase, event](walk)
     decision = walk.go_on(lambda decision: decision.why == WHY[phase, event])
@@ -254,9 +256,13 @@ def test_every_event_that_a_phase_can_raise_has_a_row() -> None:
     """The pairs without a row are those that cannot happen; each is named here so that a new one is noticed."""
     driving = {Phase.FOLLOW, Phase.BACK_OFF, Phase.TURN_AWAY}
     for table, last in ((PLEDGE, Phase.PROBE), (STRIDES, Phase.STRIDE)):
-        cannot = {pair for pair in product({*driving, last}, Event) if pair not in table}
+        cannot = {pair for pair in product({*driving, last}, PhaseEvent) if pair not in table}
         assert cannot == {
-            (Phase.FOLLOW, Event.DONE),
-            *product(driving, (Event.UNWOUND, Event.REALIGNED)),
-            *([(last, Event.DONE)] if last is Phase.PROBE else product([last], (Event.UNWOUND, Event.REALIGNED))),
+            (Phase.FOLLOW, PhaseEvent.DONE),
+            *product(driving, (PhaseEvent.UNWOUND, PhaseEvent.REALIGNED)),
+            *(
+                [(last, PhaseEvent.DONE)]
+                if last is Phase.PROBE
+                else product([last], (PhaseEvent.UNWOUND, PhaseEvent.REALIGNED))
+            ),
         }

@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.escape.guards import LOOP, STRICT, LoopGuard, SideSwitch
-from wayfarer.escape.manoeuvres import Course
+from wayfarer.escape.manoeuvres import EscapePlan
 from wayfarer.escape.tactics import (
+    AnomalyContext,
     ArcSchedule,
     ConfirmWall,
-    Measures,
-    Met,
+    PlanScaling,
     RetryAhead,
     ShortBackOff,
     Tactic,
@@ -23,7 +23,7 @@ from wayfarer.escape.tactics import (
     on_the_way,
 )
 
-MET = Met(
+MET = AnomalyContext(
     new_episode=True, nose_up_deg=0.0, bearing_deg=0.0, ahead_m=0.0, right_m=0.0, travelled_m=0.0, blocked_turns=0
 )
 CONFIRM = partial(ConfirmWall, small_turn_deg=15.0, confirms_within_m=1.3)
@@ -33,19 +33,24 @@ SHORT = partial(ShortBackOff, first=0.4, again=0.8, free_run_m=0.9)
 RETRY = partial(RetryAhead, free_run_m=0.9, worth=on_the_way)
 
 
-def plan(tactic: Tactic, *, side: int = 1, counter_deg: float = 0.0, **met: Any) -> Course:
+def plan(tactic: Tactic, *, side: int = 1, counter_deg: float = 0.0, **met: Any) -> EscapePlan:
     """What is planned for an anomaly; before it, what the settings and the paper's choices say."""
-    course = Course(
+    escape_plan = EscapePlan(
         side=side, turn_deg=30.0, back_off_m=0.15, straight_m=0.6, radius_m=1.15, counter_deg=counter_deg, resets=True
     )
-    tactic.plan(MET._replace(**met), course)
-    return course
+    tactic.plan(MET._replace(**met), escape_plan)
+    return escape_plan
 
 
 def test_measures_are_multiples_of_the_rover_file_s() -> None:
-    course = plan(Measures(turn=2.0, back_off=0.5, straight=0.5, radius=2.0))
-    assert (course.turn_deg, course.back_off_m, course.straight_m, course.radius_m) == (60.0, 0.075, 0.3, 2.3)
-    assert plan(Measures()) == plan(Measures(turn=1.0))
+    escape_plan = plan(PlanScaling(turn=2.0, back_off=0.5, straight=0.5, radius=2.0))
+    assert (escape_plan.turn_deg, escape_plan.back_off_m, escape_plan.straight_m, escape_plan.radius_m) == (
+        60.0,
+        0.075,
+        0.3,
+        2.3,
+    )
+    assert plan(PlanScaling()) == plan(PlanScaling(turn=1.0))
 
 
 def test_back_off_is_short_after_a_free_run_and_longer_where_that_did_not_help() -> None:
@@ -99,7 +104,12 @@ def test_circle_that_drifts_by_more_than_a_cell_a_lap_stays_hidden() -> None:
 def test_anomalies_far_apart_are_answered_small_to_alternating_sides() -> None:
     confirm = CONFIRM()
     courses = [plan(confirm, travelled_m=5.0 * k) for k in range(4)]
-    assert [(course.side, course.turn_deg) for course in courses] == [(-1, 15.0), (1, 15.0), (-1, 15.0), (1, 15.0)]
+    assert [(escape_plan.side, escape_plan.turn_deg) for escape_plan in courses] == [
+        (-1, 15.0),
+        (1, 15.0),
+        (-1, 15.0),
+        (1, 15.0),
+    ]
 
 
 @pytest.mark.parametrize("new_episode", [True, False])
@@ -114,8 +124,8 @@ def test_hand_that_was_chosen_stays_for_the_wall() -> None:
     confirm = CONFIRM()
     plan(confirm, travelled_m=5.0)
     plan(confirm, travelled_m=6.0)
-    course = plan(confirm, side=-1, travelled_m=7.0, new_episode=False)
-    assert (course.side, course.turn_deg) == (-1, 30.0), "whoever switched the hand later is not overruled"
+    escape_plan = plan(confirm, side=-1, travelled_m=7.0, new_episode=False)
+    assert (escape_plan.side, escape_plan.turn_deg) == (-1, 30.0), "whoever switched the hand later is not overruled"
 
 
 # --- retrying
@@ -170,13 +180,13 @@ def test_new_episode_begins_a_new_barrier() -> None:
 def test_turning_round_ends_on_the_other_hand_s_side_of_the_counter(bearing: float, side: int, turns: int) -> None:
     switch = SWITCH()
     plan(switch, side=side)
-    course = plan(
+    escape_plan = plan(
         switch, new_episode=False, right_m=side * 25.0, bearing_deg=bearing, counter_deg=bearing + 360.0 * turns,
         side=side,
     )  # fmt: skip
-    after_deg = course.counter_deg + course.side * course.turn_deg
-    assert course.side == -side
-    assert after_deg * course.side >= 0.0, "there is something to unwind, not the other way"
+    after_deg = escape_plan.counter_deg + escape_plan.side * escape_plan.turn_deg
+    assert escape_plan.side == -side
+    assert after_deg * escape_plan.side >= 0.0, "there is something to unwind, not the other way"
     assert (after_deg - bearing) % 360.0 == pytest.approx(180.0), "it heads back along the wall"
 
 
@@ -202,8 +212,8 @@ def test_gap_of_the_last_episode_is_tried_first() -> None:
     plan(schedule, travelled_m=0.0)
     plan(schedule, new_episode=False, travelled_m=1.0, bearing_deg=30.0)
     plan(schedule, new_episode=False, travelled_m=4.0, bearing_deg=-60.0)
-    course = plan(schedule, travelled_m=20.0, bearing_deg=0.0)
-    assert (course.side, course.turn_deg) == (-1, 60.0)
+    escape_plan = plan(schedule, travelled_m=20.0, bearing_deg=0.0)
+    assert (escape_plan.side, escape_plan.turn_deg) == (-1, 60.0)
 
 
 # --- all of them
@@ -212,7 +222,7 @@ def test_gap_of_the_last_episode_is_tried_first() -> None:
 @pytest.mark.parametrize("make", [LoopGuard, CONFIRM, RETRY, SWITCH, SCHEDULE, SHORT])
 @given(st.lists(st.tuples(st.booleans(), st.floats(-180.0, 179.0), st.floats(0.0, 5.0)), max_size=40))
 def test_reset_forgets_everything(make: Any, walk: list[tuple[bool, float, float]]) -> None:
-    def play(tactic: Tactic) -> list[Course]:
+    def play(tactic: Tactic) -> list[EscapePlan]:
         return [
             plan(tactic, new_episode=new, bearing_deg=at, right_m=4.0 * far, travelled_m=k * far)
             for k, (new, at, far) in enumerate(walk)

@@ -23,8 +23,8 @@ def way_out_s(name: str, walls: list[tuple[float, float, float, float]], limit_s
     while y_m < OUT_M and walk.seen.t_s < limit_s:
         left, right = walk.tick(*anomalies).wheels
         step_m = (left + right) / 2 * VEHICLE.max_speed_m_s * TICK_S
-        course = radians(walk.seen.heading_deg)
-        to_x, to_y = x_m + step_m * sin(course), y_m + step_m * cos(course)
+        escape_plan = radians(walk.seen.heading_deg)
+        to_x, to_y = x_m + step_m * sin(escape_plan), y_m + step_m * cos(escape_plan)
         blocked = any(west < to_x < east and south < to_y < north for west, south, east, north in walls)
         if not blocked:
             x_m, y_m = to_x, to_y

@@ -12,7 +12,7 @@ import pytest
 from tests.test_imports import MODULES, wayfarer_modules, within
 from tests.virtual import virtual
 from wayfarer.daemon.socket.protocol import Commands
-from wayfarer.experiments.auto_arm import SelfArming
+from wayfarer.experiments.auto_arm import AutoArm
 from wayfarer.fieldlog.log import Record
 
 
@@ -42,7 +42,7 @@ class Page:
 
 async def armed_by(page: Page, *records: Record) -> list[float | None]:
     """Show records to a page that is watched, and return how the rover was armed."""
-    viewer, rover = SelfArming(page, page.watched), Rover()
+    viewer, rover = AutoArm(page, page.watched), Rover()
     async with viewer.serving(rover):  # type: ignore[arg-type]
         page.watched.set()
         for record in records:
@@ -65,7 +65,7 @@ async def test_rover_is_armed_once_when_it_is_watched_and_knows_its_heading() ->
 async def test_rover_without_a_heading_or_without_anybody_who_looks_on_waits() -> None:
     assert await armed_by(Page(), RUN, {"record": "tick", "heading_deg": None}) == []
     page, rover = Page(), Rover()
-    viewer = SelfArming(page, page.watched)
+    viewer = AutoArm(page, page.watched)
     async with viewer.serving(rover):  # type: ignore[arg-type]
         viewer.show(RUN)
         viewer.show(HEADING)

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.entrapment import Why, entrapment
-from wayfarer.experiments.trajectory import Point, Trace, run_traced
+from wayfarer.experiments.entrapment import Cause, entrapment
+from wayfarer.experiments.trajectory import Trace, TrajectoryPoint, run_traced
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.simhal.world.forest import Forest, Trunk
 from wayfarer.simhal.world.shortest_path import is_closed
@@ -28,11 +28,11 @@ BOX = (  # four trunks around the start, end to end
 CLOSED = replace(CLEARING, trunks=BOX)
 
 
-def way(*points: Point) -> Trace:
+def way(*points: TrajectoryPoint) -> Trace:
     return Trace(list(points), [])
 
 
-def cause(trace: Trace, forest: Forest = CLEARING) -> Why:
+def cause(trace: Trace, forest: Forest = CLEARING) -> Cause:
     return entrapment(forest, ROVER, trace).why
 
 
@@ -42,7 +42,7 @@ def around(laps: float, radius_m: float = 3.0) -> Trace:
     angles_rad = [2.0 * pi * number / 80 for number in range(count)]
     return way(
         *(
-            Point(25.0 + radius_m * sin(a), 12.5 + radius_m * cos(a), Phase.PROBE, 0.25 * number)
+            TrajectoryPoint(25.0 + radius_m * sin(a), 12.5 + radius_m * cos(a), Phase.PROBE, 0.25 * number)
             for number, a in enumerate(angles_rad)
         )
     )
@@ -54,48 +54,53 @@ def to_and_fro(turned_deg: float, *, touches: bool) -> Trace:
     for number in range(40):
         t_s, heading_deg = 1.5 * number, number * turned_deg
         points += [
-            Point(25.0, 12.5, Phase.BACK_OFF, t_s, heading_deg, touches),
-            Point(25.0, 12.4, Phase.TURN_AWAY, t_s + 0.5, heading_deg),
-            Point(25.0, 12.4, Phase.PROBE, t_s + 1.0, heading_deg + turned_deg),
+            TrajectoryPoint(25.0, 12.5, Phase.BACK_OFF, t_s, heading_deg, touches),
+            TrajectoryPoint(25.0, 12.4, Phase.TURN_AWAY, t_s + 0.5, heading_deg),
+            TrajectoryPoint(25.0, 12.4, Phase.PROBE, t_s + 1.0, heading_deg + turned_deg),
         ]
     return way(*points)
 
 
 def test_way_that_goes_round_again_and_again_is_orbiting() -> None:
-    assert cause(around(6.0)) is Why.ORBITING
+    assert cause(around(6.0)) is Cause.ORBITING
 
 
 def test_way_that_still_comes_to_new_ground_is_out_of_time() -> None:
-    assert cause(around(0.9)) is Why.OUT_OF_TIME
+    assert cause(around(0.9)) is Cause.OUT_OF_TIME
 
 
 @pytest.mark.parametrize(
     ("turned_deg", "touches", "why"),
-    [(60.0, True, Why.WEDGED), (60.0, False, Why.STALLED), (5.0, True, Why.CANNOT_TURN), (5.0, False, Why.CANNOT_TURN)],
+    [
+        (60.0, True, Cause.WEDGED),
+        (60.0, False, Cause.STALLED),
+        (5.0, True, Cause.CANNOT_TURN),
+        (5.0, False, Cause.CANNOT_TURN),
+    ],
 )
-def test_way_in_one_place_is_told_by_turns_and_contact(turned_deg: float, touches: bool, why: Why) -> None:
+def test_way_in_one_place_is_told_by_turns_and_contact(turned_deg: float, touches: bool, why: Cause) -> None:
     assert cause(to_and_fro(turned_deg, touches=touches)) is why
 
 
 def test_turn_that_an_obstacle_blocks_says_nothing_of_turning() -> None:
     blocked = [point._replace(touches=True) for point in to_and_fro(0.0, touches=True).points]
     found = entrapment(CLEARING, ROVER, way(*blocked))
-    assert (found.why, found.turned, found.touching) == (Why.WEDGED, None, 1.0)
+    assert (found.why, found.turned, found.touching) == (Cause.WEDGED, None, 1.0)
 
 
 def test_standing_after_giving_up_does_not_count() -> None:
     orbit = around(6.0).points
     end = orbit[-1]
     stood = [end._replace(phase=Phase.HALT, t_s=end.t_s + wait_s) for wait_s in (0.05, 10_000.0)]
-    assert cause(way(*orbit, *stood)) is Why.ORBITING
+    assert cause(way(*orbit, *stood)) is Cause.ORBITING
 
 
 @settings(max_examples=10)  # each asks for the shortest way: a quarter of a second
 @given(st.lists(st.tuples(st.floats(0, 50), st.floats(0, 50), st.sampled_from(Phase), st.booleans()), min_size=1))
 def test_every_way_has_a_cause_and_shares_are_shares(seen: list[tuple[float, float, Phase, bool]]) -> None:
-    points = [Point(x_m, y_m, phase, 0.5 * n, 0.0, hit) for n, (x_m, y_m, phase, hit) in enumerate(seen)]
+    points = [TrajectoryPoint(x_m, y_m, phase, 0.5 * n, 0.0, hit) for n, (x_m, y_m, phase, hit) in enumerate(seen)]
     found = entrapment(CLEARING, ROVER, way(*points))
-    assert found.why is not Why.CLOSED
+    assert found.why is not Cause.CLOSED
     assert 0.0 <= found.touching <= 1.0
     assert 0.0 <= found.new <= 1.0
 
@@ -108,8 +113,8 @@ def test_layout_is_closed_where_not_even_an_edge_can_be_reached() -> None:
     assert not is_closed(wall)  # over the other edges
 
 
-@pytest.mark.parametrize(("gap_m", "why"), [(0.5, Why.NARROW), (0.9, Why.ORBITING)])
-def test_way_out_that_is_no_wider_than_the_diagonal_is_narrow(gap_m: float, why: Why) -> None:
+@pytest.mark.parametrize(("gap_m", "why"), [(0.5, Cause.NARROW), (0.9, Cause.ORBITING)])
+def test_way_out_that_is_no_wider_than_the_diagonal_is_narrow(gap_m: float, why: Cause) -> None:
     edge_m = 25.0 + (gap_m + CLEARING.trunk_diameter_m) / 2.0  # the body of sim.toml: 0.4 m wide, 0.57 m across
     north = Trunk(22.0, 15.0, 50.0 - edge_m, 15.0, "across"), Trunk(edge_m, 15.0, 28.0, 15.0, "across")
     assert cause(around(6.0), replace(CLEARING, trunks=(*BOX[:3], *north))) is why
@@ -119,5 +124,5 @@ def test_trial_in_a_closed_layout_says_so() -> None:
     spec = TrialSpec(0, "forest-pledge", CLOSED, 5, ROVER, budget_m=60.0)
     result, trace = run_traced(spec)
     assert result.outcome == "entrapped"
-    assert cause(trace, CLOSED) is Why.CLOSED
-    assert cause(trace) is Why.ORBITING  # were it not for the trunks all round
+    assert cause(trace, CLOSED) is Cause.CLOSED
+    assert cause(trace) is Cause.ORBITING  # were it not for the trunks all round

@@ -18,7 +18,7 @@ from wayfarer.errors import BadInput
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.film import screen, textures, video
 from wayfarer.experiments.film.camera import SIGHT_M, smooth, views
-from wayfarer.experiments.film.footage import Footage, Shot
+from wayfarer.experiments.film.footage import FilmedTick, Footage
 from wayfarer.experiments.film.looks import SHELL
 from wayfarer.experiments.film.scenery import Scenery
 from wayfarer.experiments.film.track import EVERY_M, bars_of
@@ -110,11 +110,11 @@ def test_model_of_the_film_has_the_joints_of_the_trial_and_meets_nothing() -> No
     assert wheels[0] == wheels[1] == [[A_M, B_M, 0.0]] * 4
 
 
-def shot(world_joints: NDArray[np.float64], t_s: float) -> Shot:
-    return Shot(t_s, world_joints.copy(), Phase.FOLLOW, 0.0)
+def shot(world_joints: NDArray[np.float64], t_s: float) -> FilmedTick:
+    return FilmedTick(t_s, world_joints.copy(), Phase.FOLLOW, 0.0)
 
 
-def driven(seconds: int) -> list[Shot]:
+def driven(seconds: int) -> list[FilmedTick]:
     world = rover_on(0.8)
     shots = [shot(world.data.qpos, 0.0)]
     for _ in range(20 * seconds):

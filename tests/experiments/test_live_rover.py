@@ -12,7 +12,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.control.records import Tee
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments.live_rover import desk_vessel
+from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
@@ -32,8 +32,8 @@ def run_on_a_desk(
         await asyncio.sleep(UPTIME_S)
         config = load_rover("sim")
         supervisors: list[Supervisor] = []
-        vessel = desk_vessel(config, depth, seed, lambda reason, text: supervisors[0].finish(reason, text))
-        rover = vessel.rover
+        rover_setup = live_rover_setup(config, depth, seed, lambda reason, text: supervisors[0].finish(reason, text))
+        rover = rover_setup.rover
         handler = CATALOGUE[algorithm].make(config.escape, config.vehicle, Random(seed))
         supervisors.append(Supervisor(rover, config, CATALOGUE[algorithm], handler, Tee()))
         await supervisors[0].arm(0.0)

@@ -1,12 +1,12 @@
-"""The referee's calls, from ground truth alone."""
+"""The outcome monitor's calls, from ground truth alone."""
 
 from __future__ import annotations
 
 import pytest
 
 from wayfarer.escape.api import Vehicle
-from wayfarer.experiments.outcome import Referee
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.experiments.outcome import OutcomeMonitor
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -17,7 +17,7 @@ TIP_DEG = 60.0
 
 @pytest.fixture
 def world() -> World:
-    return World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), Streams(0))
+    return World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(0))
 
 
 @pytest.fixture
@@ -26,8 +26,8 @@ def calls() -> list[str]:
 
 
 @pytest.fixture
-def referee(calls: list[str]) -> Referee:
-    return Referee(CLEARING, 100.0, TIP_DEG, lambda reason, _text: calls.append(reason))
+def outcome_monitor(calls: list[str]) -> OutcomeMonitor:
+    return OutcomeMonitor(CLEARING, 100.0, TIP_DEG, lambda reason, _text: calls.append(reason))
 
 
 @pytest.mark.parametrize(
@@ -52,36 +52,36 @@ def referee(calls: list[str]) -> Referee:
     ],
 )
 def test_outcome_follows_from_ground_truth(
-    world: World, referee: Referee, calls: list[str], truth: dict[str, float], outcome: str | None
+    world: World, outcome_monitor: OutcomeMonitor, calls: list[str], truth: dict[str, float], outcome: str | None
 ) -> None:
     for name, value in truth.items():
         setattr(world, name, value)
-    referee.watch(world)
-    assert referee.outcome == outcome
+    outcome_monitor.watch(world)
+    assert outcome_monitor.outcome == outcome
     assert calls == ([outcome] if outcome else [])
 
 
-def test_first_call_stands_and_is_made_once(world: World, referee: Referee, calls: list[str]) -> None:
+def test_first_call_stands_and_is_made_once(world: World, outcome_monitor: OutcomeMonitor, calls: list[str]) -> None:
     world.x_m = 51.0
-    referee.watch(world)
+    outcome_monitor.watch(world)
     world.x_m, world.y_m = 25.0, 51.0
-    referee.watch(world)
-    assert (referee.outcome, calls) == ("left_bounds", ["left_bounds"])
+    outcome_monitor.watch(world)
+    assert (outcome_monitor.outcome, calls) == ("left_bounds", ["left_bounds"])
 
 
-def test_path_counts_reversing(world: World, referee: Referee) -> None:
+def test_path_counts_reversing(world: World, outcome_monitor: OutcomeMonitor) -> None:
     world.forward_m, world.reverse_m, world.y_m = 40.0, 2.5, 50.0
-    referee.watch(world)
-    assert referee.path_m(world) == 42.5
+    outcome_monitor.watch(world)
+    assert outcome_monitor.path_m(world) == 42.5
 
 
-def test_rover_that_left_bounds_still_has_the_way_north_to_go(world: World, referee: Referee) -> None:
+def test_rover_that_left_bounds_still_has_the_way_north_to_go(world: World, outcome_monitor: OutcomeMonitor) -> None:
     world.forward_m, world.reverse_m, world.x_m, world.y_m = 40.0, 2.5, 50.5, 20.0
-    referee.watch(world)
-    assert referee.path_m(world) == 72.5
+    outcome_monitor.watch(world)
+    assert outcome_monitor.path_m(world) == 72.5
 
 
-def test_entrapped_rover_has_only_the_path_that_it_drove(world: World, referee: Referee) -> None:
+def test_entrapped_rover_has_only_the_path_that_it_drove(world: World, outcome_monitor: OutcomeMonitor) -> None:
     world.forward_m = 101.0
-    referee.watch(world)
-    assert (referee.outcome, referee.path_m(world)) == ("entrapped", 101.0)
+    outcome_monitor.watch(world)
+    assert (outcome_monitor.outcome, outcome_monitor.path_m(world)) == ("entrapped", 101.0)

@@ -9,14 +9,14 @@ from scipy.stats import binomtest
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.paired_statistics import cluster_bootstrap, compare, exact_interval
-from wayfarer.experiments.rows import Row
+from wayfarer.experiments.rows import TrialRow
 
 counts = st.integers(1, 3000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
 
 
-def row(algorithm: str, forest: int, noise: int = 0, path_m: float = 80.0, outcome: str = "escaped") -> Row:
+def row(algorithm: str, forest: int, noise: int = 0, path_m: float = 80.0, outcome: str = "escaped") -> TrialRow:
     spl = 40.0 / path_m if outcome in ("escaped", "left_bounds") else 0.0
-    return Row(0, algorithm, forest, noise, 1, outcome, path_m, shortest_path_m=40.0, spl=spl)
+    return TrialRow(0, algorithm, forest, noise, 1, outcome, path_m, shortest_path_m=40.0, spl=spl)
 
 
 @given(counts)

@@ -20,7 +20,7 @@ from wayfarer.experiments.rows import (
     COLUMNS,
     OUTCOMES,
     TERRAIN,
-    Row,
+    TrialRow,
     columns_of,
     csv_line,
     parse_row,
@@ -37,7 +37,7 @@ SETTINGS_HERE: dict[str, Any] = {
     "trials": 3,
     "rover": {"name": "sim", "rates": {"compass_hz": 20.0}},
 }
-ROWS = [Row(n, "pledge", n // 2, n % 2, 77 + n, "escaped", 80.125, 1.5, 90.0, 3, 2, ticks=9) for n in range(3)]
+ROWS = [TrialRow(n, "pledge", n // 2, n % 2, 77 + n, "escaped", 80.125, 1.5, 90.0, 3, 2, ticks=9) for n in range(3)]
 KEPT = (*COLUMNS, "ticks")
 numbers = st.floats(-1e6, 1e6)
 maybe = st.none() | numbers
@@ -57,9 +57,9 @@ def results(draw: st.DrawFn) -> TrialResult:
 @given(results())
 def test_row_holds_what_its_line_holds(result: TrialResult) -> None:
     row = row_of(result)
-    again = parse_row(csv_line(Row._fields, row), Row._fields, "here")
+    again = parse_row(csv_line(TrialRow._fields, row), TrialRow._fields, "here")
     assert again == row
-    assert csv_line(Row._fields, again) == csv_line(Row._fields, row)
+    assert csv_line(TrialRow._fields, again) == csv_line(TrialRow._fields, row)
 
 
 def test_row_reads_as_the_issue_asks() -> None:
@@ -69,7 +69,7 @@ def test_row_reads_as_the_issue_asks() -> None:
     )
     result = TrialResult(7, "pledge", 3, 1, 99, "escaped", 81.3, 4.25, 95.05, 12, 5, 39.9, 0.49077, 1900)
     assert csv_line(COLUMNS, row_of(result)) == "7,pledge,3,1,99,escaped,81.300,4.250,95.050,12,5,39.900,0.4908,,,\n"
-    assert csv_line(COLUMNS, Row(7, "pledge", 3, 1, 99, "fault")) == "7,pledge,3,1,99,fault,,,,,,,,,,\n"
+    assert csv_line(COLUMNS, TrialRow(7, "pledge", 3, 1, 99, "fault")) == "7,pledge,3,1,99,fault,,,,,,,,,,\n"
 
 
 def test_row_never_holds_nan_or_a_negative_zero() -> None:

@@ -23,14 +23,14 @@ from wayfarer.errors import WayfarerError
 from wayfarer.experiments import run_campaign
 from wayfarer.experiments.campaign import Campaign, ForestFile, Task
 from wayfarer.experiments.executors import Done, RunTrial, TrialRunner, field_trial
-from wayfarer.experiments.progress_bar import Progress
+from wayfarer.experiments.progress_bar import ProgressDisplay
 from wayfarer.experiments.results_folder import PARTIAL, SUMMARY, TRIALS, ResultsFolder
-from wayfarer.experiments.rows import Row
+from wayfarer.experiments.rows import TrialRow
 
 START_UP_S = 30.0  # a generous deadline; nothing waits for it unless something is broken
 
 
-class Recorded(Progress):
+class Recorded(ProgressDisplay):
     def __init__(self) -> None:
         self.done: list[Done] = []
 
@@ -187,7 +187,7 @@ def test_trial_that_raises_becomes_a_fault_and_the_others_go_on(tmp_path: Path, 
         finished = run_campaign.run(plan, folder, jobs=jobs, progress=seen, run_trial=fake_trials.third_fails)
         rows = list(folder.kept)
     assert finished.trials == len(rows) == 8
-    assert rows[3] == Row(3, "forest-pledge", 1, 1, plan.trial_seed(3), "fault")
+    assert rows[3] == TrialRow(3, "forest-pledge", 1, 1, plan.trial_seed(3), "fault")
     (fault,) = [done.fault for done in seen.done if done.fault]
     assert re.fullmatch(r"KeyError: 'no such\\nphase' \(fake_trials\.py:\d+\)", fault.text)
     assert "Traceback" in fault.traceback

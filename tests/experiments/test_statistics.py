@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from wayfarer.experiments.rows import Row
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import spread_of, summarise, wilson_interval
 
 counts = st.integers(1, 5000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
@@ -15,8 +15,8 @@ counts = st.integers(1, 5000).flatmap(lambda n: st.tuples(st.integers(0, n), st.
 
 def row(
     outcome: str, path_m: float | None = None, shortest_path_m: float | None = None, spl: float | None = None
-) -> Row:
-    return Row(0, "pledge", 0, 0, 1, outcome, path_m, shortest_path_m=shortest_path_m, spl=spl)
+) -> TrialRow:
+    return TrialRow(0, "pledge", 0, 0, 1, outcome, path_m, shortest_path_m=shortest_path_m, spl=spl)
 
 
 @given(counts)

@@ -15,10 +15,10 @@ from wayfarer.errors import BadInput
 from wayfarer.experiments import run_campaign
 from wayfarer.experiments.campaign import Campaign, Task, Tasks
 from wayfarer.experiments.executors import Done
-from wayfarer.experiments.progress_bar import Progress
+from wayfarer.experiments.progress_bar import ProgressDisplay
 from wayfarer.experiments.results_folder import TRIALS, ResultsFolder
-from wayfarer.experiments.rows import Row, csv_line
-from wayfarer.experiments.store import Kept
+from wayfarer.experiments.rows import TrialRow, csv_line
+from wayfarer.experiments.store import TrialStore
 from wayfarer.simhal.world.forest import Forest
 
 ALGORITHMS = ("pledge", "levy-walk", "cv-react")
@@ -26,8 +26,8 @@ TRIALS_OF_EACH = 4
 TASKS = Tasks(ALGORITHMS, TRIALS_OF_EACH)
 
 
-def row(task: Task, path_m: float = 80.5) -> Row:
-    return Row(task.trial, task.algorithm, 3, 1, 77, "escaped", path_m, ticks=9)
+def row(task: Task, path_m: float = 80.5) -> TrialRow:
+    return TrialRow(task.trial, task.algorithm, 3, 1, 77, "escaped", path_m, ticks=9)
 
 
 def test_tasks_come_forest_by_forest() -> None:
@@ -39,7 +39,7 @@ def test_tasks_come_forest_by_forest() -> None:
 @given(st.lists(st.sampled_from([*TASKS])))
 def test_rows_come_back_in_order_and_what_is_missing_is_the_rest(finished: list[Task]) -> None:
     with TemporaryFile() as file:
-        kept = Kept.begun(file, TASKS)
+        kept = TrialStore.begun(file, TASKS)
         for number, task in enumerate(finished):
             kept.append(row(task, number))
             assert len([*kept]) == len(kept)  # reading between two trials disturbs neither
@@ -47,15 +47,15 @@ def test_rows_come_back_in_order_and_what_is_missing_is_the_rest(finished: list[
         in_order = [Task(name, trial) for name in ALGORITHMS for trial in range(TRIALS_OF_EACH)]
         assert [*kept] == [latest[task] for task in in_order if task in latest]
         assert [*kept.missing()] == [task for task in TASKS if task not in latest]
-        assert [*Kept(file, TASKS, "again", Row._fields)] == [*kept]
+        assert [*TrialStore(file, TASKS, "again", TrialRow._fields)] == [*kept]
 
 
 @pytest.mark.parametrize("stranger", [Task("oo-react", 0), Task("pledge", TRIALS_OF_EACH), Task("pledge", -1)])
 def test_trial_that_the_campaign_does_not_have_is_damage(stranger: Task) -> None:
     with TemporaryFile() as file:
-        file.write((csv_line(Row._fields) + csv_line(Row._fields, row(stranger))).encode())
+        file.write((csv_line(TrialRow._fields) + csv_line(TrialRow._fields, row(stranger))).encode())
         with pytest.raises(BadInput, match=rf"trials\.csv is damaged: .* no trial {stranger.trial} of '{stranger[0]}'"):
-            Kept(file, TASKS, "trials.csv", Row._fields)
+            TrialStore(file, TASKS, "trials.csv", TrialRow._fields)
 
 
 # --- memory
@@ -70,7 +70,7 @@ class OneForest(Campaign):
         return FOREST
 
 
-class Hoarding(Progress):
+class Hoarding(ProgressDisplay):
     def __init__(self) -> None:
         self.done: list[Done] = []
 
@@ -78,7 +78,7 @@ class Hoarding(Progress):
         self.done.append(done)
 
 
-def peak_bytes(trials: int, folder: Path, progress: Progress) -> int:
+def peak_bytes(trials: int, folder: Path, progress: ProgressDisplay) -> int:
     plan = OneForest(("pledge",), trials, load_rover("sim"))
     tracemalloc.start()
     with ResultsFolder(folder, plan.settings()) as out:
@@ -89,13 +89,13 @@ def peak_bytes(trials: int, folder: Path, progress: Progress) -> int:
     return peak
 
 
-@pytest.mark.parametrize(("progress", "hoards"), [(Progress, False), (Hoarding, True)])
+@pytest.mark.parametrize(("progress", "hoards"), [(ProgressDisplay, False), (Hoarding, True)])
 def test_campaign_keeps_no_rows_in_memory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, progress: Callable[[], Progress], hoards: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, progress: Callable[[], ProgressDisplay], hoards: bool
 ) -> None:
     """The second case keeps them, so that the first is known to notice it."""
     monkeypatch.setattr("wayfarer.experiments.parquet.ROW_GROUP", 100)
-    peak_bytes(FEW, tmp_path / "warm", Progress())
+    peak_bytes(FEW, tmp_path / "warm", ProgressDisplay())
     few, many = (peak_bytes(trials, tmp_path / str(trials), progress()) for trials in (FEW, MANY))
     a_trial_bytes = (many - few) / (MANY - FEW)
     assert (a_trial_bytes > A_ROW_IS_BYTES) == hoards

@@ -6,15 +6,15 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from wayfarer.experiments.rows import Row
-from wayfarer.experiments.statistics import Summary, summarise
+from wayfarer.experiments.rows import TrialRow
+from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.tables import print_table
 
-ROWS = [Row(n, "x", 0, 0, 1, "escaped", 247.5 + n % 400, 1.0, 999.9, 888, 9, 39.9, 0.123) for n in range(999)]
-FULL = summarise("x", [*ROWS, Row(999, "x", 0, 0, 1, "fault")])
+ROWS = [TrialRow(n, "x", 0, 0, 1, "escaped", 247.5 + n % 400, 1.0, 999.9, 888, 9, 39.9, 0.123) for n in range(999)]
+FULL = summarise("x", [*ROWS, TrialRow(999, "x", 0, 0, 1, "fault")])
 
 
-def printed(summaries: list[Summary], width: int) -> str:
+def printed(summaries: list[AlgorithmSummary], width: int) -> str:
     text = io.StringIO()
     print_table(Console(file=text, width=width), summaries)
     return text.getvalue()
@@ -49,6 +49,6 @@ def test_faults_have_a_column_only_when_there_are_any() -> None:
 
 
 def test_unknown_values_are_left_empty() -> None:
-    text = printed([summarise("x", [Row(0, "x", 0, 0, 1, "fault")])], 140)
+    text = printed([summarise("x", [TrialRow(0, "x", 0, 0, 1, "fault")])], 140)
     assert "None" not in text
     assert "nan" not in text

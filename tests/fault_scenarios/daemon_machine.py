@@ -27,18 +27,18 @@ from hypothesis.stateful import (
 )
 
 from tests.commissioning.checks.rigs import T_WALL
-from wayfarer.commissioning.checks import ARMING, CALIBRATED, Place
+from wayfarer.commissioning.checks import ARMING, CALIBRATED, HostEnvironment
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.controller import Mode
 from wayfarer.control.supervisor import first_cause
-from wayfarer.daemon.arming_inspection import Live
+from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
-from wayfarer.experiments.trial_setup import Stage, TrialSpec
+from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.random_runs import REFUSALS
 from wayfarer.fault_scenarios.random_scenarios import ROVERS, draw_fault, draw_scenario, possible_faults, ready_for
-from wayfarer.fault_scenarios.random_scenarios import Place as FaultPlace
+from wayfarer.fault_scenarios.random_scenarios import FaultTarget as FaultPlace
 from wayfarer.fault_scenarios.safety_rules import Invariants
 from wayfarer.fault_scenarios.scenario_rover import rover_of
 from wayfarer.safety.conditions import LEVELS, Condition, Level
@@ -78,20 +78,20 @@ class Daemon:
 
     async def _begin(self, spec: TrialSpec) -> None:
         self.rules = Invariants()
-        self.stage = stage = Stage(spec, lambda *_: self.rules)
-        self.rules.follow(stage)
-        assert stage.injector is not None
-        self.injector = stage.injector
-        self.injector.start(stage.world, stage.supervisor.helm.power, self.rules.note)
-        self.helm = stage.supervisor.helm
-        place = Place(FOLDER / "logs", FOLDER / "calibration.json", (), T_WALL, FOLDER)
-        inspection = Live(spec.rover, stage.rover, place, stage.supervisor)
+        self.setup = setup = TrialSetup(spec, lambda *_: self.rules)
+        self.rules.follow(setup)
+        assert setup.injector is not None
+        self.injector = setup.injector
+        self.injector.start(setup.world, setup.supervisor.controller.power, self.rules.note)
+        self.controller = setup.supervisor.controller
+        place = HostEnvironment(FOLDER / "logs", FOLDER / "calibration.json", (), T_WALL, FOLDER)
+        inspection = RunningInspection(spec.rover, setup.rover, place, setup.supervisor)
         about = {"start_delay_s": spec.rover.safety.start_delay_s}
         checks = [check for check in ARMING if check not in CALIBRATED]
         self.commands = RoverCommands(
-            stage.supervisor, stage.rover.motors, lambda: inspection, self.rules, about, checks
+            setup.supervisor, setup.rover.motors, lambda: inspection, self.rules, about, checks
         )
-        self.run = asyncio.ensure_future(stage.supervisor.run())
+        self.run = asyncio.ensure_future(setup.supervisor.run())
 
     @property
     def running(self) -> bool:
@@ -144,13 +144,13 @@ class Daemon:
 
     def power(self, flags: int | None) -> None:
         """Have the computer's firmware say something."""
-        self.helm.power(self._runner.get_loop().time(), flags)
+        self.controller.power(self._runner.get_loop().time(), flags)
 
     def close(self) -> None:
         """End the run, watch the wheels until they must stand, and end every fault."""
 
         async def end() -> None:
-            self.stage.supervisor.finish("requested", "over")
+            self.setup.supervisor.finish("requested", "over")
             await asyncio.wait([self.run])
             await asyncio.sleep(self.rules.bound_s)
             self.injector.end()
@@ -185,7 +185,7 @@ class DaemonMachine(RuleBasedStateMachine):
         if hasattr(self, "daemon"):
             self.daemon.close()
             self.assert_rules()
-            assert self.daemon.stage.world.commanded == (0.0, 0.0)
+            assert self.daemon.setup.world.commanded == (0.0, 0.0)
 
     # -- what may happen -----------------------------------------------------------------------------------------------
 
@@ -260,12 +260,12 @@ class DaemonMachine(RuleBasedStateMachine):
     @rule(seed=st.integers(0, 10_000))
     def switched_on_again(self, seed: int) -> None:
         """A new run begins, elsewhere, and nothing arms it."""
-        config, depth = self.daemon.stage.config, self.daemon.depth
+        config, depth = self.daemon.setup.config, self.daemon.depth
         self.daemon.close()
         self.assert_rules()
         self.daemon = Daemon(config.name, depth, seed)
         self.daemon.pass_time(1.0)
-        assert not self.daemon.running or self.daemon.helm.mode is Mode.DISARMED
+        assert not self.daemon.running or self.daemon.controller.mode is Mode.DISARMED
 
     # -- what must hold ------------------------------------------------------------------------------------------------
 
@@ -277,15 +277,17 @@ class DaemonMachine(RuleBasedStateMachine):
             assert not wrong, wrong[0]
 
     @invariant()
-    def assert_status_is_what_the_helm_does(self) -> None:
+    def assert_status_is_what_the_controller_does(self) -> None:
         """What a person is told is what is so."""
         if not hasattr(self, "daemon"):
             return
-        helm, told = self.daemon.helm, self.daemon.status()
-        assert told["mode"] == helm.mode.value, f"the status says {told['mode']}, the helm is {helm.mode.value}"
-        assert (told["why_disarmed"] is None) == (helm.mode is not Mode.DISARMED)
-        assert told["held"] == helm.held
-        assert ("mission_s" in told) == (helm.mission is not None) == (helm.mode is Mode.ARMED)
+        controller, told = self.daemon.controller, self.daemon.status()
+        assert told["mode"] == controller.mode.value, (
+            f"the status says {told['mode']}, the helm is {controller.mode.value}"
+        )
+        assert (told["why_disarmed"] is None) == (controller.mode is not Mode.DISARMED)
+        assert told["held"] == controller.held
+        assert ("mission_s" in told) == (controller.mission is not None) == (controller.mode is Mode.ARMED)
         if told.get("wheels", [0.0, 0.0]) != [0.0, 0.0]:
             assert told["level"] not in {"hold", "fault"}
             assert told["cause"] is None or LEVELS[Condition(told["cause"])] < Level.HOLD

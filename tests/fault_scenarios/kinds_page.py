@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from annotated_types import Interval
 
-from wayfarer.simhal.faults.kinds import KINDS, Kind, Layer
+from wayfarer.simhal.faults.kinds import KINDS, FaultKind, Layer
 
 HEAD = "| kind | what happens | to | parameters |\n|---|---|---|---|"
 
@@ -19,7 +19,7 @@ def rows(layer: Layer) -> list[str]:
     return [_row(name, kind) for name, kind in KINDS.items() if kind.layer is layer]
 
 
-def _row(name: str, kind: Kind) -> str:
+def _row(name: str, kind: FaultKind) -> str:
     return f"| `{name}` | {kind.about} | {', '.join(kind.targets)} | {'; '.join(_params(kind.params))} |"
 
 

@@ -10,7 +10,7 @@ import pytest
 from wayfarer.fault_scenarios.catalogue import catalogue
 from wayfarer.fault_scenarios.judge import judge
 from wayfarer.fault_scenarios.process_tests.heading_wrap import heading_wrap
-from wayfarer.fault_scenarios.runner import Played, play, play_well
+from wayfarer.fault_scenarios.runner import RunResult, run_scenario, run_without_faults
 from wayfarer.fault_scenarios.scenario import Reached, Scenario
 
 SCENARIOS = {each.name: each for each in catalogue() if isinstance(each, Scenario)}
@@ -19,8 +19,8 @@ CAMERA_ROVER = "minirover"  # its pictures take their time to draw and to compar
 
 
 @cache
-def runs_of(name: str) -> tuple[Played, Played]:
-    return play(SCENARIOS[name]), play_well(SCENARIOS[name])
+def runs_of(name: str) -> tuple[RunResult, RunResult]:
+    return run_scenario(SCENARIOS[name]), run_without_faults(SCENARIOS[name])
 
 
 def rows() -> list[object]:

@@ -10,10 +10,10 @@ import pytest
 
 from wayfarer.fault_scenarios.judge import STOOD_ALREADY, judge
 from wayfarer.fault_scenarios.result import Result, Tried
-from wayfarer.fault_scenarios.runner import Played, play, play_well
+from wayfarer.fault_scenarios.runner import RunResult, run_scenario, run_without_faults
 from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
 from wayfarer.simhal.build_rover import Depth
-from wayfarer.simhal.faults.kinds import Fault, Lost, Slope, Stall
+from wayfarer.simhal.faults.kinds import Fault, LoopStall, Lost, Slope
 
 BEGINS_S = 3.0
 LOOSE = Fault(BEGINS_S, inf, "compass", "nack", Lost())
@@ -29,15 +29,15 @@ def scenario(fault: Fault = LOOSE, expect: Expectation = HELD, **others: object)
 
 
 @cache
-def runs(key: str) -> tuple[Scenario, Played, Played]:
+def runs(key: str) -> tuple[Scenario, RunResult, RunResult]:
     """A scenario and its two runs, made once."""
     made = SCENARIOS[key]
-    return made, play(made), play_well(made)
+    return made, run_scenario(made), run_without_faults(made)
 
 
 SCENARIOS = {
     "loose plug": scenario(),
-    "stall": scenario(Fault(BEGINS_S, 1.0, "process", "loop_stall", Stall(1.0))),
+    "stall": scenario(Fault(BEGINS_S, 1.0, "process", "loop_stall", LoopStall(1.0))),
     "crash": scenario(Fault(BEGINS_S, inf, "compass", "task_crash")),
     "disarmed": scenario(commands=()),
     "dead line": scenario(Fault(BEGINS_S, inf, "motors", "nack", Lost())),
@@ -51,8 +51,8 @@ SCENARIOS = {
 
 def judged(key: str, expect: Expectation = HELD) -> Result:
     """What comes of a scenario if this was expected of it."""
-    made, played, well = runs(key)
-    return judge(replace(made, expect=expect), played, well)
+    made, run_result, well = runs(key)
+    return judge(replace(made, expect=expect), run_result, well)
 
 
 def test_level_bound_and_change_of_a_fault_that_is_met() -> None:
@@ -116,8 +116,8 @@ def test_crash_that_nobody_expects_fails() -> None:
 def test_hold_of_a_single_tick_counts() -> None:
     result = judged("stall", Expectation(Reached.HOLD, 1.1, ("tick_late",)))
     assert result.passed, result.problems
-    _, played, _ = runs("stall")
-    assert sum("tick_late" in {each.value for each in moment.conditions} for moment in played.monitor.moments) == 1
+    _, run_result, _ = runs("stall")
+    assert sum("tick_late" in {each.value for each in moment.conditions} for moment in run_result.monitor.moments) == 1
 
 
 def test_wheels_that_a_boards_deadman_stops_have_reached_s4() -> None:
@@ -139,18 +139,20 @@ def test_what_a_person_does_is_no_answer_to_a_fault() -> None:
 
 
 def test_a_broken_rule_fails_whatever_is_expected() -> None:
-    made, played, well = runs("loose plug")
-    result = judge(made, played._replace(broken=("3.30 s: motion commanded while disarmed",)), well)
+    made, run_result, well = runs("loose plug")
+    result = judge(made, run_result._replace(broken=("3.30 s: motion commanded while disarmed",)), well)
     assert result.problems == ("broken rule: 3.30 s: motion commanded while disarmed",)
 
 
 def test_runs_that_differ_before_the_fault_prove_nothing() -> None:
-    made, played, _ = runs("loose plug")
-    other = play_well(replace(made, seed=2))
-    assert any("the runs differ before the fault began" in problem for problem in judge(made, played, other).problems)
+    made, run_result, _ = runs("loose plug")
+    other = run_without_faults(replace(made, seed=2))
+    assert any(
+        "the runs differ before the fault began" in problem for problem in judge(made, run_result, other).problems
+    )
 
 
 def test_same_scenario_gives_the_same_result() -> None:
     made = scenario(depth=Depth.BUS)
-    first, second = (judge(made, play(made), play_well(made)) for _ in range(2))
+    first, second = (judge(made, run_scenario(made), run_without_faults(made)) for _ in range(2))
     assert first == second

@@ -12,7 +12,7 @@ from wayfarer.fault_scenarios.catalogue import catalogue
 from wayfarer.fault_scenarios.process_tests.check_faults import flow_swapped, motor_field, side_reversed
 from wayfarer.fault_scenarios.process_tests.jitter import jitter
 from wayfarer.fault_scenarios.process_tests.log_recovery import cut_off, numbered_twice, read_back
-from wayfarer.fault_scenarios.process_tests.procedure import Found, procedure
+from wayfarer.fault_scenarios.process_tests.procedure import Observed, procedure
 from wayfarer.fault_scenarios.process_tests.rover_on_blocks import Workbench, at_workbench
 from wayfarer.fault_scenarios.process_tests.sigkill import after_death
 from wayfarer.fault_scenarios.process_tests.wheel_history import Commands, first_stop, spans, stop_after, told_to_turn
@@ -44,7 +44,7 @@ def test_fault_that_a_check_must_find_is_found(row: Procedure) -> None:
 
 def judged(expected: Reached = Reached.HOLD, within_s: float | None = 0.5, **seen: Any) -> Result:
     @procedure("it", 1, "about", asked="S2", expected=expected, within_s=within_s, remark="always")
-    def it(found: Found) -> None:
+    def it(found: Observed) -> None:
         for name, value in {"changed": "something", "reached": Reached.HOLD, **seen}.items():
             setattr(found, name, value)
 
@@ -73,7 +73,7 @@ def test_what_is_not_as_expected_is_a_problem(seen: dict[str, Any], said: str) -
 
 def test_procedure_that_breaks_is_a_problem_and_ends_nothing_else() -> None:
     @procedure("it", 1, "about", asked="S2", expected=Reached.NONE)
-    def it(found: Found) -> None:
+    def it(found: Observed) -> None:
         found.changed = "something"
         raise BadInput("no bench")
 

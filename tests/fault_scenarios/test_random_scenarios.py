@@ -24,23 +24,23 @@ from wayfarer.fault_scenarios.random_runs import ROWS_FILE, RandomRunner, run_ra
 from wayfarer.fault_scenarios.random_scenarios import (
     LONGEST_S,
     ROVERS,
-    Place,
+    FaultTarget,
     draw_fault,
     draw_params,
     draw_scenario,
     possible_faults,
 )
-from wayfarer.fault_scenarios.runner import play
+from wayfarer.fault_scenarios.runner import run_scenario
 from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
 from wayfarer.fault_scenarios.scenario_file import read_scenarios
 from wayfarer.fault_scenarios.scenario_writer import as_toml
-from wayfarer.fault_scenarios.shrink import smallest
+from wayfarer.fault_scenarios.shrink import shrink
 from wayfarer.hal import WheelCommand
 from wayfarer.safety.gate import Gate
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.faults.kinds import KINDS, Fault
-from wayfarer.simhal.faults.wires import TamperedChip, Wire
+from wayfarer.simhal.faults.wires import FaultyWire, TamperedChip
 
 RIGS = [(rover, depth) for rover in ROVERS for depth in Depth]
 PLACES = sorted({place for rover, depth in RIGS for place in possible_faults(load_rover(rover), depth)})
@@ -57,8 +57,8 @@ def test_every_kind_of_fault_can_be_drawn_on_some_rover() -> None:
 
 def test_faults_on_wires_are_drawn_at_bus_depth_only() -> None:
     config = load_rover("minirover")
-    assert Place("nack", "motors") in possible_faults(config, Depth.BUS)
-    assert Place("nack", "motors") not in possible_faults(config, Depth.DEVICE)
+    assert FaultTarget("nack", "motors") in possible_faults(config, Depth.BUS)
+    assert FaultTarget("nack", "motors") not in possible_faults(config, Depth.DEVICE)
 
 
 @pytest.mark.parametrize(("rover", "depth"), RIGS)
@@ -67,14 +67,14 @@ def test_whatever_is_possible_begins_and_ends_in_a_run(rover: str, depth: Depth)
     places = [place for place in possible_faults(load_rover(rover), depth) if place.kind != "task_crash"]
     faults = [replace(draw_fault(place, 1.0 + index / 5, chance), for_s=0.3) for index, place in enumerate(places)]
     scenario = replace(draw_scenario(0, rover, depth), faults=tuple(faults), for_s=faults[-1].at_s + LONGEST_S + 1.0)
-    played = play(scenario)
-    assert (played.broken, played.error) == ((), None)
-    assert {fault for _, fault, begins in played.monitor.faults if begins} == set(faults)
-    assert {fault for _, fault, begins in played.monitor.faults if not begins} == set(faults)
+    run_result = run_scenario(scenario)
+    assert (run_result.broken, run_result.error) == ((), None)
+    assert {fault for _, fault, begins in run_result.monitor.faults if begins} == set(faults)
+    assert {fault for _, fault, begins in run_result.monitor.faults if not begins} == set(faults)
 
 
 @given(place=st.sampled_from(PLACES), seed=SEEDS)
-def test_parameters_are_within_their_ranges(place: Place, seed: int) -> None:
+def test_parameters_are_within_their_ranges(place: FaultTarget, seed: int) -> None:
     params = draw_params(place, Random(seed))
     for name, hint in get_type_hints(type(params), include_extras=True).items():
         for interval in getattr(hint, "__metadata__", ()):
@@ -151,7 +151,7 @@ def test_broken_rule_ends_with_1_and_leaves_the_smallest_scenario_that_breaks_it
     assert files
     assert f"again: wayfarer faults --scenario {files[0]}" in printed
     (scenario,) = read_scenarios(files[0])
-    assert play(scenario).broken
+    assert run_scenario(scenario).broken
     assert len(scenario.faults) == 1
     assert scenario.commands == ()
 
@@ -196,7 +196,7 @@ def test_smallest_scenario_keeps_only_what_is_needed() -> None:
     def is_broken(tried: Scenario) -> bool:
         return GUILTY in tried.faults and Command(7.0, "hold") in tried.commands
 
-    least = smallest(scenario, is_broken)
+    least = shrink(scenario, is_broken)
     assert least.faults == (GUILTY,)
     assert least.commands == (Command(7.0, "hold"),)
     assert least.for_s < 15.0
@@ -213,7 +213,7 @@ def test_noise_that_comes_out_as_a_strange_command_is_passed_over() -> None:
             if data == b"\x21":
                 raise ChipMisuse("no such command")
 
-    wire = Wire("here")
+    wire = FaultyWire("here")
     wire.writes.append(lambda data: b"\x80\x21\x01")
     TamperedChip(Picky(), wire).receive(b"\x80\x00\x00")
     assert heard == [0x80, 0x21, 0x01]
@@ -226,7 +226,7 @@ def test_rover_without_parts_is_tried_at_device_depth_only(tmp_path: Path) -> No
     file = tmp_path / "bare.toml"
     file.write_text('name = "bare"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.0\n')
     assert {draw_scenario(seed, str(file)).depth for seed in range(20)} == {Depth.DEVICE}
-    assert play(draw_scenario(0, str(file))).broken == ()
+    assert run_scenario(draw_scenario(0, str(file))).broken == ()
     with pytest.raises(BadInput, match="has not the parts that bus depth needs; use --depth device"):
         draw_scenario(0, str(file), Depth.BUS)
 

@@ -9,20 +9,20 @@ from typing import Any
 
 import pytest
 
-from wayfarer.control.controller import Helm, Mode
-from wayfarer.control.shutdown import StopPath
+from wayfarer.control.controller import Controller, Mode
+from wayfarer.control.shutdown import Shutdown
 from wayfarer.detector import Detector
 from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.escape.api import Decision, Observation
 from wayfarer.escape.handler import PhasedHandler
-from wayfarer.fault_scenarios.runner import play
+from wayfarer.fault_scenarios.runner import run_scenario
 from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.gate import Gate
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.faults.kinds import Fault, LateAnswer, Lost, NotANumber, Stall
+from wayfarer.simhal.faults.kinds import Fault, LateAnswer, LoopStall, Lost, NotANumber
 from wayfarer.simhal.parts import SimMotors
 
 AHEAD = WheelCommand(0.3, 0.3)
@@ -38,8 +38,8 @@ Patch = pytest.MonkeyPatch
 
 def broken(*faults: Fault, ask: tuple[Command, ...] = (Command(0.0, "arm"),), **changes: Any) -> str:
     """What the checker says of a run with these faults."""
-    played = play(replace(UNTOUCHED, faults=faults or (HARMLESS,), commands=ask, **changes))
-    return "\n".join(played.broken)
+    run_result = run_scenario(replace(UNTOUCHED, faults=faults or (HARMLESS,), commands=ask, **changes))
+    return "\n".join(run_result.broken)
 
 
 def drives_always(monkeypatch: Patch, when: Callable[[Gate], bool] = lambda _: True) -> None:
@@ -79,25 +79,25 @@ def test_motion_during_the_start_delay_is_seen(monkeypatch: Patch) -> None:
 
 
 def test_motion_after_disarming_is_seen(monkeypatch: Patch) -> None:
-    disarm = Helm.disarm
+    disarm = Controller.disarm
 
-    def forgetful(self: Helm, t_s: float, reason: str) -> None:
+    def forgetful(self: Controller, t_s: float, reason: str) -> None:
         disarm(self, t_s, reason)
         self.mode = Mode.ARMED
 
-    monkeypatch.setattr(Helm, "disarm", forgetful)
+    monkeypatch.setattr(Controller, "disarm", forgetful)
     assert "rule 1: motion commanded" in broken(ask=(Command(0.0, "arm"), Command(3.0, "disarm")))
 
 
 def test_rover_that_arms_itself_is_seen(monkeypatch: Patch) -> None:
-    tick = Helm.tick
+    tick = Controller.tick
 
-    async def restless(self: Helm, t_s: float) -> None:
+    async def restless(self: Controller, t_s: float) -> None:
         if t_s > 2.0 and self.mode is Mode.DISARMED:
             self._begin_mission(t_s, 0.0)
         await tick(self, t_s)
 
-    monkeypatch.setattr(Helm, "tick", restless)
+    monkeypatch.setattr(Controller, "tick", restless)
     assert "rule 1: the rover armed itself" in broken(ask=())
 
 
@@ -141,7 +141,7 @@ def test_stop_path_that_stops_nothing_is_seen_after_the_end(monkeypatch: Patch) 
     async def idle(self: Any) -> None:
         pass
 
-    monkeypatch.setattr(StopPath, "stop_wheels", idle)
+    monkeypatch.setattr(Shutdown, "stop_wheels", idle)
     monkeypatch.setattr("wayfarer.simhal.parts.DEADMAN_S", inf)
     assert "rule 2: wheels are told" in broken()
 
@@ -154,9 +154,9 @@ ON_A_WIRE: dict[str, Any] = {"rover": "forestrover", "depth": Depth.BUS, "settin
 
 def test_deadman_that_is_off_when_the_link_breaks_excuses_wheels_that_turn_on(monkeypatch: Patch) -> None:
     forget_the_deadman(monkeypatch)
-    played = play(replace(UNTOUCHED, faults=(UNPLUGGED,), **ON_A_WIRE))
-    assert played.broken == ()
-    assert played.excused > 10
+    run_result = run_scenario(replace(UNTOUCHED, faults=(UNPLUGGED,), **ON_A_WIRE))
+    assert run_result.broken == ()
+    assert run_result.excused > 10
 
 
 def test_deadman_that_is_off_excuses_nothing_while_commands_arrive(monkeypatch: Patch) -> None:
@@ -201,7 +201,7 @@ def test_fault_that_clears_by_itself_is_seen(monkeypatch: Patch) -> None:
 
 
 def test_fault_that_leaves_the_rover_armed_is_seen(monkeypatch: Patch) -> None:
-    monkeypatch.setattr(Helm, "disarm", lambda *_: None)
+    monkeypatch.setattr(Controller, "disarm", lambda *_: None)
     assert "rule 3: a fault left the rover armed" in broken(NO_COMPASS, for_s=12.0)
 
 
@@ -229,13 +229,13 @@ def test_readings_that_are_no_numbers_reach_no_decision() -> None:
 
 
 def tamper_with_what_is_seen(monkeypatch: Patch, wrong: dict[str, float]) -> None:
-    observe = Helm._observe
+    observe = Controller._observe
 
-    def tampered(self: Helm, *seen: Any) -> Observation | None:
+    def tampered(self: Controller, *seen: Any) -> Observation | None:
         observation = observe(self, *seen)
         return observation and observation._replace(**wrong)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(Helm, "_observe", tampered)
+    monkeypatch.setattr(Controller, "_observe", tampered)
 
 
 def blind_to_age(update: Any) -> Any:
@@ -263,7 +263,7 @@ def test_stop_without_a_reason_is_seen(monkeypatch: Patch) -> None:
 
 
 def test_hold_that_no_event_tells_of_is_seen(monkeypatch: Patch) -> None:
-    monkeypatch.setattr(Helm, "_note_health", lambda *_: None)
+    monkeypatch.setattr(Controller, "_note_health", lambda *_: None)
     assert "rule 5: the wheels were stopped for compass_stale, and no event said so" in broken(BRIEFLY_NO_COMPASS)
 
 
@@ -282,7 +282,7 @@ def test_stop_that_the_algorithm_asked_for_needs_no_reason(monkeypatch: Patch) -
 
 
 def test_loop_that_stands_still_breaks_no_rule() -> None:
-    assert broken(Fault(3.0, 0.0, "process", "loop_stall", Stall(2.0))) == ""
+    assert broken(Fault(3.0, 0.0, "process", "loop_stall", LoopStall(2.0))) == ""
 
 
 def test_error_that_nobody_awaits_counts_as_a_broken_rule(monkeypatch: Patch) -> None:

@@ -32,10 +32,10 @@ def test_machine_drives_the_rover_and_ends_it_with_its_wheels_still() -> None:
     daemon.ask("arm", 0.0)
     daemon.pass_time(3.0)
     assert daemon.status()["mode"] == "armed"
-    assert daemon.stage.world.forward_m > 0.5
+    assert daemon.setup.world.forward_m > 0.5
     daemon.close()
     assert daemon.rules.broken == ()
-    assert daemon.stage.world.commanded == (0.0, 0.0)
+    assert daemon.setup.world.commanded == (0.0, 0.0)
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from wayfarer.escape.api import Anomaly
 from wayfarer.fault_scenarios.catalogue import catalogue
 from wayfarer.fault_scenarios.detector_trials import CELLS
 from wayfarer.fault_scenarios.judge import judge
-from wayfarer.fault_scenarios.runner import play, play_well
+from wayfarer.fault_scenarios.runner import run_scenario, run_without_faults
 from wayfarer.fault_scenarios.scenario import Scenario
 
 PAGE = (Path(__file__).parents[2] / "docs" / "what-stops-the-wheels.md").read_text(encoding="utf-8")
@@ -53,7 +53,7 @@ def test_nothing_took_longer_than_its_bound() -> None:
 def test_lines_are_what_the_scenarios_give() -> None:
     """Simulated times are the same at each run, so the page can be held to them."""
     rows = [scenarios()[name] for name in QUICK]
-    results = [judge(row, play(row), play_well(row)) for row in rows]
+    results = [judge(row, run_scenario(row), run_without_faults(row)) for row in rows]
     for line in stops([{**each._asdict(), "tried": each.tried.value} for each in results]):
         assert f"\n{line}\n" in PAGE
 

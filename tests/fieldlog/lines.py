@@ -8,7 +8,7 @@ from pathlib import Path
 import orjson
 
 from wayfarer.config.log_settings import LogSettings
-from wayfarer.fieldlog.reader import Record, RunReader, log_parts
+from wayfarer.fieldlog.reader import Record, RunReader, log_segments
 from wayfarer.fieldlog.writer import LineSink, RunFiles
 
 FREE = LogSettings(free_mb=0.0)
@@ -68,4 +68,4 @@ class Log:
 
     def parts(self) -> list[str]:
         """Return the names of its files."""
-        return [part.name for part in log_parts(self.folder)]
+        return [part.name for part in log_segments(self.folder)]

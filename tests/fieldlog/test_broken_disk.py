@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tests.fieldlog.disks import FailingCall, files_no_longer_than
 from tests.fieldlog.lines import SMALL, Log, event, gaps, numbers, read, tick, torn_lines, write
-from wayfarer.fieldlog.reader import log_parts, read_header
+from wayfarer.fieldlog.reader import log_segments, read_header
 
 
 def test_deleted_folder_is_made_anew_and_what_was_lost_is_counted(tmp_path: Path) -> None:
@@ -208,4 +208,4 @@ def test_nothing_raises_and_every_line_is_in_the_log_or_counted(steps: list[str]
         assert torn_lines(log.folder) == 0
         if not deleted:
             assert len(there) + log.files.dropped >= given_
-        assert not [part for part in log_parts(log.folder)[:-1] if part.read_bytes().count(b"\n") < 2]
+        assert not [part for part in log_segments(log.folder)[:-1] if part.read_bytes().count(b"\n") < 2]

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, numbered, outcome, tick, write
 from wayfarer.fieldlog import last_run
 from wayfarer.fieldlog.folders import FILE_NAME, new_run_folder
-from wayfarer.fieldlog.last_run import TAIL_BYTES, Unfinished, unfinished_run
+from wayfarer.fieldlog.last_run import TAIL_BYTES, UnfinishedRun, unfinished_run
 from wayfarer.fieldlog.reader import Record, parse
 
 RUN = "00017-20261121T061405Z"
 STANDING: dict[str, Any] = {"phase": "halt", "why": "halt"}
 
 
-def left(logs: Path, *records: Record) -> Unfinished | None:
+def left(logs: Path, *records: Record) -> UnfinishedRun | None:
     write(logs / RUN, numbered([HEADER, *records]))
     return unfinished_run(logs)
 
@@ -49,7 +49,7 @@ def test_run_that_was_cut_off_tells_when_and_what_it_was_doing(
     tmp_path: Path, records: list[Record], mode: str | None
 ) -> None:
     at_s = 0.0 if not records else records[-1]["t_s"] - 100.0
-    assert left(tmp_path, *records) == Unfinished(RUN, 100.0 + at_s, BEGAN_WALL_S + at_s, mode)
+    assert left(tmp_path, *records) == UnfinishedRun(RUN, 100.0 + at_s, BEGAN_WALL_S + at_s, mode)
 
 
 def test_only_the_newest_run_counts(tmp_path: Path) -> None:
@@ -67,20 +67,20 @@ def test_only_the_end_of_a_long_log_is_read(tmp_path: Path, monkeypatch: pytest.
         return parse(line)
 
     monkeypatch.setattr(last_run, "parse", counted)
-    assert unfinished_run(tmp_path) == Unfinished(RUN, 599.95, BEGAN_WALL_S + 499.95, "armed")
+    assert unfinished_run(tmp_path) == UnfinishedRun(RUN, 599.95, BEGAN_WALL_S + 499.95, "armed")
     assert sum(read) <= TAIL_BYTES < size_b
 
 
 def test_part_that_has_just_begun_leaves_the_one_before_to_tell(tmp_path: Path) -> None:
     write(tmp_path / RUN, numbered([HEADER | {"t_s": 99.0}, event("armed", 1.0), tick(2.0)]), "run.00001.jsonl")
-    assert left(tmp_path) == Unfinished(RUN, 100.0, BEGAN_WALL_S, "armed")
+    assert left(tmp_path) == UnfinishedRun(RUN, 100.0, BEGAN_WALL_S, "armed")
 
 
 @pytest.mark.parametrize("garbage", [b"", b"\0" * 100_000, b"{" * 100_000, b'{"record":"tick","t_s":'])
 def test_end_that_cannot_be_read_is_told_and_stops_nothing(tmp_path: Path, garbage: bytes) -> None:
     (tmp_path / RUN).mkdir()
     (tmp_path / RUN / FILE_NAME).write_bytes(garbage)
-    assert unfinished_run(tmp_path) == Unfinished(RUN, error="nothing at the end of its log can be read")
+    assert unfinished_run(tmp_path) == UnfinishedRun(RUN, error="nothing at the end of its log can be read")
 
 
 def test_log_that_is_no_file_is_told_and_stops_nothing(tmp_path: Path) -> None:
@@ -94,7 +94,7 @@ def test_torn_last_line_leaves_the_one_before_it(tmp_path: Path) -> None:
     run = write(tmp_path / RUN, numbered([HEADER, tick(1.0)]))
     with (run / FILE_NAME).open("ab") as file:
         file.write(b'{"record":"outcome","t_s":1')
-    assert unfinished_run(tmp_path) == Unfinished(RUN, 101.0, BEGAN_WALL_S + 1.0, "armed")
+    assert unfinished_run(tmp_path) == UnfinishedRun(RUN, 101.0, BEGAN_WALL_S + 1.0, "armed")
 
 
 ODD = st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.lists(st.integers(), max_size=2)

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from tests.fieldlog.lines import event, header, read, tick
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog import reader
-from wayfarer.fieldlog.reader import Damage, Record, RunReader, log_parts, parse, read_header
+from wayfarer.fieldlog.reader import Damage, Record, RunReader, log_segments, parse, read_header
 
 LINES = [header(1), *map(tick, range(1, 6)), event(6)]
 LOG = b"".join(line + b"\n" for line in LINES)
@@ -131,7 +131,7 @@ def test_parts_are_read_in_the_order_of_their_numbers(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(b"")
     for name in ("run.backup.jsonl", "run.00002.jsonl.bak", "notes.txt"):
         (tmp_path / name).write_bytes(b"no log")
-    assert [part.name for part in log_parts(tmp_path)] == [
+    assert [part.name for part in log_segments(tmp_path)] == [
         "run.00001.jsonl", "run.99999.jsonl", "run.100000.jsonl", "run.jsonl",
     ]  # fmt: skip
     assert read(tmp_path)[0] == []

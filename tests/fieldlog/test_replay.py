@@ -23,7 +23,7 @@ from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import BadInput, NotResponding
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign, Task
-from wayfarer.experiments.live_rover import desk_vessel
+from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.experiments.trial import run_trial
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.replay import Replay, replay
@@ -252,20 +252,22 @@ class Trouble:
 async def eventful_run(folder: Path, config: RoverConfig) -> None:
     """Everything that comes from outside, once: each step is told how long it lasts."""
     await asyncio.sleep(12345.678)
-    vessel = desk_vessel(config, Depth.DEVICE, 4, lambda reason, text: supervisor.finish(reason, text))
-    assert vessel.witness is not None
+    rover_setup = live_rover_setup(config, Depth.DEVICE, 4, lambda reason, text: supervisor.finish(reason, text))
+    assert rover_setup.ground_truth_log is not None
     now = asyncio.get_running_loop().time
     about = {
         "algorithm": "rand-pledge",
         "algorithm_seed": 11,
         "config": config.model_dump(mode="json"),
-        "parts": dict.fromkeys(vessel.rover.parts, ""),
+        "parts": dict.fromkeys(rover_setup.rover.parts, ""),
     }
     log = FieldLog(RunFiles(folder), about, wall=lambda t_s: t_s, t_s=now())
     handler = CATALOGUE["rand-pledge"].make(config.escape, config.vehicle, Random(11))
-    trouble = Trouble(vessel.rover)
-    supervisor = Supervisor(vessel.rover, config, CATALOGUE["rand-pledge"], handler, Tee(log, vessel.witness(log)))
-    helm = supervisor.helm
+    trouble = Trouble(rover_setup.rover)
+    supervisor = Supervisor(
+        rover_setup.rover, config, CATALOGUE["rand-pledge"], handler, Tee(log, rover_setup.ground_truth_log(log))
+    )
+    controller = supervisor.controller
     running = asyncio.create_task(supervisor.run())
 
     async def fails(part: str, for_s: float) -> None:
@@ -277,17 +279,17 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     await asyncio.sleep(1.0)
     await supervisor.arm()
     await asyncio.sleep(config.safety.start_delay_s + 6.0)
-    helm.hold(now(), held=True)
+    controller.hold(now(), held=True)
     await asyncio.sleep(2.03)
-    helm.hold(now(), held=False)
+    controller.hold(now(), held=False)
     await asyncio.sleep(3.0)
-    helm.head_for(now(), 20.0)
+    controller.head_for(now(), 20.0)
     await fails("compass", 1.0)
     await fails("nonsense", 0.7)
     await fails("motion", 1.5)
     await fails("board", 1.0)
     for flags in (0x50005, 0x50000) * 3:
-        helm.power(now(), flags)
+        controller.power(now(), flags)
         await asyncio.sleep(1.01)
     await asyncio.sleep(DIPS_S)
     supervisor.disarm("asked for")
@@ -295,19 +297,19 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     await supervisor.arm(350.0)
     await asyncio.sleep(config.safety.start_delay_s + 4.0)
     await fails("motors", 0.2)
-    assert helm.mode is Mode.DISARMED
+    assert controller.mode is Mode.DISARMED
     await supervisor.arm(20.0)
     await asyncio.sleep(config.safety.start_delay_s + 2.0)
     trouble.duties = WheelCommand(0.9, -0.9)
     await asyncio.sleep(3.0)
-    assert helm.mode is Mode.DISARMED
+    assert controller.mode is Mode.DISARMED
     trouble.duties = None
     await asyncio.sleep(2.0)
     await supervisor.arm(10.0)
     await asyncio.sleep(config.safety.start_delay_s + 2.0)
     trouble.health = MotorHealth(9.0, ())
     await asyncio.sleep(12.0)
-    helm.finish("requested", "enough")
+    controller.finish("requested", "enough")
     await running
 
 

@@ -18,7 +18,7 @@ import wayfarer
 from tests.fieldlog import lines
 from tests.views.text.outing import outing
 from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.ground_truth_log import Witness
+from wayfarer.experiments.ground_truth_log import GroundTruthLog
 from wayfarer.experiments.trial import field_log, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.folders import run_folders
@@ -30,7 +30,7 @@ from wayfarer.hal import PositionFix
 from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.faults.kinds import Fault, Slope
 from wayfarer.simhal.mujoco.terrain import Terrains
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.grounds import GroundName
 from wayfarer.simhal.world.physics import Physics
@@ -83,11 +83,14 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Record]]:
     fixes.position(PositionFix(1.0, 50.9, -1.4, None))
     fixes.close("requested", "enough")
     harmed = FieldLog(RunFiles(folder / "harmed"), {})
-    world = World(trial.forest, trial.rover.vehicle, Physics(), Streams(0))
-    Witness(harmed, world).note(1.0, Fault(1.0, 2.0, "world", "slope", Slope(pitch_deg=20.0)), begins=True)
+    world = World(trial.forest, trial.rover.vehicle, Physics(), RandomStreams(0))
+    GroundTruthLog(harmed, world).note(1.0, Fault(1.0, 2.0, "world", "slope", Slope(pitch_deg=20.0)), begins=True)
     harmed.close("requested", "enough")
     rigid, _ = field_log(
-        replace(trial, terrains=Terrains()), folder / "mujoco", world, device_depth(world, Streams(0), trial.rover)
+        replace(trial, terrains=Terrains()),
+        folder / "mujoco",
+        world,
+        device_depth(world, RandomStreams(0), trial.rover),
     )
     rigid.close("requested", "enough")
     run_trial(replace(trial, budget_m=1.0, ground=GroundName.mud), folder / "mud")

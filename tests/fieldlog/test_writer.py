@@ -15,7 +15,7 @@ from tests.fieldlog.disks import FailingCall, files_no_longer_than
 from tests.fieldlog.lines import SMALL, Log, event, gaps, header, numbers, read, tick, write
 from wayfarer.config.log_settings import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.reader import log_parts, read_header
+from wayfarer.fieldlog.reader import log_segments, read_header
 
 
 def test_lines_are_written_in_order_and_closing_writes_the_rest(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_rotation_loses_nothing_and_repeats_the_header(tmp_path: Path) -> None:
     assert headers == list(range(1, len(headers) + 1))
     assert log.parts() == [*(f"run.{number:05d}.jsonl" for number in headers[:-1]), "run.jsonl"]
     assert len(headers) > 8
-    assert all(part.stat().st_size <= 1000 for part in log_parts(tmp_path))
+    assert all(part.stat().st_size <= 1000 for part in log_segments(tmp_path))
     assert [record["t_s"] for record in found] == sorted(record["t_s"] for record in found)
 
 
@@ -121,14 +121,14 @@ def test_rotation_leaves_no_part_empty_however_lines_come(batches: list[int]) ->
             number += batch
         log.files.close()
         assert numbers(Path(folder)) == list(range(1, number + 1))
-        assert all(part.read_bytes().count(b"\n") > 1 for part in log_parts(Path(folder))[:-1])
+        assert all(part.read_bytes().count(b"\n") > 1 for part in log_segments(Path(folder))[:-1])
 
 
 def test_run_beyond_its_limit_keeps_its_first_part_and_the_newest(tmp_path: Path) -> None:
     log = Log(tmp_path, LogSettings(part_mb=0.001, run_mb=0.005, free_mb=0.0))
     for number in range(1, 301):
         log.files.urgent(tick(number))
-        assert sum(part.stat().st_size for part in log_parts(tmp_path)) <= 5000
+        assert sum(part.stat().st_size for part in log_segments(tmp_path)) <= 5000
     log.files.close()
     kept = numbers(tmp_path)
     assert kept[0] == 1
@@ -149,7 +149,7 @@ def test_part_that_cannot_be_renamed_goes_on(tmp_path: Path, monkeypatch: pytest
     assert numbers(tmp_path) == list(range(1, 51))
     assert rename.failures == 0, "it was tried again after another length, not with each line"
     assert (log.files.dropped, log.told) == (0, [])
-    sizes = [part.stat().st_size for part in log_parts(tmp_path)]
+    sizes = [part.stat().st_size for part in log_segments(tmp_path)]
     assert 2000 < sizes[0] <= 3000 and max(sizes[1:]) <= 1000
 
 

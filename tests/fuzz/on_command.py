@@ -21,7 +21,7 @@ from tests.views.text.records import SAMPLE_LOGS
 from wayfarer import cli
 from wayfarer.config.calibration_file import calibration_file
 from wayfarer.daemon.socket.paths import known_sockets
-from wayfarer.daemon.watchdog import Notifier, watchdog_period_s
+from wayfarer.daemon.watchdog import SystemdNotifier, watchdog_period_s
 
 CODES = {0, 1, 2, 3, 75}
 
@@ -152,7 +152,7 @@ def _environment(environment: Mapping[str, str]) -> str:
     """See what watchdog, notifier, calibration and client make of an environment."""
     period_s = watchdog_period_s(environment)
     assert period_s is None or 0.0 < period_s < inf
-    notifier = Notifier(environment.get("NOTIFY_SOCKET"))
+    notifier = SystemdNotifier(environment.get("NOTIFY_SOCKET"))
     notifier.status("a mark \udcff\n")
     assert calibration_file(environment, Path("/root")).name
     with patch.dict("os.environ", environment):

@@ -19,7 +19,7 @@ from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.target import Case, Target, Try, reading, shape
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.protocol import REQUEST_BYTES, VERBS, accept, check, read_line
-from wayfarer.daemon.socket.server import Limits
+from wayfarer.daemon.socket.server import SocketLimits
 
 REQUESTS = [
     {"do": "status"}, {"do": "arm", "heading_deg": 12.5, "north": "true"}, {"do": "goal", "heading_deg": 0},
@@ -33,7 +33,7 @@ WORDS = [
     b"\n\n",
     *(f'"{verb}"'.encode() for verb in VERBS),
 ]
-LIMITS = Limits(clients=4, line_s=0.5, idle_s=5.0, reply_s=0.5)
+LIMITS = SocketLimits(clients=4, line_s=0.5, idle_s=5.0, reply_s=0.5)
 MOST_OPEN = 20  # files and sockets more than before: each client has two ends here
 LONG_S = 20.0  # this machine may be busy
 

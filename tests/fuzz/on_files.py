@@ -22,7 +22,7 @@ from wayfarer.config.rover_file import load_rover, rover_names
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.experiments.report.reading import read_results
 from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, ResultsFolder
-from wayfarer.experiments.rows import COLUMNS, Row, csv_line
+from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
 from wayfarer.simhal.world.forest_file import as_row, read_forests
 from wayfarer.simhal.world.generate import generate_forest
@@ -222,7 +222,7 @@ CAMPAIGN: dict[str, Any] = {
     "rover": load_rover("sim").model_dump(mode="json"),
 }  # fmt: skip
 ROWS = [
-    Row(trial, algorithm, trial, 0, 7, "escaped", 80.125, 1.5, 90.0, 3, 2, 40.0, 0.5, ticks=900)
+    TrialRow(trial, algorithm, trial, 0, 7, "escaped", 80.125, 1.5, 90.0, 3, 2, 40.0, 0.5, ticks=900)
     for algorithm in CAMPAIGN["algorithms"]
     for trial in range(2)
 ]

@@ -16,7 +16,7 @@ from tests.fuzz.target import Case, Target, Try, reading, shape
 from tests.views.live.records import run_log
 from tests.views.live.test_server import TOKEN, Rover
 from wayfarer.views.live.access import Access
-from wayfarer.views.live.audience import LIMITS
+from wayfarer.views.live.broadcaster import LIMITS
 from wayfarer.views.live.server import LivePage
 
 KEY = base64.b64encode(b"0123456789abcdef")
@@ -129,9 +129,9 @@ async def _heard(reader: asyncio.StreamReader, quiet_s: float) -> bytes:
 
 LIVE = Target(
     "live",
-    ["wayfarer.views.live.talk", "wayfarer.views.live.server:LivePage._answer",
+    ["wayfarer.views.live.client_session", "wayfarer.views.live.server:LivePage._answer",
      "wayfarer.views.live.server:LivePage._answer_page", "wayfarer.views.live.server:LivePage._answer_socket",
-     "wayfarer.views.live.server:_plain", "wayfarer.views.live.audience:Viewer.acknowledge"],
+     "wayfarer.views.live.server:_plain", "wayfarer.views.live.broadcaster:PageViewer.acknowledge"],
     _conversations,
     _shown,
     quick=60,

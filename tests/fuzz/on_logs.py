@@ -22,10 +22,10 @@ from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import replay
 from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.run_report.run import write_run_report
-from wayfarer.views.text.account import summarise
 from wayfarer.views.text.export import export, write_table
 from wayfarer.views.text.listing import lines, rows
-from wayfarer.views.text.story import Story
+from wayfarer.views.text.run_narrator import RunNarrator
+from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.tail import RunTail
 from wayfarer.views.text.verdict import judge
@@ -102,9 +102,9 @@ def _runs(use: Callable[[Path], str]) -> Iterator[Try]:
 
 def _tell(run: Path) -> str:
     """See that what is told of a log is fit for a terminal, and that it is told to the end."""
-    for story in (Story(), Story(ticks=True)):
+    for narrator in (RunNarrator(), RunNarrator(ticks=True)):
         for each in RunReader(run):
-            assert all(str(line).isprintable() for line in story.take(each)), each
+            assert all(str(line).isprintable() for line in narrator.take(each)), each
     reader = RunReader(run)
     found = summarise(reader)
     assert all(line.isprintable() for line in summary_text("17", found, reader.damage).splitlines())
@@ -113,7 +113,7 @@ def _tell(run: Path) -> str:
     verdict = judge(run)
     assert str(verdict).isprintable()
     assert sum(1 for _ in _followed(run)) <= len(run.joinpath("run.jsonl").read_bytes().split(b"\n"))
-    return f"{verdict.worth.name}, {found.reason is None} {bool(reader.damage.lines)} {found.where is None}"
+    return f"{verdict.integrity.name}, {found.reason is None} {bool(reader.damage.lines)} {found.where is None}"
 
 
 def _followed(run: Path) -> Iterator[Any]:
@@ -126,9 +126,9 @@ def _followed(run: Path) -> Iterator[Any]:
 
 STORY = Target(
     "log",
-    ["wayfarer.fieldlog.reader", "wayfarer.views.text.account", "wayfarer.fieldlog.fields",
-     "wayfarer.views.text.listing", "wayfarer.views.text.story", "wayfarer.views.text.summary_text",
-     "wayfarer.views.text.verdict", "wayfarer.views.text.wording", "wayfarer.views.text.whereabouts",
+    ["wayfarer.fieldlog.reader", "wayfarer.views.text.run_summariser", "wayfarer.fieldlog.fields",
+     "wayfarer.views.text.listing", "wayfarer.views.text.run_narrator", "wayfarer.views.text.summary_text",
+     "wayfarer.views.text.verdict", "wayfarer.views.text.wording", "wayfarer.views.text.last_position",
      "wayfarer.fieldlog.dead_reckoning", "wayfarer.views.text.tail:RunTail"],
     lambda kept: logs_of(KINDS, kept),
     lambda: _runs(_tell),

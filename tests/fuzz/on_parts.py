@@ -207,7 +207,7 @@ async def _use_light(part: ThunderBorgLight) -> None:
 
 BOARD = Target(
     "thunderborg",
-    ["wayfarer.drivers.thunderborg", "wayfarer.drivers.levels:Levels"],
+    ["wayfarer.drivers.thunderborg", "wayfarer.drivers.levels:MotorLevels"],
     lambda kept: FAULTS,
     lambda: _driven(lambda faults: ThunderBorg(ThunderBorgSettings(), Wire(_board_answer, faults)), _use_board),  # type: ignore[arg-type]
 )

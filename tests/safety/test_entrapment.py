@@ -12,11 +12,11 @@ from tests.control.test_controller import Bench
 from wayfarer.control.controller import Mode
 from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.entrapment import Progress, ProgressSettings
+from wayfarer.safety.entrapment import EntrapmentMonitor, EntrapmentSettings
 from wayfarer.safety.interval import Interval
 
 TICK_S = 0.05
-SETTINGS = ProgressSettings()
+SETTINGS = EntrapmentSettings()
 AHEAD = WheelCommand(0.7, 0.7)
 TURN = WheelCommand(0.5, -0.5)
 BACK = WheelCommand(-0.4, -0.4)
@@ -30,7 +30,7 @@ class Drive:
     """
 
     def __init__(self, grip: float | None = 1.0, quality: float = 0.8) -> None:
-        self.progress = Progress(SETTINGS, quality_min=0.2)
+        self.progress = EntrapmentMonitor(SETTINGS, quality_min=0.2)
         self.grip, self.quality = grip, quality
         self.garbage: MotionReading | None = None
         self.t_s = 0.0
@@ -114,7 +114,7 @@ def test_free_run_forgets_the_place() -> None:
     st.lists(st.tuples(st.sampled_from([AHEAD, TURN, BACK, STOP]), st.booleans(), st.floats(-1e3, 1e3)), max_size=300)
 )
 def test_it_never_gives_up_before_enough_was_tried(ticks: list[tuple[WheelCommand, bool, float]]) -> None:
-    progress = Progress(replace(SETTINGS, anomalies_max=4, give_up_s=5.0), quality_min=0.2)
+    progress = EntrapmentMonitor(replace(SETTINGS, anomalies_max=4, give_up_s=5.0), quality_min=0.2)
     tried_s = 0.0
     for wheels, anomalous, seen_m in ticks:
         tried_s += TICK_S * (wheels != STOP)
@@ -128,20 +128,20 @@ async def nose_up_until_it_gives_up() -> Bench:
     bench = await Bench().armed()
     for _ in range(round(SETTINGS.give_up_s / TICK_S)):
         bench.t_s += TICK_S
-        bench.cells.compass.write(CompassReading(bench.t_s, 0.0, 30.0, 0.0, None))
-        await bench.helm.tick(bench.t_s)
+        bench.buffers.compass.write(CompassReading(bench.t_s, 0.0, 30.0, 0.0, None))
+        await bench.controller.tick(bench.t_s)
     return bench
 
 
-async def test_helm_of_an_entrapped_rover_latches_a_fault_and_says_so() -> None:
+async def test_controller_of_an_entrapped_rover_latches_a_fault_and_says_so() -> None:
     bench = await nose_up_until_it_gives_up()
-    assert (bench.helm.mode, bench.wheels) == (Mode.DISARMED, STOP)
+    assert (bench.controller.mode, bench.wheels) == (Mode.DISARMED, STOP)
     assert bench.health == (Level.FAULT, Condition.ENTRAPPED)
     assert bench.log.named("disarmed") == [{"reason": "fault: entrapped"}]
 
 
 async def test_arming_anew_forgets_the_place() -> None:
     bench = await nose_up_until_it_gives_up()
-    bench.helm.arm(bench.t_s, 0.0)
+    bench.controller.arm(bench.t_s, 0.0)
     await bench.tick(100)
-    assert bench.helm.mode is Mode.ARMED
+    assert bench.controller.mode is Mode.ARMED

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from wayfarer.hal import MotorHealth
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.motor_board import BoardSettings, BoardWatch
+from wayfarer.safety.motor_board import BoardSettings, MotorBoardMonitor
 
 SETTINGS = BoardSettings(battery_low_v=11.0, battery_critical_v=10.0, battery_low_s=10.0, battery_critical_s=5.0)
 FULL = MotorHealth(12.0, ())
@@ -19,7 +19,7 @@ STEP_S = 0.25
 
 def said(settings: BoardSettings, *answers: MotorHealth, step_s: float = STEP_S) -> list[tuple[Condition, ...]]:
     """The conditions after each of these answers, which come at a fixed rate."""
-    watch, found = BoardWatch(settings), []
+    watch, found = MotorBoardMonitor(settings), []
     for count, answer in enumerate(answers):
         watch.update(count * step_s, answer)
         found.append(watch.conditions)
@@ -27,12 +27,12 @@ def said(settings: BoardSettings, *answers: MotorHealth, step_s: float = STEP_S)
 
 
 def test_nothing_is_known_before_the_first_answer() -> None:
-    watch = BoardWatch(SETTINGS)
+    watch = MotorBoardMonitor(SETTINGS)
     assert (watch.health, watch.conditions) == (None, ())
 
 
 def test_answer_is_kept_for_who_asks() -> None:
-    watch = BoardWatch(SETTINGS)
+    watch = MotorBoardMonitor(SETTINGS)
     watch.update(0.0, FULL)
     assert watch.health == FULL
 
@@ -63,7 +63,7 @@ def test_battery_is_not_judged_without_limits_or_without_a_voltage(battery_v: fl
 
 @given(st.lists(st.tuples(st.sampled_from([0.5, 1.0, 3.0, 7.0]), st.sampled_from([9.5, 10.5, 12.0])), max_size=40))
 def test_battery_is_low_when_it_was_low_without_a_gap_for_long_enough(answers: list[tuple[float, float]]) -> None:
-    watch = BoardWatch(SETTINGS)
+    watch = MotorBoardMonitor(SETTINGS)
     times_s = list(accumulate(after_s for after_s, _ in answers))
     low_since_s: float | None = None
     for t_s, (_, battery_v) in zip(times_s, answers, strict=True):
@@ -82,7 +82,7 @@ def test_fault_counts_when_the_board_says_it_twice_in_a_row(faulty: list[bool]) 
 
 
 def test_board_that_falls_silent_says_nothing_any_more() -> None:
-    watch = BoardWatch(SETTINGS)
+    watch = MotorBoardMonitor(SETTINGS)
     for count in range(50):
         watch.update(count * STEP_S, MotorHealth(9.0, ("motor A: drive fault",)))
     assert Condition.BOARD_FAULT in watch.conditions

@@ -7,15 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.supply import DIPS, DIPS_S, PowerWatch, meaning
+from wayfarer.safety.supply import DIPS, DIPS_S, SupplyMonitor, meaning
 
 LOW, WELL, SINCE_BOOT = 0x50005, 0x0, 0x50000
 UNDERVOLTAGE, UNSTABLE = (Condition.UNDERVOLTAGE,), (Condition.POWER_UNSTABLE,)
 
 
-def after(*flags: int | None, every_s: float = 1.0) -> PowerWatch:
+def after(*flags: int | None, every_s: float = 1.0) -> SupplyMonitor:
     """A watch that was given these flags, one each so many seconds."""
-    watch = PowerWatch()
+    watch = SupplyMonitor()
     for count, each in enumerate(flags):
         watch.update(count * every_s, each)
     return watch
@@ -50,7 +50,7 @@ def test_one_long_dip_is_one() -> None:
 
 @given(st.lists(st.tuples(st.floats(0.5, 40.0), st.booleans()), max_size=40))
 def test_unstable_is_three_rises_in_a_minute_and_nothing_else(polls: list[tuple[float, bool]]) -> None:
-    watch, t_s, was_low = PowerWatch(), 0.0, False
+    watch, t_s, was_low = SupplyMonitor(), 0.0, False
     rises_s: list[float] = []
     for after_s, is_low in polls:
         t_s += after_s

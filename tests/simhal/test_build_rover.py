@@ -35,7 +35,7 @@ from wayfarer.hal import (
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.parts import SimCompass, SimFlow, SimMotors
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest, Trunk
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
@@ -60,7 +60,7 @@ def in_virtual_time(main: Callable[[], Awaitable[Any]]) -> Any:
 
 def rover_in(forest: Forest, config: RoverConfig, depth: Depth, seed: int = 3) -> tuple[World, Rover]:
     """A rover at one of the depths, made on the running loop, and its world."""
-    streams = Streams(seed)
+    streams = RandomStreams(seed)
     world = World(forest, config.vehicle, Physics(), streams)
     return world, build(depth, world, streams, config, asyncio.get_running_loop().time)
 

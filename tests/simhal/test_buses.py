@@ -14,8 +14,8 @@ from wayfarer.simhal.buses import ChipMisuse, FakeBuses, FakeI2C, FakeSerial, Fa
 from wayfarer.simhal.chips.cmps14 import CMPS14Chip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.random_streams import Streams
-from wayfarer.simhal.sensor_models import FlowSense, HeadingSense
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -24,7 +24,7 @@ CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 
 
 def world() -> World:
-    return World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), Streams(0))
+    return World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(0))
 
 
 class Echo:
@@ -105,9 +105,9 @@ async def test_serial_line_without_a_listener_takes_everything_and_tells_nothing
 async def test_transfer_that_a_chip_does_not_declare_fails_loudly_through_the_bus() -> None:
     bench, buses = world(), FakeBuses()
     i2c, spi = buses.i2c("/dev/i2c-1"), buses.spi("/dev/spidev0.1")
-    i2c.attach(0x60, CMPS14Chip(HeadingSense(bench, Streams(0)), lambda: 0.0))
+    i2c.attach(0x60, CMPS14Chip(HeadingSensorModel(bench, RandomStreams(0)), lambda: 0.0))
     i2c.attach(0x15, ThunderBorgChip(bench, lambda: 0.0))
-    spi.chip = PMW3901Chip(FlowSense(bench, Streams(0)), lambda: 0.0)
+    spi.chip = PMW3901Chip(FlowSensorModel(bench, RandomStreams(0)), lambda: 0.0)
     undeclared: list[Any] = [
         i2c.write(0x60, b""),
         i2c.write(0x15, bytes((99, 1))),

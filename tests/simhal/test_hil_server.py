@@ -23,8 +23,8 @@ from wayfarer.drivers.buses import Buses
 from wayfarer.errors import BadConfig, BadInput, NotResponding
 from wayfarer.hal import STOP, Rover, WheelCommand
 from wayfarer.simhal.chips.thunderborg import FAILSAFE_S
-from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, BenchBuses, BenchLine, buses
-from wayfarer.simhal.hil_server import Bench, serve
+from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, HilBuses, HilConnection, buses
+from wayfarer.simhal.hil_server import HilServer, serve
 
 I2C = "/dev/i2c-1"
 FLOW = {"driver": "pmw3901", "bus": "/dev/spidev0.1"}
@@ -45,12 +45,12 @@ class Clock:
         return self.now_s
 
 
-def bench() -> tuple[Bench, Clock]:
+def bench() -> tuple[HilServer, Clock]:
     clock = Clock()
-    return Bench(minirover(), 0, clock), clock
+    return HilServer(minirover(), 0, clock), clock
 
 
-async def i2c(bench: Bench, address: int, *data: int) -> dict[str, Any]:
+async def i2c(bench: HilServer, address: int, *data: int) -> dict[str, Any]:
     return await bench.answer({"do": "i2c", "bus": I2C, "address": address, "data": [bytes(data).hex()]})
 
 
@@ -102,9 +102,9 @@ async def test_silenced_part_answers_no_more_and_its_neighbour_does() -> None:
 
 def test_camera_is_refused() -> None:
     with pytest.raises(BadConfig, match=r"parts\.motion"):
-        Bench(load_rover("minirover"), 0, Clock())
+        HilServer(load_rover("minirover"), 0, Clock())
     with pytest.raises(BadInput, match="no camera"):
-        BenchBuses("nowhere").camera("0", width=64, height=48, rate_hz=10, exposure_us=None)
+        HilBuses("nowhere").camera("0", width=64, height=48, rate_hz=10, exposure_us=None)
 
 
 def test_buses_are_those_of_the_socket_that_the_environment_names(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,7 +113,7 @@ def test_buses_are_those_of_the_socket_that_the_environment_names(monkeypatch: p
         buses()
     monkeypatch.setenv(SOCKET_VARIABLE, "/tmp/some.sock")
     handed_out: Buses = buses()
-    assert isinstance(handed_out, BenchBuses)
+    assert isinstance(handed_out, HilBuses)
 
 
 def wait_for(path: Path) -> None:
@@ -150,9 +150,9 @@ async def use(rover: Rover) -> None:
 @pytest.mark.parametrize("config", [load_rover("forestrover"), minirover()], ids=["forestrover", "minirover"])
 async def test_real_drivers_of_a_shipped_rover_work_over_the_socket(config: RoverConfig) -> None:
     async with served(config) as path:
-        over = BenchBuses(path)
+        over = HilBuses(path)
         await use(assemble(config, over))
-        line = await asyncio.to_thread(BenchLine, path)
+        line = await asyncio.to_thread(HilConnection, path)
         look = await asyncio.to_thread(line.ask, "look")
         line.close()
         await over.close()
@@ -163,10 +163,10 @@ async def test_real_drivers_of_a_shipped_rover_work_over_the_socket(config: Rove
 
 async def test_hanging_bus_misses_its_deadline_and_its_neighbours_do_not() -> None:
     async with served(minirover()) as path:
-        over = BenchBuses(path)
+        over = HilBuses(path)
         rover = assemble(minirover(), over)
         await rover.motors.open()
-        line = await asyncio.to_thread(BenchLine, path)
+        line = await asyncio.to_thread(HilConnection, path)
         await asyncio.to_thread(line.ask, "hang", bus=I2C, for_s=0.4)
         line.close()
         with pytest.raises(NotResponding, match="no end of a transfer"):
@@ -182,11 +182,11 @@ async def test_hanging_bus_misses_its_deadline_and_its_neighbours_do_not() -> No
 
 async def test_write_that_hung_in_the_wire_arrives_late_and_the_stop_right_behind_it() -> None:
     async with served(minirover()) as path:
-        over = BenchBuses(path)
+        over = HilBuses(path)
         motors = assemble(minirover(), over).motors
         await motors.open()
         bus = over.i2c(I2C)
-        line = await asyncio.to_thread(BenchLine, path)
+        line = await asyncio.to_thread(HilConnection, path)
         hung_s = (await asyncio.to_thread(line.ask, "hang", bus=I2C, for_s=0.4))["t_s"]
         with pytest.raises(NotResponding, match="no end of a transfer"):
             await bus.write(0x15, b"\x0b\x79")  # the left side ahead: what the driver writes once it has asked
@@ -204,10 +204,10 @@ async def test_write_that_hung_in_the_wire_arrives_late_and_the_stop_right_behin
 
 async def test_command_behind_a_question_that_hung_never_reaches_the_wheels() -> None:
     async with served(minirover()) as path:
-        over = BenchBuses(path)
+        over = HilBuses(path)
         motors = assemble(minirover(), over).motors
         await motors.open()
-        line = await asyncio.to_thread(BenchLine, path)
+        line = await asyncio.to_thread(HilConnection, path)
         hung_s = (await asyncio.to_thread(line.ask, "hang", bus=I2C, for_s=0.4))["t_s"]
         with pytest.raises(NotResponding, match="no end of a transfer"):
             await motors.drive(AHEAD)
@@ -220,7 +220,7 @@ async def test_command_behind_a_question_that_hung_never_reaches_the_wheels() ->
 
 async def test_errors_on_the_wire_come_back_as_a_real_bus_tells_them() -> None:
     async with served(minirover()) as path:
-        over = BenchBuses(path)
+        over = HilBuses(path)
         bus = over.i2c(I2C)
         with pytest.raises(NotResponding, match="no acknowledgement"):
             await bus.write(0x16, b"\0")
@@ -230,7 +230,7 @@ async def test_errors_on_the_wire_come_back_as_a_real_bus_tells_them() -> None:
 
 
 async def test_missing_bench_is_told_by_its_path() -> None:
-    over = BenchBuses("/nowhere/bench")
+    over = HilBuses("/nowhere/bench")
     with pytest.raises(NotResponding, match="no bench at /nowhere/bench"):
         await over.i2c(I2C).write(0x15, b"\0")
     await over.close()

@@ -19,8 +19,8 @@ from wayfarer.safety.mission_limits import METRES_PER_DEG
 from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.parts import FIX_ERROR_M, ORIGIN_DEG, SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
-from wayfarer.simhal.random_streams import Streams
-from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, HeadingSense
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, HeadingSensorModel
 from wayfarer.simhal.world.forest import Forest, Trunk
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -33,7 +33,7 @@ STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, t
 
 
 def world_in(forest: Forest) -> World:
-    return World(forest, ROVER, STEADY, Streams(0))
+    return World(forest, ROVER, STEADY, RandomStreams(0))
 
 
 def run(main: Callable[[], Awaitable[None]]) -> None:
@@ -45,14 +45,14 @@ def run(main: Callable[[], Awaitable[None]]) -> None:
 
 
 async def drive(motors: SimMotors, left: float, right: float, seconds_s: float) -> None:
-    """Command the wheels as often as the helm does: after 0.3 s of silence they stop by themselves."""
+    """Command the wheels as often as the controller does: after 0.3 s of silence they stop by themselves."""
     for period_s in [0.05] * int(seconds_s / 0.05 + 1e-9):
         await motors.drive(WheelCommand(left, right))
         await asyncio.sleep(period_s)
 
 
 def test_rig_gives_every_part_that_the_field_code_may_ask_for() -> None:
-    rover = device_depth(world_in(CLEARING), Streams(0), BARE)
+    rover = device_depth(world_in(CLEARING), RandomStreams(0), BARE)
     assert isinstance(rover.compass, Compass)
     assert isinstance(rover.motors, DriveMotors)
     assert isinstance(rover.motion, MotionSensor)
@@ -66,7 +66,7 @@ def test_bearing_is_quantised_and_never_360(heading_deg: float) -> None:
     async def main() -> None:
         world = world_in(CLEARING)
         world.heading_rad = heading_deg * pi / 180 + 4 * pi
-        compass = SimCompass(world, Streams(0))
+        compass = SimCompass(world, RandomStreams(0))
         await compass.open()
         for _ in range(50):
             reading = await compass.read()
@@ -80,8 +80,8 @@ def test_bearing_is_quantised_and_never_360(heading_deg: float) -> None:
 
 @pytest.mark.parametrize("bias_deg", [-40.0, 12.5])
 def test_biased_compass_reads_that_much_more_each_time(bias_deg: float) -> None:
-    biased = World(CLEARING, ROVER, replace(STEADY, compass_bias_deg=bias_deg), Streams(0))
-    tenths = [HeadingSense(world, Streams(0)).sample(0.0) for world in (world_in(CLEARING), biased)]
+    biased = World(CLEARING, ROVER, replace(STEADY, compass_bias_deg=bias_deg), RandomStreams(0))
+    tenths = [HeadingSensorModel(world, RandomStreams(0)).sample(0.0) for world in (world_in(CLEARING), biased)]
     assert (tenths[1][0] - tenths[0][0]) % 3600 == pytest.approx(bias_deg * 10 % 3600, abs=1)
     assert tenths[1][1:] == tenths[0][1:]
 
@@ -90,7 +90,7 @@ def test_compass_noise_is_that_of_the_reference() -> None:
     async def main() -> None:
         world = world_in(CLEARING)
         world.heading_rad, world.pitch_deg = pi, 20.0
-        compass = SimCompass(world, Streams(0))
+        compass = SimCompass(world, RandomStreams(0))
         await compass.open()
         readings = [await compass.read() for _ in range(2000)]
         headings_deg = [reading.heading_deg for reading in readings]
@@ -105,7 +105,7 @@ def test_compass_noise_is_that_of_the_reference() -> None:
 def test_displacements_are_whole_counts_that_add_up_to_the_odometer() -> None:
     async def main() -> None:
         world = world_in(CLEARING)
-        flow, motors = SimFlow(world, Streams(0)), SimMotors(world)
+        flow, motors = SimFlow(world, RandomStreams(0)), SimMotors(world)
         for part in (flow, motors):
             await part.open()
         assert (await flow.read()).quality == 0.0, "since nobody knows when"
@@ -184,8 +184,8 @@ def test_motors_apply_what_they_say_and_stop() -> None:
 @given(looks_s=st.lists(st.sampled_from([0.0, 0.013, 0.05, 0.12, 0.3]), max_size=20))
 def test_reading_the_parts_does_not_disturb_the_world(looks_s: list[float]) -> None:
     def path_of(looks_s: list[float]) -> tuple[float, ...]:
-        world = World(FENCED, ROVER, Physics(), Streams(0))
-        rover = device_depth(world, Streams(0), BARE)
+        world = World(FENCED, ROVER, Physics(), RandomStreams(0))
+        rover = device_depth(world, RandomStreams(0), BARE)
 
         async def main() -> None:
             for part in rover.parts.values():
@@ -214,7 +214,7 @@ def test_reading_the_parts_does_not_disturb_the_world(looks_s: list[float]) -> N
 
 def test_parts_close_twice_and_after_no_opening() -> None:
     async def main() -> None:
-        for part in device_depth(world_in(CLEARING), Streams(0), BARE).parts.values():
+        for part in device_depth(world_in(CLEARING), RandomStreams(0), BARE).parts.values():
             await part.close()
             await part.open()
             await part.close()
@@ -227,7 +227,7 @@ def test_receiver_tells_where_the_rover_is_as_well_as_receivers_do() -> None:
     world = world_in(CLEARING)
 
     async def main() -> None:
-        receiver = SimReceiver(world, Streams(0))
+        receiver = SimReceiver(world, RandomStreams(0))
         await receiver.open()
         fixes = [await receiver.read() for _ in range(400)]
         north_m = [(fix.latitude_deg - ORIGIN_DEG[0]) * METRES_PER_DEG for fix in fixes]

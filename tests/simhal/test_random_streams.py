@@ -7,25 +7,25 @@ from statistics import fmean, pstdev
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.simhal.random_streams import BLOCK, Streams
+from wayfarer.simhal.random_streams import BLOCK, RandomStreams
 
 names = st.text(min_size=1, max_size=20)
 
 
 def draws(seed: int, name: str, count: int) -> list[float]:
-    normal = Streams(seed).normal(name, 1.0)
+    normal = RandomStreams(seed).normal(name, 1.0)
     return [normal() for _ in range(count)]
 
 
 @given(seed=st.integers(0, 2**63), name=names)
 def test_stream_follows_from_seed_and_name(seed: int, name: str) -> None:
     assert draws(seed, name, 5) == draws(seed, name, 5)
-    assert Streams(seed).random(name).random() == Streams(seed).random(name).random()
+    assert RandomStreams(seed).random(name).random() == RandomStreams(seed).random(name).random()
 
 
 @given(drawn=st.integers(0, 2 * BLOCK))
 def test_drawing_from_one_stream_does_not_change_another(drawn: int) -> None:
-    streams = Streams(7)
+    streams = RandomStreams(7)
     greedy, modest = streams.normal("flow", 1.0), streams.normal("compass.heading", 1.0)
     first = modest()
     for _ in range(drawn):
@@ -39,7 +39,7 @@ def test_streams_of_other_names_and_seeds_differ() -> None:
 
 
 def test_normal_stream_has_its_mean_and_spread_across_blocks() -> None:
-    normal = Streams(1).normal("a", 3.0)
+    normal = RandomStreams(1).normal("a", 3.0)
     values = [normal() for _ in range(40 * BLOCK)]
     assert abs(fmean(values)) < 0.1
     assert abs(pstdev(values) - 3.0) < 0.1

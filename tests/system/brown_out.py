@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from random import Random
 from typing import NamedTuple
 
-from wayfarer.fault_scenarios.process_tests.hil_setup import DEADMAN_S, Site, SiteTrouble, site
+from wayfarer.fault_scenarios.process_tests.hil_setup import DEADMAN_S, HilSetup, HilSetupError, site
 from wayfarer.fault_scenarios.process_tests.wheel_history import stop_after
 
 LATEST_S = 0.5  # from the board's loss of power to the kill: longer than the health poll needs to see it
@@ -48,7 +48,7 @@ def kills(number: int, seed: int) -> Iterator[Kill]:
                 yield _kill(where, chance.uniform(0.0, LATEST_S))
 
 
-def _kill(where: Site, after_s: float) -> Kill:
+def _kill(where: HilSetup, after_s: float) -> Kill:
     daemon = where.armed()
     where.bench("power_cycle")
     time.sleep(after_s)
@@ -57,7 +57,7 @@ def _kill(where: Site, after_s: float) -> Kill:
     daemon.wait()
     try:
         _, stop_s = stop_after(where.stopped())
-    except SiteTrouble:  # they turn for ever
+    except HilSetupError:  # they turn for ever
         return Kill(where.rover, after_s, time.monotonic() - killed_s)
     return Kill(where.rover, after_s, max(0.0, stop_s - killed_s))
 

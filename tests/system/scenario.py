@@ -116,13 +116,13 @@ def stops_sent() -> int:
     return WHEELS.read_text(encoding="utf-8").splitlines().count("stop") if WHEELS.exists() else 0
 
 
-def restart_after(harm: Callable[[int], object], limit_s: float) -> dict[str, Any]:
+def restart_after(set_faults: Callable[[int], object], limit_s: float) -> dict[str, Any]:
     """Do something to the daemon's process; return what systemd made of it."""
     before = shown()
     pid = int(before["MainPID"])
     sent = stops_sent()
     began_s = time.monotonic()
-    harm(pid)
+    set_faults(pid)
     down = wait_until(lambda state: state["SubState"] == "auto-restart", limit_s)
     sent = stops_sent() - sent
     up = wait_until(lambda state: state["ActiveState"] == "active" and int(state["MainPID"]) != pid, limit_s)

@@ -14,8 +14,8 @@ import sys
 from collections.abc import Callable, Iterable
 from statistics import median
 
-from wayfarer.fault_scenarios.process_tests.hil_setup import SiteTrouble
-from wayfarer.fault_scenarios.process_tests.sigkill import Kill, Life, sweep
+from wayfarer.fault_scenarios.process_tests.hil_setup import HilSetupError
+from wayfarer.fault_scenarios.process_tests.sigkill import DaemonPhase, Kill, sweep
 
 COLUMNS = "{:<22}{:>6}{:>9}{:>24}{:>24}{:>20}{:>6}{:>10}"
 LAST = ("torn", "problems")
@@ -31,7 +31,7 @@ def main() -> int:
         for kill in sweep(options.kills, options.seed):
             kills.append(kill)
             print(f"{len(kills)}/{options.kills}", *kill, sep="  ", file=sys.stderr, flush=True)
-    except SiteTrouble as trouble:
+    except HilSetupError as trouble:
         print(f"broken off: {trouble}", file=sys.stderr)
     print(table(kills))
     return int(len(kills) < options.kills or any(kill.problems for kill in kills))
@@ -43,7 +43,7 @@ def table(kills: list[Kill]) -> str:
         COLUMNS.format("", "", "", "min / median / max", "min / median / max", "median / max", "", ""),
     ]
     for rover in sorted({kill.rover for kill in kills}):
-        for life in Life:
+        for life in DaemonPhase:
             lines.append(row(f"{rover} {life}", [kill for kill in kills if (kill.rover, kill.life) == (rover, life)]))
     return "\n".join([*lines, row("all", kills)])
 

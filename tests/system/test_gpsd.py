@@ -30,7 +30,7 @@ from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import PositionFix
 from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -138,8 +138,8 @@ async def test_fixes_are_in_the_log_of_a_run_and_losing_them_changes_nothing_els
     await opened(daemon)
     config, loop = load_rover("sim"), asyncio.get_running_loop()
     forest = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
-    world = World(forest, config.vehicle, Physics(), Streams(0), starts_s=loop.time())
-    rover = replace(device_depth(world, Streams(0), config), position=daemon.client)
+    world = World(forest, config.vehicle, Physics(), RandomStreams(0), starts_s=loop.time())
+    rover = replace(device_depth(world, RandomStreams(0), config), position=daemon.client)
     algorithm = CATALOGUE["forest-pledge"]
     handler = algorithm.make(config.escape, config.vehicle, Random(0))
     log = FieldLog(RunFiles(tmp_path / "run"), {})

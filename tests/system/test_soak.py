@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from benchmarks.soak import LOG, MAY_GROW, Beside, Sample, growth, soak
-from wayfarer.experiments.trial_setup import Stage
+from wayfarer.experiments.trial_setup import TrialSetup
 
 MINUTES_S = 20 * 60.0
 SHORT_S = 5 * 60.0
@@ -32,7 +32,7 @@ def test_twenty_minutes_of_faults_leave_nothing_behind() -> None:
 def each_second(leak: Callable[[int], Any]) -> Beside:
     """Something that goes wrong in the daemon, a little each second."""
 
-    async def leaks(_: Stage) -> None:
+    async def leaks(_: TrialSetup) -> None:
         second = 0
         while True:
             await asyncio.sleep(1.0)

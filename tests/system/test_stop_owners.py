@@ -17,10 +17,10 @@ import pytest
 
 from wayfarer.drivers.sabertooth import packet
 from wayfarer.fault_scenarios.process_tests import buggy_algorithms
-from wayfarer.fault_scenarios.process_tests.hil_setup import DEADMAN_S, PATIENCE_S, Site, wait_for
+from wayfarer.fault_scenarios.process_tests.hil_setup import DEADMAN_S, PATIENCE_S, HilSetup, wait_for
 from wayfarer.fault_scenarios.process_tests.hil_setup import site as a_site
 from wayfarer.fault_scenarios.process_tests.wheel_history import spans, stop_after
-from wayfarer.simhal.hil_buses import BenchI2C, BenchSerial
+from wayfarer.simhal.hil_buses import HilI2C, HilSerial
 
 pytestmark = pytest.mark.slow
 
@@ -30,20 +30,20 @@ MARGIN_S = 0.02  # between the two writes of one drive command
 
 
 @pytest.fixture(params=sorted(DEADMAN_S))
-def site(request: pytest.FixtureRequest) -> Iterator[Site]:
+def site(request: pytest.FixtureRequest) -> Iterator[HilSetup]:
     with a_site(request.param) as made:
         yield made
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "suspended"])
-def test_board_stops_the_wheels_of_a_daemon_that_is_gone(site: Site, how: signal.Signals) -> None:
+def test_board_stops_the_wheels_of_a_daemon_that_is_gone(site: HilSetup, how: signal.Signals) -> None:
     site.armed().send_signal(how)
     turned_s, stopped_s = stop_after(site.stopped())
     # No earlier: nobody but the deadman stopped them. No later: it was armed.
     assert stopped_s - turned_s == pytest.approx(site.deadman_s, abs=MARGIN_S)
 
 
-def test_suspended_daemon_notices_when_it_wakes_and_ends_in_order(site: Site) -> None:
+def test_suspended_daemon_notices_when_it_wakes_and_ends_in_order(site: HilSetup) -> None:
     daemon = site.armed()
     daemon.send_signal(signal.SIGSTOP)
     site.stopped()
@@ -58,7 +58,7 @@ def test_suspended_daemon_notices_when_it_wakes_and_ends_in_order(site: Site) ->
     assert site.log()[-1]["record"] == "outcome"
 
 
-def test_ended_daemon_stops_the_wheels_itself_and_writes_how_it_ended(site: Site) -> None:
+def test_ended_daemon_stops_the_wheels_itself_and_writes_how_it_ended(site: HilSetup) -> None:
     daemon = site.armed()
     began_s = time.monotonic()
     daemon.terminate()
@@ -73,7 +73,7 @@ def test_ended_daemon_stops_the_wheels_itself_and_writes_how_it_ended(site: Site
     assert (outcome["record"], outcome["reason"]) == ("outcome", "signal")
 
 
-def test_error_in_an_algorithm_ends_the_daemon_with_the_wheels_stopped(site: Site) -> None:
+def test_error_in_an_algorithm_ends_the_daemon_with_the_wheels_stopped(site: HilSetup) -> None:
     daemon = site.armed("--algorithm", f"{buggy_algorithms.__name__}:RAISES")
     assert daemon.wait(PATIENCE_S) == 1
     turned_s, stopped_s = stop_after(site.stopped())
@@ -83,7 +83,7 @@ def test_error_in_an_algorithm_ends_the_daemon_with_the_wheels_stopped(site: Sit
     assert buggy_algorithms.BUG in outcome["text"]
 
 
-def test_daemon_that_was_killed_comes_back_disarmed(site: Site) -> None:
+def test_daemon_that_was_killed_comes_back_disarmed(site: HilSetup) -> None:
     site.armed().kill()
     site.stopped()
     stopped_s = site.bench("look")["t_s"]
@@ -93,21 +93,21 @@ def test_daemon_that_was_killed_comes_back_disarmed(site: Site) -> None:
     assert all(not (left or right) for t_s, left, right in site.bench("look")["commands"] if t_s >= stopped_s)
 
 
-def turn_wheels(site: Site) -> None:
+def turn_wheels(site: HilSetup) -> None:
     """What another program might do: no deadman, and wheels that turn for ever."""
     path = str(site.folder / "bench")
     if site.rover == "minirover":
-        bus = BenchI2C(path, I2C)
+        bus = HilI2C(path, I2C)
         for command in ((19, 0), (8, 100), (11, 100)):
             bus.write(0x15, bytes(command))
         bus.close()
     else:
-        port = BenchSerial(path, SERIAL)
+        port = HilSerial(path, SERIAL)
         port.write(packet(128, 0, 60) + packet(128, 4, 60))
         port.close()
 
 
-def test_stop_motors_stops_wheels_that_nobody_owns(site: Site) -> None:
+def test_stop_motors_stops_wheels_that_nobody_owns(site: HilSetup) -> None:
     turn_wheels(site)
     time.sleep(2 * site.deadman_s)
     look = site.bench("look")
@@ -122,7 +122,7 @@ def test_stop_motors_stops_wheels_that_nobody_owns(site: Site) -> None:
     assert took_s < 5.0
 
 
-def test_stop_motors_fails_loudly_where_no_board_answers(site: Site) -> None:
+def test_stop_motors_fails_loudly_where_no_board_answers(site: HilSetup) -> None:
     site.processes[0].kill()
     site.processes[0].wait()
     done = site.run("stop-motors", "--config", site.config)
@@ -130,7 +130,7 @@ def test_stop_motors_fails_loudly_where_no_board_answers(site: Site) -> None:
     assert "power off" in done.stderr
 
 
-def test_compass_that_falls_silent_stops_the_wheels(site: Site) -> None:
+def test_compass_that_falls_silent_stops_the_wheels(site: HilSetup) -> None:
     site.armed()
     silent_s = site.bench("silence", bus=I2C, address=COMPASS)["t_s"]
     _, stopped_s = stop_after(site.stopped())
@@ -138,7 +138,7 @@ def test_compass_that_falls_silent_stops_the_wheels(site: Site) -> None:
     wait_for("a status that says why", lambda: {"compass_stale", "compass_lost"} & set(site.status()["conditions"]))
 
 
-def test_bus_that_hangs_stops_the_wheels_and_never_the_control_loop(site: Site) -> None:
+def test_bus_that_hangs_stops_the_wheels_and_never_the_control_loop(site: HilSetup) -> None:
     site.armed()
     hung_s = site.bench("hang", bus=I2C, for_s=HANG_S)["t_s"]
     wait_for("the bus is back", lambda: site.bench("look")["t_s"] > hung_s + HANG_S + 0.3)

@@ -14,14 +14,14 @@ from wayfarer.cli.rover import Config, Logs, chosen, log_folder
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from wayfarer.commissioning.checks import Finding, Place
+    from wayfarer.commissioning.checks import Finding, HostEnvironment
     from wayfarer.config.calibration_file import Calibration
     from wayfarer.config.rover_file import RoverConfig
 
 NOT_READY = 1
 
 
-class Step(StrEnum):
+class CalibrationStep(StrEnum):
     """What can be calibrated."""
 
     compass = "compass"
@@ -47,14 +47,14 @@ def check(
 
     where = chosen(config)
     loaded = load_rover(where)
-    place = _place(loaded, log_folder(logs))
+    host = _host(loaded, log_folder(logs))
     person = terminal.Terminal()
     ask = person.ask if terminal.is_there() and not as_json else None
 
     async def run() -> list[Finding]:
-        buses, rover = connect(loaded, where, _stored(place))
+        buses, rover = connect(loaded, where, _stored(host))
         try:
-            return await look(loaded, rover, place, ask)
+            return await look(loaded, rover, host, ask)
         finally:
             await buses.close()
 
@@ -71,7 +71,7 @@ def check(
 
 def calibrate(
     steps: Annotated[
-        list[Step] | None, typer.Argument(help="What to calibrate, in this order. (default: everything)")
+        list[CalibrationStep] | None, typer.Argument(help="What to calibrate, in this order. (default: everything)")
     ] = None,
     *,
     config: Config = None,
@@ -88,12 +88,12 @@ def calibrate(
         raise BadInput("calibrating asks questions: run it in a terminal")
     where = chosen(config)
     loaded = load_rover(where)
-    place = _place(loaded, log_folder(None))
+    host = _host(loaded, log_folder(None))
 
     async def run() -> Calibration:
         buses, rover = connect(loaded, where)
         try:
-            return await guide(loaded, rover, place, terminal.Terminal(), [step.value for step in steps or ()] or STEPS)
+            return await guide(loaded, rover, host, terminal.Terminal(), [step.value for step in steps or ()] or STEPS)
         finally:
             await buses.close()
 
@@ -132,8 +132,8 @@ def _print(findings: Iterable[Finding]) -> None:
             print(f"{'':<8}  do:     {finding.remedy}")
 
 
-def _place(config: RoverConfig, logs: Path) -> Place:
-    from wayfarer.commissioning.checks import Place
+def _host(config: RoverConfig, logs: Path) -> HostEnvironment:
+    from wayfarer.commissioning.checks import HostEnvironment
     from wayfarer.commissioning.checks.system import device_files
     from wayfarer.config.calibration_file import calibration_file
     from wayfarer.config.rover_file import part_settings
@@ -142,13 +142,13 @@ def _place(config: RoverConfig, logs: Path) -> Place:
     devices = device_files(part_settings(part, table)[1] for part, table in config.parts.items())
     if config.buses != "linux":
         devices = ()  # somebody else's buses, with names of their own
-    return Place(logs, calibration_file(os.environ, Path.home()), devices, wall_clock(0.0))
+    return HostEnvironment(logs, calibration_file(os.environ, Path.home()), devices, wall_clock(0.0))
 
 
-def _stored(place: Place) -> Calibration:
+def _stored(host: HostEnvironment) -> Calibration:
     from wayfarer.config.calibration_file import load
 
-    return load(place.calibration_file)
+    return load(host.calibration_file)
 
 
 def _no_daemon() -> Any:

@@ -13,9 +13,9 @@ from wayfarer.cli.extras import require
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from wayfarer.experiments.paired_statistics import Compared, Estimate, Share
+    from wayfarer.experiments.paired_statistics import Comparison, Estimate, Share
 
-    Column = tuple[str, Callable[[Compared], str]]
+    Column = tuple[str, Callable[[Comparison], str]]
 
 EXAMPLES = """Examples:
 
@@ -52,7 +52,7 @@ def compare(
     console.print(LEGEND.format(algorithms[0].layouts), highlight=False, soft_wrap=True)
 
 
-def _table(algorithms: list[Compared], columns: Sequence[Column]) -> Table:
+def _table(algorithms: list[Comparison], columns: Sequence[Column]) -> Table:
     from rich import box
     from rich.table import Table
 
@@ -76,7 +76,7 @@ def _share(share: Share, decimals: int) -> str:
     return f"{percent:.{decimals}f} [{low:.{decimals}f}, {high:.{decimals}f}]"
 
 
-def _worst(one: Compared) -> str:
+def _worst(one: Comparison) -> str:
     from wayfarer.experiments.rows import SUCCESSES
 
     row = one.worst

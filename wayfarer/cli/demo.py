@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer.cli.rover import simulated
-from wayfarer.cli.sim import Depth
+from wayfarer.cli.sim import DepthOption
 from wayfarer.cli.viewer_options import live_page
 from wayfarer.views.live import HOST, PORT
 
@@ -70,12 +70,12 @@ def demo(
     from wayfarer.config.registry import find_algorithm
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.daemon import Service, serve
-    from wayfarer.experiments.auto_arm import SelfArming
+    from wayfarer.experiments.auto_arm import AutoArm
     from wayfarer.simhal.clock.scaled_loop import FastLoop
 
     config = load_rover(ROVER)
     found = find_algorithm(algorithm)
-    make_rover, close_buses = simulated(config, ROVER, Depth.device, seed)
+    make_rover, close_buses = simulated(config, ROVER, DepthOption.device, seed)
     page = live_page(HOST, live_port, speed)
     folder = logs or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
     with tempfile.TemporaryDirectory(prefix="wayfarer-") as own:  # where no other daemon is disturbed
@@ -90,7 +90,7 @@ def demo(
             simulated=True,
             dry_run=False,
             hint="Starts when the page is opened",
-            viewers=[SelfArming(page, page.watched)],
+            viewers=[AutoArm(page, page.watched)],
             loop_factory=partial(FastLoop, speed),
             time_scale=speed,
         )

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from wayfarer.errors import MissingPackage
 
 
-class Need(NamedTuple):
+class OptionalExtra(NamedTuple):
     """An extra of the installation, and which packages of it something imports, by module and by the index's name."""
 
     extra: str
@@ -16,15 +16,15 @@ class Need(NamedTuple):
 
 
 NEEDS = {
-    "simulating": Need("sim", {"numpy": "numpy", "skfmm": "scikit-fmm"}),
-    "keeping results": Need("sim", {"pyarrow": "pyarrow"}),
-    "a cluster": Need("cluster", {"distributed": "distributed"}),
-    "sweeping": Need("sim", {"numpy": "numpy", "skfmm": "scikit-fmm", "pyarrow": "pyarrow"}),
-    "--physics mujoco": Need("physics", {"mujoco": "mujoco"}),
-    "--video": Need("physics", {"av": "av", "PIL": "pillow"}),
-    "a report": Need("sim", {"matplotlib": "matplotlib", "numpy": "numpy"}),
-    "the live page": Need("live", {"aiohttp": "aiohttp"}),
-    "Foxglove": Need("foxglove", {"foxglove": "foxglove-sdk"}),
+    "simulating": OptionalExtra("sim", {"numpy": "numpy", "skfmm": "scikit-fmm"}),
+    "keeping results": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
+    "a cluster": OptionalExtra("cluster", {"distributed": "distributed"}),
+    "sweeping": OptionalExtra("sim", {"numpy": "numpy", "skfmm": "scikit-fmm", "pyarrow": "pyarrow"}),
+    "--physics mujoco": OptionalExtra("physics", {"mujoco": "mujoco"}),
+    "--video": OptionalExtra("physics", {"av": "av", "PIL": "pillow"}),
+    "a report": OptionalExtra("sim", {"matplotlib": "matplotlib", "numpy": "numpy"}),
+    "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
+    "Foxglove": OptionalExtra("foxglove", {"foxglove": "foxglove-sdk"}),
 }
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.sim import Depth, PhysicsName
+from wayfarer.cli.sim import DepthOption, PhysicsOption
 from wayfarer.errors import BadInput, MissingPackage
 
 EXAMPLES = """Examples:
@@ -75,7 +75,7 @@ def faults(
         ),
     ] = None,
     depth: Annotated[
-        Depth | None,
+        DepthOption | None,
         typer.Option(
             help="device: simulated parts; bus: the real drivers over simulated chips.", rich_help_panel=BY_CHANCE
         ),
@@ -89,7 +89,7 @@ def faults(
         ),
     ] = False,
     physics: Annotated[
-        PhysicsName | None,
+        PhysicsOption | None,
         typer.Option(help="Physics while the detector is measured.", rich_help_panel=DETECTOR),
     ] = None,
     friction: Annotated[
@@ -134,14 +134,14 @@ def _measure_detector(
     trials: int | None,
     jobs: int | None,
     out: Path | None,
-    physics: PhysicsName | None,
+    physics: PhysicsOption | None,
     friction: float | None,
     torque_scale: float | None,
 ) -> int:
     from wayfarer.fault_scenarios.detector_table import run_detector
     from wayfarer.fault_scenarios.detector_trials import CELLS, cells_in_mujoco
 
-    if physics is not PhysicsName.mujoco:
+    if physics is not PhysicsOption.mujoco:
         return run_detector(rover, trials, jobs, out, CELLS)
     require("--physics mujoco")
     from wayfarer.config.rover_file import load_rover
@@ -198,7 +198,7 @@ def _refuse_without_mujoco(given: Mapping[str, object], *, detector: bool) -> No
         option = f"--{name.replace('_', '-')}"
         if not detector:
             raise BadInput(f"{option} needs --detector; add that, or leave it out")
-        if name != "physics" and given["physics"] is not PhysicsName.mujoco:
+        if name != "physics" and given["physics"] is not PhysicsOption.mujoco:
             raise BadInput(f"{option} applies only to MuJoCo; add --physics mujoco, or drop it")
 
 

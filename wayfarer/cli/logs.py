@@ -20,7 +20,7 @@ from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.reader import Damage
-    from wayfarer.views.text.story import Line
+    from wayfarer.views.text.run_narrator import Line
 
 POLL_S = 0.3  # how long a line waits until it is shown, at most
 STDOUT = Path("-")
@@ -45,7 +45,7 @@ Run = Annotated[
 ]
 
 
-class Form(StrEnum):
+class OutputFormat(StrEnum):
     """What a run can be exported as."""
 
     csv = "csv"
@@ -77,7 +77,7 @@ def list_runs(*, logs: Logs = None) -> None:
 def follow(run: Run = None, *, logs: Logs = None) -> None:
     """Show events as they happen, of this run and the next ones; with RUN until that run ends. Ctrl-C ends it."""
     from wayfarer.fieldlog.folders import find_run, run_folders
-    from wayfarer.views.text.story import Story
+    from wayfarer.views.text.run_narrator import RunNarrator
     from wayfarer.views.text.tail import follow as follow_records
     from wayfarer.views.text.verdict import NO_OUTCOME
 
@@ -98,9 +98,9 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
     with suppress(KeyboardInterrupt), _whoever_reads():
         for path, record in follow_records(folder, chosen, wait):
             if path != told:
-                told, story = path, Story()
+                told, narrator = path, RunNarrator()
                 print(_titled(path), flush=True)
-            _tell(story.take(record), flush=True)
+            _tell(narrator.take(record), flush=True)
         if chosen is not None:
             _tell_damage(_damage_of(chosen))
 
@@ -115,14 +115,14 @@ def show(
     """Show all events of a run, from its beginning."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import Damage, RunReader
-    from wayfarer.views.text.story import Story
+    from wayfarer.views.text.run_narrator import RunNarrator
     from wayfarer.views.text.verdict import NO_OUTCOME, readable
 
-    story, ended = Story(ticks=ticks), False
+    narrator, ended = RunNarrator(ticks=ticks), False
     reader = RunReader(find_run(run, log_folder(logs)))
     with _whoever_reads():
         for record in readable(reader):
-            _tell(story.take(record))
+            _tell(narrator.take(record))
             ended = record["record"] == "outcome"
         if not ended:
             print(NO_OUTCOME)
@@ -140,7 +140,7 @@ def summary(
     """Summarise a run: distance, duration, anomalies, and where the rover is likely to be."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import RunReader
-    from wayfarer.views.text.account import summarise
+    from wayfarer.views.text.run_summariser import summarise
     from wayfarer.views.text.verdict import readable
 
     reader = RunReader(find_run(run, log_folder(logs)))
@@ -181,7 +181,7 @@ def check(
         verdicts.append(verdict)
         with _whoever_reads():
             print(f"{_titled(run)}: {verdict}")
-    raise typer.Exit(max(verdict.worth for verdict in verdicts).exit_code)
+    raise typer.Exit(max(verdict.integrity for verdict in verdicts).exit_code)
 
 
 @app.command()
@@ -189,7 +189,7 @@ def export(
     run: Run = None,
     *,
     form: Annotated[
-        Form | None,
+        OutputFormat | None,
         typer.Option(
             "--format",
             help="csv: one row per tick; tsv: the paper's columns; mcap: Foxglove. (default: by FILE's ending, or csv)",
@@ -209,7 +209,7 @@ def export(
 
     found = find_run(run, log_folder(logs))
     form = _form(form, out)
-    if form is Form.mcap:
+    if form is OutputFormat.mcap:
         if out == STDOUT:
             raise BadInput("mcap is no text for a terminal: name a file with --out, or leave it out")
         require("Foxglove")
@@ -223,19 +223,19 @@ def export(
     _tell_damage(damage)
 
 
-def _form(wanted: Form | None, out: Path | None) -> Form:
+def _form(wanted: OutputFormat | None, out: Path | None) -> OutputFormat:
     """Return the format that is wanted, or that the file's name ends in; csv for a name without an ending.
 
     Raises:
         BadInput: the two are not the same, or the ending is of no format and none is wanted.
     """
     ending = out.suffix.lower().removeprefix(".") if out else ""
-    named = next((form for form in Form if form.value == ending), None)
+    named = next((form for form in OutputFormat if form.value == ending), None)
     if wanted and named and wanted is not named:
         raise BadInput(f"--out {out} ends in .{ending}, --format is {wanted.value}: change one, or leave --format out")
     if ending and not (wanted or named):
-        raise BadInput(f"--out {out}: a run is written as {', '.join(Form)}; end the name so, or say --format")
-    return wanted or named or Form.csv
+        raise BadInput(f"--out {out}: a run is written as {', '.join(OutputFormat)}; end the name so, or say --format")
+    return wanted or named or OutputFormat.csv
 
 
 def _titled(run: Path) -> str:

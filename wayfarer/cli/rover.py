@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.sim import Depth
+from wayfarer.cli.sim import DepthOption
 from wayfarer.cli.viewer_options import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.errors import BadInput
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from wayfarer.config.rover_file import RoverConfig
-    from wayfarer.daemon.daemon import Vessel
+    from wayfarer.daemon.daemon import RoverSetup
 
 ROVER_FILE = Path("/etc/wayfarer/rover.toml")
 RUN_EXAMPLES = """Examples:
@@ -62,7 +62,7 @@ def run(
     ] = "forest-pledge",
     logs: Logs = None,
     depth: Annotated[
-        Depth | None,
+        DepthOption | None,
         typer.Option(
             help="With --sim: device: simulated parts; bus: the real drivers over simulated chips. (default: device)"
         ),
@@ -90,7 +90,7 @@ def run(
     if seed is None:  # a real run draws its seed; the log's first record has it
         seed = 0 if sim else SystemRandom().randrange(2**31)
     if sim:
-        make_rover, close_buses = simulated(loaded, name, depth or Depth.device, seed)
+        make_rover, close_buses = simulated(loaded, name, depth or DepthOption.device, seed)
     else:
         loaded, make_rover, close_buses = _real(loaded, name, folder)
     service = Service(
@@ -141,25 +141,25 @@ def log_folder(logs: Path | None) -> Path:
 
 def _real(
     config: RoverConfig, where: str, logs: Path
-) -> tuple[RoverConfig, Callable[[Any], Vessel], Callable[[], Any]]:
+) -> tuple[RoverConfig, Callable[[Any], RoverSetup], Callable[[], Any]]:
     """Return the rover as calibrated, what makes it, and what closes it."""
-    from wayfarer.commissioning.checks import Place
+    from wayfarer.commissioning.checks import HostEnvironment
     from wayfarer.config.calibration_file import calibration_file, load
     from wayfarer.config.factory import calibrated, connect
-    from wayfarer.daemon.daemon import Vessel
+    from wayfarer.daemon.daemon import RoverSetup
     from wayfarer.daemon.device_files import refuse_missing_ports
     from wayfarer.fieldlog.clock import wall_clock
 
     file = calibration_file(os.environ, Path.home())
     calibration = load(file)
     buses, rover = connect(config, where, calibration)
-    refuse_missing_ports(config, where, Place(logs, file, (), wall_clock(0.0)))
-    return calibrated(config, calibration), lambda _: Vessel(rover, calibration), buses.close
+    refuse_missing_ports(config, where, HostEnvironment(logs, file, (), wall_clock(0.0)))
+    return calibrated(config, calibration), lambda _: RoverSetup(rover, calibration), buses.close
 
 
 def simulated(
-    config: RoverConfig, where: str, depth: Depth, seed: int
-) -> tuple[Callable[[Any], Vessel], Callable[[], Any]]:
+    config: RoverConfig, where: str, depth: DepthOption, seed: int
+) -> tuple[Callable[[Any], RoverSetup], Callable[[], Any]]:
     """Return what makes a simulated rover and what closes it, as ``daemon.daemon.Service`` wants them.
 
     ``where`` is the rover's file, or the name of a shipped one.
@@ -170,7 +170,7 @@ def simulated(
     """
     require("simulating")
     from wayfarer.experiments.commands import check_rover
-    from wayfarer.experiments.live_rover import desk_vessel
+    from wayfarer.experiments.live_rover import live_rover_setup
     from wayfarer.simhal import build_rover
 
     check_rover(config, depth.value, where)
@@ -178,4 +178,4 @@ def simulated(
     async def nothing_to_close() -> None:
         """Nothing is open."""
 
-    return lambda finish: desk_vessel(config, build_rover.Depth(depth.value), seed, finish), nothing_to_close
+    return lambda finish: live_rover_setup(config, build_rover.Depth(depth.value), seed, finish), nothing_to_close

@@ -45,7 +45,7 @@ ONE_TRIAL = "One trial again"
 MUJOCO = "Physics mujoco"
 
 
-class Scenario(StrEnum):
+class SiteOption(StrEnum):
     """The sites of the paper's field trials."""
 
     extended_maze = "extended-maze"
@@ -60,14 +60,14 @@ class AnomalySource(StrEnum):
     contact = "contact"
 
 
-class Depth(StrEnum):
+class DepthOption(StrEnum):
     """The depth of the simulation: simulated parts, or simulated chips under the real drivers."""
 
     device = "device"
     bus = "bus"
 
 
-class Ground(StrEnum):
+class GroundOption(StrEnum):
     """The ground under the wheels in physics-light; the names of ``simhal.world.grounds``."""
 
     ideal = "ideal"
@@ -76,7 +76,7 @@ class Ground(StrEnum):
     mud = "mud"
 
 
-class PhysicsName(StrEnum):
+class PhysicsOption(StrEnum):
     """The physics that moves the body."""
 
     light = "light"
@@ -108,7 +108,7 @@ def sim(
         ),
     ] = None,
     scenario: Annotated[
-        Scenario | None,
+        SiteOption | None,
         typer.Option(help="A site of the paper's field trials instead of a forest; each trial has its own layout."),
     ] = None,
     rover: Annotated[
@@ -141,18 +141,18 @@ def sim(
         ),
     ] = None,
     depth: Annotated[
-        Depth, typer.Option(help="device: simulated parts; bus: the real drivers over simulated chips (slower).")
-    ] = Depth.device,
+        DepthOption, typer.Option(help="device: simulated parts; bus: the real drivers over simulated chips (slower).")
+    ] = DepthOption.device,
     physics: Annotated[
-        PhysicsName,
+        PhysicsOption,
         typer.Option(help="light: fast built-in physics; mujoco: rigid bodies, wheels that grip and slip (slower)."),
-    ] = PhysicsName.light,
+    ] = PhysicsOption.light,
     ground: Annotated[
-        Ground,
+        GroundOption,
         typer.Option(
             help="Ground in physics-light: on 'ideal' the rover turns as commanded, on the others wheels slip."
         ),
-    ] = Ground.ideal,
+    ] = GroundOption.ideal,
     friction: Annotated[
         str | None,
         typer.Option(
@@ -229,12 +229,12 @@ def sim(
     terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
     _refuse_without_mujoco(physics, terrain)
     _refuse_what_cannot_be_filmed(physics, trial, video, video_speed)
-    if ground is not Ground.ideal and physics is PhysicsName.mujoco:
+    if ground is not GroundOption.ideal and physics is PhysicsOption.mujoco:
         raise BadInput(
             f"--ground {ground} belongs to physics-light; with --physics mujoco use --friction, or leave it out"
         )
     require("simulating")
-    if physics is PhysicsName.mujoco:
+    if physics is PhysicsOption.mujoco:
         require("--physics mujoco")
     if video:
         require("--video")
@@ -262,7 +262,7 @@ def sim(
         spl=spl,
         depth=depth.value,
         forests=read_forest_file(forests) if forests else None,
-        terrains=commands.terrains(terrain) if physics is PhysicsName.mujoco else None,
+        terrains=commands.terrains(terrain) if physics is PhysicsOption.mujoco else None,
         ground=GroundName(ground.value),
     )
     if scenario:
@@ -287,21 +287,21 @@ def _refuse_odd_pairs(out: Path | None, resume: bool, trial: int | None, log: Pa
         raise BadInput("--trial runs one trial and prints its row, and writes no folder; leave out --out")
 
 
-def _refuse_without_mujoco(physics: PhysicsName, terrain: dict[str, str | None]) -> None:
+def _refuse_without_mujoco(physics: PhysicsOption, terrain: dict[str, str | None]) -> None:
     given = [name for name, text in terrain.items() if text is not None]
-    if given and physics is PhysicsName.light:
+    if given and physics is PhysicsOption.light:
         raise BadInput(
             f"--{given[0].replace('_', '-')} has an effect only with --physics mujoco; add that, or leave it out"
         )
 
 
 def _refuse_what_cannot_be_filmed(
-    physics: PhysicsName, trial: int | None, video: Path | None, video_speed: float | None
+    physics: PhysicsOption, trial: int | None, video: Path | None, video_speed: float | None
 ) -> None:
     if video is None:
         if video_speed is not None:
             raise BadInput("--video-speed needs a film; name its file with --video FILE")
-    elif physics is PhysicsName.light:
+    elif physics is PhysicsOption.light:
         raise BadInput("--video works only with MuJoCo; add --physics mujoco")
     elif trial is None:
         raise BadInput("--video films one trial; choose it with --trial N")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.sim import RUNNING, AnomalySource, Depth
+from wayfarer.cli.sim import RUNNING, AnomalySource, DepthOption
 
 EXAMPLES = """Examples:
 
@@ -67,8 +67,8 @@ def sweep(
         ),
     ] = None,
     depth: Annotated[
-        Depth, typer.Option(help="device: simulated parts; bus: the real drivers over simulated chips (slower).")
-    ] = Depth.device,
+        DepthOption, typer.Option(help="device: simulated parts; bus: the real drivers over simulated chips (slower).")
+    ] = DepthOption.device,
     spl: Annotated[
         bool,
         typer.Option(

@@ -7,7 +7,7 @@ from collections.abc import AsyncGenerator, Awaitable, Callable, Coroutine
 from contextlib import asynccontextmanager
 from typing import Any, NamedTuple
 
-from wayfarer.control.rate import Pace
+from wayfarer.control.rate import Rate
 from wayfarer.hal import CompassReading, DriveMotors, MotionReading, WheelCommand
 
 RATE_HZ = 20.0  # of commands: a ThunderBorg stops after 0.25 s without one; and of readings
@@ -29,10 +29,10 @@ async def keep_driving(motors: DriveMotors, command: WheelCommand, for_s: float)
     Raises:
         NotResponding: the board did not acknowledge.
     """
-    pace = Pace(RATE_HZ)
+    rate = Rate(RATE_HZ)
     for _ in range(round(for_s * RATE_HZ)):
         await motors.drive(command)
-        await pace.wait()
+        await rate.wait()
 
 
 async def sample_headings(read: Callable[[], Awaitable[CompassReading]], for_s: float) -> list[float]:
@@ -41,9 +41,9 @@ async def sample_headings(read: Callable[[], Awaitable[CompassReading]], for_s: 
     Raises:
         DriverError: the compass did not answer.
     """
-    pace, headings_deg = Pace(RATE_HZ), [(await read()).heading_deg]
+    rate, headings_deg = Rate(RATE_HZ), [(await read()).heading_deg]
     for _ in range(round(for_s * RATE_HZ)):
-        await pace.wait()
+        await rate.wait()
         headings_deg.append((await read()).heading_deg)
     return headings_deg
 

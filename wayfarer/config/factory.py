@@ -83,12 +83,12 @@ def _scaled(table: dict[str, Any], sensor: MotionSensor, buses: Buses, scale: fl
     """Return a calibrated motion sensor; one that knows the angle of a count judges by it what it can have seen."""
     driver, settings = part_settings("motion", table)
     if not hasattr(settings, "rad_per_count"):
-        return Scaled(sensor, scale)
+        return ScaledMotionSensor(sensor, scale)
     calibrated: MotionSensor = driver(replace(settings, rad_per_count=settings.rad_per_count * scale), buses)
     return calibrated
 
 
-class Scaled:
+class ScaledMotionSensor:
     """A motion sensor whose metres were calibrated; implements ``hal.MotionSensor``."""
 
     def __init__(self, sensor: MotionSensor, scale: float) -> None:

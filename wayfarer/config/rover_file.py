@@ -34,7 +34,7 @@ from wayfarer.config.wiring import clash
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import EscapeSettings, Vehicle
-from wayfarer.safety.entrapment import ProgressSettings
+from wayfarer.safety.entrapment import EntrapmentSettings
 from wayfarer.safety.gate import STALL_LIMIT_S, SafetySettings
 from wayfarer.safety.motor_board import BoardSettings
 from wayfarer.units import Hertz
@@ -76,7 +76,7 @@ class RoverConfig(BaseModel):
     escape: EscapeSettings = EscapeSettings()
     detector: DetectorSettings = DetectorSettings()
     safety: SafetySettings = SafetySettings()
-    progress: ProgressSettings = ProgressSettings()
+    progress: EntrapmentSettings = EntrapmentSettings()
     board: BoardSettings = BoardSettings()
     log: LogSettings = LogSettings()
     declination_deg: float | None = Field(default=None, ge=-180, le=180)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 I2C, SPI, SERIAL = "an I2C bus", "an SPI device", "a serial port"
 
 
-class Wire(NamedTuple):
+class BusRequest(NamedTuple):
     """A bus that a driver asked for: its kind, as a person calls it, and its device's name."""
 
     kind: str
@@ -27,39 +27,39 @@ class NotedBuses:
     """Implements ``drivers.buses.Buses`` for drivers that are made and never opened; ``asked`` is what they want."""
 
     def __init__(self) -> None:
-        self.asked: list[Wire] = []
+        self.asked: list[BusRequest] = []
 
-    def i2c(self, name: str) -> Wire:
+    def i2c(self, name: str) -> BusRequest:
         """Note an I2C bus."""
         return self._note(I2C, name)
 
-    def spi(self, name: str, *, mode: int, speed_hz: int) -> Wire:  # noqa: ARG002 - as any Buses
+    def spi(self, name: str, *, mode: int, speed_hz: int) -> BusRequest:  # noqa: ARG002 - as any Buses
         """Note a device on an SPI bus."""
         return self._note(SPI, name)
 
-    def serial(self, name: str, *, baud: int) -> Wire:  # noqa: ARG002 - as any Buses
+    def serial(self, name: str, *, baud: int) -> BusRequest:  # noqa: ARG002 - as any Buses
         """Note a serial port."""
         return self._note(SERIAL, name)
 
-    def camera(self, name: str, **_: Any) -> Wire:
+    def camera(self, name: str, **_: Any) -> BusRequest:
         """Note nothing: cameras are numbered, and their numbers are no device files."""
-        return Wire("a camera", name)
+        return BusRequest("a camera", name)
 
     async def close(self, wait_s: float = 0.0) -> None:
         """Nothing to release."""
 
-    def _note(self, kind: str, name: str) -> Wire:
-        self.asked.append(Wire(kind, name))
+    def _note(self, kind: str, name: str) -> BusRequest:
+        self.asked.append(BusRequest(kind, name))
         return self.asked[-1]
 
 
-class _Place(NamedTuple):
+class _PartAddress(NamedTuple):
     """Where a part sits; ``address`` is None where the bus has none."""
 
     part: str
     chip: str
     key: str
-    wire: Wire
+    wire: BusRequest
     address: int | None
 
 
@@ -69,7 +69,7 @@ def clash(parts: Iterable[tuple[str, Any, Any]]) -> str | None:
     Args:
         parts: name, driver class and settings of each part.
     """
-    placed: list[_Place] = []
+    placed: list[_PartAddress] = []
     for part, driver, settings in parts:
         for place in _places(part, driver, settings):
             if not place.wire.name:
@@ -81,25 +81,25 @@ def clash(parts: Iterable[tuple[str, Any, Any]]) -> str | None:
     return None
 
 
-def _places(part: str, driver: Any, settings: Any) -> list[_Place]:
+def _places(part: str, driver: Any, settings: Any) -> list[_PartAddress]:
     buses = NotedBuses()
     with suppress(Exception):  # a third party's may fail without a real bus: what it asked for until then counts
         driver(settings, buses)
     chip = getattr(driver, "chip", getattr(driver, "__name__", str(driver)))
     address = getattr(settings, "address", None)
     return [
-        _Place(part, chip, _key(part, settings, wire), wire, address if wire.kind == I2C else None)
+        _PartAddress(part, chip, _key(part, settings, wire), wire, address if wire.kind == I2C else None)
         for wire in buses.asked
     ]
 
 
-def _key(part: str, settings: Any, wire: Wire) -> str:
+def _key(part: str, settings: Any, wire: BusRequest) -> str:
     """Return the key of a rover file that names a wire's device."""
     names = [field.name for field in fields(settings)] if is_dataclass(settings) else []
     return ".".join(["parts", part, *[name for name in names if getattr(settings, name) == wire.name][:1]])
 
 
-def _quarrel(place: _Place, other: _Place) -> str | None:
+def _quarrel(place: _PartAddress, other: _PartAddress) -> str | None:
     """Say why two places cannot be, None where they can."""
     (kind, name), there = place.wire, f"parts.{other.part} ({other.chip})"
     if normpath(name) != normpath(other.wire.name):

@@ -2,7 +2,7 @@
 
 A tick always goes the same way::
 
-    snapshot of cells -> detector -> escape handler -> safety gate -> motors -> one log record
+    snapshot of buffers -> detector -> escape handler -> safety gate -> motors -> one log record
 
 While the gate holds the wheels, the handler is not called and its clock is paused: a manoeuvre that is bounded in time
 goes on where it was when the hold ends.
@@ -14,8 +14,8 @@ from enum import Enum
 from typing import Protocol
 
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.latest import Cells
-from wayfarer.control.power_reports import Electrics
+from wayfarer.control.latest import SensorBuffers
+from wayfarer.control.power_reports import PowerReports
 from wayfarer.control.records import RunLog, TickRecord
 from wayfarer.detector import Detector
 from wayfarer.detector.odometer import Odometer
@@ -24,7 +24,7 @@ from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, P
 from wayfarer.hal import STOP, PositionFix, Snapshot, WheelCommand
 from wayfarer.safety.arming import Arming
 from wayfarer.safety.conditions import LEVELS, Condition, Level
-from wayfarer.safety.entrapment import Progress
+from wayfarer.safety.entrapment import EntrapmentMonitor
 from wayfarer.safety.gate import Gate
 from wayfarer.safety.interval import IntervalTimer
 from wayfarer.safety.mission_limits import Mission, RunEnd
@@ -41,7 +41,7 @@ class Mode(Enum):
     ARMED = "armed"
 
 
-class Wheels(Protocol):
+class WheelMotors(Protocol):
     """As much of ``hal.DriveMotors`` as the controller uses."""
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
@@ -58,18 +58,19 @@ _RUNAWAY = Condition.RUNAWAY
 _WHEELS_ASTRAY = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
 
 
-class Helm:
+class Controller:
     """Ticks; ``end`` is None until something ends the run, ``last`` is the record of the latest tick.
 
-    ``electrics`` take what the motor board and the computer's supply say; ``board`` is what the board said of itself.
+    ``power_reports`` take what the motor board and the computer's supply say; ``board`` is what the board said of
+    itself.
     """
 
     def __init__(
-        self, motors: Wheels, cells: Cells, config: RoverConfig, detector: Detector, handler: EscapeHandler,
+        self, motors: WheelMotors, buffers: SensorBuffers, config: RoverConfig, detector: Detector, handler: EscapeHandler,
         log: RunLog,
     ) -> None:  # fmt: skip
         self._motors = motors
-        self._cells = cells
+        self._buffers = buffers
         self._safety = config.safety
         self._late_s = config.safety.tick_late_s
         self._timer = IntervalTimer(config.safety.tick_late_s, config.vehicle.max_speed_m_s)
@@ -79,9 +80,9 @@ class Helm:
         self._gate = Gate(config.safety, config.control_hz)
         self._resume_warning = ResumeWarning(config.safety.resume_warning_s)
         self._odometer = Odometer(config.detector.quality_min)
-        self._progress = Progress(config.progress, config.detector.quality_min)
-        self.electrics = Electrics(config.board, log)
-        self.board = self.electrics.board
+        self._entrapment = EntrapmentMonitor(config.progress, config.detector.quality_min)
+        self.power_reports = PowerReports(config.board, log)
+        self.board = self.power_reports.board
         self.mode = Mode.DISARMED
         self.end: RunEnd | None = None
         self.last: TickRecord | None = None
@@ -106,7 +107,7 @@ class Helm:
         on.
         """
         self._motors_failed = self.held = False
-        self._progress.reset()
+        self._entrapment.reset()
         self._detector.begin_mission()
         self.mission = None
         self._arming = Arming(self._safety, t_s, goal_heading_deg)
@@ -140,8 +141,8 @@ class Helm:
             self.mission.position(fix)
 
     def power(self, t_s: float, flags: int | None) -> None:
-        """Take the power flags of the computer's firmware, None where there are none; see ``supply.PowerWatch``."""
-        self.electrics.power(t_s, flags)
+        """Take the power flags of the computer's firmware, None where there are none; see ``supply.SupplyMonitor``."""
+        self.power_reports.power(t_s, flags)
 
     def finish(self, reason: str, text: str) -> None:
         """End the run; the first reason stands."""
@@ -156,15 +157,15 @@ class Helm:
         interval = self._timer.next(t_s, applied)
         dt_s = interval.dt_s
         self._travelled_m += abs(interval.forward_m)
-        snapshot = self._cells.snapshot(t_s)
+        snapshot = self._buffers.snapshot(t_s)
         self._odometer.update(interval, snapshot.motion)
         anomalies, conditions = self._detector.update(interval, snapshot)
-        if self.mode is _ARMED and self._progress.ends(interval, bool(anomalies), snapshot.motion):
+        if self.mode is _ARMED and self._entrapment.ends(interval, bool(anomalies), snapshot.motion):
             conditions += (Condition.ENTRAPPED,)
         if conditions and self.mode is not _ARMED and gate.cause is not _RUNAWAY:
             # A person may push a rover that is not armed; one that ran away goes on being stopped.
             conditions = tuple(condition for condition in conditions if condition is not _RUNAWAY)
-        if self.electrics.hear(applied) or dt_s > self._late_s or self._motors_failed or self.held:
+        if self.power_reports.hear(applied) or dt_s > self._late_s or self._motors_failed or self.held:
             conditions = self._own_conditions(conditions, t_s, dt_s)
         if self.mode is _ARMED and self._resume_warning.update(interval, conditions):
             conditions += (Condition.RESUME_WARNING,)
@@ -222,7 +223,7 @@ class Helm:
             conditions += (Condition.MOTORS_FAILED,)
         if self.held:
             conditions += (Condition.OPERATOR_HOLD,)
-        return conditions + self.electrics.conditions(t_s)
+        return conditions + self.power_reports.conditions(t_s)
 
     def _continue_arming(self, t_s: float, arming: Arming, conditions: tuple[Condition, ...]) -> None:
         compass = self._detector.compass

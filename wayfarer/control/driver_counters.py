@@ -10,7 +10,7 @@ from wayfarer.hal import Counting, Driver
 NOTE_HZ = 1.0
 
 
-class TroubleNotes:
+class DriverCounters:
     """Writes an event for each part whose counts have changed since the last ``note``.
 
     ``counting`` are the parts that count at all, with what was noted of each.

@@ -10,7 +10,7 @@ from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
 R = TypeVar("R")
 
 
-class Cell(Generic[R]):
+class LatestValue(Generic[R]):
     """Holds the newest reading; an unread older one is overwritten."""
 
     __slots__ = ("reading",)
@@ -23,7 +23,7 @@ class Cell(Generic[R]):
         self.reading = reading
 
 
-class MotionCell:
+class MotionBuffer:
     """Adds up displacements until the tick takes them, so that no sensor rate loses ground.
 
     The quality of the sum is that of its worst part: half a displacement is not a displacement. A part without a time
@@ -58,15 +58,15 @@ class MotionCell:
         return pending
 
 
-class Cells:
-    """The cells of one rover."""
+class SensorBuffers:
+    """The buffers of one rover."""
 
     __slots__ = ("compass", "contact", "motion")
 
     def __init__(self) -> None:
-        self.compass: Cell[CompassReading] = Cell()
-        self.motion = MotionCell()
-        self.contact: Cell[ContactReading] = Cell()
+        self.compass: LatestValue[CompassReading] = LatestValue()
+        self.motion = MotionBuffer()
+        self.contact: LatestValue[ContactReading] = LatestValue()
 
     def snapshot(self, t_s: float) -> Snapshot:
         """Return what all sensors say now."""

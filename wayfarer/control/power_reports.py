@@ -11,16 +11,16 @@ from functools import partial
 from wayfarer.control.records import RunLog
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.motor_board import BoardSettings, BoardWatch
-from wayfarer.safety.supply import PowerWatch, meaning
+from wayfarer.safety.motor_board import BoardSettings, MotorBoardMonitor
+from wayfarer.safety.supply import SupplyMonitor, meaning
 
 
-class Electrics:
+class PowerReports:
     """Takes reports as they come, and judges them when ``hear`` is called, at the beginning of each tick."""
 
     def __init__(self, settings: BoardSettings, log: RunLog) -> None:
-        self.board = BoardWatch(settings)
-        self._power = PowerWatch()
+        self.board = MotorBoardMonitor(settings)
+        self._power = SupplyMonitor()
         self._log = log
         self._news: list[Callable[[], None]] = []
         self._applied = (STOP, STOP, STOP)  # at the ticks of late: the board may have been asked amid any of them
@@ -28,7 +28,7 @@ class Electrics:
     # -- reports -------------------------------------------------------------------------------------------------
 
     def board_said(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
-        """Take what the motor board answered at ``t_s``; see ``BoardWatch.update``."""
+        """Take what the motor board answered at ``t_s``; see ``MotorBoardMonitor.update``."""
         self._news.append(partial(self._hear_board, t_s, health, duties))
 
     def board_silent(self, t_s: float, error: str) -> None:
@@ -36,7 +36,7 @@ class Electrics:
         self._news.append(partial(self._miss_board, t_s, error))
 
     def power(self, t_s: float, flags: int | None) -> None:
-        """Take the power flags of the computer's firmware, None where there are none; see ``PowerWatch``."""
+        """Take the power flags of the computer's firmware, None where there are none; see ``SupplyMonitor``."""
         self._news.append(partial(self._hear_power, t_s, flags))
 
     # -- at each tick --------------------------------------------------------------------------------------------

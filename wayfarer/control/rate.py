@@ -8,7 +8,7 @@ import asyncio
 ASKED_AT_ONCE, ASKED_HZ = 5, 2.0
 
 
-class Pace:
+class Rate:
     """Wakes its task at every period from now on; what was missed is skipped, not made up for.
 
     An old sample is worth nothing, and a tick that came late must not be followed by a burst of them. The grid does not
@@ -40,7 +40,7 @@ def _wake(wake_up: asyncio.Future[None]) -> None:
         wake_up.set_result(None)
 
 
-class Allowance:
+class RateLimiter:
     """How often something may be done: ``most`` times at once, and ``rate_hz`` times a second for long. Pure."""
 
     def __init__(self, most: int = ASKED_AT_ONCE, rate_hz: float = ASKED_HZ) -> None:

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wayfarer.config.rover_file import Rates
-from wayfarer.control.latest import Cells
-from wayfarer.control.rate import Pace
+from wayfarer.control.latest import SensorBuffers
+from wayfarer.control.rate import Rate
 from wayfarer.control.records import RunLog
 from wayfarer.errors import DriverError
 from wayfarer.hal import Driver, MotionReading, PositionFix, Rover
@@ -35,20 +35,24 @@ class SensorTask:
 
 
 def sensor_tasks(
-    rover: Rover, cells: Cells, rates: Rates, needs: frozenset[str], position: Callable[[PositionFix | None], None]
+    rover: Rover,
+    buffers: SensorBuffers,
+    rates: Rates,
+    needs: frozenset[str],
+    position: Callable[[PositionFix | None], None],
 ) -> tuple[SensorTask, ...]:
     """Return a row for each sensor that a run with the optional parts ``needs`` uses; ``position`` takes fixes."""
-    rows = [SensorTask("compass", rover.compass, rates.compass_hz, rover.compass.read, cells.compass.write)]
+    rows = [SensorTask("compass", rover.compass, rates.compass_hz, rover.compass.read, buffers.compass.write)]
     if rover.motion is not None:
-        rows.append(SensorTask("motion", rover.motion, rates.motion_hz, rover.motion.read, cells.motion.write))
+        rows.append(SensorTask("motion", rover.motion, rates.motion_hz, rover.motion.read, buffers.motion.write))
     if rover.contact is not None and "contact" in needs:
-        rows.append(SensorTask("contact", rover.contact, rates.contact_hz, rover.contact.read, cells.contact.write))
+        rows.append(SensorTask("contact", rover.contact, rates.contact_hz, rover.contact.read, buffers.contact.write))
     if rover.position is not None:
         rows.append(SensorTask("position", rover.position, rates.position_hz, rover.position.read, position))
     return tuple(rows)
 
 
-async def keep_sampling(row: SensorTask, cells: Cells, log: RunLog) -> None:
+async def keep_sampling(row: SensorTask, buffers: SensorBuffers, log: RunLog) -> None:
     """Sample for ever; after an error ask again soon, and reopen the part if that did not help."""
     failures = 0
 
@@ -68,15 +72,15 @@ async def keep_sampling(row: SensorTask, cells: Cells, log: RunLog) -> None:
             pause_s = min(RETRY_PAUSE_S * 2.0 ** (failures - 1), RETRY_PAUSE_MAX_S)
             t_s = asyncio.get_running_loop().time()
             if row.name == "motion" and failures == 1:  # what was missed is unknown, not still
-                cells.motion.write(MotionReading(t_s, 0.0, 0.0, 0.0))
+                buffers.motion.write(MotionReading(t_s, 0.0, 0.0, 0.0))
             log.event("sensor_failed", t_s, sensor=row.name, error=str(error), retry_in_s=pause_s)
             await asyncio.sleep(pause_s)
 
 
 async def _sample(row: SensorTask, write: Callable[[Any], None]) -> None:
-    read, pace = row.read, Pace(row.rate_hz)
+    read, rate = row.read, Rate(row.rate_hz)
     write(await read())
     row.spoke.set()
     while True:
-        await pace.wait()
+        await rate.wait()
         write(await read())

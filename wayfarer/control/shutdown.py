@@ -16,7 +16,7 @@ STOP_DEADLINE_S = 0.3  # for the wheels, before the stop is sent without waiting
 CLOSE_DEADLINE_S = 0.2  # for each part: the run must have ended 2 s after SIGTERM
 
 
-class StopPath:
+class Shutdown:
     """Ends a run. ``parts`` are closed, the motors among them."""
 
     def __init__(self, motors: DriveMotors, parts: Sequence[Driver], log: RunLog) -> None:
@@ -66,7 +66,7 @@ class StopPath:
             self._log.event("close_hangs", asyncio.get_running_loop().time(), part=part.name)
 
 
-async def unhindered(work: Coroutine[Any, Any, None]) -> None:
+async def run_uncancellable(work: Coroutine[Any, Any, None]) -> None:
     """Do the work to its end even while being cancelled; the cancellation is raised afterwards."""
     task = asyncio.ensure_future(work)
     cancelled: asyncio.CancelledError | None = None

@@ -22,7 +22,7 @@ from wayfarer.hal import Colour
 from wayfarer.safety.conditions import Condition, Level
 
 if TYPE_CHECKING:
-    from wayfarer.control.controller import Helm
+    from wayfarer.control.controller import Controller
 
 LIGHT_HZ = 8.0
 STEADY, SLOW_HZ, FAST_HZ = 0.0, 1.0, 4.0
@@ -32,22 +32,22 @@ BLUE, GREEN, RED = Colour(0.0, 0.0, 1.0), Colour(0.0, 1.0, 0.0), Colour(1.0, 0.0
 YELLOW, MAGENTA, WHITE = Colour(1.0, 0.6, 0.0), Colour(1.0, 0.0, 1.0), Colour(1.0, 1.0, 1.0)
 
 
-def colour(helm: Helm, t_s: float) -> Colour:
+def colour(controller: Controller, t_s: float) -> Colour:
     """Return what the light shows now."""
-    shown, blink_hz = _signal(helm)
+    shown, blink_hz = _signal(controller)
     return shown if blink_hz == STEADY or (t_s * blink_hz) % 1.0 < 0.5 else OFF
 
 
-def _signal(helm: Helm) -> tuple[Colour, float]:
-    last = helm.last
+def _signal(controller: Controller) -> tuple[Colour, float]:
+    last = controller.last
     level = Level.WELL if last is None else last.level
     if level is Level.FAULT:
         return RED, FAST_HZ
-    if helm.mode.value == "arming" or Condition.RESUME_WARNING in helm.conditions:
+    if controller.mode.value == "arming" or Condition.RESUME_WARNING in controller.conditions:
         return YELLOW, FAST_HZ
-    if Condition.BATTERY_LOW in helm.conditions:
+    if Condition.BATTERY_LOW in controller.conditions:
         return MAGENTA, SLOW_HZ
-    if helm.mode.value == "disarmed" or last is None:
+    if controller.mode.value == "disarmed" or last is None:
         return BLUE, STEADY
     if level is Level.HOLD:
         return YELLOW, STEADY

@@ -13,14 +13,14 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.controller import Helm, Mode
-from wayfarer.control.driver_counters import NOTE_HZ, TroubleNotes
+from wayfarer.control.controller import Controller, Mode
+from wayfarer.control.driver_counters import NOTE_HZ, DriverCounters
 from wayfarer.control.fresh_wheels import FreshWheels
-from wayfarer.control.latest import Cells
-from wayfarer.control.rate import Pace
+from wayfarer.control.latest import SensorBuffers
+from wayfarer.control.rate import Rate
 from wayfarer.control.records import RunLog
 from wayfarer.control.sensors import keep_sampling, sensor_tasks
-from wayfarer.control.shutdown import StopPath, unhindered
+from wayfarer.control.shutdown import Shutdown, run_uncancellable
 from wayfarer.control.status_light import LIGHT_HZ, colour
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, MissingPart, NotArmed
@@ -56,25 +56,25 @@ class Supervisor:
         self._rover = rover
         self._control_hz = config.control_hz
         self._log = log
-        self.cells = Cells()
+        self.buffers = SensorBuffers()
         needs = check_parts(rover, algorithm, config)
         detector = make_detector(config, needs, watches_motion=rover.motion is not None)
         self._wheels = FreshWheels(rover.motors, config.safety.tick_late_s)
-        self.helm = Helm(self._wheels, self.cells, config, detector, handler, log)
+        self.controller = Controller(self._wheels, self.buffers, config, detector, handler, log)
         self._health_hz = config.board.health_hz
         self._patience_s = config.detector.compass_stale_s  # then a silent compass is a condition
         self._disarms = 0
         self.ticked = asyncio.Event()  # is set by the first control tick: the parts are open
-        self.tasks = sensor_tasks(rover, self.cells, config.rates, needs, self.helm.position)
+        self.tasks = sensor_tasks(rover, self.buffers, config.rates, needs, self.controller.position)
         lights = () if rover.light is None else (rover.light,)
         self._parts: tuple[Driver, ...] = (rover.motors, *lights, *(row.part for row in self.tasks))
-        self._stopping = StopPath(rover.motors, self._parts, log)
+        self._stopping = Shutdown(rover.motors, self._parts, log)
         self._opening: asyncio.Task[None] | None = None
 
     @property
     def mode(self) -> Mode:
         """Whether the wheels may turn."""
-        return self.helm.mode
+        return self.controller.mode
 
     @property
     def wheels_stopped(self) -> bool:
@@ -101,28 +101,28 @@ class Supervisor:
         if check is not None:
             await check()
         await self._rover.motors.open()
-        if self._disarms != asked or self.helm.end is not None:
+        if self._disarms != asked or self.controller.end is not None:
             raise NotArmed("not armed: the rover was disarmed while it was being checked")
-        self.helm.arm(asyncio.get_running_loop().time(), goal_heading_deg)
+        self.controller.arm(asyncio.get_running_loop().time(), goal_heading_deg)
 
     def disarm(self, reason: str) -> None:
         """Stop the wheels until re-armed, also while arming is under way; the run continues."""
         self._disarms += 1
         if self.mode is not Mode.DISARMED:
-            self.helm.disarm(asyncio.get_running_loop().time(), reason)
+            self.controller.disarm(asyncio.get_running_loop().time(), reason)
 
     def finish(self, reason: str, text: str) -> None:
         """End the run: at the next tick, or at once if its parts are still being opened."""
-        self.helm.finish(reason, text)
+        self.controller.finish(reason, text)
         if self._opening is not None:
             self._opening.cancel()
 
     def is_fresh(self) -> bool:
         """Tell whether the control tick runs and every sensor that the run needs has spoken of late."""
-        last = self.helm.last
+        last = self.controller.last
         if last is None or asyncio.get_running_loop().time() - last.t_s > FRESH_S:
             return False
-        return STALE.isdisjoint(self.helm.conditions)
+        return STALE.isdisjoint(self.controller.conditions)
 
     async def run(self) -> RunEnd:
         """Open the parts and run until a limit or ``finish``; the wheels are stopped whatever happens.
@@ -133,13 +133,13 @@ class Supervisor:
         end = RunEnd("failed", "the run was cancelled")
         try:
             await self._open_parts()
-            end = self.helm.end or await self._run_tasks()
+            end = self.controller.end or await self._run_tasks()
         except Exception as error:
             cause = first_cause(error)
             end = RunEnd("failed", f"{type(cause).__name__}: {cause}")
             raise
         finally:
-            await unhindered(self._stopping.end(end))
+            await run_uncancellable(self._stopping.end(end))
         return end
 
     async def _open_parts(self) -> None:
@@ -148,7 +148,7 @@ class Supervisor:
         try:
             await self._opening
         except asyncio.CancelledError:
-            if self.helm.end is None:
+            if self.controller.end is None:
                 raise
         finally:
             self._opening = None
@@ -170,18 +170,18 @@ class Supervisor:
     async def _run_tasks(self) -> RunEnd:
         async with asyncio.TaskGroup() as group:
             beside = [
-                group.create_task(keep_sampling(row, self.cells, self._log), name=f"sensor:{row.name}")
+                group.create_task(keep_sampling(row, self.buffers, self._log), name=f"sensor:{row.name}")
                 for row in self.tasks
             ]
             beside.append(group.create_task(self._watch_board(), name="board"))
-            beside.append(group.create_task(self._note_troubles(), name="troubles"))
+            beside.append(group.create_task(self._log_driver_counters(), name="troubles"))
             if self._rover.light is not None:
                 beside.append(group.create_task(self._show_state(self._rover.light), name="light"))
             await self._hear_sensors()
             try:
                 end = await self._control()
             finally:  # the wheels first: a sensor may take its time to let go
-                await unhindered(self._stopping.stop_wheels())
+                await run_uncancellable(self._stopping.stop_wheels())
                 for task in beside:
                     task.cancel()
         return end
@@ -198,53 +198,53 @@ class Supervisor:
 
     async def _control(self) -> RunEnd:
         """Tick at the control rate until something ends the run; return what did."""
-        helm, pace, time = self.helm, Pace(self._control_hz), asyncio.get_running_loop().time
-        while helm.end is None:
+        controller, rate, time = self.controller, Rate(self._control_hz), asyncio.get_running_loop().time
+        while controller.end is None:
             self._wheels.tick_t_s = t_s = time()
-            await helm.tick(t_s)
+            await controller.tick(t_s)
             self.ticked.set()
-            if helm.end is None:
-                await pace.wait()
-        return helm.end
+            if controller.end is None:
+                await rate.wait()
+        return controller.end
 
     async def _watch_board(self) -> None:
         """Ask the motor board for its status, sooner again if the answer is doubtful; the controller acts on it."""
-        pace = Pace(self._health_hz)
+        rate = Rate(self._health_hz)
         while True:
             await self._ask_board()
             await asyncio.sleep(DOUBT_S)
-            if self.helm.board.doubtful:
+            if self.controller.board.doubtful:
                 await self._ask_board()
-            await pace.wait()
+            await rate.wait()
 
     async def _ask_board(self) -> None:
         motors, time = self._rover.motors, asyncio.get_running_loop().time
         try:
             health, duties = await motors.health(), await motors.read_back()
         except DriverError as error:
-            self.helm.electrics.board_silent(time(), str(error))
+            self.controller.power_reports.board_silent(time(), str(error))
         else:
-            self.helm.electrics.board_said(time(), health, duties)
+            self.controller.power_reports.board_said(time(), health, duties)
 
-    async def _note_troubles(self) -> None:
+    async def _log_driver_counters(self) -> None:
         """Have the log say what parts have got over by themselves."""
-        notes, pace = TroubleNotes(self._parts, self._log), Pace(NOTE_HZ)
+        notes, rate = DriverCounters(self._parts, self._log), Rate(NOTE_HZ)
         while notes.counting:
-            await pace.wait()
+            await rate.wait()
             notes.note(asyncio.get_running_loop().time())
 
     async def _show_state(self, light: StatusLight) -> None:
         """Keep the status light showing what the rover is about to do; a light that fails stops nothing."""
-        helm, time, pace, failed = self.helm, asyncio.get_running_loop().time, Pace(LIGHT_HZ), False
+        controller, time, rate, failed = self.controller, asyncio.get_running_loop().time, Rate(LIGHT_HZ), False
         while True:
             try:
-                await light.show(colour(helm, time()))
+                await light.show(colour(controller, time()))
                 failed = False
             except DriverError as error:
                 if not failed:
                     self._log.event("light_failed", time(), error=str(error))
                 failed = True
-            await pace.wait()
+            await rate.wait()
 
 
 def check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> frozenset[str]:

@@ -6,7 +6,7 @@ import asyncio
 from dataclasses import replace
 from typing import TypeVar
 
-from wayfarer.commissioning.checks.api import Place
+from wayfarer.commissioning.checks.api import HostEnvironment
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
@@ -17,14 +17,14 @@ R = TypeVar("R", CompassReading, MotionReading, ContactReading)
 FRESH_S = 1.0
 
 
-class Live:
+class RunningInspection:
     """An ``Inspection`` of a running rover; it opens nothing and reads nothing by itself."""
 
-    def __init__(self, config: RoverConfig, rover: Rover, place: Place, supervisor: Supervisor) -> None:
+    def __init__(self, config: RoverConfig, rover: Rover, host: HostEnvironment, supervisor: Supervisor) -> None:
         used = {row.name for row in supervisor.tasks}
         self.config = config
         self.rover = rover if "contact" in used else replace(rover, contact=None)  # nobody reads what no decision uses
-        self.place = place
+        self.host = host
         self._supervisor = supervisor
 
     async def open(self, name: str) -> None:
@@ -40,7 +40,7 @@ class Live:
         """Return what the motion sensor said last."""
         if self.rover.motion is None:
             return None
-        return self._fresh(self._supervisor.cells.motion.latest, "motion sensor")
+        return self._fresh(self._supervisor.buffers.motion.latest, "motion sensor")
 
     async def contact(self) -> ContactReading | None:
         """Return what the bumper said last."""
@@ -53,7 +53,7 @@ class Live:
         return await self.rover.motors.health()
 
     def _latest(self) -> Snapshot:
-        last = self._supervisor.helm.last
+        last = self._supervisor.controller.last
         if last is None:
             raise NotResponding("the rover's parts are still being opened: try again in some seconds")
         return last.snapshot

@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-from wayfarer.commissioning.checks import ARMING, Check, Finding, Inspection, Verdict, run_checks
+from wayfarer.commissioning.checks import ARMING, Check, CheckVerdict, Finding, Inspection, run_checks
 from wayfarer.commissioning.checks.api import fail
 from wayfarer.control.controller import Mode
-from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ, Allowance
+from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ, RateLimiter
 from wayfarer.control.records import RunLog, TickRecord
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.daemon.socket.protocol import Details, Refused
@@ -59,7 +59,7 @@ class RoverCommands:
         log_dropped: Callable[[], int] = lambda: 0,
     ) -> None:
         self._supervisor = supervisor
-        self._helm = supervisor.helm
+        self._controller = supervisor.controller
         self._motors = motors
         self._inspect = inspect
         self._log = log
@@ -68,28 +68,28 @@ class RoverCommands:
         self._log_dropped = log_dropped
         self._checking = False
         self._warnings: list[str] = []
-        self._marks = Allowance()  # for all clients together: one that connects again is another client
+        self._marks = RateLimiter()  # for all clients together: one that connects again is another client
 
     async def status(self) -> Details:
         """Tell how things are."""
-        helm = self._helm
+        controller = self._controller
         return {
             **self._about,
             "log_dropped": self._log_dropped(),
-            "mode": helm.mode.value,
-            "why_disarmed": helm.why_disarmed if helm.mode is Mode.DISARMED else None,
-            "held": helm.held,
-            "conditions": [condition.value for condition in helm.conditions],
-            "battery_v": helm.board.health and helm.board.health.battery_v,
-            "motor_faults": list(helm.board.health.faults) if helm.board.health else [],
-            **self._seen(helm.last),
+            "mode": controller.mode.value,
+            "why_disarmed": controller.why_disarmed if controller.mode is Mode.DISARMED else None,
+            "held": controller.held,
+            "conditions": [condition.value for condition in controller.conditions],
+            "battery_v": controller.board.health and controller.board.health.battery_v,
+            "motor_faults": list(controller.board.health.faults) if controller.board.health else [],
+            **self._seen(controller.last),
             **self._mission(),
         }
 
     async def arm(self, heading_deg: float | None = None) -> Details:
         """Check everything, then begin to arm."""
-        if self._helm.mode is not Mode.DISARMED or self._checking:
-            now = "being checked" if self._checking else self._helm.mode.value
+        if self._controller.mode is not Mode.DISARMED or self._checking:
+            now = "being checked" if self._checking else self._controller.mode.value
             raise Refused(f"the rover is {now} already: disarm it first (wayfarer disarm)")
         self._checking = True
         try:
@@ -99,7 +99,7 @@ class RoverCommands:
         finally:
             self._checking = False
         return {
-            "mode": self._helm.mode.value,
+            "mode": self._controller.mode.value,
             "start_delay_s": self._about["start_delay_s"],
             "warnings": self._warnings,
         }
@@ -110,8 +110,8 @@ class RoverCommands:
             async with asyncio.timeout(OPENING_S):
                 await self._supervisor.ticked.wait()
         findings = await run_checks(self._inspect(), self._checks)
-        self._warnings = [_told(finding) for finding in findings if finding.verdict is Verdict.WARN]
-        failed = [finding for finding in findings if finding.verdict is Verdict.FAIL] + self._standing()
+        self._warnings = [_told(finding) for finding in findings if finding.verdict is CheckVerdict.WARN]
+        failed = [finding for finding in findings if finding.verdict is CheckVerdict.FAIL] + self._standing()
         if failed:
             self._log.event("arming_refused", _now_s(), failed=[finding.name for finding in failed])
             raise Refused("not armed: " + "; ".join(_told(finding) for finding in failed))
@@ -120,7 +120,7 @@ class RoverCommands:
         """Return what is wrong with the rover now, and would only let the arming fail later (field catalogue, 51)."""
         return [
             fail(condition.value.replace("_", " "), "at this moment", *REMEDIES[condition])
-            for condition in self._helm.conditions
+            for condition in self._controller.conditions
             if condition in REMEDIES
         ]
 
@@ -128,29 +128,31 @@ class RoverCommands:
         """Stop the wheels until re-armed; never refused."""
         self._motors.halt()
         self._supervisor.disarm("requested by a person")
-        return {"mode": self._helm.mode.value}
+        return {"mode": self._controller.mode.value}
 
     async def hold(self) -> Details:
         """Stop the wheels until ``resume``."""
         self._motors.halt()
-        if self._helm.mode is Mode.DISARMED:
+        if self._controller.mode is Mode.DISARMED:
             self._supervisor.disarm("asked to hold")  # arming may be under way
             raise Refused("the rover is disarmed: its wheels do not turn")
-        self._helm.hold(_now_s(), held=True)
+        self._controller.hold(_now_s(), held=True)
         return {"held": True}
 
     async def resume(self) -> Details:
         """Let the wheels turn again."""
-        if not self._helm.held:
+        if not self._controller.held:
             raise Refused("the rover is not held: there is nothing to resume")
-        self._helm.hold(_now_s(), held=False)
+        self._controller.hold(_now_s(), held=False)
         return {"held": False}
 
     async def goal(self, heading_deg: float) -> Details:
         """Set a new goal heading."""
-        if self._helm.mode is not Mode.ARMED:
-            raise Refused(f"the rover is {self._helm.mode.value}: give the heading when arming (wayfarer arm DEG)")
-        self._helm.head_for(_now_s(), heading_deg)
+        if self._controller.mode is not Mode.ARMED:
+            raise Refused(
+                f"the rover is {self._controller.mode.value}: give the heading when arming (wayfarer arm DEG)"
+            )
+        self._controller.head_for(_now_s(), heading_deg)
         return {"goal_heading_deg": heading_deg}
 
     async def mark(self, text: str) -> Details:
@@ -187,11 +189,11 @@ class RoverCommands:
         }
 
     def _mission(self) -> dict[str, Any]:
-        mission = self._helm.mission
+        mission = self._controller.mission
         if mission is None:
             return {}
         return {
-            "goal_heading_deg": self._helm.goal_heading_deg,
+            "goal_heading_deg": self._controller.goal_heading_deg,
             "mission_s": round(_now_s() - mission.starts_s, 1),
             "travelled_m": round(mission.travelled_m, 2),
             "north_m": round(mission.north_m, 2),

@@ -17,32 +17,32 @@ from typing import Any
 import orjson
 
 from wayfarer import __version__
-from wayfarer.commissioning.checks import ARMING, CALIBRATED, Place, system
+from wayfarer.commissioning.checks import ARMING, CALIBRATED, HostEnvironment, system
 from wayfarer.commissioning.checks.system import device_files
 from wayfarer.config.calibration_file import Calibration, calibration_file
 from wayfarer.config.rover_file import RoverConfig, part_settings
 from wayfarer.control.records import RunLog, Tee
 from wayfarer.control.shutdown import STOP_DEADLINE_S
 from wayfarer.control.supervisor import Supervisor, check_parts, first_cause
-from wayfarer.daemon.arming_inspection import Live
+from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.console_log import ConsoleLog
 from wayfarer.daemon.dry_run import DryMotors
-from wayfarer.daemon.heartbeat import Heartbeat
-from wayfarer.daemon.host_health import ComputerWatch, Health
+from wayfarer.daemon.host_health import Health, HostHealthMonitor
 from wayfarer.daemon.motors_lock import MotorsLock, motors_device
 from wayfarer.daemon.signals import handle_signals
-from wayfarer.daemon.socket.driven import Driven, DrivenRecord
+from wayfarer.daemon.socket.driven import DrivenBoard, DrivenRecord
 from wayfarer.daemon.socket.paths import SingleDaemon
 from wayfarer.daemon.socket.server import ControlServer
-from wayfarer.daemon.stderr_writer import LineWriter
+from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.daemon.viewer import Viewer
-from wayfarer.daemon.watchdog import Notifier, StallGuard, feed_watchdog, watchdog_period_s
+from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, feed_watchdog, watchdog_period_s
+from wayfarer.daemon.watchdog_feed import WatchdogFeed
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.folders import new_run_folder
-from wayfarer.fieldlog.last_run import Unfinished, unclean_text, unfinished_run
+from wayfarer.fieldlog.last_run import UnfinishedRun, unclean_text, unfinished_run
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
@@ -51,16 +51,16 @@ from wayfarer.safety.mission_limits import RunEnd
 
 
 @dataclass(frozen=True, slots=True)
-class Vessel:
+class RoverSetup:
     """A rover to serve, and for its log what is known of it: how it was calibrated; of a simulated one, the truth.
 
-    ``world`` is the forest, for the log's first record, and ``witness`` makes what writes the truth beside it.
+    ``world`` is the forest, for the log's first record, and ``ground_truth_log`` makes what writes the truth beside it.
     """
 
     rover: Rover
     calibration: Calibration | None = None
     world: Mapping[str, Any] | None = None
-    witness: Callable[[FieldLog], RunLog] | None = None
+    ground_truth_log: Callable[[FieldLog], RunLog] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class Service:
     config: RoverConfig
     algorithm: Algorithm
     seed: int
-    make_rover: Callable[[Callable[[str, str], None]], Vessel]
+    make_rover: Callable[[Callable[[str, str], None]], RoverSetup]
     close_buses: Callable[[], Awaitable[None]]
     logs: Path
     socket: Path
@@ -111,7 +111,7 @@ def serve(service: Service) -> RunEnd:
 
     with SingleDaemon(service.socket), MotorsLock(device), asyncio.Runner(loop_factory=service.loop_factory) as runner:
         if motors is not None:
-            record.write(Driven(motors, config.buses))
+            record.write(DrivenBoard(motors, config.buses))
         try:
             return runner.run(run())
         except Exception as error:
@@ -126,11 +126,11 @@ class Daemon:
         self._service = service
         self._loop = asyncio.get_running_loop()
         config = service.config
-        vessel = service.make_rover(self._finish)
-        rover = vessel.rover
+        rover_setup = service.make_rover(self._finish)
+        rover = rover_setup.rover
         check_parts(rover, service.algorithm, config)  # before there is a log of a run that cannot be
         self._rover = replace(rover, motors=DryMotors(rover.motors)) if service.dry_run else rover
-        self._notifier = Notifier(os.environ.get("NOTIFY_SOCKET"))
+        self._notifier = SystemdNotifier(os.environ.get("NOTIFY_SOCKET"))
         self._guard = StallGuard(self._rover.motors.halt, self._tell_of_stall)
         self._suspension: asyncio.TimerHandle | None = None
         before, folder = unfinished_run(service.logs), new_run_folder(service.logs)
@@ -143,16 +143,16 @@ class Daemon:
             "log": str(folder.absolute()),  # who asks may be in another folder
             "start_delay_s": config.safety.start_delay_s,
         }
-        self._lines = LineWriter()
+        self._lines = StderrWriter()
         self._writer = WriterThread(RunFiles(folder, config.log, self._lines.write))
         shown_to = [viewer.show for viewer in service.viewers]
-        header = self._header(about, vessel)
+        header = self._header(about, rover_setup)
         self._field_log = FieldLog(self._writer, header, t_s=self._loop.time(), viewers=shown_to)
         if before is not None:
             self._tell_of_unfinished(before)
-        witnesses = [vessel.witness(self._field_log)] if vessel.witness else []
-        console, heartbeat = ConsoleLog(self._lines.write, service.hint), Heartbeat(self._notifier, self._guard)
-        self._log = Tee(self._field_log, *witnesses, console, heartbeat)
+        ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []
+        console, watchdog_feed = ConsoleLog(self._lines.write, service.hint), WatchdogFeed(self._notifier, self._guard)
+        self._log = Tee(self._field_log, *ground_truth_logs, console, watchdog_feed)
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
         checks = [check for check in ARMING if not (service.simulated and check in CALIBRATED)]
@@ -179,7 +179,7 @@ class Daemon:
             async with server, AsyncExitStack() as stack:
                 for viewer in self._service.viewers:
                     await stack.enter_async_context(viewer.serving(self._commands))
-                stack.enter_context(ComputerWatch(self._service.logs, self._note_computer, self._note_power))
+                stack.enter_context(HostHealthMonitor(self._service.logs, self._note_computer, self._note_power))
                 return await self._run_watched()
         finally:
             self._guard.stop()
@@ -205,9 +205,9 @@ class Daemon:
     def _records_lost(self) -> int:
         return self._field_log.dropped
 
-    def _header(self, about: dict[str, Any], vessel: Vessel) -> dict[str, Any]:
+    def _header(self, about: dict[str, Any], rover_setup: RoverSetup) -> dict[str, Any]:
         parts = {name: part.name for name, part in self._rover.parts.items()}
-        world = {"world": vessel.world} if vessel.world else {}
+        world = {"world": rover_setup.world} if rover_setup.world else {}
         config = self._service.config.model_dump(mode="json")
         return (
             about
@@ -216,7 +216,7 @@ class Daemon:
                 "seed": self._service.seed,
                 "algorithm_seed": self._service.seed,
                 "parts": parts,
-                "calibration": vessel.calibration,
+                "calibration": rover_setup.calibration,
                 "config": config,
                 "config_hash": _hash(config),
                 "time_scale": self._service.time_scale,
@@ -234,9 +234,9 @@ class Daemon:
 
     def _note_power(self, flags: int | None) -> None:
         """Hand the computer's power flags to the controller; called in another thread."""
-        self._loop.call_soon_threadsafe(lambda: self._supervisor.helm.power(self._loop.time(), flags))
+        self._loop.call_soon_threadsafe(lambda: self._supervisor.controller.power(self._loop.time(), flags))
 
-    def _tell_of_unfinished(self, before: Unfinished) -> None:
+    def _tell_of_unfinished(self, before: UnfinishedRun) -> None:
         """Tell of the run before, which was cut off (field catalogue, fault 33), in the log and on the terminal."""
         run, last_t_s, last_t_wall, mode, error = before
         self._field_log.event(
@@ -245,13 +245,13 @@ class Daemon:
         )  # fmt: skip
         self._lines.write(unclean_text(before._asdict()))
 
-    def _inspect(self) -> Live:
+    def _inspect(self) -> RunningInspection:
         config, logs = self._service.config, self._service.logs
         has_files = config.buses == "linux" and not self._service.simulated
         settings = [part_settings(*part)[1] for part in config.parts.items()] if has_files else []
         calibrated = calibration_file(os.environ, Path.home())
-        place = Place(logs, calibrated, device_files(settings), wall_clock(self._loop.time()))
-        return Live(config, self._rover, place, self._supervisor)
+        host = HostEnvironment(logs, calibrated, device_files(settings), wall_clock(self._loop.time()))
+        return RunningInspection(config, self._rover, host, self._supervisor)
 
     def _finish(self, reason: str, text: str) -> None:
         self._supervisor.finish(reason, text)

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import fields
 
-from wayfarer.commissioning.checks.api import Place
+from wayfarer.commissioning.checks.api import HostEnvironment
 from wayfarer.commissioning.checks.system import diagnose
 from wayfarer.config.rover_file import RoverConfig, line_in, part_settings
 from wayfarer.errors import BadConfig
 
 
-def refuse_missing_ports(config: RoverConfig, where: str, place: Place) -> None:
+def refuse_missing_ports(config: RoverConfig, where: str, host: HostEnvironment) -> None:
     """Refuse a rover of which a device file is not there, or may not be used.
 
     Args:
         config: the rover; only the Raspberry Pi's own buses have device files.
         where: the rover's file, or the name of a shipped one.
-        place: where device files are looked up.
+        host: where device files are looked up.
 
     Raises:
         BadConfig: the text names file, key and device, and what to do, such as which group to join.
@@ -25,7 +25,7 @@ def refuse_missing_ports(config: RoverConfig, where: str, place: Place) -> None:
     if config.buses != "linux":
         return
     for key, device in _ports(config):
-        trouble = diagnose(place, device)
+        trouble = diagnose(host, device)
         if trouble is not None:
             line = line_in(where, key)
             at = f" (line {line})" if line else ""

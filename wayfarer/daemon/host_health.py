@@ -24,7 +24,7 @@ CPU_TEMPERATURE = "/sys/class/thermal/thermal_zone0/temp"  # thousandths of a de
 Health = Mapping[str, float | str | None]
 
 
-class ComputerWatch:
+class HostHealthMonitor:
     """Reads the computer's health every ``EVERY_S``, and its power flags every ``POWER_EVERY_S``, while it is entered.
 
     Args:

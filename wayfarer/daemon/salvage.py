@@ -10,7 +10,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from wayfarer.daemon.socket.driven import Driven
+from wayfarer.daemon.socket.driven import DrivenBoard
 from wayfarer.errors import BadConfig, BadInput, in_one_line
 
 SHIPPED = Path(__file__).parents[1] / "rovers"
@@ -22,7 +22,7 @@ def rover_path(name_or_path: str) -> Path:
     return Path(name_or_path) if is_file else SHIPPED / f"{name_or_path}.toml"
 
 
-def motors_of(path: Path) -> Driven:
+def motors_of(path: Path) -> DrivenBoard:
     """Return the motors of a rover file; nothing of them is checked but that they name a driver.
 
     Raises:
@@ -34,7 +34,7 @@ def motors_of(path: Path) -> Driven:
     table = parts.get("motors") if isinstance(parts, dict) else None
     if not isinstance(table, dict) or not isinstance(table.get("driver"), str):
         raise BadConfig("no [parts.motors] with a driver: this rover has no wheels to stop")
-    return Driven(table, str(rover.get("buses", "linux")))
+    return DrivenBoard(table, str(rover.get("buses", "linux")))
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -16,7 +16,7 @@ LINES = 200  # queued at most: some minutes of a rover that drives
 CLOSE_S = 0.2  # how long the end of a run waits for what is queued
 
 
-class LineWriter:
+class StderrWriter:
     """Writes lines to stderr from any thread, never waiting and never raising; its thread begins with the first one.
 
     Once lines are lost all are, until what is queued has been written: then one line says how many, in their place.

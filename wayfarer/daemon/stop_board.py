@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from wayfarer.config.registry import find_driver, make_buses
-from wayfarer.daemon.socket.driven import Driven
+from wayfarer.daemon.socket.driven import DrivenBoard
 from wayfarer.errors import BadConfig, BadInput, DriverError, NotResponding, WayfarerError, in_one_line
 from wayfarer.hal import STOP, DriveMotors
 
@@ -28,7 +28,7 @@ AGAIN_S, AGAIN_EVERY_S = 0.5, 0.05  # a daemon that ends may have commands under
 CLOSE_WAIT_S = 2.0  # for a bus that hangs to come back: the stop that was posted goes out first then
 
 
-def stop_board(driven: Driven) -> str:
+def stop_board(driven: DrivenBoard) -> str:
     """Stop the wheels of a board and return a sentence that says how far that is certain.
 
     Raises:
@@ -45,7 +45,7 @@ def stop_board(driven: Driven) -> str:
         ) from None
 
 
-def _stop_board(driven: Driven) -> str:
+def _stop_board(driven: DrivenBoard) -> str:
     table, buses = driven
     driver = find_driver(table["driver"])
     if getattr(driver, "part", None) != "motors":
@@ -191,7 +191,7 @@ async def _try_to_stop(driver: Any, given: Mapping[str, Any], buses_name: str) -
 def main() -> None:
     """Stop the board that comes as JSON; say what came of it, and end with the exit code of it."""
     try:
-        print(stop_board(Driven(**json.load(sys.stdin))))
+        print(stop_board(DrivenBoard(**json.load(sys.stdin))))
     except WayfarerError as error:
         print(error, file=sys.stderr)
         sys.exit(error.exit_code)

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from wayfarer.daemon.salvage import motors_of, rover_path
-from wayfarer.daemon.socket.driven import Driven, known_records, read_record
+from wayfarer.daemon.socket.driven import DrivenBoard, known_records, read_record
 from wayfarer.daemon.stop_board import stop_board
 from wayfarer.errors import BadInput, WayfarerError, in_one_line
 
@@ -23,11 +23,11 @@ RIGHTS_S = 15.0  # for a stop with another user's rights: TimeoutStopSec in the 
 MOST_SAID = 500  # characters of what another user's code has to say
 
 
-class Board(NamedTuple):
+class BoardToStop(NamedTuple):
     """A board to stop: where that is written, the user who chose the code that does it, and whether it is a record."""
 
     where: str
-    driven: Driven
+    driven: DrivenBoard
     owner: int
     recorded: bool
 
@@ -50,7 +50,7 @@ def stop_motors(name_or_path: str) -> str:
         BadInput: nothing was stopped, because neither rover file nor record can be used.
         WayfarerError: a board did not answer, or a daemon goes on commanding it.
     """
-    boards: list[Board] = []
+    boards: list[BoardToStop] = []
     unusable: list[Outcome] = []
     for found in _sources(name_or_path):
         if isinstance(found, Outcome):
@@ -71,7 +71,7 @@ def stop_motors(name_or_path: str) -> str:
 # -- where boards are written ------------------------------------------------------------------------------------------
 
 
-def _sources(name_or_path: str) -> Iterator[Board | Outcome]:
+def _sources(name_or_path: str) -> Iterator[BoardToStop | Outcome]:
     """Give the boards of daemons, then the rover file's; what cannot be used as an outcome."""
     for record in known_records():
         try:
@@ -80,15 +80,15 @@ def _sources(name_or_path: str) -> Iterator[Board | Outcome]:
             yield Outcome(str(error), 1)  # it may be of another board than the rover file's
         else:
             if found is not None:
-                yield Board(f"the daemon's {record}", *found, recorded=True)
+                yield BoardToStop(f"the daemon's {record}", *found, recorded=True)
     path = rover_path(name_or_path)
     try:
-        yield Board(str(path), motors_of(path), os.geteuid(), recorded=False)
+        yield BoardToStop(str(path), motors_of(path), os.geteuid(), recorded=False)
     except BadInput as error:
         yield Outcome(f"{path}: {error}", error.exit_code)
 
 
-def _add(boards: list[Board], new: Board) -> None:
+def _add(boards: list[BoardToStop], new: BoardToStop) -> None:
     """Add a board, or its name to the same board from elsewhere; then the caller's own rights are enough for it."""
     for index, board in enumerate(boards):
         if board.driven == new.driven:
@@ -106,7 +106,7 @@ def _is_trusted(owner: int) -> bool:
     return owner in {0, os.geteuid()}
 
 
-def _stopped(board: Board) -> Outcome:
+def _stopped(board: BoardToStop) -> Outcome:
     try:
         said = stop_board(board.driven) if _is_trusted(board.owner) else _stop_as(board.owner, board.driven)
     except WayfarerError as error:
@@ -114,7 +114,7 @@ def _stopped(board: Board) -> Outcome:
     return Outcome(f"{board.where}: {said}", 0)
 
 
-def _stop_as(owner: int, driven: Driven) -> str:
+def _stop_as(owner: int, driven: DrivenBoard) -> str:
     """Stop a board in a process of the user who chose its driver: to import that as root would make them root.
 
     Raises:

@@ -21,7 +21,7 @@ from itertools import islice
 from pathlib import Path
 from types import FrameType
 
-from wayfarer.daemon.stderr_writer import LineWriter
+from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.safety.gate import STALL_LIMIT_S
 
 WHERE_FRAMES = 4  # the innermost ones: what blocks, and who called it
@@ -29,7 +29,7 @@ NEVER_US = 2.0**64 - 1.0  # what systemd calls infinity
 HALT_AGAIN_S = 0.1  # a stop may be lost on the bus; it is repeated for as long as the loop is blocked
 
 
-class Notifier:
+class SystemdNotifier:
     """Tells systemd how the service does (sd_notify); where nobody listens, it does nothing.
 
     Nothing here raises or waits: being watched must never hinder control.
@@ -77,7 +77,7 @@ def watchdog_period_s(environment: Mapping[str, str]) -> float | None:
     return float(limit_us) / 4e6
 
 
-async def feed_watchdog(notifier: Notifier, is_fresh: Callable[[], bool], period_s: float) -> None:
+async def feed_watchdog(notifier: SystemdNotifier, is_fresh: Callable[[], bool], period_s: float) -> None:
     """Feed systemd's watchdog for ever, but only while ``is_fresh`` says that the tick and the sensors are."""
     while True:
         if is_fresh():
@@ -106,7 +106,7 @@ class StallGuard:
         self._halt = halt
         self._recovered = recovered
         self._limit_s = limit_s
-        self._lines = LineWriter()
+        self._lines = StderrWriter()
         self._beat_s = 0.0
         self._stopped = threading.Event()
         self._thread: threading.Thread | None = None

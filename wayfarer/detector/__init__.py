@@ -7,6 +7,6 @@ and go to the safety gate.
 
 from wayfarer.detector.detector import ALL_WELL, Detection, Detector
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.stall import Stall
+from wayfarer.detector.stall import StallMonitor
 
-__all__ = ["ALL_WELL", "Detection", "Detector", "DetectorSettings", "Stall"]
+__all__ = ["ALL_WELL", "Detection", "Detector", "DetectorSettings", "StallMonitor"]

@@ -7,10 +7,10 @@ from math import inf
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.hal import CompassReading
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.persistence import Persistent
+from wayfarer.safety.debounce import Debounce
 
 
-class CompassWatch:
+class CompassMonitor:
     """Takes each reading once and keeps what can be true.
 
     ``reading`` is the newest that can be true, None before the first; no other reaches a decision. ``gained_deg`` is
@@ -33,7 +33,7 @@ class CompassWatch:
         self._low_since_s: float | None = None
         self._rejections = 0  # a bit for each of the last readings, the newest lowest: 1 was rejected
         self._of_readings = (1 << settings.implausible_of) - 1
-        self._insists = Persistent(settings.implausible_s)
+        self._insists = Debounce(settings.implausible_s)
         self._insisted = False
         self._doubted_until_s = -inf
 

@@ -8,10 +8,10 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import ContactReading
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.persistence import Persistent
+from wayfarer.safety.debounce import Debounce
 
 
-class ContactWatch:
+class ContactMonitor:
     """Keeps the newest reading that can be true in ``reading``, None before the first.
 
     ``touch_counts`` says whether a touch is an anomaly, ``needed`` whether silence is a condition.
@@ -21,7 +21,7 @@ class ContactWatch:
         self._stale_s = settings.contact_stale_s
         self._touch_counts = touch_counts
         self._needed = needed
-        self._touched = Persistent(settings.touch_s)
+        self._touched = Debounce(settings.touch_s)
         self.reading: ContactReading | None = None
         self._seen: ContactReading | None = None
         self._read_t_s = -inf

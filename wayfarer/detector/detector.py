@@ -5,13 +5,13 @@ from __future__ import annotations
 from math import radians
 from typing import NamedTuple
 
-from wayfarer.detector.compass import CompassWatch
-from wayfarer.detector.contact import ContactWatch
-from wayfarer.detector.drive import DriveWatch
-from wayfarer.detector.motion import MotionWatch
+from wayfarer.detector.compass import CompassMonitor
+from wayfarer.detector.contact import ContactMonitor
+from wayfarer.detector.drive import DriveMonitor
+from wayfarer.detector.motion import MotionMonitor
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.tilt import TiltWatch
-from wayfarer.detector.turnable import TurnAbility
+from wayfarer.detector.tilt import TiltMonitor
+from wayfarer.detector.turnable import TurnabilityMonitor
 from wayfarer.escape.api import Anomaly, Vehicle
 from wayfarer.hal import CompassReading, ContactReading, Snapshot
 from wayfarer.safety.conditions import Condition
@@ -52,13 +52,13 @@ class Detector:
         needs_contact: bool = False,
     ) -> None:
         self._turning_duty = radians(settings.frozen_turn_deg_s) * vehicle.track_m / vehicle.max_speed_m_s
-        self._compass = CompassWatch(settings, calibration_min)
-        self._motion = MotionWatch(settings, vehicle, watched=watches_motion)
+        self._compass = CompassMonitor(settings, calibration_min)
+        self._motion = MotionMonitor(settings, vehicle, watched=watches_motion)
         self._needs_contact = needs_contact or watches_contact
-        self._contact = ContactWatch(settings, touch_counts=watches_contact, needed=self._needs_contact)
-        self._tilt = TiltWatch(settings)
-        self._drive = DriveWatch(settings, vehicle)
-        self._turns = TurnAbility(settings, duty_max)
+        self._contact = ContactMonitor(settings, touch_counts=watches_contact, needed=self._needs_contact)
+        self._tilt = TiltMonitor(settings)
+        self._drive = DriveMonitor(settings, vehicle)
+        self._turns = TurnabilityMonitor(settings, duty_max)
         self._started = False
         self.compass: CompassReading | None = None
         self.contact: ContactReading | None = None

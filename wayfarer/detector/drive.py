@@ -33,7 +33,7 @@ TURNS_ON_S = 0.5
 RATE_TICKS = 2  # over which the turn rate is taken: that of one tick is mostly noise
 
 
-class Moment(NamedTuple):
+class DriveSample(NamedTuple):
     """A tick, and sums since the start of the run.
 
     ``left_deg`` and ``right_deg`` are what each side was told to turn the rover by itself, the left one clockwise, the
@@ -50,7 +50,7 @@ class Moment(NamedTuple):
     ahead_m: float
 
 
-class DriveWatch:
+class DriveMonitor:
     """Compares the heading gained with the turn commanded, over a window of driving or turning one way.
 
     ``condition`` is what was shown last, and stays until ``until_t_s``.
@@ -66,10 +66,10 @@ class DriveWatch:
         self._deg_s_per_duty = degrees(vehicle.max_speed_m_s / vehicle.track_m)
         self._m_per_deg = radians(vehicle.track_m)
         self._left_deg_s = self._right_deg_s = 0.0
-        self._told_sums = (0.0, 0.0, 0.0, 0.0)  # the first sums of a ``Moment``
+        self._told_sums = (0.0, 0.0, 0.0, 0.0)  # the first sums of a ``DriveSample``
         self._way = AHEAD
-        self._window: deque[Moment] = deque()
-        self._before: deque[Moment] = deque(maxlen=RATE_TICKS + 1)  # the last ones before the window
+        self._window: deque[DriveSample] = deque()
+        self._before: deque[DriveSample] = deque(maxlen=RATE_TICKS + 1)  # the last ones before the window
         self._told: deque[tuple[float, int]] = deque()
         self._suspect: tuple[float, int] | None = None  # when to tell, and of which side
         self.condition = Condition.DRIVE_ASYMMETRY
@@ -93,8 +93,8 @@ class DriveWatch:
             self._leave_window()
         if self._suspect is not None:
             self._confirm(t_s, self._suspect, interval.applied, trusted=trusted)
-        # As ``Moment(...)`` does it, but without a call in Python, 20 times a second.
-        now = tuple.__new__(Moment, (t_s, *self._told_sums, gained_deg, ahead_m))
+        # As ``DriveSample(...)`` does it, but without a call in Python, 20 times a second.
+        now = tuple.__new__(DriveSample, (t_s, *self._told_sums, gained_deg, ahead_m))
         window.append(now)
         then = window[0]
         while t_s - then.t_s > self._window_s:
@@ -154,7 +154,7 @@ class DriveWatch:
         first, last = self._before[0], self._before[-1]
         return (last.gained_deg - first.gained_deg) / (last.t_s - first.t_s)
 
-    def _coasts_deg(self, then: Moment, now: Moment, way: float) -> float:
+    def _coasts_deg(self, then: DriveSample, now: DriveSample, way: float) -> float:
         """Return how far the body may turn on that way from the rate that it had before the window.
 
         One that gains or loses speed as fast as slippery ground allows spends its grip on that, and turns on meanwhile.
@@ -168,14 +168,14 @@ class DriveWatch:
         turns_on_s = max(TURNS_ON_S, window_s if slides else 0.0, rate_deg_s / (2 * self._turn_stop_deg_s2))
         return rate_deg_s * turns_on_s
 
-    def _clear_sides(self, then: Moment, now: Moment) -> None:
+    def _clear_sides(self, then: DriveSample, now: DriveSample) -> None:
         """Forget what was told of either side, if it would have shown in this window as well."""
         margin_deg, measured_deg = self._settings.drive_margin_deg, now.gained_deg - then.gained_deg
         left_deg, right_deg = now.left_deg - then.left_deg, now.right_deg - then.right_deg
         if abs(measured_deg + right_deg) > margin_deg < abs(measured_deg - left_deg):
             self._told = deque(each for each in self._told if each[1] == REVERSED)
 
-    def _compare(self, then: Moment, now: Moment) -> None:
+    def _compare(self, then: DriveSample, now: DriveSample) -> None:
         """Look for a side that lags behind: if it is the left one, the rover turns left ahead, right in reverse."""
         settings, measured_deg = self._settings, now.gained_deg - then.gained_deg
         left_deg, right_deg = now.left_deg - then.left_deg, now.right_deg - then.right_deg
@@ -197,7 +197,7 @@ class DriveWatch:
         if abs(excess_deg) - coasted_deg > settings.reversed_share * abs(dead_deg) + settings.reversed_margin_deg:
             self._tell(now.t_s, REVERSED, settings.reversed_turns)
 
-    def _both_push(self, now: Moment, side: int) -> bool:
+    def _both_push(self, now: DriveSample, side: int) -> bool:
         """Tell whether the body goes on as fast as both sides drive it, and not as fast as without the one.
 
         Of late, as a side may just have died. A sense that cannot tell which way never shows it.
@@ -208,7 +208,7 @@ class DriveWatch:
         between_m = (other_deg + dead_deg / 2) / 2 * self._m_per_deg
         return self._way * (now.ahead_m - middle.ahead_m) >= max(0.0, self._way * between_m)
 
-    def _check_sense(self, then: Moment, now: Moment) -> None:
+    def _check_sense(self, then: DriveSample, now: DriveSample) -> None:
         """Look for a turn on the spot that goes the other way, or straight on."""
         settings = self._settings
         way = 1.0 if self._way == CLOCKWISE else -1.0
@@ -222,7 +222,7 @@ class DriveWatch:
         if straight or measured_deg <= -back_deg:
             self._tell(now.t_s, REVERSED, settings.reversed_turns)
 
-    def _goes_straight_on(self, then: Moment, now: Moment) -> bool:
+    def _goes_straight_on(self, then: DriveSample, now: DriveSample) -> bool:
         """Tell whether the wheels drive the body ahead or back: one that only coasts, or is shoved, gets slower.
 
         A body with one side in mud goes ahead as well, so that this alone raises no suspicion.
@@ -230,7 +230,7 @@ class DriveWatch:
         early_m, late_m = self._halves_m(then, now)
         return abs(early_m + late_m) >= self._settings.reversed_straight_m and early_m * late_m >= early_m * early_m
 
-    def _halves_m(self, then: Moment, now: Moment) -> tuple[float, float]:
+    def _halves_m(self, then: DriveSample, now: DriveSample) -> tuple[float, float]:
         """Return how far the body was seen to go ahead in each half of the window."""
         middle = self._window[len(self._window) // 2]
         return middle.ahead_m - then.ahead_m, now.ahead_m - middle.ahead_m

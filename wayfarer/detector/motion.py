@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from math import hypot, radians
 
-from wayfarer.detector.runaway import Runaway
+from wayfarer.detector.runaway import RunawayMonitor
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.stall import Stall
+from wayfarer.detector.stall import StallMonitor
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, MotionReading
 from wayfarer.safety.conditions import Condition
@@ -16,7 +16,7 @@ from wayfarer.safety.interval import Interval
 MOST_SHARE = 1.1
 
 
-class MotionWatch:
+class MotionMonitor:
     """Feeds ``stall`` and ``runaway`` with what can be true, and knows how long nothing was.
 
     ``watched`` says whether silence is a condition; ``moves`` is whether the newest reading shows that the rover moves.
@@ -32,8 +32,8 @@ class MotionWatch:
         self._quality_min = settings.quality_min
         self._seen_from_m_s = settings.immobilised_from_m_s
         self._speed_max_m_s = settings.motion_speed_max_m_s
-        self.stall = Stall(settings)
-        self.runaway = Runaway(settings)
+        self.stall = StallMonitor(settings)
+        self.runaway = RunawayMonitor(settings)
         self.moves = False
         self.ahead_m = 0.0
         self._commanded_m = self._before_m = self._undriven_s = 0.0

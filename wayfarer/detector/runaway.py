@@ -8,7 +8,7 @@ from math import copysign
 from wayfarer.detector.settings import DetectorSettings
 
 
-class Runaway:
+class RunawayMonitor:
     """Finds motion without a command, in one direction; ``found`` says whether it has lasted.
 
     A body that coasts loses speed, on the most slippery ground at ``gain_m_s2``: as long as it does, it is not running

@@ -30,7 +30,7 @@ SEEN_FROM_M = 0.01
 TURNS_FROM_DEG_S = 70.0
 
 
-class Driven(NamedTuple):
+class DrivingInterval(NamedTuple):
     """An interval of driving; distances and speeds are positive in the direction that is commanded.
 
     ``moved_m`` is None where nothing was seen, ``slid_m`` is to the right, ``gained_m_s`` is the speed that grip gives
@@ -48,7 +48,7 @@ class Driven(NamedTuple):
     before_m_s: float
 
 
-class Stall:
+class StallMonitor:
     """Finds commanded driving that does not move the ground; ``found`` says whether a whole window of it did not."""
 
     def __init__(self, settings: DetectorSettings) -> None:
@@ -57,7 +57,7 @@ class Stall:
         self._share = settings.immobilised_below
         self._from_m_s = settings.immobilised_from_m_s
         self._gain_m_s2 = settings.gain_m_s2
-        self._intervals: deque[Driven] = deque()
+        self._intervals: deque[DrivingInterval] = deque()
         self._ahead = True
         self.clear()
 
@@ -106,7 +106,7 @@ class Stall:
         gained_m_s = self._gain_m_s2 * straight * driven_s
         possible_m, self._possible_m_s = _possible(self._possible_m_s, driven_s, commanded_m, gained_m_s)
         self._intervals.append(
-            Driven(driven_s, commanded_m, moved_m, slid_m, turned_deg, gained_m_s, possible_m, before_m_s)
+            DrivingInterval(driven_s, commanded_m, moved_m, slid_m, turned_deg, gained_m_s, possible_m, before_m_s)
         )
         self._span_s += driven_s
         self._moved_m += possible_m if moved_m is None else moved_m  # what was not seen counts as driven

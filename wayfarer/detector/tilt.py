@@ -8,12 +8,12 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import CompassReading
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.persistence import Persistent
+from wayfarer.safety.debounce import Debounce
 
 _TILTS = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.LEFT_DOWN)
 
 
-class TiltWatch:
+class TiltMonitor:
     """Looks at pitch and roll; each side persists by itself, but one to which the body is tipping over counts at once.
 
     The body tips over where its tilt, which grows, would soon be too much for it. The rate is that of the slower of the
@@ -27,8 +27,8 @@ class TiltWatch:
         self._tipping_deg, self._tipping_s = settings.tipping_deg, settings.tipping_s
         self._readings: deque[CompassReading] = deque(maxlen=3)
         self._overturned_deg = settings.overturned_deg
-        self._tilts = {tilt: Persistent(settings.tilt_s) for tilt in _TILTS}
-        self._overturned = Persistent(settings.overturned_s)
+        self._tilts = {tilt: Debounce(settings.tilt_s) for tilt in _TILTS}
+        self._overturned = Debounce(settings.overturned_s)
         self._tilted = False
 
     def update(

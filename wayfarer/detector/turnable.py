@@ -20,7 +20,7 @@ AHEAD_SHARE = 0.2
 TURNS_DEG = 9.0
 
 
-class TurnAbility:
+class TurnabilityMonitor:
     """Counts the tries in a row in which full duty on the spot turned nothing.
 
     Args:

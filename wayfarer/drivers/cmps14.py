@@ -43,7 +43,7 @@ _CONFIG_FIXED, _CONFIG_BITS = 0x80, 0x97
 _CORRUPTED = "bytes shifted or swapped on the bus; lower i2c_arm_baudrate in config.txt, use shorter wires"
 
 
-class Levels(NamedTuple):
+class CalibrationLevels(NamedTuple):
     """Calibration as in register 0x1E, each 0 (none) to 3 (full); the gyro's tells nothing, a bug of the sensor."""
 
     system: int
@@ -61,7 +61,7 @@ class Levels(NamedTuple):
         return self.mag if self.system else 0
 
 
-class Block(NamedTuple):
+class RegisterBlock(NamedTuple):
     """The registers 0x00 to 0x1E. The signs of tilt and the units of the raw axes are not documented."""
 
     version: int
@@ -74,13 +74,13 @@ class Block(NamedTuple):
     mag: tuple[int, int, int]
     accel: tuple[int, int, int]
     gyro: tuple[int, int, int]
-    levels: Levels
+    levels: CalibrationLevels
 
 
-def decode(data: bytes) -> Block:
+def decode(data: bytes) -> RegisterBlock:
     """Return what 31 bytes from register 0x00 say, true or not; pitch is in whole degrees before firmware 5."""
     version, bearing8, bearing, pitch8, roll8, *axes, pitch, roll, levels = _MAP.unpack(data)
-    return Block(
+    return RegisterBlock(
         version=version,
         bearing_deg=bearing / 10.0,
         bearing8_deg=bearing8 * 360 / 256,
@@ -91,11 +91,11 @@ def decode(data: bytes) -> Block:
         mag=(axes[0], axes[1], axes[2]),
         accel=(axes[3], axes[4], axes[5]),
         gyro=(axes[6], axes[7], axes[8]),
-        levels=Levels(levels >> 6, levels >> 4 & 3, levels >> 2 & 3, levels & 3),
+        levels=CalibrationLevels(levels >> 6, levels >> 4 & 3, levels >> 2 & 3, levels & 3),
     )
 
 
-def flaw(block: Block, version: int) -> str | None:
+def flaw(block: RegisterBlock, version: int) -> str | None:
     """Return why a block cannot be true, or None. ``version`` is what register 0x00 said when it was read alone."""
     if block.version in _SILENT_LINE:
         return f"firmware reads 0x{block.version:02X}: nobody drives the line, check power and wires"
@@ -105,7 +105,7 @@ def flaw(block: Block, version: int) -> str | None:
     return f"{garbled}: {_CORRUPTED}" if garbled else None
 
 
-def _garbled(block: Block, version: int) -> str | None:
+def _garbled(block: RegisterBlock, version: int) -> str | None:
     if block.version != version:
         # All else could agree: where each byte is shifted by one bit, both bearings are doubled, and both pitches.
         return f"firmware reads {block.version} and was {version} when opened"
@@ -120,11 +120,11 @@ def _garbled(block: Block, version: int) -> str | None:
     return None
 
 
-def _has_strange_pitch(block: Block) -> bool:
+def _has_strange_pitch(block: RegisterBlock) -> bool:
     return abs(block.pitch_deg) > 90.0 or abs(block.pitch_deg - block.pitch8_deg) > _TILT_APART_DEG
 
 
-def _has_strange_roll(block: Block) -> bool:
+def _has_strange_roll(block: RegisterBlock) -> bool:
     if abs(block.roll_deg) > _ROLL8_ENDS_DEG:
         return abs(block.roll_deg) > 180.0
     return abs(block.roll_deg - block.roll8_deg) > _TILT_APART_DEG
@@ -219,7 +219,7 @@ class CMPS14:
 
     # -- calibration ---------------------------------------------------------------------------------------------
 
-    async def calibration(self) -> Levels:
+    async def calibration(self) -> CalibrationLevels:
         """Return all levels of calibration; raises as ``read`` does."""
         return (await self._sound_block()).levels
 
@@ -269,7 +269,7 @@ class CMPS14:
         self._version = version
         self.name = f"CMPS14 firmware {version} {self._where}"
 
-    async def _first_block(self) -> Block:
+    async def _first_block(self) -> RegisterBlock:
         """Return the first block that can be true or, when the time to boot is over, one that cannot."""
         for _ in range(_BOOT_TRIES):
             block = decode(await self._insist(_MAP.size))
@@ -278,7 +278,7 @@ class CMPS14:
             await asyncio.sleep(_BOOT_PAUSE_S)
         return block
 
-    async def _sound_block(self) -> Block:
+    async def _sound_block(self) -> RegisterBlock:
         """Return a block that can be true, with a second chance for one that was lost or corrupted."""
         try:
             return await self._checked_block()
@@ -286,12 +286,12 @@ class CMPS14:
             self.troubles["reads retried"] += 1
             return await self._checked_block()
 
-    async def _checked_block(self) -> Block:
+    async def _checked_block(self) -> RegisterBlock:
         block = decode(await self._read(_MAP.size))
         self._check(block)
         return block
 
-    def _check(self, block: Block) -> None:
+    def _check(self, block: RegisterBlock) -> None:
         if (why := flaw(block, self._version)) is not None:
             raise BadReading(f"{self.name}: {why}")
 

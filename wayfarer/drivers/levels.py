@@ -23,7 +23,7 @@ class Wiring(Protocol):
         """The same of the right ones."""
 
 
-class Levels:
+class MotorLevels:
     """The levels of both sides' motors: whole steps, negative for reverse, up to what the board is allowed.
 
     A duty of 1 is ``duty_limit`` of the board's ``full_level``; duties are cut to its steps, towards zero. A side is

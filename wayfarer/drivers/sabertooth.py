@@ -14,7 +14,7 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Interval, MultipleOf
 
 from wayfarer.drivers.buses import Buses
-from wayfarer.drivers.levels import Levels
+from wayfarer.drivers.levels import MotorLevels
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 
 FULL_LEVEL = 127
@@ -104,7 +104,7 @@ class Sabertooth:
         self.deadman_s: float | None = timeout_units / _TIMEOUT_UNITS_PER_S
         self._address = settings.address
         self._halts = 0
-        self._levels = Levels(FULL_LEVEL, settings)
+        self._levels = MotorLevels(FULL_LEVEL, settings)
         self._left, self._right = (_M1, _M2) if settings.left == 1 else (_M2, _M1)
         self._timeout = packet(settings.address, _SERIAL_TIMEOUT, timeout_units)
         self._timeout_each_time = settings.timeout_each_time

@@ -15,7 +15,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple, TypeVar
 from annotated_types import Interval
 
 from wayfarer.drivers.buses import Buses, I2CBus
-from wayfarer.drivers.levels import Levels
+from wayfarer.drivers.levels import MotorLevels
 from wayfarer.errors import BadReading, DriverError, NotResponding, PowerLost, WrongPart
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 
@@ -40,7 +40,7 @@ _DOES_NOT_ARM = (
 )
 
 
-class Board:
+class ThunderBorgLink:
     """Writes and requests to one ThunderBorg: what its motors and its lights share; ``retries`` are counted."""
 
     def __init__(self, bus: I2CBus, address: int) -> None:
@@ -167,11 +167,11 @@ class ThunderBorg:
     Settings = ThunderBorgSettings
 
     def __init__(self, settings: ThunderBorgSettings, buses: Buses) -> None:
-        self._board = Board(buses.i2c(settings.bus), settings.address)
+        self._board = ThunderBorgLink(buses.i2c(settings.bus), settings.address)
         self.name = self._board.where
         self.deadman_s: float | None = settings.deadman_s
         self._halts = 0
-        self._levels = Levels(FULL_LEVEL, settings)
+        self._levels = MotorLevels(FULL_LEVEL, settings)
         self._left, self._right = (_A, _B) if settings.left == "A" else (_B, _A)
         self._driven: set[_Motor] = set()
         self._power_losses = 0

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 from annotated_types import Interval
 
 from wayfarer.drivers.buses import Buses
-from wayfarer.drivers.thunderborg import DEFAULT_ADDRESS, Board, ThunderBorg
+from wayfarer.drivers.thunderborg import DEFAULT_ADDRESS, ThunderBorg, ThunderBorgLink
 from wayfarer.hal import Colour
 
 _SET_BOTH_LEDS, _SHOW_BATTERY = 5, 6
@@ -35,7 +35,7 @@ class ThunderBorgLight:
     Settings = ThunderBorgLightSettings
 
     def __init__(self, settings: ThunderBorgLightSettings, buses: Buses) -> None:
-        self._board = Board(buses.i2c(settings.bus), settings.address)
+        self._board = ThunderBorgLink(buses.i2c(settings.bus), settings.address)
         self.name = f"light of {self._board.where}"
         self._shown: Colour | None = None
 

@@ -15,12 +15,12 @@ from random import Random
 from wayfarer.escape import policies
 from wayfarer.escape.api import EscapeHandler, EscapeSettings, Vehicle
 from wayfarer.escape.guards import LoopGuard, SideSwitch
-from wayfarer.escape.handler import PhasedHandler, Recipe
+from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
 from wayfarer.escape.phases import PLEDGE, STRIDES
 from wayfarer.escape.tactics import (
     ArcSchedule,
     ConfirmWall,
-    Measures,
+    PlanScaling,
     RetryAhead,
     ShortBackOff,
     Tactic,
@@ -50,9 +50,9 @@ class Algorithm:
     origin: str = "wayfarer"
 
 
-def _row(name: str, family: str, summary: str, recipe: Recipe, requires: frozenset[str] = NOTHING) -> Algorithm:
+def _row(name: str, family: str, summary: str, spec: AlgorithmSpec, requires: frozenset[str] = NOTHING) -> Algorithm:
     def make(settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> EscapeHandler:
-        return PhasedHandler(recipe, settings, vehicle, rng)
+        return PhasedHandler(spec, settings, vehicle, rng)
 
     return Algorithm(name, family, summary, make, requires)
 
@@ -66,15 +66,15 @@ def _pledge(
     resets: bool = True,
     requires: frozenset[str] = NOTHING,
 ) -> Algorithm:
-    recipe = Recipe(PLEDGE, side, angle, resets=resets, keeps_side=True)
-    return _row(name, "pledge", summary, recipe, requires)
+    spec = AlgorithmSpec(PLEDGE, side, angle, resets=resets, keeps_side=True)
+    return _row(name, "pledge", summary, spec, requires)
 
 
 def _forest_pledge_with(name: str, summary: str, *tactics: Callable[[], Tactic]) -> Algorithm:
-    recipe = Recipe(
+    spec = AlgorithmSpec(
         PLEDGE, policies.clockwise, policies.fixed_angle, resets=True, keeps_side=True, tactics=(*tactics, LoopGuard)
     )
-    return _row(name, "pledge", summary, recipe)
+    return _row(name, "pledge", summary, spec)
 
 
 _ROWS = (
@@ -98,35 +98,35 @@ _ROWS = (
         "levy-walk",
         "stochastic",
         "a uniform new heading and a Lévy-distributed stride",
-        Recipe(STRIDES, policies.either, policies.uniform_angle, stride=policies.levy_stride),
+        AlgorithmSpec(STRIDES, policies.either, policies.uniform_angle, stride=policies.levy_stride),
     ),
     _row(
         "cv-levy",
         "stochastic",
         "a Lévy walk whose headings point away from the touched side",
-        Recipe(STRIDES, policies.away_else_either, policies.uniform_angle, stride=policies.levy_stride),
+        AlgorithmSpec(STRIDES, policies.away_else_either, policies.uniform_angle, stride=policies.levy_stride),
         CONTACT,
     ),
     _row(
         "cv-react",
         "reactive",
         "steer away from the touched side, then follow the goal again",
-        Recipe(STRIDES, policies.away_else_either, policies.fixed_angle),
+        AlgorithmSpec(STRIDES, policies.away_else_either, policies.fixed_angle),
         CONTACT,
     ),
     _row(
         "oo-react",
         "reactive",
         "follow an obstacle that leads towards the goal, else steer away from it",
-        Recipe(STRIDES, policies.along_else_away, policies.along_angle),
+        AlgorithmSpec(STRIDES, policies.along_else_away, policies.along_angle),
         CONTACT,
     ),
 )
 
 # Shares of the rover file's measures. With those of the paper's simulator: 0.3 m straight and an arc of 0.7 m; or turns
 # of 40 degrees, 0.3 m straight, an arc of 1.35 m, and a back-off of 0.1 m.
-_TIGHT = partial(Measures, straight=0.5, radius=0.61)
-_BRISK = partial(Measures, turn=1.33, straight=0.5, radius=1.17)
+_TIGHT = partial(PlanScaling, straight=0.5, radius=0.61)
+_BRISK = partial(PlanScaling, turn=1.33, straight=0.5, radius=1.17)
 _SHORT = partial(ShortBackOff, first=0.67, again=1.0, free_run_m=0.9)
 _CONFIRM = partial(ConfirmWall, small_turn_deg=15.0, confirms_within_m=1.3)
 

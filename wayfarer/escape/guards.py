@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 
-from wayfarer.escape.manoeuvres import Course
-from wayfarer.escape.tactics import Met
+from wayfarer.escape.manoeuvres import EscapePlan
+from wayfarer.escape.tactics import AnomalyContext
 
 # An anomaly is the same as another one in a cell of 1 m and an octant of heading; three of a kind among the last 80 are
 # a loop, and strict Pledge is to lead out of it for 30 (the field survey's design).
@@ -24,24 +24,28 @@ class LoopGuard:
     """
 
     def __init__(self) -> None:
-        self._met: deque[tuple[int, int, int]] = deque(maxlen=REMEMBERED)
+        self._seen: deque[tuple[int, int, int]] = deque(maxlen=REMEMBERED)
         self._strict = 0
 
     def reset(self) -> None:
         """See ``Tactic``."""
-        self._met.clear()
+        self._seen.clear()
         self._strict = 0
 
-    def plan(self, met: Met, course: Course) -> None:
+    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """See ``Tactic``."""
-        here = round(met.ahead_m / CELL_M), round(met.right_m / CELL_M), round(met.bearing_deg / OCTANT_DEG) % 8
-        self._met.append(here)
-        if self._met.count(here) >= LOOP:
+        here = (
+            round(context.ahead_m / CELL_M),
+            round(context.right_m / CELL_M),
+            round(context.bearing_deg / OCTANT_DEG) % 8,
+        )
+        self._seen.append(here)
+        if self._seen.count(here) >= LOOP:
             self._strict = STRICT
-            self._met.clear()
+            self._seen.clear()
         if self._strict:
             self._strict -= 1
-            course.resets = False
+            escape_plan.resets = False
 
 
 class SideSwitch:
@@ -59,19 +63,19 @@ class SideSwitch:
         self._ahead_m = self._right_m = 0.0
         self._reach_m = self._first_m
 
-    def plan(self, met: Met, course: Course) -> None:
+    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """See ``Tactic``."""
-        if met.new_episode:
-            self._ahead_m, self._right_m, self._reach_m = met.ahead_m, met.right_m, self._first_m
-        elif met.ahead_m - self._ahead_m >= self._gain_m:
+        if context.new_episode:
+            self._ahead_m, self._right_m, self._reach_m = context.ahead_m, context.right_m, self._first_m
+        elif context.ahead_m - self._ahead_m >= self._gain_m:
             return
-        elif (met.right_m - self._right_m) * course.side >= self._reach_m:
+        elif (context.right_m - self._right_m) * escape_plan.side >= self._reach_m:
             self._reach_m *= 2.0
-            turn_round(met, course)
+            turn_round(context, escape_plan)
 
 
-def turn_round(met: Met, course: Course) -> None:
+def turn_round(context: AnomalyContext, escape_plan: EscapePlan) -> None:
     """Plan to follow the same wall with the other hand: a half turn; whole turns of the counter are forgiven."""
-    course.counter_deg = met.bearing_deg
-    course.side = -course.side
-    course.turn_deg = 180.0
+    escape_plan.counter_deg = context.bearing_deg
+    escape_plan.side = -escape_plan.side
+    escape_plan.turn_deg = 180.0

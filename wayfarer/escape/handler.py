@@ -9,11 +9,11 @@ from random import Random
 from wayfarer.angles import wrap180
 from wayfarer.escape import policies
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
-from wayfarer.escape.level import Level
-from wayfarer.escape.manoeuvres import MANOEUVRES, Course
-from wayfarer.escape.phases import WHY, Event, Transitions
+from wayfarer.escape.manoeuvres import MANOEUVRES, EscapePlan
+from wayfarer.escape.phases import WHY, PhaseEvent, Transitions
+from wayfarer.escape.pitch_baseline import PitchBaseline
 from wayfarer.escape.reckoning import Reckoning
-from wayfarer.escape.tactics import Met, Tactic
+from wayfarer.escape.tactics import AnomalyContext, Tactic
 from wayfarer.escape.turn_control import TurnController
 
 # After this many blocked turns in a row they alternate between the sides, beginning with the other one: a body that is
@@ -29,7 +29,7 @@ COUNTER_MAX_DEG = 1080.0
 
 
 @dataclass(frozen=True, slots=True)
-class Recipe:
+class AlgorithmSpec:
     """What makes one algorithm out of the common handler.
 
     ``keeps_side`` holds the turn direction for a whole episode, as Pledge must; otherwise each anomaly chooses again.
@@ -48,16 +48,16 @@ class Recipe:
 class PhasedHandler:
     """Decides one tick at a time; implements ``EscapeHandler``."""
 
-    def __init__(self, recipe: Recipe, settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> None:
-        self._recipe = recipe
+    def __init__(self, spec: AlgorithmSpec, settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> None:
+        self._spec = spec
         self._settings = settings
         self._rng = rng
-        self._course = Course(resets=recipe.resets)
+        self._escape_plan = EscapePlan(resets=spec.resets)
         self._turns = TurnController(vehicle)
-        self._manoeuvres = {kind.phase: kind(settings, self._turns, self._course) for kind in MANOEUVRES}
-        self._tactics = tuple(make() for make in recipe.tactics)
+        self._manoeuvres = {kind.phase: kind(settings, self._turns, self._escape_plan) for kind in MANOEUVRES}
+        self._tactics = tuple(make() for make in spec.tactics)
         self._reckoning = Reckoning(settings.cruise_m_s)
-        self._level = Level()
+        self._level = PitchBaseline()
         self.reset()
 
     def reset(self) -> None:
@@ -65,8 +65,8 @@ class PhasedHandler:
         self._manoeuvre = self._manoeuvres[Phase.FOLLOW]
         self._phase_name = Phase.FOLLOW.value
         self._last_heading_deg: float | None = None
-        self._side = self._course.side = policies.CLOCKWISE
-        self._course.counter_deg = self._course.turn_deg = 0.0
+        self._side = self._escape_plan.side = policies.CLOCKWISE
+        self._escape_plan.counter_deg = self._escape_plan.turn_deg = 0.0
         self._followed_from_m = 0.0
         self._episodes = 0
         self._blocked_turns = 0
@@ -84,20 +84,24 @@ class PhasedHandler:
         if self._tactics:
             self._reckoning.follow(observation, manoeuvre.phase)
             self._level.follow(observation)
-        event = Event.OVERWOUND if abs(self._course.counter_deg) > COUNTER_MAX_DEG else manoeuvre.event(observation)
+        event = (
+            PhaseEvent.OVERWOUND
+            if abs(self._escape_plan.counter_deg) > COUNTER_MAX_DEG
+            else manoeuvre.event(observation)
+        )
         if event is None:
             return Decision(manoeuvre.wheels(observation), manoeuvre.phase, self._phase_name)
         why = WHY[manoeuvre.phase, event]
-        self._enter(self._recipe.transitions[manoeuvre.phase, event], event, observation)
+        self._enter(self._spec.transitions[manoeuvre.phase, event], event, observation)
         return Decision(self._manoeuvre.wheels(observation), self._manoeuvre.phase, why)
 
     def memory(self) -> Mapping[str, float | str]:
         """Return the inner state for the log and for replay."""
-        course = self._course
+        escape_plan = self._escape_plan
         return {
-            "counter_deg": round(course.counter_deg, 3),
-            "side": course.side,
-            "turn_deg": round(course.turn_deg, 3),
+            "counter_deg": round(escape_plan.counter_deg, 3),
+            "side": escape_plan.side,
+            "turn_deg": round(escape_plan.turn_deg, 3),
             "episodes": self._episodes,
             "blocked_turns": self._blocked_turns,
             "turn_from_duty": round(self._turns.dead_zone, 3),
@@ -111,15 +115,15 @@ class PhasedHandler:
             self._followed_from_m = observation.travelled_m
             self._manoeuvre.begin(observation)
         else:
-            self._course.counter_deg += (heading_deg - last_deg + 180.0) % 360.0 - 180.0
+            self._escape_plan.counter_deg += (heading_deg - last_deg + 180.0) % 360.0 - 180.0
 
-    def _enter(self, phase: Phase, event: Event, observation: Observation) -> None:
+    def _enter(self, phase: Phase, event: PhaseEvent, observation: Observation) -> None:
         left = self._manoeuvre.phase
         if left is Phase.TURN_AWAY:
-            self._blocked_turns = 0 if event is Event.DONE else self._blocked_turns + 1
-            self._course.side = self._side
-        if event is Event.OVERWOUND:
-            self._course.counter_deg = 0.0
+            self._blocked_turns = 0 if event is PhaseEvent.DONE else self._blocked_turns + 1
+            self._escape_plan.side = self._side
+        if event is PhaseEvent.OVERWOUND:
+            self._escape_plan.counter_deg = 0.0
         if phase is Phase.FOLLOW:
             self._followed_from_m = observation.travelled_m
         elif phase is Phase.BACK_OFF:
@@ -132,30 +136,30 @@ class PhasedHandler:
 
     def _plan(self, observation: Observation, *, new_episode: bool) -> None:
         """Choose side, angle and stride for the anomaly that was just met."""
-        recipe, course = self._recipe, self._course
+        spec, escape_plan = self._spec, self._escape_plan
         if new_episode:
             self._episodes += 1
-            course.counter_deg = 0.0
+            escape_plan.counter_deg = 0.0
             if observation.travelled_m - self._followed_from_m > FREE_RUN_M:
                 self._blocked_turns = 0
-        if new_episode or not recipe.keeps_side:
-            self._side = recipe.side(observation, self._settings, self._rng)
+        if new_episode or not spec.keeps_side:
+            self._side = spec.side(observation, self._settings, self._rng)
         settings = self._settings
-        course.back_off_m = settings.back_off_m * BACK_OFF_SHARES[self._blocked_turns % len(BACK_OFF_SHARES)]
-        course.turn_deg = recipe.angle(observation, settings, self._rng)
-        course.stride_m = recipe.stride(settings, self._rng)
-        course.straight_m, course.radius_m = settings.probe_straight_m, settings.probe_radius_m
-        course.side, course.resets = self._side, recipe.resets
+        escape_plan.back_off_m = settings.back_off_m * BACK_OFF_SHARES[self._blocked_turns % len(BACK_OFF_SHARES)]
+        escape_plan.turn_deg = spec.angle(observation, settings, self._rng)
+        escape_plan.stride_m = spec.stride(settings, self._rng)
+        escape_plan.straight_m, escape_plan.radius_m = settings.probe_straight_m, settings.probe_radius_m
+        escape_plan.side, escape_plan.resets = self._side, spec.resets
         if self._tactics:
             self._ask_tactics(observation, new_episode=new_episode)
         too_often = self._blocked_turns - BLOCKED_TURNS_BEFORE_ALTERNATING
         if too_often >= 0 and too_often % 2 == 0:
-            course.side = -self._side
+            escape_plan.side = -self._side
 
     def _ask_tactics(self, observation: Observation, *, new_episode: bool) -> None:
         """Let the tactics change the plan in the course; the side that they choose is the episode's."""
         reckoning = self._reckoning
-        met = Met(
+        context = AnomalyContext(
             new_episode,
             self._level.risen_deg,
             wrap180(observation.heading_deg - observation.goal_heading_deg),
@@ -165,5 +169,5 @@ class PhasedHandler:
             self._blocked_turns,
         )
         for tactic in self._tactics:
-            tactic.plan(met, self._course)
-        self._side = self._course.side
+            tactic.plan(context, self._escape_plan)
+        self._side = self._escape_plan.side

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from wayfarer.angles import wrap180
 from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Phase
-from wayfarer.escape.phases import Event
+from wayfarer.escape.phases import PhaseEvent
 from wayfarer.escape.steering import HeadingHold
 from wayfarer.escape.turn_control import TurnController
 from wayfarer.hal import Side, WheelCommand
@@ -23,7 +23,7 @@ BACK_OFF_MAX_S = 3.0
 
 
 @dataclass(slots=True)
-class Course:
+class EscapePlan:
     """What an episode carries from one manoeuvre to the next.
 
     ``counter_deg`` is the paper's C: the heading gained since the episode began, clockwise positive, any number of
@@ -51,10 +51,10 @@ class Manoeuvre(ABC):
 
     phase: ClassVar[Phase]
 
-    def __init__(self, settings: EscapeSettings, turns: TurnController, course: Course) -> None:
+    def __init__(self, settings: EscapeSettings, turns: TurnController, escape_plan: EscapePlan) -> None:
         self._settings = settings
         self._turns = turns
-        self._course = course
+        self._escape_plan = escape_plan
         self._limit_t_s = inf
         self._limit_m = inf
         self._known = _NOTHING
@@ -64,7 +64,7 @@ class Manoeuvre(ABC):
         """Start at this observation."""
 
     @abstractmethod
-    def event(self, observation: Observation) -> Event | None:
+    def event(self, observation: Observation) -> PhaseEvent | None:
         """Return what ends the manoeuvre now, or None to go on."""
 
     @abstractmethod
@@ -105,8 +105,8 @@ class Follow(Manoeuvre):
 
     phase = Phase.FOLLOW
 
-    def __init__(self, settings: EscapeSettings, turns: TurnController, course: Course) -> None:
-        super().__init__(settings, turns, course)
+    def __init__(self, settings: EscapeSettings, turns: TurnController, escape_plan: EscapePlan) -> None:
+        super().__init__(settings, turns, escape_plan)
         self._hold = HeadingHold(settings, turns)
         self._pivot_s = 180.0 / settings.turn_deg_s
 
@@ -115,11 +115,11 @@ class Follow(Manoeuvre):
         self._hold.reset()
         self._bound(observation, self._pivot_s)
 
-    def event(self, observation: Observation) -> Event | None:
+    def event(self, observation: Observation) -> PhaseEvent | None:
         if observation.anomalies and _ahead(observation):
-            return Event.ANOMALY
+            return PhaseEvent.ANOMALY
         if self._hold.stands:
-            return Event.EXHAUSTED
+            return PhaseEvent.EXHAUSTED
         if observation.t_s >= self._limit_t_s:
             return self._check_alignment(observation)
         return None
@@ -128,10 +128,10 @@ class Follow(Manoeuvre):
         error_deg = (observation.goal_heading_deg - observation.heading_deg + 180.0) % 360.0 - 180.0
         return self._hold.wheels(observation.t_s, error_deg)
 
-    def _check_alignment(self, observation: Observation) -> Event | None:
+    def _check_alignment(self, observation: Observation) -> PhaseEvent | None:
         error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
         if abs(error_deg) >= self._settings.pivot_beyond_deg:
-            return Event.EXHAUSTED
+            return PhaseEvent.EXHAUSTED
         self._bound(observation, self._pivot_s)
         return None
 
@@ -142,19 +142,19 @@ class BackOff(Manoeuvre):
     phase = Phase.BACK_OFF
 
     def begin(self, observation: Observation) -> None:
-        distance_m = self._course.back_off_m
+        distance_m = self._escape_plan.back_off_m
         self._turns.rest()
         self._known = frozenset(observation.anomalies)
         self._until_m = observation.covered_m + distance_m
         self._bound(observation, distance_m / self._settings.reverse_m_s, distance_m)
         self._limit_t_s = min(self._limit_t_s, observation.t_s + BACK_OFF_MAX_S)
 
-    def event(self, observation: Observation) -> Event | None:
+    def event(self, observation: Observation) -> PhaseEvent | None:
         if observation.covered_m >= self._until_m:
-            return Event.DONE
+            return PhaseEvent.DONE
         if self._blocked_behind(observation):
-            return Event.ANOMALY
-        return Event.EXHAUSTED if self._exhausted(observation) else None
+            return PhaseEvent.ANOMALY
+        return PhaseEvent.EXHAUSTED if self._exhausted(observation) else None
 
     def wheels(self, _observation: Observation) -> WheelCommand:
         return self._turns.wheels(-self._settings.reverse_m_s, 0.0)
@@ -175,31 +175,31 @@ class TurnAway(Manoeuvre):
     phase = Phase.TURN_AWAY
 
     def begin(self, observation: Observation) -> None:
-        course = self._course
+        escape_plan = self._escape_plan
         self._known = frozenset(observation.anomalies)
-        self._until_deg = course.counter_deg + course.side * course.turn_deg
-        course.unturned_deg = 0.0
+        self._until_deg = escape_plan.counter_deg + escape_plan.side * escape_plan.turn_deg
+        escape_plan.unturned_deg = 0.0
         self._turns.rest()
-        self._bound(observation, course.turn_deg / self._settings.turn_deg_s)
+        self._bound(observation, escape_plan.turn_deg / self._settings.turn_deg_s)
 
-    def event(self, observation: Observation) -> Event | None:
+    def event(self, observation: Observation) -> PhaseEvent | None:
         left_deg = self._left_deg
         if left_deg <= self._settings.turn_within_deg:
-            self._course.unturned_deg = left_deg * self._course.side
-            return Event.DONE
+            self._escape_plan.unturned_deg = left_deg * self._escape_plan.side
+            return PhaseEvent.DONE
         if self._fresh(observation):
             # Backing off once more does not help against what is behind: that turn is over.
-            return Event.ANOMALY if _ahead(observation) else Event.EXHAUSTED
-        return Event.EXHAUSTED if self._turns.stands or self._exhausted(observation) else None
+            return PhaseEvent.ANOMALY if _ahead(observation) else PhaseEvent.EXHAUSTED
+        return PhaseEvent.EXHAUSTED if self._turns.stands or self._exhausted(observation) else None
 
     def wheels(self, _observation: Observation) -> WheelCommand:
         settings = self._settings
         rate_deg_s = min(max(self._left_deg * settings.turn_p, settings.turn_min_deg_s), settings.turn_deg_s)
-        return self._turns.wheels(0.0, self._course.side * rate_deg_s)
+        return self._turns.wheels(0.0, self._escape_plan.side * rate_deg_s)
 
     @property
     def _left_deg(self) -> float:
-        return (self._until_deg - self._course.counter_deg) * self._course.side
+        return (self._until_deg - self._escape_plan.counter_deg) * self._escape_plan.side
 
 
 class Probe(Manoeuvre):
@@ -211,32 +211,32 @@ class Probe(Manoeuvre):
     phase = Phase.PROBE
 
     def begin(self, observation: Observation) -> None:
-        course = self._course
+        escape_plan = self._escape_plan
         self._turns.rest()
-        self._heading_deg = observation.heading_deg + course.unturned_deg
-        self._curve_from_m = observation.covered_m + course.straight_m
-        distance_m = course.straight_m + radians(abs(course.counter_deg)) * course.radius_m
+        self._heading_deg = observation.heading_deg + escape_plan.unturned_deg
+        self._curve_from_m = observation.covered_m + escape_plan.straight_m
+        distance_m = escape_plan.straight_m + radians(abs(escape_plan.counter_deg)) * escape_plan.radius_m
         self._bound(observation, distance_m / self._curve_speed_m_s(), distance_m)
 
-    def event(self, observation: Observation) -> Event | None:
+    def event(self, observation: Observation) -> PhaseEvent | None:
         if observation.anomalies and _ahead(observation):
-            return Event.ANOMALY
-        course = self._course
-        if course.counter_deg * course.side <= 0.0:
-            return Event.UNWOUND
-        if course.resets and self._realigned(observation):
-            return Event.REALIGNED
+            return PhaseEvent.ANOMALY
+        escape_plan = self._escape_plan
+        if escape_plan.counter_deg * escape_plan.side <= 0.0:
+            return PhaseEvent.UNWOUND
+        if escape_plan.resets and self._realigned(observation):
+            return PhaseEvent.REALIGNED
         if self._turns.stands:
-            return Event.ANOMALY  # something holds it: the counter must not be lost to a new episode
-        return Event.EXHAUSTED if self._exhausted(observation) else None
+            return PhaseEvent.ANOMALY  # something holds it: the counter must not be lost to a new episode
+        return PhaseEvent.EXHAUSTED if self._exhausted(observation) else None
 
     def wheels(self, observation: Observation) -> WheelCommand:
-        settings, course = self._settings, self._course
+        settings, escape_plan = self._settings, self._escape_plan
         speed_m_s, curve_deg, curve_deg_s = settings.cruise_m_s, 0.0, 0.0
         curved_m = observation.covered_m - self._curve_from_m
         if curved_m > 0.0:
             speed_m_s = self._curve_speed_m_s()
-            deg_per_m = degrees(course.side / course.radius_m)
+            deg_per_m = degrees(escape_plan.side / escape_plan.radius_m)
             curve_deg, curve_deg_s = curved_m * deg_per_m, speed_m_s * deg_per_m
         error_deg = (self._heading_deg - curve_deg - observation.heading_deg + 180.0) % 360.0 - 180.0
         turn_deg_s = settings.heading_p * error_deg - curve_deg_s
@@ -244,7 +244,7 @@ class Probe(Manoeuvre):
         return self._turns.wheels(speed_m_s, min(max(turn_deg_s, -limit_deg_s), limit_deg_s))
 
     def _curve_speed_m_s(self) -> float:
-        return self._turns.curve_speed_m_s(self._settings.cruise_m_s, self._course.radius_m)
+        return self._turns.curve_speed_m_s(self._settings.cruise_m_s, self._escape_plan.radius_m)
 
     def _realigned(self, observation: Observation) -> bool:
         error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
@@ -256,24 +256,24 @@ class Stride(Manoeuvre):
 
     phase = Phase.STRIDE
 
-    def __init__(self, settings: EscapeSettings, turns: TurnController, course: Course) -> None:
-        super().__init__(settings, turns, course)
+    def __init__(self, settings: EscapeSettings, turns: TurnController, escape_plan: EscapePlan) -> None:
+        super().__init__(settings, turns, escape_plan)
         self._hold = HeadingHold(settings, turns)
 
     def begin(self, observation: Observation) -> None:
-        stride_m = self._course.stride_m
+        stride_m = self._escape_plan.stride_m
         self._hold.reset()
         self._heading_deg = observation.heading_deg
         self._turns.rest()
         self._until_m = observation.covered_m + stride_m
         self._bound(observation, stride_m / self._settings.cruise_m_s, stride_m)
 
-    def event(self, observation: Observation) -> Event | None:
+    def event(self, observation: Observation) -> PhaseEvent | None:
         if observation.anomalies and _ahead(observation):
-            return Event.ANOMALY
+            return PhaseEvent.ANOMALY
         if observation.covered_m >= self._until_m:
-            return Event.DONE
-        return Event.EXHAUSTED if self._hold.stands or self._exhausted(observation) else None
+            return PhaseEvent.DONE
+        return PhaseEvent.EXHAUSTED if self._hold.stands or self._exhausted(observation) else None
 
     def wheels(self, observation: Observation) -> WheelCommand:
         return self._hold.wheels(observation.t_s, wrap180(self._heading_deg - observation.heading_deg))

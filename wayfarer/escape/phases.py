@@ -35,7 +35,7 @@ from enum import Enum
 from wayfarer.escape.api import Phase
 
 
-class Event(Enum):
+class PhaseEvent(Enum):
     """What ends a phase."""
 
     ANOMALY = "anomaly"  # something new is wrong
@@ -46,43 +46,43 @@ class Event(Enum):
     OVERWOUND = "overwound"  # the counter can no longer be true
 
 
-Transitions = Mapping[tuple[Phase, Event], Phase]
+Transitions = Mapping[tuple[Phase, PhaseEvent], Phase]
 
 _SHARED: Transitions = {
-    **{(phase, Event.OVERWOUND): Phase.FOLLOW for phase in (Phase.FOLLOW, Phase.BACK_OFF, Phase.TURN_AWAY)},
-    (Phase.FOLLOW, Event.ANOMALY): Phase.BACK_OFF,
+    **{(phase, PhaseEvent.OVERWOUND): Phase.FOLLOW for phase in (Phase.FOLLOW, Phase.BACK_OFF, Phase.TURN_AWAY)},
+    (Phase.FOLLOW, PhaseEvent.ANOMALY): Phase.BACK_OFF,
     # FOLLOW runs out when it cannot turn to the goal: something holds the tail or the side.
-    (Phase.FOLLOW, Event.EXHAUSTED): Phase.BACK_OFF,
-    (Phase.BACK_OFF, Event.DONE): Phase.TURN_AWAY,
+    (Phase.FOLLOW, PhaseEvent.EXHAUSTED): Phase.BACK_OFF,
+    (Phase.BACK_OFF, PhaseEvent.DONE): Phase.TURN_AWAY,
     # Blocked behind as well: go on with the turn, do not grind.
-    (Phase.BACK_OFF, Event.ANOMALY): Phase.TURN_AWAY,
-    (Phase.BACK_OFF, Event.EXHAUSTED): Phase.TURN_AWAY,
-    (Phase.TURN_AWAY, Event.ANOMALY): Phase.BACK_OFF,
+    (Phase.BACK_OFF, PhaseEvent.ANOMALY): Phase.TURN_AWAY,
+    (Phase.BACK_OFF, PhaseEvent.EXHAUSTED): Phase.TURN_AWAY,
+    (Phase.TURN_AWAY, PhaseEvent.ANOMALY): Phase.BACK_OFF,
 }
 
 PLEDGE: Transitions = {
     **_SHARED,
-    (Phase.TURN_AWAY, Event.DONE): Phase.PROBE,
-    (Phase.TURN_AWAY, Event.EXHAUSTED): Phase.PROBE,
-    (Phase.PROBE, Event.ANOMALY): Phase.BACK_OFF,
-    (Phase.PROBE, Event.UNWOUND): Phase.FOLLOW,
-    (Phase.PROBE, Event.REALIGNED): Phase.FOLLOW,
+    (Phase.TURN_AWAY, PhaseEvent.DONE): Phase.PROBE,
+    (Phase.TURN_AWAY, PhaseEvent.EXHAUSTED): Phase.PROBE,
+    (Phase.PROBE, PhaseEvent.ANOMALY): Phase.BACK_OFF,
+    (Phase.PROBE, PhaseEvent.UNWOUND): Phase.FOLLOW,
+    (Phase.PROBE, PhaseEvent.REALIGNED): Phase.FOLLOW,
     # The heading does not follow the curve (one side dead, wheels spinning): steer to the goal instead.
-    (Phase.PROBE, Event.EXHAUSTED): Phase.FOLLOW,
-    (Phase.PROBE, Event.OVERWOUND): Phase.FOLLOW,
+    (Phase.PROBE, PhaseEvent.EXHAUSTED): Phase.FOLLOW,
+    (Phase.PROBE, PhaseEvent.OVERWOUND): Phase.FOLLOW,
 }
 
 STRIDES: Transitions = {
     **_SHARED,
-    (Phase.TURN_AWAY, Event.DONE): Phase.STRIDE,
-    (Phase.TURN_AWAY, Event.EXHAUSTED): Phase.STRIDE,
-    (Phase.STRIDE, Event.ANOMALY): Phase.BACK_OFF,
-    (Phase.STRIDE, Event.DONE): Phase.FOLLOW,
-    (Phase.STRIDE, Event.EXHAUSTED): Phase.FOLLOW,
-    (Phase.STRIDE, Event.OVERWOUND): Phase.FOLLOW,
+    (Phase.TURN_AWAY, PhaseEvent.DONE): Phase.STRIDE,
+    (Phase.TURN_AWAY, PhaseEvent.EXHAUSTED): Phase.STRIDE,
+    (Phase.STRIDE, PhaseEvent.ANOMALY): Phase.BACK_OFF,
+    (Phase.STRIDE, PhaseEvent.DONE): Phase.FOLLOW,
+    (Phase.STRIDE, PhaseEvent.EXHAUSTED): Phase.FOLLOW,
+    (Phase.STRIDE, PhaseEvent.OVERWOUND): Phase.FOLLOW,
 }
 
 # Interned once: the control tick must not build strings.
-WHY: Mapping[tuple[Phase, Event], str] = {
-    (phase, event): f"{phase.value}.{event.value}" for phase in Phase for event in Event
+WHY: Mapping[tuple[Phase, PhaseEvent], str] = {
+    (phase, event): f"{phase.value}.{event.value}" for phase in Phase for event in PhaseEvent
 }

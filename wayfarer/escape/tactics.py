@@ -1,10 +1,10 @@
 """Tactics: small objects with a memory that may change the plan at an anomaly; ``catalogue`` combines them.
 
 The ten algorithms of the paper answer each anomaly from what they see at that moment (``policies``). A tactic
-remembers: it is asked at each anomaly, after those choices, and may change the plan that is in the ``Course``: side,
-turn angle, back-off, length of the straight, radius of the probe's arc, and whether a heading back at the goal ends the
-episode. It sees what any blind rover has: the compass, that something is wrong, and dead reckoning from commands. It
-cannot prolong anything: phases keep their bounds, whatever is planned.
+remembers: it is asked at each anomaly, after those choices, and may change the plan that is in the ``EscapePlan``:
+side, turn angle, back-off, length of the straight, radius of the probe's arc, and whether a heading back at the goal
+ends the episode. It sees what any blind rover has: the compass, that something is wrong, and dead reckoning from
+commands. It cannot prolong anything: phases keep their bounds, whatever is planned.
 
 Numbers without another source are from ``docs/better-escape.md``, found on the even layouts of the reference forests.
 """
@@ -15,11 +15,11 @@ from collections.abc import Callable
 from math import inf
 from typing import NamedTuple, Protocol
 
-from wayfarer.escape.manoeuvres import Course
+from wayfarer.escape.manoeuvres import EscapePlan
 from wayfarer.escape.policies import CLOCKWISE
 
 
-class Met(NamedTuple):
+class AnomalyContext(NamedTuple):
     """An anomaly, as a tactic sees it.
 
     ``nose_up_deg`` is how far the nose has risen over the slope of the ground. ``bearing_deg`` is the heading relative
@@ -43,11 +43,11 @@ class Tactic(Protocol):
     def reset(self) -> None:
         """Forget everything: a new mission begins."""
 
-    def plan(self, met: Met, course: Course) -> None:
+    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """Change the plan for this anomaly."""
 
 
-class Measures:
+class PlanScaling:
     """Plan in other measures: each a multiple of what the rover file says, so that it still fits the rover."""
 
     def __init__(self, *, turn: float = 1.0, back_off: float = 1.0, straight: float = 1.0, radius: float = 1.0) -> None:
@@ -56,12 +56,12 @@ class Measures:
     def reset(self) -> None:
         """See ``Tactic``; there is nothing to forget."""
 
-    def plan(self, _met: Met, course: Course) -> None:
+    def plan(self, _context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """See ``Tactic``."""
-        course.turn_deg *= self._turn
-        course.back_off_m *= self._back_off
-        course.straight_m *= self._straight
-        course.radius_m *= self._radius
+        escape_plan.turn_deg *= self._turn
+        escape_plan.back_off_m *= self._back_off
+        escape_plan.straight_m *= self._straight
+        escape_plan.radius_m *= self._radius
 
 
 class ShortBackOff:
@@ -79,11 +79,11 @@ class ShortBackOff:
         """See ``Tactic``."""
         self._last_m = -inf
 
-    def plan(self, met: Met, course: Course) -> None:
+    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """See ``Tactic``."""
-        free = met.travelled_m - self._last_m > self._free_run_m
-        self._last_m = met.travelled_m
-        course.back_off_m *= self._first if free and not met.blocked_turns else self._again
+        free = context.travelled_m - self._last_m > self._free_run_m
+        self._last_m = context.travelled_m
+        escape_plan.back_off_m *= self._first if free and not context.blocked_turns else self._again
 
 
 # A rover that pushes onto a trunk for the 0.3 s of a stall raises its nose by some 8 degrees; a compass's own noise is
@@ -91,14 +91,14 @@ class ShortBackOff:
 NOSE_UP_DEG = 3.0
 
 
-def on_the_way(met: Met) -> bool:
+def on_the_way(context: AnomalyContext) -> bool:
     """Tell whether the rover was following its goal: along a wall, contacts are what is to be expected."""
-    return met.new_episode
+    return context.new_episode
 
 
-def nose_level(met: Met) -> bool:
+def nose_level(context: AnomalyContext) -> bool:
     """Tell whether the nose did not rise: nothing that can be climbed is ahead."""
-    return met.nose_up_deg < NOSE_UP_DEG
+    return context.nose_up_deg < NOSE_UP_DEG
 
 
 class RetryAhead:
@@ -108,7 +108,7 @@ class RetryAhead:
     answered. A wall costs a stall and a back-off more; a slip costs neither arc nor drift to one side.
     """
 
-    def __init__(self, free_run_m: float, worth: Callable[[Met], bool]) -> None:
+    def __init__(self, free_run_m: float, worth: Callable[[AnomalyContext], bool]) -> None:
         self._free_run_m, self._worth = free_run_m, worth
         self.reset()
 
@@ -116,12 +116,12 @@ class RetryAhead:
         """See ``Tactic``."""
         self._last_m = -inf
 
-    def plan(self, met: Met, course: Course) -> None:
+    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """See ``Tactic``."""
-        free = met.travelled_m - self._last_m > self._free_run_m
-        self._last_m = met.travelled_m
-        if free and not met.blocked_turns and self._worth(met):
-            course.turn_deg = 0.0
+        free = context.travelled_m - self._last_m > self._free_run_m
+        self._last_m = context.travelled_m
+        if free and not context.blocked_turns and self._worth(context):
+            escape_plan.turn_deg = 0.0
 
 
 class ConfirmWall:
@@ -140,17 +140,17 @@ class ConfirmWall:
         self._next_side = -CLOCKWISE
         self._confirmed = True
 
-    def plan(self, met: Met, course: Course) -> None:
+    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """See ``Tactic``."""
-        near = met.travelled_m - self._last_m <= self._confirms_within_m
-        self._last_m = met.travelled_m
-        if met.new_episode and not near:
+        near = context.travelled_m - self._last_m <= self._confirms_within_m
+        self._last_m = context.travelled_m
+        if context.new_episode and not near:
             self._confirmed = False
-            course.side, self._next_side = self._next_side, -self._next_side
-            course.turn_deg = self._small_turn_deg
+            escape_plan.side, self._next_side = self._next_side, -self._next_side
+            escape_plan.turn_deg = self._small_turn_deg
         elif not self._confirmed:
             self._confirmed = True
-            course.side = CLOCKWISE
+            escape_plan.side = CLOCKWISE
 
 
 class ArcSchedule:
@@ -171,25 +171,25 @@ class ArcSchedule:
         self._last_m = self._longest_m = 0.0
         self._gap_deg = 0.0
 
-    def plan(self, met: Met, course: Course) -> None:
+    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
         """See ``Tactic``."""
-        run_m, self._last_m = met.travelled_m - self._last_m, met.travelled_m
+        run_m, self._last_m = context.travelled_m - self._last_m, context.travelled_m
         if run_m >= self._free_run_m:
             self._step, self._in_a_row = max(self._step - 1, 0), 0
         else:
             self._in_a_row += 1
             if self._in_a_row % self._anomalies == 0:
                 self._step = min(self._step + 1, len(self._radii) - 1)
-        course.radius_m *= self._radii[self._step]
-        course.back_off_m *= 1.0 + self._step
-        self._remember_gap(met, course, run_m)
+        escape_plan.radius_m *= self._radii[self._step]
+        escape_plan.back_off_m *= 1.0 + self._step
+        self._remember_gap(context, escape_plan, run_m)
 
-    def _remember_gap(self, met: Met, course: Course, run_m: float) -> None:
-        if met.new_episode:
-            towards_deg = self._gap_deg - met.bearing_deg
-            if abs(self._gap_deg) <= 90.0 and abs(towards_deg) > course.turn_deg:
-                course.side = 1 if towards_deg > 0.0 else -1
-                course.turn_deg = abs(towards_deg)
+    def _remember_gap(self, context: AnomalyContext, escape_plan: EscapePlan, run_m: float) -> None:
+        if context.new_episode:
+            towards_deg = self._gap_deg - context.bearing_deg
+            if abs(self._gap_deg) <= 90.0 and abs(towards_deg) > escape_plan.turn_deg:
+                escape_plan.side = 1 if towards_deg > 0.0 else -1
+                escape_plan.turn_deg = abs(towards_deg)
             self._longest_m = 0.0
         elif run_m > self._longest_m:
-            self._longest_m, self._gap_deg = run_m, met.bearing_deg
+            self._longest_m, self._gap_deg = run_m, context.bearing_deg

@@ -18,7 +18,7 @@ from wayfarer.fieldlog.log import Record
 GOAL_HEADING_DEG = 0.0  # generated forests are left to the north
 
 
-class SelfArming:
+class AutoArm:
     """A viewer around another one: it arms the run once ``watched`` is set and the rover knows its heading."""
 
     def __init__(self, viewer: Viewer, watched: asyncio.Event) -> None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.experiments.trial_setup import TrialSpec
     from wayfarer.simhal.mujoco.terrain import Terrains
-    from wayfarer.simhal.world.sites.field_site import Site
+    from wayfarer.simhal.world.sites.field_site import FieldSite
 
 NOISES_PER_LAYOUT = 2  # the paper's 1,000 trials are 500 layouts x 2 noise seeds
 
@@ -109,7 +109,7 @@ class Campaign:
     ground: GroundName = GroundName.ideal
 
     @property
-    def site(self) -> Site | None:
+    def site(self) -> FieldSite | None:
         """The site of the scenario."""
         if self.scenario is None:
             return None

@@ -23,7 +23,7 @@ from wayfarer.experiments.executors import RunTrial, TrialRunner, field_trial, l
 from wayfarer.experiments.progress_bar import drawing, fault_line, say, shown_progress
 from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.rows import columns_of, csv_line
-from wayfarer.experiments.run_campaign import Finished
+from wayfarer.experiments.run_campaign import CampaignResult
 from wayfarer.experiments.tables import FORESTS, Layout, print_table
 from wayfarer.simhal.world.forest_file import content_of
 from wayfarer.simhal.world.grounds import GroundName
@@ -31,7 +31,7 @@ from wayfarer.simhal.world.grounds import GroundName
 if TYPE_CHECKING:
     from wayfarer.experiments.dask_cluster import Cluster
     from wayfarer.simhal.mujoco.terrain import Terrains
-    from wayfarer.simhal.world.wheeled_body import Body
+    from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 PAPER = "paper"  # stands for the ten of the paper, which are the catalogue
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
@@ -90,7 +90,7 @@ def check_body(campaign: Campaign, where: str) -> None:
         _check_model(body, where)
 
 
-def _check_model(body: Body, where: str) -> None:
+def _check_model(body: WheeledBody, where: str) -> None:
     """Make sure that the engine takes this body.
 
     Raises:
@@ -124,7 +124,7 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
     from wayfarer.config.factory import NEEDED
     from wayfarer.simhal.build_rover import Depth, bus_depth, missing_package
     from wayfarer.simhal.buses import ChipMisuse, FakeBuses
-    from wayfarer.simhal.random_streams import Streams
+    from wayfarer.simhal.random_streams import RandomStreams
     from wayfarer.simhal.world.forest import Forest
     from wayfarer.simhal.world.physics import Physics
     from wayfarer.simhal.world.world import World
@@ -134,7 +134,7 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
         raise BadConfig(with_place(where, f"key 'parts.{missing[0]}' is missing: {lacks}"))
     if why := missing_package(config, Depth.BUS):
         raise MissingPackage(f"{why}; or use --depth device")
-    clearing, streams = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ()), Streams(0)
+    clearing, streams = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ()), RandomStreams(0)
     world = World(clearing, config.vehicle, Physics(), streams)
     try:
         bus_depth(world, streams, config, lambda: 0.0, FakeBuses())
@@ -288,12 +288,12 @@ def _layout(campaign: Campaign) -> Layout:
     return layout_of(campaign.scenario, campaign.rover.name)
 
 
-def _interruption(finished: Finished, total: int, out: Path | None) -> str:
+def _interruption(finished: CampaignResult, total: int, out: Path | None) -> str:
     count = f"interrupted: {finished.trials} of {total} trials are"
     return f"{count} kept in {out}; add --resume to go on" if out else f"{count} done; with --out DIR they are kept"
 
 
-def _effort(finished: Finished) -> str:
+def _effort(finished: CampaignResult) -> str:
     effort = finished.effort
     simulated_h = finished.totals.simulated_s / 3600
     per_tick = f", {effort.cpu_us_per_tick:.1f} us of CPU a control tick" if effort.cpu_us_per_tick else ""

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.trajectory import Point, Trace
+from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.shortest_path import is_closed
 
@@ -26,7 +26,7 @@ AGAINST_FROM_SHARE = 0.1  # of the time: a rover that backs off and tries again 
 NEW_BELOW_SHARE = 1.0 / 3.0  # of the places of the second half
 
 
-class Why(StrEnum):
+class Cause(StrEnum):
     """What kept a rover in, in the order in which it is asked."""
 
     CLOSED = "closed layout"
@@ -39,13 +39,13 @@ class Why(StrEnum):
 
 
 EXPLAINED = {
-    Why.CLOSED: "no way leads to the goal line or over an edge, for a body of this width",
-    Why.CANNOT_TURN: f"away from obstacles, under {TURNS_BELOW_SHARE:.0%} of the turn that was asked for came about",
-    Why.WEDGED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body, against something",
-    Why.STALLED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body and was hardly against anything",
-    Why.NARROW: "a way out is as wide as this body, none as wide as its diagonal: it cannot turn everywhere",
-    Why.ORBITING: f"under {NEW_BELOW_SHARE:.0%} of the places where it was were new to it",
-    Why.OUT_OF_TIME: "it still came to new places when its time or path was used up",
+    Cause.CLOSED: "no way leads to the goal line or over an edge, for a body of this width",
+    Cause.CANNOT_TURN: f"away from obstacles, under {TURNS_BELOW_SHARE:.0%} of the turn that was asked for came about",
+    Cause.WEDGED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body, against something",
+    Cause.STALLED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body and was hardly against anything",
+    Cause.NARROW: "a way out is as wide as this body, none as wide as its diagonal: it cannot turn everywhere",
+    Cause.ORBITING: f"under {NEW_BELOW_SHARE:.0%} of the places where it was were new to it",
+    Cause.OUT_OF_TIME: "it still came to new places when its time or path was used up",
 }
 
 
@@ -58,7 +58,7 @@ class Entrapment(NamedTuple):
     where it had not been in the first half.
     """
 
-    why: Why
+    why: Cause
     middle_m: tuple[float, float]
     extent_m: float
     touching: float
@@ -77,20 +77,20 @@ def entrapment(forest: Forest, rover: RoverConfig, trace: Trace) -> Entrapment:
     turned = _turned(late, rover.escape.turn_deg_s)
     new = _new([point for point in points if point.t_s < halfway_s], late)
     if is_closed(forest, vehicle.width_m):
-        why = Why.CLOSED
+        why = Cause.CLOSED
     elif turned is not None and turned < TURNS_BELOW_SHARE:
-        why = Why.CANNOT_TURN
+        why = Cause.CANNOT_TURN
     elif extent_m <= IN_ONE_PLACE_LENGTHS * vehicle.length_m:
-        why = Why.WEDGED if touching >= AGAINST_FROM_SHARE else Why.STALLED
+        why = Cause.WEDGED if touching >= AGAINST_FROM_SHARE else Cause.STALLED
     elif is_closed(forest, hypot(vehicle.width_m, vehicle.length_m)):
-        why = Why.NARROW
+        why = Cause.NARROW
     else:
-        why = Why.ORBITING if new < NEW_BELOW_SHARE else Why.OUT_OF_TIME
+        why = Cause.ORBITING if new < NEW_BELOW_SHARE else Cause.OUT_OF_TIME
     middle_m = (west_m + east_m) / 2.0, (south_m + north_m) / 2.0
     return Entrapment(why, middle_m, extent_m, touching, turned, new)
 
 
-def _driven(points: Sequence[Point]) -> Sequence[Point]:
+def _driven(points: Sequence[TrajectoryPoint]) -> Sequence[TrajectoryPoint]:
     """Return the way without the time at its end in which a rover that gave up stands."""
     last = max((number for number, point in enumerate(points) if point.phase is not Phase.HALT), default=0)
     return points[: last + 2]
@@ -100,13 +100,13 @@ def _ends(values: Sequence[float]) -> tuple[float, float]:
     return min(values), max(values)
 
 
-def _touching(points: Sequence[Point]) -> float:
+def _touching(points: Sequence[TrajectoryPoint]) -> float:
     """Return the share of the time that was spent against something."""
     lasted_s = points[-1].t_s - points[0].t_s
     return sum(after.t_s - at.t_s for at, after in pairwise(points) if at.touches) / lasted_s if lasted_s else 0.0
 
 
-def _turned(points: Sequence[Point], asked_deg_s: float) -> float | None:
+def _turned(points: Sequence[TrajectoryPoint], asked_deg_s: float) -> float | None:
     """Return how much of the turn that was asked for while nothing was touched came about."""
     asked_deg = turned_deg = 0.0
     for at, after in pairwise(points):
@@ -116,11 +116,11 @@ def _turned(points: Sequence[Point], asked_deg_s: float) -> float | None:
     return turned_deg / asked_deg if asked_deg >= ASKED_AT_LEAST_DEG else None
 
 
-def _new(early: Sequence[Point], late: Sequence[Point]) -> float:
+def _new(early: Sequence[TrajectoryPoint], late: Sequence[TrajectoryPoint]) -> float:
     """Return the share of the later places that are not among the earlier ones."""
     places = _places(late)
     return len(places - _places(early)) / len(places)
 
 
-def _places(points: Sequence[Point]) -> set[tuple[int, int]]:
+def _places(points: Sequence[TrajectoryPoint]) -> set[tuple[int, int]]:
     return {(int(point.x_m // PLACE_M), int(point.y_m // PLACE_M)) for point in points}

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeVar
 from uuid import uuid4
 
 from wayfarer.experiments.campaign import Campaign, Task
-from wayfarer.experiments.rows import Row, rounded_row, row_of
+from wayfarer.experiments.rows import TrialRow, rounded_row, row_of
 
 if TYPE_CHECKING:
     from wayfarer.experiments.trial import TrialResult
@@ -48,7 +48,7 @@ class RunTrial(Protocol):
         """Run one trial."""
 
 
-class Fault(NamedTuple):
+class TrialError(NamedTuple):
     """What went wrong in a trial: in one line, and for the programmer."""
 
     text: str
@@ -58,8 +58,8 @@ class Fault(NamedTuple):
 class Done(NamedTuple):
     """A finished trial."""
 
-    row: Row
-    fault: Fault | None = None
+    row: TrialRow
+    fault: TrialError | None = None
 
 
 class Stopped(Exception):  # a request that was heard, not an error
@@ -112,15 +112,15 @@ class TrialRunner:
             latest = self._latest = trial, self._campaign.make_forest(trial)
         return latest[1]
 
-    def _fault_row(self, task: Task) -> Row:
+    def _fault_row(self, task: Task) -> TrialRow:
         campaign = self._campaign
         forest, noise = campaign.forest_and_noise(task.trial)
-        row = Row(task.trial, task.algorithm, forest, noise, campaign.trial_seed(task.trial), "fault")
+        row = TrialRow(task.trial, task.algorithm, forest, noise, campaign.trial_seed(task.trial), "fault")
         if campaign.terrains is None:
             return row
-        from wayfarer.simhal.random_streams import Streams  # wants numpy, as what follows a campaign need not
+        from wayfarer.simhal.random_streams import RandomStreams  # wants numpy, as what follows a campaign need not
 
-        return rounded_row(**{**row._asdict(), **campaign.terrains.draw(Streams(row.seed))._asdict()})
+        return rounded_row(**{**row._asdict(), **campaign.terrains.draw(RandomStreams(row.seed))._asdict()})
 
 
 class MakeExecutor(Protocol):
@@ -260,10 +260,12 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _fault(error: Exception) -> Fault:
+def _fault(error: Exception) -> TrialError:
     from wayfarer.control.supervisor import first_cause  # the simulator is imported only where trials run
 
     cause = first_cause(error)
     frame = traceback.extract_tb(cause.__traceback__)[-1]
     text = " ".join(f"{type(cause).__name__}: {cause}".split())
-    return Fault(f"{text} ({Path(frame.filename).name}:{frame.lineno})", "".join(traceback.format_exception(error)))
+    return TrialError(
+        f"{text} ({Path(frame.filename).name}:{frame.lineno})", "".join(traceback.format_exception(error))
+    )

@@ -13,7 +13,7 @@ from wayfarer.simhal.world.simulated_world import SimulatedWorld
 TICKS_A_RECORD = 4  # a fifth of a second at 20 Hz: plenty to draw a path
 
 
-class Witness(PartialLog):
+class GroundTruthLog(PartialLog):
     """Writes ``truth`` beside the ticks: regularly, and whenever the rover begins or ceases to slip or to touch.
 
     Injected faults are ground truth too: ``note`` writes ``fault`` when one begins or ends.

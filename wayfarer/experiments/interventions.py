@@ -14,8 +14,8 @@ from wayfarer.simhal.world.simulated_world import SimulatedWorld
 PULLED_BACK_M = 0.15  # as far as the rover itself backs off; shorter than any shipped rover, so nothing is jumped over
 
 
-class Attendant:
-    """Looks at the world after each step, then lets the referee look."""
+class InterventionCounter:
+    """Looks at the world after each step, then lets the outcome monitor look."""
 
     def __init__(self, tip_deg: float, then: Callable[[SimulatedWorld], None]) -> None:
         self._tip_deg = tip_deg

@@ -6,11 +6,11 @@ import asyncio
 from collections.abc import Callable
 
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.daemon.daemon import Vessel
-from wayfarer.experiments.ground_truth_log import Witness
-from wayfarer.experiments.outcome import Referee
+from wayfarer.daemon.daemon import RoverSetup
+from wayfarer.experiments.ground_truth_log import GroundTruthLog
+from wayfarer.experiments.outcome import OutcomeMonitor
 from wayfarer.simhal.build_rover import Depth, build
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest_file import as_row
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
@@ -19,18 +19,18 @@ from wayfarer.simhal.world.world import World
 NO_BUDGET_M = 1e9  # a person may watch for as long as they like
 
 
-def desk_vessel(config: RoverConfig, depth: Depth, seed: int, finish: Callable[[str, str], None]) -> Vessel:
+def live_rover_setup(config: RoverConfig, depth: Depth, seed: int, finish: Callable[[str, str], None]) -> RoverSetup:
     """Return a rover at the start of a forest, in a world that begins now; made on the running loop.
 
     ``finish`` is called with a reason and a sentence when the rover has left the forest, or has tipped over.
     """
     clock = asyncio.get_running_loop().time
-    forest, streams, physics = generate_forest(seed, 0, seed), Streams(seed), Physics()
+    forest, streams, physics = generate_forest(seed, 0, seed), RandomStreams(seed), Physics()
     world = World(forest, config.vehicle, physics, streams, starts_s=clock())
 
     def tell(outcome: str, _: str) -> None:
         finish(outcome, f"the simulated rover has {outcome.replace('_', ' ')} after {world.path_m:.1f} m")
 
-    world.after_step = Referee(forest, NO_BUDGET_M, physics.tip_deg, tell).watch
+    world.after_step = OutcomeMonitor(forest, NO_BUDGET_M, physics.tip_deg, tell).watch
     rover = build(depth, world, streams, config, clock)
-    return Vessel(rover, world=as_row(forest), witness=lambda log: Witness(log, world))
+    return RoverSetup(rover, world=as_row(forest), ground_truth_log=lambda log: GroundTruthLog(log, world))

@@ -24,7 +24,7 @@ ENDINGS: Mapping[Outcome, str] = {
 TIME_PER_BUDGET_S_PER_M = 4.0
 
 
-class Referee:
+class OutcomeMonitor:
     """Watches a world; ``call_off`` is called once, when the outcome is known.
 
     A rover that is not out after ``limit_s``, or whose path has used up ``budget_m``, is entrapped.

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.errors import BadInput
-from wayfarer.experiments.rows import SUCCESSES, Row
+from wayfarer.experiments.rows import SUCCESSES, TrialRow
 
 RESAMPLES = 4000
 TAIL = 0.025  # on either side of a 95 % interval
@@ -42,7 +42,7 @@ class Share(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Compared:
+class Comparison:
     """One algorithm, and what it is beside the one that it was compared with.
 
     ``spl_gain`` is over all pairs whose shortest path is known, a failure counting 0; ``path_gain_m``, metres,
@@ -58,16 +58,16 @@ class Compared:
     path_gain_m: Estimate | None
     entrapped: Share
     left_bounds: Share
-    worst: Row
+    worst: TrialRow
 
 
-def compare(rows: Sequence[Row], against: str) -> list[Compared]:
+def compare(rows: Sequence[TrialRow], against: str) -> list[Comparison]:
     """Compare every algorithm of a campaign with one of them, which comes first.
 
     Raises:
         BadInput: that one is not there, is alone, or two trials have the same algorithm, forest and noise.
     """
-    trials: dict[str, dict[PairKey, Row]] = {}
+    trials: dict[str, dict[PairKey, TrialRow]] = {}
     for row in rows:
         if trials.setdefault(row.algorithm, {}).setdefault((row.forest, row.noise), row) is not row:
             raise BadInput(
@@ -82,10 +82,10 @@ def compare(rows: Sequence[Row], against: str) -> list[Compared]:
     return [_compared(against, base, None), *(_compared(name, own, base) for name, own in trials.items())]
 
 
-def _compared(name: str, own: dict[PairKey, Row], base: dict[PairKey, Row] | None) -> Compared:
+def _compared(name: str, own: dict[PairKey, TrialRow], base: dict[PairKey, TrialRow] | None) -> Comparison:
     rows = list(own.values())
     pairs = [(row, base[key]) for key, row in own.items() if key in base] if base else []
-    return Compared(
+    return Comparison(
         name,
         len(rows),
         len({row.forest for row in rows}),
@@ -102,15 +102,15 @@ def _mean(values: Sequence[float]) -> float | None:
     return math.fsum(values) / len(values) if values else None
 
 
-def _spl(row: Row) -> float | None:
+def _spl(row: TrialRow) -> float | None:
     return None if row.shortest_path_m is None else row.spl or 0.0
 
 
-def _path_m(row: Row) -> float | None:
+def _path_m(row: TrialRow) -> float | None:
     return row.path_m if row.outcome in SUCCESSES else None
 
 
-def _gain(pairs: Sequence[tuple[Row, Row]], value: Callable[[Row], float | None]) -> Estimate | None:
+def _gain(pairs: Sequence[tuple[TrialRow, TrialRow]], value: Callable[[TrialRow], float | None]) -> Estimate | None:
     """Return the mean difference of a value over the pairs that have it on both sides; None where none has."""
     gains: dict[int, list[float]] = {}
     for own, other in pairs:
@@ -136,7 +136,7 @@ def cluster_bootstrap(clusters: Sequence[Sequence[float]], resamples: int = RESA
     return Estimate(float(sums.sum() / counts.sum()), low, high)
 
 
-def _share(rows: Sequence[Row], outcome: str) -> Share:
+def _share(rows: Sequence[TrialRow], outcome: str) -> Share:
     count = sum(row.outcome == outcome for row in rows)
     return Share(count / len(rows), *exact_interval(count, len(rows)))
 

@@ -16,14 +16,14 @@ LINES = 10  # for a whole campaign
 FAULTS_TOLD = 5  # further ones are counted in the table
 
 
-class Progress:
+class ProgressDisplay:
     """Shows nothing; the others show more."""
 
     def advance(self, done: Done) -> None:
         """Take note of a finished trial."""
 
 
-class Lines(Progress):
+class ProgressLines(ProgressDisplay):
     """A line for each tenth of the trials, and one for each of the first few faults."""
 
     def __init__(self, console: Console, kept: int, total: int) -> None:
@@ -46,7 +46,7 @@ class Lines(Progress):
             say(self._console, f"{self._finished} of {self._total} trials")
 
 
-class Bar(Lines):
+class ProgressBar(ProgressLines):
     """A bar with the rate and the time left, below the lines about faults."""
 
     def __init__(self, bar: RichProgress, kept: int, total: int) -> None:
@@ -58,7 +58,7 @@ class Bar(Lines):
         self._bar.advance(self._task)
 
 
-class Rate(ProgressColumn):
+class TrialRateColumn(ProgressColumn):
     """Trials a second."""
 
     def render(self, task: Task) -> Text:
@@ -67,14 +67,16 @@ class Rate(ProgressColumn):
 
 
 @contextmanager
-def shown_progress(console: Console, kept: int, total: int) -> Iterator[Progress]:
+def shown_progress(console: Console, kept: int, total: int) -> Iterator[ProgressDisplay]:
     """Show progress on ``console`` from ``kept`` to ``total`` trials."""
     if not console.is_terminal:
-        yield Lines(console, kept, total)
+        yield ProgressLines(console, kept, total)
         return
     count = TextColumn("{task.completed} of {task.total} trials")
-    with RichProgress(BarColumn(), count, Rate(), TimeRemainingColumn(), console=console, transient=True) as bar:
-        yield Bar(bar, kept, total)
+    with RichProgress(
+        BarColumn(), count, TrialRateColumn(), TimeRemainingColumn(), console=console, transient=True
+    ) as bar:
+        yield ProgressBar(bar, kept, total)
 
 
 @contextmanager

@@ -21,8 +21,8 @@ from typing import Any, Self
 from wayfarer.config.chassis import AT_A_BRANCH, Chassis
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.campaign import Tasks
-from wayfarer.experiments.rows import Row, columns_of, csv_line
-from wayfarer.experiments.store import Kept, columns_in, rows_in
+from wayfarer.experiments.rows import TrialRow, columns_of, csv_line
+from wayfarer.experiments.store import TrialStore, columns_in, rows_in
 from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.simhal.world.grounds import GroundName
 
@@ -81,7 +81,7 @@ class ResultsFolder:
         with self._writing():
             write_whole(self.path / FORESTS, content)
 
-    def append(self, row: Row) -> None:
+    def append(self, row: TrialRow) -> None:
         """Keep a finished trial, whatever happens to this process next.
 
         Raises:
@@ -90,7 +90,7 @@ class ResultsFolder:
         with self._writing():
             self.kept.append(row)
 
-    def into_tables(self, rows: Iterable[Row]) -> Iterator[Row]:
+    def into_tables(self, rows: Iterable[TrialRow]) -> Iterator[TrialRow]:
         """Pass on ``rows``, in their final order, and write them: the tables are there when the last has passed.
 
         Raises:
@@ -103,7 +103,7 @@ class ResultsFolder:
             whole_file(self.path / TRIALS) as text_draft,
             whole_file(self.path / PARQUET) as parquet_draft,
             text_draft.open("w", encoding="utf-8") as text,
-            ParquetRows(parquet_draft, types_of(Row, self._columns)) as parquet,
+            ParquetRows(parquet_draft, types_of(TrialRow, self._columns)) as parquet,
         ):
             text.write(csv_line(self._columns))
             for row in rows:
@@ -121,7 +121,7 @@ class ResultsFolder:
             write_whole(self.path / SUMMARY, _json(summary))
             (self.path / PARTIAL).unlink()
 
-    def _claim(self, settings: Mapping[str, Any], resume: bool) -> Kept:
+    def _claim(self, settings: Mapping[str, Any], resume: bool) -> TrialStore:
         """Make the folder this campaign's and return the trials that it holds."""
         if not any(self.path.iterdir()):
             write_whole(self.path / SETTINGS, _json(settings))
@@ -132,11 +132,11 @@ class ResultsFolder:
         tasks = Tasks(settings["algorithms"], settings["trials"])
         if self.complete:
             path = self.path / TRIALS
-            return Kept(self._open.enter_context(path.open("rb")), tasks, str(path), self._columns)
+            return TrialStore(self._open.enter_context(path.open("rb")), tasks, str(path), self._columns)
         path, columns = self.path / PARTIAL, (*self._columns, "ticks")
         _drop_torn_line(path, columns)
         _add_kinds(path, columns)
-        return Kept(self._open.enter_context(path.open("r+b")), tasks, str(path), columns)
+        return TrialStore(self._open.enter_context(path.open("r+b")), tasks, str(path), columns)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -240,7 +240,7 @@ def _add_kinds(path: Path, columns: tuple[str, ...]) -> None:
             text.writelines(csv_line(columns, row) for _, row in rows_in(file, str(path), there))
 
 
-def read_rows(path: Path, fields: tuple[str, ...]) -> list[Row]:
+def read_rows(path: Path, fields: tuple[str, ...]) -> list[TrialRow]:
     """Read the rows of a file that has these columns.
 
     Raises:

@@ -26,7 +26,7 @@ DECIMALS: Mapping[str, int] = {
 }  # fmt: skip
 
 
-class Row(NamedTuple):
+class TrialRow(NamedTuple):
     """What is kept of one trial; None where a value is not known, as in a trial that ended in a fault.
 
     ``interventions`` are counted in scenarios only: of a rover that has ``overturned``, and of one that is
@@ -62,7 +62,7 @@ class Row(NamedTuple):
 
 
 TERRAIN = ("friction", "roughness_m", "torque_scale")
-COLUMNS = tuple(name for name in Row._fields if name not in (*TERRAIN, "ticks"))
+COLUMNS = tuple(name for name in TrialRow._fields if name not in (*TERRAIN, "ticks"))
 
 
 def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
@@ -75,22 +75,22 @@ def without_kinds(columns: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name in columns if name not in KINDS)
 
 
-def row_of(result: TrialResult) -> Row:
+def row_of(result: TrialResult) -> TrialRow:
     """Return a trial's result as its row."""
     return rounded_row(**result._asdict())
 
 
-def rounded_row(**values: Any) -> Row:
+def rounded_row(**values: Any) -> TrialRow:
     """Return a row of these values."""
-    return Row(**{name: _kept(name, value) for name, value in values.items()})
+    return TrialRow(**{name: _kept(name, value) for name, value in values.items()})
 
 
-def csv_line(columns: Sequence[str], row: Row | None = None) -> str:
+def csv_line(columns: Sequence[str], row: TrialRow | None = None) -> str:
     """Return these columns of a row as a line of CSV; without a row their names."""
     return ",".join(columns if row is None else (_text(name, getattr(row, name)) for name in columns)) + "\n"
 
 
-def parse_row(line: str, fields: tuple[str, ...], where: str) -> Row:
+def parse_row(line: str, fields: tuple[str, ...], where: str) -> TrialRow:
     """Return the row that ``csv_line`` wrote.
 
     Raises:
@@ -98,7 +98,7 @@ def parse_row(line: str, fields: tuple[str, ...], where: str) -> Row:
     """
     texts = line.rstrip("\n").split(",")
     try:
-        row = Row(**{name: _value(name, text) for name, text in zip(fields, texts, strict=True)})
+        row = TrialRow(**{name: _value(name, text) for name, text in zip(fields, texts, strict=True)})
         if row.outcome not in OUTCOMES:
             raise ValueError(f"unknown outcome '{row.outcome}'")
     except ValueError as error:
@@ -121,7 +121,7 @@ def _text(name: str, value: Any) -> str:
 def _value(name: str, text: str) -> Any:
     if name in TEXT_COLUMNS:
         return text
-    if not text and name in Row._field_defaults:
+    if not text and name in TrialRow._field_defaults:
         return None
     if name not in DECIMALS:
         return int(text)

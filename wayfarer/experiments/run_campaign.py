@@ -20,16 +20,16 @@ from typing import Any, NamedTuple
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.executors import MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
-from wayfarer.experiments.progress_bar import Progress
+from wayfarer.experiments.progress_bar import ProgressDisplay
 from wayfarer.experiments.results_folder import ResultsFolder
-from wayfarer.experiments.rows import Row
-from wayfarer.experiments.statistics import Summary, summarise
-from wayfarer.experiments.store import Kept
+from wayfarer.experiments.rows import TrialRow
+from wayfarer.experiments.statistics import AlgorithmSummary, summarise
+from wayfarer.experiments.store import TrialStore
 
 SAME_SIGNAL_S = 0.5  # a signal to the whole process group may reach the workers first
 
 
-class Effort(NamedTuple):
+class ComputeCost(NamedTuple):
     """What a run took: seconds on the clock, CPU seconds of this process and its workers, control ticks.
 
     The CPU of other machines is not known: None.
@@ -52,7 +52,7 @@ class Totals:
     simulated_s: float = 0.0
     ticks: int = 0
 
-    def over(self, rows: Iterable[Row]) -> Iterator[Row]:
+    def over(self, rows: Iterable[TrialRow]) -> Iterator[TrialRow]:
         """Pass rows on and add them up."""
         for row in rows:
             self.simulated_s += row.time_s or 0.0
@@ -61,7 +61,7 @@ class Totals:
 
 
 @dataclass(frozen=True, slots=True)
-class Finished:
+class CampaignResult:
     """How a run ended: how many trials there are, what this run took, and what all of them say once none is missing.
 
     ``summaries`` has one line an algorithm.
@@ -69,9 +69,9 @@ class Finished:
 
     campaign: Campaign
     trials: int
-    effort: Effort
+    effort: ComputeCost
     totals: Totals
-    summaries: Sequence[Summary] = ()
+    summaries: Sequence[AlgorithmSummary] = ()
 
     @property
     def interrupted(self) -> bool:
@@ -94,10 +94,10 @@ def run(
     folder: ResultsFolder | None = None,
     *,
     jobs: int = 1,
-    progress: Progress | None = None,
+    progress: ProgressDisplay | None = None,
     executor: MakeExecutor | None = None,
     run_trial: RunTrial = field_trial,
-) -> Finished:
+) -> CampaignResult:
     """Run the trials that ``folder`` does not hold yet, and write the final files when none is missing.
 
     Results depend neither on ``jobs``, the number of processes, nor on an ``executor`` in their place. Without a
@@ -106,7 +106,7 @@ def run(
     Raises:
         WayfarerError: a worker died, or the folder cannot be written any more; finished trials are kept.
     """
-    progress = progress or Progress()
+    progress = progress or ProgressDisplay()
     began, ticks = os.times(), 0
     with _kept(campaign, folder) as kept, stop_on_signals() as stop:
         todo = kept.missing()
@@ -126,18 +126,20 @@ def run(
 
 
 @contextmanager
-def _kept(campaign: Campaign, folder: ResultsFolder | None) -> Iterator[Kept]:
+def _kept(campaign: Campaign, folder: ResultsFolder | None) -> Iterator[TrialStore]:
     if folder:
         yield folder.kept
         return
     with TemporaryFile() as file:
-        yield Kept.begun(file, campaign.tasks_by_forest())
+        yield TrialStore.begun(file, campaign.tasks_by_forest())
 
 
-def _summed_up(campaign: Campaign, kept: Kept, folder: ResultsFolder | None, effort: Effort) -> Finished:
+def _summed_up(
+    campaign: Campaign, kept: TrialStore, folder: ResultsFolder | None, effort: ComputeCost
+) -> CampaignResult:
     """Go once through all trials, if none is missing: for the summaries, and the tables of a folder without them."""
     totals = Totals()
-    finished = Finished(campaign, len(kept), effort, totals)
+    finished = CampaignResult(campaign, len(kept), effort, totals)
     if finished.interrupted:
         return finished
     to_finish = folder if folder and not folder.complete else None
@@ -153,10 +155,10 @@ def _rounded(values: dict[str, Any]) -> dict[str, Any]:
     return {name: round(value, 4) if isinstance(value, float) else value for name, value in values.items()}
 
 
-def _effort(began: os.times_result, ticks: int, *, elsewhere: bool) -> Effort:
+def _effort(began: os.times_result, ticks: int, *, elsewhere: bool) -> ComputeCost:
     """Measure since ``began``; the CPU of workers counts once they have ended, and not where they are elsewhere."""
     now = os.times()
-    return Effort(now.elapsed - began.elapsed, None if elsewhere else sum(now[:4]) - sum(began[:4]), ticks)
+    return ComputeCost(now.elapsed - began.elapsed, None if elsewhere else sum(now[:4]) - sum(began[:4]), ticks)
 
 
 @contextmanager

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from wayfarer.experiments.statistics import Summary
-from wayfarer.experiments.tables import Column, Layout, mean_and_sd, number, success
+from wayfarer.experiments.statistics import AlgorithmSummary
+from wayfarer.experiments.tables import Layout, PaperColumn, mean_and_sd, number, success
 
 
 class FieldTrials(NamedTuple):
@@ -32,7 +32,7 @@ PAPER: Mapping[tuple[str, str, str], FieldTrials] = {
 }
 
 
-def _interventions(summary: Summary) -> str:
+def _interventions(summary: AlgorithmSummary) -> str:
     """Return how many there were in ten trials, with those of each kind where they were told apart."""
     in_ten = [
         number(10.0 * mean)
@@ -43,26 +43,26 @@ def _interventions(summary: Summary) -> str:
 
 
 OUTCOMES = (
-    Column("trials", lambda s: str(s.trials), lambda _: "10"),
-    Column("success %\n[95 %]", success, lambda p: number(10.0 * p.successes)),
-    Column("entrapped", lambda s: str(s.entrapped), lambda p: str(10 - p.successes)),
-    Column("left\nbounds", lambda s: str(s.left_bounds)),
+    PaperColumn("trials", lambda s: str(s.trials), lambda _: "10"),
+    PaperColumn("success %\n[95 %]", success, lambda p: number(10.0 * p.successes)),
+    PaperColumn("entrapped", lambda s: str(s.entrapped), lambda p: str(10 - p.successes)),
+    PaperColumn("left\nbounds", lambda s: str(s.left_bounds)),
 )
 MEASURES = (
-    Column(
+    PaperColumn(
         "time s\nmean ± SD",
         lambda s: mean_and_sd(s.escape_mean_s, s.escape_sd_s),
         lambda p: mean_and_sd(p.mean_s, p.sd_s),
     ),
-    Column("median\ns", lambda s: number(s.escape_median_s)),
-    Column(
+    PaperColumn("median\ns", lambda s: number(s.escape_median_s)),
+    PaperColumn(
         "interventions\nin ten trials",
         _interventions,
         lambda p: number(float(p.interventions)),
     ),
-    Column("path m\nmean ± SD", lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m)),
-    Column("SPL", lambda s: number(s.spl, 3)),
-    Column("anomalies", lambda s: number(s.anomalies_mean)),
+    PaperColumn("path m\nmean ± SD", lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m)),
+    PaperColumn("SPL", lambda s: number(s.spl, 3)),
+    PaperColumn("anomalies", lambda s: number(s.anomalies_mean)),
 )
 
 

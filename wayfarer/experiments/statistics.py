@@ -10,12 +10,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from wayfarer.experiments.rows import SUCCESSES, Row
+from wayfarer.experiments.rows import SUCCESSES, TrialRow
 
 Z_95 = statistics.NormalDist().inv_cdf(0.975)
 
 
-class Spread(NamedTuple):
+class SampleSpread(NamedTuple):
     """Mean, sample standard deviation and median; None where there are too few values to tell."""
 
     mean: float | None
@@ -24,7 +24,7 @@ class Spread(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class AlgorithmSummary:
     """One algorithm's line of the table.
 
     Path lengths are in metres, over the successes (escaped or left bounds), as in the paper. ``spl`` is the
@@ -71,9 +71,9 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     return max(0.0, (centre - half) / (1 + spread)), min(1.0, (centre + half) / (1 + spread))
 
 
-def spread_of(values: Sequence[float]) -> Spread:
+def spread_of(values: Sequence[float]) -> SampleSpread:
     """Return mean, sample standard deviation and median of ``values``, in their own unit."""
-    return Spread(
+    return SampleSpread(
         statistics.fmean(values) if values else None,
         statistics.stdev(values) if len(values) > 1 else None,
         _median(values),
@@ -111,7 +111,7 @@ def _append(values: array[float], value: float | None) -> None:
         values.append(value)
 
 
-def summarise(algorithm: str, rows: Iterable[Row]) -> Summary:
+def summarise(algorithm: str, rows: Iterable[TrialRow]) -> AlgorithmSummary:
     """Return what ``rows``, all of one algorithm and at least one, say of it.
 
     No row is kept. SPL is success weighted by path length, 0..1 (Anderson et al., arXiv:1807.06757).
@@ -135,7 +135,7 @@ def summarise(algorithm: str, rows: Iterable[Row]) -> Summary:
     successes = sum(outcomes[outcome] for outcome in SUCCESSES)
     low, high = wilson_interval(successes, trials)
     path_m, escape_s = spread_of(paths_m), spread_of(escapes_s)
-    return Summary(
+    return AlgorithmSummary(
         algorithm,
         trials,
         escaped=outcomes["escaped"],

@@ -12,12 +12,12 @@ from typing import BinaryIO
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Tasks
-from wayfarer.experiments.rows import Row, csv_line, parse_row, without_kinds
+from wayfarer.experiments.rows import TrialRow, csv_line, parse_row, without_kinds
 
 NOWHERE = 0  # no row begins where the names of the columns stand
 
 
-class Kept(Iterable[Row]):
+class TrialStore(Iterable[TrialRow]):
     """The rows of a file that begins with the names of its columns, ``fields``; ``name`` is what errors call it.
 
     Iterating gives them by algorithm as asked, then by trial. The file is its opener's to close.
@@ -39,15 +39,15 @@ class Kept(Iterable[Row]):
         self._end = file.tell()
 
     @classmethod
-    def begun(cls, file: BinaryIO, tasks: Tasks) -> Kept:
+    def begun(cls, file: BinaryIO, tasks: Tasks) -> TrialStore:
         """Return those of an empty file: none yet."""
-        file.write(csv_line(Row._fields).encode())
-        return cls(file, tasks, "the file of finished trials", Row._fields)
+        file.write(csv_line(TrialRow._fields).encode())
+        return cls(file, tasks, "the file of finished trials", TrialRow._fields)
 
     def __len__(self) -> int:
         return self._count
 
-    def __iter__(self) -> Iterator[Row]:
+    def __iter__(self) -> Iterator[TrialRow]:
         every = len(self._algorithms)
         for index in range(every):
             for trial in range(self._trials):
@@ -62,7 +62,7 @@ class Kept(Iterable[Row]):
         numbers = array("q", (number for number, start in enumerate(self._starts) if start == NOWHERE))
         return Tasks(tuple(self._algorithms), self._trials, numbers)
 
-    def append(self, row: Row) -> None:
+    def append(self, row: TrialRow) -> None:
         """Keep a finished trial, whatever happens to this process next.
 
         Raises:
@@ -75,7 +75,7 @@ class Kept(Iterable[Row]):
         self._place(row, self._end)
         self._end += len(line)
 
-    def _place(self, row: Row, start: int) -> None:
+    def _place(self, row: TrialRow, start: int) -> None:
         """Note where a trial's line begins; of two lines of one trial the later one counts."""
         if row.algorithm not in self._algorithms or not 0 <= row.trial < self._trials:
             raise BadInput(f"{self._name} is damaged: the campaign has no trial {row.trial} of {row.algorithm!r}")
@@ -98,7 +98,7 @@ def columns_in(file: BinaryIO, name: str, fields: tuple[str, ...]) -> tuple[str,
     raise BadInput(f"{name} is damaged: its first line does not name its columns; run the campaign again")
 
 
-def rows_in(file: BinaryIO, name: str, fields: tuple[str, ...]) -> Iterator[tuple[int, Row]]:
+def rows_in(file: BinaryIO, name: str, fields: tuple[str, ...]) -> Iterator[tuple[int, TrialRow]]:
     """Read a file of rows with these columns, or those of older versions; yield each with the offset of its line.
 
     Raises:

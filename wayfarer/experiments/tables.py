@@ -10,7 +10,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from wayfarer.experiments.statistics import Summary
+from wayfarer.experiments.statistics import AlgorithmSummary
 
 
 class PaperFigures(NamedTuple):
@@ -31,19 +31,19 @@ PAPER: Mapping[str, PaperFigures] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class PaperColumn:
     """One column: how it reads for a summary, and for the paper's figures."""
 
     title: str
-    ours: Callable[[Summary], str]
+    ours: Callable[[AlgorithmSummary], str]
     papers: Callable[[Any], str] = lambda _: ""
 
 
 class Layout(NamedTuple):
     """What a table shows: its columns in two groups, and the paper's figures by algorithm."""
 
-    outcomes: tuple[Column, ...]
-    measures: tuple[Column, ...]
+    outcomes: tuple[PaperColumn, ...]
+    measures: tuple[PaperColumn, ...]
     paper: Mapping[str, Any]
 
 
@@ -57,38 +57,38 @@ def mean_and_sd(mean: float | None, sd: float | None) -> str:
     return number(mean) if sd is None else f"{number(mean)} ± {sd:.1f}"
 
 
-def success(summary: Summary) -> str:
+def success(summary: AlgorithmSummary) -> str:
     """Return the share of successes with its interval, in per cent."""
     low, high = summary.success_low_percent, summary.success_high_percent
     return f"{summary.success_percent:.1f} [{low:.1f}, {high:.1f}]"
 
 
-NAME = Column("algorithm", lambda s: s.algorithm, lambda _: "  paper")
+NAME = PaperColumn("algorithm", lambda s: s.algorithm, lambda _: "  paper")
 OUTCOMES = (
-    Column("trials", lambda s: str(s.trials)),
-    Column("success %\n[95 %]", success, lambda p: number(p.success_percent)),
-    Column("entrapped", lambda s: str(s.entrapped)),
-    Column("left\nbounds", lambda s: str(s.left_bounds)),
-    Column("tipped", lambda s: str(s.tipped)),
+    PaperColumn("trials", lambda s: str(s.trials)),
+    PaperColumn("success %\n[95 %]", success, lambda p: number(p.success_percent)),
+    PaperColumn("entrapped", lambda s: str(s.entrapped)),
+    PaperColumn("left\nbounds", lambda s: str(s.left_bounds)),
+    PaperColumn("tipped", lambda s: str(s.tipped)),
 )
-FAULTS = Column("faults", lambda s: str(s.fault))
+FAULTS = PaperColumn("faults", lambda s: str(s.fault))
 PATHS = (
-    Column(
+    PaperColumn(
         "path m\nmean ± SD",
         lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m),
         lambda p: mean_and_sd(p.path_mean_m, p.path_sd_m),
     ),
-    Column("median\nm", lambda s: number(s.path_median_m)),
-    Column("SPL", lambda s: number(s.spl, 3)),
-    Column("time\ns", lambda s: number(s.time_mean_s)),
-    Column("anomalies", lambda s: number(s.anomalies_mean)),
+    PaperColumn("median\nm", lambda s: number(s.path_median_m)),
+    PaperColumn("SPL", lambda s: number(s.spl, 3)),
+    PaperColumn("time\ns", lambda s: number(s.time_mean_s)),
+    PaperColumn("anomalies", lambda s: number(s.anomalies_mean)),
 )
 
 
 FORESTS = Layout(OUTCOMES, PATHS, PAPER)
 
 
-def print_table(console: Console, summaries: Sequence[Summary], layout: Layout = FORESTS) -> None:
+def print_table(console: Console, summaries: Sequence[AlgorithmSummary], layout: Layout = FORESTS) -> None:
     """Print one table, or where the console is too narrow for it outcomes and measures below each other."""
     faults = (FAULTS,) if any(summary.fault for summary in summaries) else ()
     outcomes = (*layout.outcomes, *faults)
@@ -101,11 +101,11 @@ def print_table(console: Console, summaries: Sequence[Summary], layout: Layout =
         console.print()
 
 
-def _two(summaries: Sequence[Summary], outcomes: Sequence[Column], layout: Layout) -> list[Table]:
+def _two(summaries: Sequence[AlgorithmSummary], outcomes: Sequence[PaperColumn], layout: Layout) -> list[Table]:
     return [_table(summaries, (NAME, *columns), layout.paper) for columns in (outcomes, layout.measures)]
 
 
-def _table(summaries: Sequence[Summary], columns: Sequence[Column], papers: Mapping[str, Any]) -> Table:
+def _table(summaries: Sequence[AlgorithmSummary], columns: Sequence[PaperColumn], papers: Mapping[str, Any]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
     for column in columns:
         table.add_column(column.title, justify="left" if column is NAME else "right", no_wrap=True)

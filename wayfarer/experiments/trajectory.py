@@ -19,7 +19,7 @@ from wayfarer.simhal.world.simulated_world import SimulatedWorld
 KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius of 1.15 m
 
 
-class Point(NamedTuple):
+class TrajectoryPoint(NamedTuple):
     """Where the rover was, metres east and north, and what it was doing from there on.
 
     ``heading_deg`` counts whole turns; ``touches`` says whether the body was against an obstacle.
@@ -36,7 +36,7 @@ class Point(NamedTuple):
 class Trace(NamedTuple):
     """The way of one trial: its points in the order of time, and where the ground gave way."""
 
-    points: list[Point]
+    points: list[TrajectoryPoint]
     slips_m: list[tuple[float, float]]
 
 
@@ -61,12 +61,14 @@ class TraceLog(PartialLog):
         if not points or self._changes(phase, points[-1]) or self._gone_m() >= KEPT_EVERY_M:
             points.append(self._point(phase))
 
-    def _changes(self, phase: Phase, last: Point) -> bool:
+    def _changes(self, phase: Phase, last: TrajectoryPoint) -> bool:
         return phase is not last.phase or (self._world.touch is not None) is not last.touches
 
-    def _point(self, phase: Phase) -> Point:
+    def _point(self, phase: Phase) -> TrajectoryPoint:
         world = self._world
-        return Point(world.x_m, world.y_m, phase, world.t_s, degrees(world.heading_rad), world.touch is not None)
+        return TrajectoryPoint(
+            world.x_m, world.y_m, phase, world.t_s, degrees(world.heading_rad), world.touch is not None
+        )
 
     def _gone_m(self) -> float:
         """Return the distance from the last point that was kept."""

@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.control.records import PartialLog, Tee, TickRecord
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.outcome import Outcome, Referee
-from wayfarer.experiments.trial_setup import MakeLog, Stage, TrialSpec
+from wayfarer.experiments.outcome import Outcome, OutcomeMonitor
+from wayfarer.experiments.trial_setup import MakeLog, TrialSetup, TrialSpec
 from wayfarer.hal import Rover
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.grounds import GroundName
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:
-    from wayfarer.experiments.ground_truth_log import Witness
+    from wayfarer.experiments.ground_truth_log import GroundTruthLog
     from wayfarer.fieldlog.log import FieldLog
 
 
 class TrialResult(NamedTuple):
-    """What the referee says of one trial.
+    """What the outcome monitor says of one trial.
 
     ``interventions``, and of which kind they were, where an attendant walked beside the rover; ``friction`` and what
     follows where it was in MuJoCo.
@@ -55,7 +55,7 @@ class TrialResult(NamedTuple):
 GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the controller's reason for disarming
 
 
-class Tally(PartialLog):
+class TrialCounters(PartialLog):
     """A run log that counts and keeps nothing."""
 
     def __init__(self) -> None:
@@ -107,30 +107,30 @@ def run_watched(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
 
 
 async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
-    tally = Tally()
-    stage = Stage(spec, lambda *seen: tally if make_log is None else Tee(tally, make_log(*seen)))
-    await stage.supervisor.arm(spec.forest.heading_deg)
-    end = await stage.supervisor.run()
-    result = _result(spec, _outcome(stage.referee, tally, end), stage.referee, stage.world, tally)
-    if stage.attendant:
-        flips, hangs = stage.attendant.flips, stage.attendant.hangs
+    counters = TrialCounters()
+    setup = TrialSetup(spec, lambda *seen: counters if make_log is None else Tee(counters, make_log(*seen)))
+    await setup.supervisor.arm(spec.forest.heading_deg)
+    end = await setup.supervisor.run()
+    result = _result(spec, _outcome(setup.outcome_monitor, counters, end), setup.outcome_monitor, setup.world, counters)
+    if setup.intervention_counter:
+        flips, hangs = setup.intervention_counter.flips, setup.intervention_counter.hangs
         result = result._replace(interventions=flips + hangs, overturned=flips, off_wheels=hangs)
-    return result._replace(**stage.terrain._asdict()) if stage.terrain else result
+    return result._replace(**setup.terrain._asdict()) if setup.terrain else result
 
 
-def _outcome(referee: Referee, tally: Tally, end: RunEnd) -> Outcome:
+def _outcome(outcome_monitor: OutcomeMonitor, counters: TrialCounters, end: RunEnd) -> Outcome:
     """Return how a trial ended; a rover that gave up, or used up its own mission's limits, did not get out either."""
-    if tally.why_disarmed is not None:
-        return "entrapped" if tally.why_disarmed == GAVE_UP else "fault"
-    return referee.outcome or ("entrapped" if end.reason.startswith("mission_") else "fault")
+    if counters.why_disarmed is not None:
+        return "entrapped" if counters.why_disarmed == GAVE_UP else "fault"
+    return outcome_monitor.outcome or ("entrapped" if end.reason.startswith("mission_") else "fault")
 
 
-def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover) -> tuple[FieldLog, Witness]:
+def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover) -> tuple[FieldLog, GroundTruthLog]:
     """Return the log that a rover in the field writes, and who writes the truth beside it.
 
     Its wall clock is the trial's, and it is written as it comes, without a thread: the same trial gives the same bytes.
     """
-    from wayfarer.experiments.ground_truth_log import Witness
+    from wayfarer.experiments.ground_truth_log import GroundTruthLog
     from wayfarer.fieldlog.log import FieldLog
     from wayfarer.fieldlog.writer import RunFiles  # a thousand trials without a log need neither structlog nor orjson
     from wayfarer.simhal.world.forest_file import as_row
@@ -144,7 +144,7 @@ def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover
         "forest": forest.forest,
         "noise": forest.noise,
         "seed": spec.seed,
-        "algorithm_seed": Streams(spec.seed).random_seed("algorithm"),
+        "algorithm_seed": RandomStreams(spec.seed).random_seed("algorithm"),
         "simulated": True,
         "parts": {name: part.name for name, part in rover.parts.items()},
         "world": as_row(forest),
@@ -152,16 +152,18 @@ def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover
         "budget_m": spec.budget_m,
     }
     if spec.terrains is not None:
-        details["mujoco"] = spec.terrains.draw(Streams(spec.seed))._asdict()
+        details["mujoco"] = spec.terrains.draw(RandomStreams(spec.seed))._asdict()
     if spec.ground is not GroundName.ideal:
         details["ground"] = spec.ground.value
     log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s)
-    return log, Witness(log, world)
+    return log, GroundTruthLog(log, world)
 
 
-def _result(spec: TrialSpec, outcome: Outcome, referee: Referee, world: SimulatedWorld, tally: Tally) -> TrialResult:
+def _result(
+    spec: TrialSpec, outcome: Outcome, outcome_monitor: OutcomeMonitor, world: SimulatedWorld, counters: TrialCounters
+) -> TrialResult:
     forest = spec.forest
-    path_m = referee.path_m(world)
+    path_m = outcome_monitor.path_m(world)
     shortest_m = forest.shortest_path_m
     succeeded = outcome in ("escaped", "left_bounds")
     spl = None if shortest_m is None else shortest_m / max(shortest_m, path_m) if succeeded else 0.0
@@ -175,9 +177,9 @@ def _result(spec: TrialSpec, outcome: Outcome, referee: Referee, world: Simulate
         path_m,
         world.reverse_m,
         world.t_s,
-        tally.anomalies,
-        tally.episodes,
+        counters.anomalies,
+        counters.episodes,
         shortest_m,
         spl,
-        tally.ticks,
+        counters.ticks,
     )

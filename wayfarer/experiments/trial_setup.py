@@ -12,12 +12,12 @@ from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.records import RunLog
 from wayfarer.control.supervisor import Supervisor
-from wayfarer.experiments.interventions import Attendant
-from wayfarer.experiments.outcome import Referee
+from wayfarer.experiments.interventions import InterventionCounter
+from wayfarer.experiments.outcome import OutcomeMonitor
 from wayfarer.hal import Rover
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.faults.kinds import Fault
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.grounds import FRICTIONS, GroundName
 from wayfarer.simhal.world.physics import PHYSICS, Physics
@@ -28,7 +28,7 @@ from wayfarer.simhal.world.world import World
 
 if TYPE_CHECKING:
     from wayfarer.simhal.mujoco.terrain import Terrain, Terrains
-    from wayfarer.simhal.world.sites.field_site import Site
+    from wayfarer.simhal.world.sites.field_site import FieldSite
 
 MakeLog = Callable[[SimulatedWorld, Rover], RunLog]
 
@@ -37,7 +37,7 @@ MakeLog = Callable[[SimulatedWorld, Rover], RunLog]
 class TrialSpec:
     """Everything that decides a trial: the same spec gives the same result, on any worker.
 
-    ``sense_noise`` multiplies the noise of compass, tilt and flow; ``slip_mean_m`` counts, not that of ``physics``. At
+    ``sensor_noise`` multiplies the noise of compass, tilt and flow; ``slip_mean_m`` counts, not that of ``physics``. At
     a ``site`` somebody walks beside the rover, and its time is limited. With ``terrains`` the body moves in MuJoCo and
     not in physics-light; of ``physics`` then count the noise of the senses, unequal sides, slips (as mud) and tipping.
     ``ground`` is what physics-light has under the wheels.
@@ -52,15 +52,15 @@ class TrialSpec:
     budget_m: float = 1000.0
     depth: Depth = Depth.DEVICE
     faults: Sequence[Fault] = ()
-    sense_noise: float = 1.0
+    sensor_noise: float = 1.0
     physics: Physics = PHYSICS
-    site: Site | None = None
+    site: FieldSite | None = None
     terrains: Terrains | None = None
     ground: GroundName = GroundName.ideal
 
 
-class Stage:
-    """World, rover, supervisor and referee of one run; made on the running loop.
+class TrialSetup:
+    """World, rover, supervisor and outcome monitor of one run; made on the running loop.
 
     Raises:
         MissingPart: the rover cannot give what the algorithm needs.
@@ -69,7 +69,7 @@ class Stage:
 
     def __init__(self, spec: TrialSpec, make_log: MakeLog) -> None:
         self.config = spec.rover
-        loop, streams = asyncio.get_running_loop(), Streams(spec.seed, spec.sense_noise)
+        loop, streams = asyncio.get_running_loop(), RandomStreams(spec.seed, spec.sensor_noise)
         algorithm = find_algorithm(spec.algorithm)
         handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
         physics = replace(spec.physics, slip_mean_m=spec.slip_mean_m)
@@ -86,12 +86,18 @@ class Stage:
             self.rover = build(spec.depth, self.world, streams, spec.rover, loop.time)
         self.supervisor = Supervisor(self.rover, spec.rover, algorithm, handler, make_log(self.world, self.rover))
         limit_s = spec.site.time_limit_s if spec.site else inf
-        self.referee = Referee(spec.forest, spec.budget_m, physics.tip_deg, self.supervisor.finish, limit_s)
-        self.attendant = Attendant(physics.tip_deg, self.referee.watch) if spec.site else None
-        self.world.after_step = self.attendant.watch if self.attendant else self.referee.watch
+        self.outcome_monitor = OutcomeMonitor(
+            spec.forest, spec.budget_m, physics.tip_deg, self.supervisor.finish, limit_s
+        )
+        self.intervention_counter = (
+            InterventionCounter(physics.tip_deg, self.outcome_monitor.watch) if spec.site else None
+        )
+        self.world.after_step = (
+            self.intervention_counter.watch if self.intervention_counter else self.outcome_monitor.watch
+        )
 
 
-def _world(spec: TrialSpec, physics: Physics, terrain: Terrain | None, streams: Streams) -> SimulatedWorld:
+def _world(spec: TrialSpec, physics: Physics, terrain: Terrain | None, streams: RandomStreams) -> SimulatedWorld:
     """Return the world that a trial asks for.
 
     Raises:

@@ -17,10 +17,10 @@ from wayfarer.experiments.commands import INTERRUPTED, cores, make_empty_folder
 from wayfarer.experiments.executors import Stopped, stream
 from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.run_campaign import stop_on_signals
+from wayfarer.fault_scenarios.batch_progress import shown, worker_death_explained
 from wayfarer.fault_scenarios.judge import judge
-from wayfarer.fault_scenarios.progress import shown, worker_death_explained
 from wayfarer.fault_scenarios.result import Procedure, Result
-from wayfarer.fault_scenarios.runner import play, play_well
+from wayfarer.fault_scenarios.runner import run_scenario, run_without_faults
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fault_scenarios.selection import Row, unplayed
 from wayfarer.fault_scenarios.table import print_results
@@ -43,8 +43,8 @@ class ScenarioRunner:
     def run(self, scenario: Scenario) -> Result:
         """Run one and judge it; whatever it raises is its own problem and goes no further."""
         try:
-            played = play(scenario, self._logs / scenario.name if self._logs else None)
-            return judge(scenario, played, play_well(scenario))
+            run_result = run_scenario(scenario, self._logs / scenario.name if self._logs else None)
+            return judge(scenario, run_result, run_without_faults(scenario))
         except Exception as error:
             return _not_run(scenario, error)
 

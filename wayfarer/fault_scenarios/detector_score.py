@@ -20,7 +20,7 @@ SPEED_OVER_S = 0.1  # a body that rubs at a trunk jerks: its speed is a mean
 AFTERWARDS_S = 0.15  # three control periods: a sensor's reading, the tick, and the window that empties
 
 
-class Span(NamedTuple):
+class TimeSpan(NamedTuple):
     """From when to when, in seconds."""
 
     begins_s: float
@@ -51,14 +51,14 @@ class Timeline:
     """Collects the spans of each of several keys from samples that say which keys hold at a time."""
 
     def __init__(self) -> None:
-        self.spans: dict[Any, list[Span]] = {}
+        self.spans: dict[Any, list[TimeSpan]] = {}
         self._since_s: dict[Any, float] = {}
         self._last_s = 0.0
 
     def sample(self, t_s: float, keys: Sequence[Any]) -> None:
         """Take what holds now."""
         for key in [key for key in self._since_s if key not in keys]:
-            self.spans.setdefault(key, []).append(Span(self._since_s.pop(key), self._last_s))
+            self.spans.setdefault(key, []).append(TimeSpan(self._since_s.pop(key), self._last_s))
         for key in keys:
             self._since_s.setdefault(key, t_s)
         self._last_s = t_s
@@ -68,7 +68,7 @@ class Timeline:
         self.sample(self._last_s, ())
 
 
-class Truth(PartialLog):
+class DetectorScorer(PartialLog):
     """Watches a run from both sides: the world at each of its steps, the detector at each control tick.
 
     In physics-light what slips or touches is held. A body with wheels (``on_wheels``) that slips is not, and one that
@@ -119,12 +119,12 @@ class Truth(PartialLog):
     def _held(self, world: SimulatedWorld, driven_m_s: float) -> bool:
         """Tell whether something holds the body."""
         if not self._on_wheels:
-            return world.slipping or world.touch is not None or world.mishaps.snagged
+            return world.slipping or world.touch is not None or world.body_faults.snagged
         if world.t_s - self._seen_s >= SPEED_OVER_S:
             moved_m = world.forward_m - world.reverse_m
             self._speed_m_s = (moved_m - self._seen_m) / (world.t_s - self._seen_s)
             self._seen_s, self._seen_m = world.t_s, moved_m
-        something = world.touch is not None or world.hangs or world.mishaps.snagged
+        something = world.touch is not None or world.hangs or world.body_faults.snagged
         along_m_s = self._speed_m_s if driven_m_s > 0.0 else -self._speed_m_s
         return something and along_m_s < self._config.detector.immobilised_below * abs(driven_m_s)
 
@@ -147,7 +147,7 @@ def _waits_s(config: RoverConfig, anomaly: Anomaly) -> float:
     return detector.tilt_s + 2 / rates.compass_hz
 
 
-def score(really: Sequence[Span], claimed: Sequence[Span], waits_s: float) -> Score:
+def score(really: Sequence[TimeSpan], claimed: Sequence[TimeSpan], waits_s: float) -> Score:
     """Return how claims fared against episodes; both in the order of time."""
     delays_s = [_delay_s(span, claimed) for span in really]
     found_s = [delay_s for delay_s in delays_s if delay_s is not None]
@@ -159,11 +159,11 @@ def score(really: Sequence[Span], claimed: Sequence[Span], waits_s: float) -> Sc
     return Score(len(found_s) + missed, len(found_s), len(claimed), right, tuple(found_s))
 
 
-def _covers(span: Span, claim: Span) -> bool:
+def _covers(span: TimeSpan, claim: TimeSpan) -> bool:
     return span.begins_s <= claim.begins_s <= span.ends_s + AFTERWARDS_S
 
 
-def _delay_s(span: Span, claimed: Sequence[Span]) -> float | None:
+def _delay_s(span: TimeSpan, claimed: Sequence[TimeSpan]) -> float | None:
     """Return how long after its beginning an episode was claimed; at once where the claim was there before."""
     for claim in claimed:
         if claim.begins_s <= span.ends_s + AFTERWARDS_S and claim.ends_s >= span.begins_s:

@@ -19,9 +19,9 @@ from wayfarer.experiments.executors import Stopped, stream
 from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.run_campaign import stop_on_signals
 from wayfarer.experiments.statistics import wilson_interval
+from wayfarer.fault_scenarios.batch_progress import shown, worker_death_explained
 from wayfarer.fault_scenarios.detector_score import NOTHING, Score
-from wayfarer.fault_scenarios.detector_trials import CELLS, Cell, DetectorRunner, DetectorTask, Scores
-from wayfarer.fault_scenarios.progress import shown, worker_death_explained
+from wayfarer.fault_scenarios.detector_trials import CELLS, DetectorCase, DetectorRunner, DetectorTask, Scores
 from wayfarer.fieldlog.atomic_file import whole_file
 
 TRIALS = 50  # of each cell, where nobody says how many
@@ -36,11 +36,11 @@ LEGEND = (
     "at least: lower end of the 95 % interval; delay: from an episode's beginning to its claim, median",
 )
 
-Measured = Mapping[Cell, Scores]
+Measured = Mapping[DetectorCase, Scores]
 
 
 def run_detector(
-    rover: str | None, trials: int | None, jobs: int | None, out: Path | None, cells: Sequence[Cell] = CELLS
+    rover: str | None, trials: int | None, jobs: int | None, out: Path | None, cells: Sequence[DetectorCase] = CELLS
 ) -> int:
     """Measure the detector against what the simulated world knows, print the table, and return 0, or 130 if stopped.
 
@@ -68,9 +68,9 @@ def run_detector(
     return 0
 
 
-def _measured(config: RoverConfig, cells: Sequence[Cell], trials: int, jobs: int, aside: Console) -> Measured:
+def _measured(config: RoverConfig, cells: Sequence[DetectorCase], trials: int, jobs: int, aside: Console) -> Measured:
     tasks = [DetectorTask(cell, trial) for trial in range(trials) for cell in cells]
-    done: list[tuple[Cell, Scores]] = []
+    done: list[tuple[DetectorCase, Scores]] = []
     with (
         stop_on_signals() as stop,
         worker_death_explained(done, "trials"),
@@ -85,7 +85,7 @@ def together(scores: Sequence[Scores]) -> Scores:
     return {anomaly: sum((each[anomaly] for each in scores), NOTHING) for anomaly in Anomaly}
 
 
-def rows(measured: Measured) -> Iterator[tuple[Anomaly, Cell, Score]]:
+def rows(measured: Measured) -> Iterator[tuple[Anomaly, DetectorCase, Score]]:
     """Yield the rows of the table: contact for touches, motion for all else."""
     for anomaly in Anomaly:
         for cell, scores in measured.items():

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Anomaly
-from wayfarer.experiments.trial_setup import Stage, TrialSpec
-from wayfarer.fault_scenarios.detector_score import Score, Truth
+from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
+from wayfarer.fault_scenarios.detector_score import DetectorScorer, Score
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault, Slope
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ SLOPE_MAX_DEG = 40.0
 SLOPE_LASTS_S = (0.3, 3.0)
 
 
-class Cell(NamedTuple):
+class DetectorCase(NamedTuple):
     """What one part of the table is measured under."""
 
     source: str
@@ -42,7 +42,7 @@ class Cell(NamedTuple):
 
 
 CELLS = tuple(
-    Cell(source, slip_mean_m, noise)
+    DetectorCase(source, slip_mean_m, noise)
     for source in ("motion", "contact")
     for slip_mean_m in SLIP_MEANS_M
     for noise in NOISES
@@ -51,25 +51,27 @@ FRICTIONS = (0.1, 0.15, 0.3, 0.5, 0.8)
 Scores = dict[Anomaly, Score]
 
 
-def cells_in_mujoco(friction: float | None, torque_scale: float) -> tuple[Cell, ...]:
+def cells_in_mujoco(friction: float | None, torque_scale: float) -> tuple[DetectorCase, ...]:
     """Return the cells of a table by ground: of one friction, or of those that the documents speak of."""
     frictions = FRICTIONS if friction is None else (friction,)
-    return tuple(Cell(source, 10.0, 1.0, each, torque_scale) for each in frictions for source in ("motion", "contact"))
+    return tuple(
+        DetectorCase(source, 10.0, 1.0, each, torque_scale) for each in frictions for source in ("motion", "contact")
+    )
 
 
-def measure(rover: RoverConfig, cell: Cell, trial: int) -> Scores:
+def measure(rover: RoverConfig, cell: DetectorCase, trial: int) -> Scores:
     """Return the scores of one trial."""
     config = rover.with_anomaly_source("contact" if cell.source == "contact" else "motion")
     faults = _slopes(trial)
     spec = TrialSpec(
         trial, "forest-pledge", generate_forest(trial, 0, trial), trial, config, cell.slip_mean_m, BUDGET_M,
-        faults=faults, sense_noise=cell.noise, terrains=_terrains(cell),
+        faults=faults, sensor_noise=cell.noise, terrains=_terrains(cell),
     )  # fmt: skip
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         return runner.run(_run(spec))
 
 
-def _terrains(cell: Cell) -> Terrains | None:
+def _terrains(cell: DetectorCase) -> Terrains | None:
     if cell.friction is None:
         return None
     from wayfarer.simhal.mujoco.terrain import Range, Terrains  # physics-light needs no engine
@@ -78,14 +80,14 @@ def _terrains(cell: Cell) -> Terrains | None:
 
 
 async def _run(spec: TrialSpec) -> Scores:
-    truth = Truth(spec.rover, on_wheels=spec.terrains is not None)
-    stage = Stage(spec, lambda *_: truth)
-    truth.follow(stage.world)
-    assert stage.injector is not None
-    stage.injector.start(stage.world, stage.supervisor.helm.power, _unnoted)
-    await stage.supervisor.arm(spec.forest.heading_deg)
-    await stage.supervisor.run()
-    stage.injector.end()
+    truth = DetectorScorer(spec.rover, on_wheels=spec.terrains is not None)
+    setup = TrialSetup(spec, lambda *_: truth)
+    truth.follow(setup.world)
+    assert setup.injector is not None
+    setup.injector.start(setup.world, setup.supervisor.controller.power, _unnoted)
+    await setup.supervisor.arm(spec.forest.heading_deg)
+    await setup.supervisor.run()
+    setup.injector.end()
     return truth.scores()
 
 
@@ -94,7 +96,7 @@ def _unnoted(t_s: float, fault: Fault, *, begins: bool) -> None:
 
 
 def _slopes(trial: int) -> tuple[Fault, ...]:
-    chance = Streams(trial).random("detector.slopes")
+    chance = RandomStreams(trial).random("detector.slopes")
     faults = []
     for number in range(SLOPES):
         angle_deg = chance.uniform(-SLOPE_MAX_DEG, SLOPE_MAX_DEG)
@@ -107,7 +109,7 @@ def _slopes(trial: int) -> tuple[Fault, ...]:
 class DetectorTask(NamedTuple):
     """One trial of one cell."""
 
-    cell: Cell
+    cell: DetectorCase
     trial: int
 
 
@@ -117,6 +119,6 @@ class DetectorRunner:
     def __init__(self, rover: RoverConfig) -> None:
         self._rover = rover
 
-    def run_chunk(self, tasks: Sequence[DetectorTask]) -> list[tuple[Cell, Scores]]:
+    def run_chunk(self, tasks: Sequence[DetectorTask]) -> list[tuple[DetectorCase, Scores]]:
         """Measure several."""
         return [(task.cell, measure(self._rover, *task)) for task in tasks]

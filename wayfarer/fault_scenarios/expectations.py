@@ -5,13 +5,13 @@ from __future__ import annotations
 from itertools import pairwise
 from math import inf
 
-from wayfarer.fault_scenarios.recorder import Monitor
+from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.fault_scenarios.scenario import Expectation
 
 ROUNDING_S = 1e-6
 
 
-def misconduct(expect: Expectation, monitor: Monitor, begun_s: float) -> list[str]:
+def violations(expect: Expectation, monitor: RunRecorder, begun_s: float) -> list[str]:
     """Return what a run did against what is expected from ``begun_s`` on, in words; empty where nothing."""
     return [
         *_unanswered(expect, monitor, begun_s),
@@ -21,7 +21,7 @@ def misconduct(expect: Expectation, monitor: Monitor, begun_s: float) -> list[st
     ]
 
 
-def _unanswered(expect: Expectation, monitor: Monitor, begun_s: float) -> list[str]:
+def _unanswered(expect: Expectation, monitor: RunRecorder, begun_s: float) -> list[str]:
     if not expect.answer:
         return []
     wanted = " or ".join(expect.answer)
@@ -33,15 +33,15 @@ def _unanswered(expect: Expectation, monitor: Monitor, begun_s: float) -> list[s
     return [f"the escape logic never answered by {wanted}"]
 
 
-def _unwanted(expect: Expectation, monitor: Monitor, begun_s: float) -> list[str]:
-    came = {happening.name for happening in monitor.happenings if happening.t_s >= begun_s}
+def _unwanted(expect: Expectation, monitor: RunRecorder, begun_s: float) -> list[str]:
+    came = {happening.name for happening in monitor.recorded_events if happening.t_s >= begun_s}
     for moment in monitor.moments:
         if moment.t_s >= begun_s:
             came |= {moment.why, *(condition.value for condition in moment.conditions)}
     return [f"there was '{name}', which must not come" for name in expect.never if name in came]
 
 
-def _gaps(expect: Expectation, monitor: Monitor) -> list[str]:
+def _gaps(expect: Expectation, monitor: RunRecorder) -> list[str]:
     most_s = expect.ticks_within_s
     if most_s is None:
         return []
@@ -49,7 +49,7 @@ def _gaps(expect: Expectation, monitor: Monitor) -> list[str]:
     return [f"{gap_s:.2f} s between two ticks, {most_s:g} s are allowed"] if gap_s > most_s + ROUNDING_S else []
 
 
-def _still_turning(expect: Expectation, monitor: Monitor, begun_s: float) -> list[str]:
+def _still_turning(expect: Expectation, monitor: RunRecorder, begun_s: float) -> list[str]:
     if expect.stands_within_s is None:
         return []
     stood_s = min((t_s for t_s, still in monitor.stood_still_s if still and t_s >= begun_s), default=inf) - begun_s

@@ -5,37 +5,37 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-from wayfarer.fault_scenarios.recorder import Monitor
+from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.hal import Snapshot
 
 
-class Difference(NamedTuple):
+class FaultEffect(NamedTuple):
     """What is different, and when, in seconds on the runs' clock."""
 
     t_s: float
     what: str
 
 
-def first_difference(monitor: Monitor, well: Monitor) -> Difference | None:
+def first_difference(monitor: RunRecorder, well: RunRecorder) -> FaultEffect | None:
     """Return the first difference between a run with a fault and the same run without, None where there is none."""
     return min(_differences(monitor, well), key=lambda difference: difference.t_s, default=None)
 
 
-def _differences(monitor: Monitor, well: Monitor) -> Iterator[Difference]:
+def _differences(monitor: RunRecorder, well: RunRecorder) -> Iterator[FaultEffect]:
     """Give the first difference of each kind, those that tell most first."""
     ticks = [(moment.t_s, moment.snapshot) for moment in monitor.moments]
     well_ticks = [(moment.t_s, moment.snapshot) for moment in well.moments]
     for read in _first(ticks, well_ticks, monitor.ended_s):
-        yield Difference(read.t_s, _of_snapshots(read.now, read.then))
+        yield FaultEffect(read.t_s, _of_snapshots(read.now, read.then))
     for answer in _first(monitor.boards, well.boards, monitor.ended_s):
-        yield Difference(answer.t_s, "answer of the motor board")
+        yield FaultEffect(answer.t_s, "answer of the motor board")
     fixes, well_fixes = ([(fix.t_s, fix) for fix in each.fixes if fix is not None] for each in (monitor, well))
     for fix in _first(fixes, well_fixes, monitor.ended_s):
-        yield Difference(fix.t_s, "position")
-    events, well_events = ([(each.t_s, each) for each in log.happenings] for log in (monitor, well))
+        yield FaultEffect(fix.t_s, "position")
+    events, well_events = ([(each.t_s, each) for each in log.recorded_events] for log in (monitor, well))
     for event in _first(events, well_events, monitor.ended_s):
         there = event.then if event.now is None else event.now
-        yield Difference(event.t_s, f"{'no ' if event.now is None else ''}event {there.name}")
+        yield FaultEffect(event.t_s, f"{'no ' if event.now is None else ''}event {there.name}")
 
 
 class _Pair(NamedTuple):

@@ -20,7 +20,7 @@ from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.experiments.trial_setup import Stage, TrialSpec
+from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
@@ -169,17 +169,17 @@ def drive_freely(
 
 async def _drive(spec: TrialSpec, for_s: float) -> list[tuple[float, str]]:
     claims = _Claims()
-    stage = Stage(spec, lambda *_: claims)
+    setup = TrialSetup(spec, lambda *_: claims)
 
     def end(world: SimulatedWorld) -> None:
         if world.t_s >= for_s:
-            stage.supervisor.finish("driven", "the programme is over")
+            setup.supervisor.finish("driven", "the programme is over")
 
-    stage.world.after_step = end
-    if stage.injector is not None:
-        stage.injector.start(stage.world, stage.supervisor.helm.power, lambda *_, **__: None)
-    await stage.supervisor.arm(CLEARING.heading_deg)
-    await stage.supervisor.run()
-    if stage.injector is not None:
-        stage.injector.end()
+    setup.world.after_step = end
+    if setup.injector is not None:
+        setup.injector.start(setup.world, setup.supervisor.controller.power, lambda *_, **__: None)
+    await setup.supervisor.arm(CLEARING.heading_deg)
+    await setup.supervisor.run()
+    if setup.injector is not None:
+        setup.injector.end()
     return claims.said

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from math import inf
 from typing import NamedTuple
 
-from wayfarer.fault_scenarios.expectations import misconduct
-from wayfarer.fault_scenarios.first_difference import Difference, first_difference
-from wayfarer.fault_scenarios.recorder import Monitor
+from wayfarer.fault_scenarios.expectations import violations
+from wayfarer.fault_scenarios.first_difference import FaultEffect, first_difference
+from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.fault_scenarios.result import Result, Tried
-from wayfarer.fault_scenarios.runner import Played
+from wayfarer.fault_scenarios.runner import RunResult
 from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario
 from wayfarer.safety.conditions import LEVELS, Condition, Level
-from wayfarer.simhal.faults.kinds import Fault, Lost, Stall
+from wayfarer.simhal.faults.kinds import Fault, LoopStall, Lost
 
 ROUNDING_S = 1e-6
 STOOD_ALREADY = "the wheels were stopped already"
@@ -35,13 +35,13 @@ class Answer(NamedTuple):
     t_s: float
 
 
-def judge(scenario: Scenario, played: Played, well: Played) -> Result:
+def judge(scenario: Scenario, run_result: RunResult, well: RunResult) -> Result:
     """Judge a run with its faults, beside one without."""
-    begun_s = min((t_s for t_s, _, begins in played.monitor.faults if begins), default=None)
+    begun_s = min((t_s for t_s, _, begins in run_result.monitor.faults if begins), default=None)
     if begun_s is None:
-        return _result(scenario, (_of_error(played) or "no fault began before the run was over",))
-    expect, monitor = scenario.expect, played.monitor
-    answers = list(_answers(played, begun_s))
+        return _result(scenario, (_of_error(run_result) or "no fault began before the run was over",))
+    expect, monitor = scenario.expect, run_result.monitor
+    answers = list(_answers(run_result, begun_s))
     wanted = [answer for answer in answers if _counts(answer, expect)]
     worst = max(wanted, key=lambda answer: (answer.level, -answer.t_s), default=Answer(Reached.NONE, "", inf))
     holds_s = min((answer.t_s for answer in wanted if answer.level >= Reached.HOLD), default=None)
@@ -53,12 +53,12 @@ def judge(scenario: Scenario, played: Played, well: Played) -> Result:
     detected_s = worst.t_s - begun_s if worst.t_s < inf else None
     changed = first_difference(monitor, well.monitor)
     problems = [
-        *(f"broken rule: {rule}" for rule in played.broken),
+        *(f"broken rule: {rule}" for rule in run_result.broken),
         *_unchanged(changed, begun_s),
         *_missed(expect, worst.level, answers),
         *_late(expect, detected_s, stood_s),
-        *_against_the_end(expect, played, begun_s),
-        *misconduct(expect, monitor, begun_s),
+        *_against_the_end(expect, run_result, begun_s),
+        *violations(expect, monitor, begun_s),
     ]
     return _result(
         scenario,
@@ -106,29 +106,29 @@ def _counts(answer: Answer, expect: Expectation) -> bool:
     return answer.cause in expect.causes or (not expect.causes and by_itself)
 
 
-def _answers(played: Played, begun_s: float) -> Iterator[Answer]:
+def _answers(run_result: RunResult, begun_s: float) -> Iterator[Answer]:
     """Give what the rover said after the fault began: conditions by their level, an error that ended it, events."""
     said = set()
-    for moment in played.monitor.moments:
+    for moment in run_result.monitor.moments:
         for condition in moment.conditions if moment.t_s >= begun_s else ():
             if condition not in said:
                 said.add(condition)
                 yield Answer(_LEVELS[LEVELS[condition]], condition.value, moment.t_s)
-    if played.error is not None and played.monitor.ended is not None:
-        yield Answer(Reached.FAULT, played.monitor.ended, played.monitor.ended_s)
-    for t_s, name, _ in played.monitor.happenings:
+    if run_result.error is not None and run_result.monitor.ended is not None:
+        yield Answer(Reached.FAULT, run_result.monitor.ended, run_result.monitor.ended_s)
+    for t_s, name, _ in run_result.monitor.recorded_events:
         if t_s >= begun_s:
             yield Answer(Reached.NOTE, name, t_s)
 
 
-def _of_the_escape_logic(monitor: Monitor, expect: Expectation, begun_s: float) -> Answer | None:
+def _of_the_escape_logic(monitor: RunRecorder, expect: Expectation, begun_s: float) -> Answer | None:
     """Return the first answer to what is no fault of the rover, but the forest's doing."""
     answers = (moment for moment in monitor.moments if moment.t_s >= begun_s and moment.why in expect.answer)
     first = next(answers, None)
     return first and Answer(Reached.NONE, first.why, first.t_s)
 
 
-def _stood_s(monitor: Monitor, begun_s: float, from_s: float) -> float | None:
+def _stood_s(monitor: RunRecorder, begun_s: float, from_s: float) -> float | None:
     """Return the delay from a time to the first stop command; 0 if the wheels were stopped all the time."""
     ticks = [(moment.t_s, moment.commanded == (0.0, 0.0)) for moment in monitor.moments]
     stood = sorted(each for each in (*ticks, *monitor.stood_still_s) if each[0] >= begun_s)
@@ -137,7 +137,7 @@ def _stood_s(monitor: Monitor, begun_s: float, from_s: float) -> float | None:
     return next((t_s - begun_s for t_s, still in stood if still and t_s >= from_s - ROUNDING_S), None)
 
 
-def _tripped_s(monitor: Monitor, begun_s: float) -> float | None:
+def _tripped_s(monitor: RunRecorder, begun_s: float) -> float | None:
     """Return when the wheels stood although no stop could get through to them: then it was the board's own deadman."""
     cuts = [(from_s, from_s + _cuts_for_s(fault)) for from_s, fault, begins in monitor.faults if begins]
     stood_s = (t_s for t_s, still in monitor.stood_still_s if still and t_s >= begun_s)
@@ -146,13 +146,13 @@ def _tripped_s(monitor: Monitor, begun_s: float) -> float | None:
 
 def _cuts_for_s(fault: Fault) -> float:
     """Return for how long a fault lets no stop through to the wheels."""
-    if isinstance(fault.params, Stall):
+    if isinstance(fault.params, LoopStall):
         return fault.params.by_s
     sure = not isinstance(fault.params, Lost) or fault.params == Lost()
     return fault.for_s if fault.target == "motors" and fault.kind in _CUT_OFF and sure else 0.0
 
 
-def _unchanged(changed: Difference | None, begun_s: float) -> Iterator[str]:
+def _unchanged(changed: FaultEffect | None, begun_s: float) -> Iterator[str]:
     if changed is None:
         yield "the field code read nothing else than without the fault"
     elif changed.t_s < begun_s - ROUNDING_S:
@@ -177,18 +177,18 @@ def _late(expect: Expectation, detected_s: float | None, stood_s: float | None) 
             yield f"{what} {_shown(after_s)}, {expect.within_s:g} s are allowed"
 
 
-def _against_the_end(expect: Expectation, played: Played, begun_s: float) -> Iterator[str]:
-    monitor = played.monitor
-    if expect.event and not any(t_s >= begun_s and name == expect.event for t_s, name, _ in monitor.happenings):
+def _against_the_end(expect: Expectation, run_result: RunResult, begun_s: float) -> Iterator[str]:
+    monitor = run_result.monitor
+    if expect.event and not any(t_s >= begun_s and name == expect.event for t_s, name, _ in monitor.recorded_events):
         yield f"no event '{expect.event}' in the log"
     if expect.ends and monitor.ended not in expect.ends:
         yield f"the run ended by '{monitor.ended}', expected is {' or '.join(expect.ends)}"
-    if played.error is not None and "failed" not in (*expect.causes, *expect.ends):
-        yield _of_error(played)
+    if run_result.error is not None and "failed" not in (*expect.causes, *expect.ends):
+        yield _of_error(run_result)
 
 
-def _of_error(played: Played) -> str:
-    return f"the run ended by an error: {played.error}" if played.error is not None else ""
+def _of_error(run_result: RunResult) -> str:
+    return f"the run ended by an error: {run_result.error}" if run_result.error is not None else ""
 
 
 def _shown(after_s: float | None) -> str:

@@ -20,12 +20,12 @@ from wayfarer.experiments.commands import INTERRUPTED, cores, make_empty_folder
 from wayfarer.experiments.executors import Stopped, stream
 from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.run_campaign import stop_on_signals
-from wayfarer.fault_scenarios.progress import shown, worker_death_explained
+from wayfarer.fault_scenarios.batch_progress import shown, worker_death_explained
 from wayfarer.fault_scenarios.random_scenarios import draw_scenario, refuse_missing_package
-from wayfarer.fault_scenarios.runner import Played, play
+from wayfarer.fault_scenarios.runner import RunResult, run_scenario
 from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario
 from wayfarer.fault_scenarios.scenario_writer import as_toml
-from wayfarer.fault_scenarios.shrink import smallest
+from wayfarer.fault_scenarios.shrink import shrink
 from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.build_rover import Depth
@@ -39,7 +39,7 @@ _REACHED = {Level.WELL: Reached.NONE, Level.NOTE: Reached.NOTE, Level.DEGRADE: R
             Level.HOLD: Reached.HOLD, Level.FAULT: Reached.FAULT}  # fmt: skip
 
 
-class Trial(NamedTuple):
+class RandomTrial(NamedTuple):
     """What came of one scenario: ``ended`` is the run's reason or its error, ``excused`` see ``Invariants``."""
 
     seed: int
@@ -64,15 +64,15 @@ class RandomRunner:
         self._rover = rover
         self._depth = depth
 
-    def run_chunk(self, seeds: Sequence[int]) -> list[Trial]:
+    def run_chunk(self, seeds: Sequence[int]) -> list[RandomTrial]:
         """Run several."""
         return [self.run(seed) for seed in seeds]
 
-    def run(self, seed: int) -> Trial:
+    def run(self, seed: int) -> RandomTrial:
         """Run one; whatever it raises becomes its row's broken rule and goes no further."""
         scenario = self.scenario(seed)
         try:
-            return _trial(scenario, play(scenario))
+            return _trial(scenario, run_scenario(scenario))
         except Exception as error:
             row = _row(scenario)
             return row._replace(ended="failed", broken=(f"the trial failed: {type(error).__name__}: {error}",))
@@ -100,7 +100,7 @@ def run_random(
     refuse_missing_package(rover, depth)
     if out is not None:
         make_empty_folder(out, "what comes of the trials")
-    rows: list[Trial] = []
+    rows: list[RandomTrial] = []
     jobs, seeds = min(jobs or cores(), trials), range(seed, seed + trials)
     with (
         stop_on_signals() as stop,
@@ -121,33 +121,35 @@ def run_random(
     return 1 if broken else 0 if len(rows) == trials else INTERRUPTED
 
 
-def broken_rules(played: Played) -> tuple[str, ...]:
+def broken_rules(run_result: RunResult) -> tuple[str, ...]:
     """Return what a run broke: safety rules, or that an error ended it which no fault explains."""
-    if played.error is None or played.error.partition(":")[0] in REFUSALS:
-        return played.broken
-    return (*played.broken, f"the run was ended by {played.error}")
+    if run_result.error is None or run_result.error.partition(":")[0] in REFUSALS:
+        return run_result.broken
+    return (*run_result.broken, f"the run was ended by {run_result.error}")
 
 
-def _trial(scenario: Scenario, played: Played) -> Trial:
-    moments = played.monitor.moments
+def _trial(scenario: Scenario, run_result: RunResult) -> RandomTrial:
+    moments = run_result.monitor.moments
     worst = max(moments, key=lambda moment: moment.level, default=None)
     return _row(scenario)._replace(
-        ended=played.end.reason if played.end is not None else (played.error or "").partition(":")[0],
+        ended=run_result.end.reason if run_result.end is not None else (run_result.error or "").partition(":")[0],
         level=_REACHED[worst.level if worst else Level.WELL],
         cause=worst.cause.value if worst and worst.cause else "",
         ticks=len(moments),
-        excused=played.excused,
-        broken=broken_rules(played),
+        excused=run_result.excused,
+        broken=broken_rules(run_result),
     )
 
 
-def _row(scenario: Scenario) -> Trial:
+def _row(scenario: Scenario) -> RandomTrial:
     """Return the row of a scenario that has not been run."""
     faults, kinds = tuple(map(str, scenario.faults)), tuple(fault.kind for fault in scenario.faults)
-    return Trial(scenario.seed, scenario.rover, scenario.depth.value, scenario.algorithm, scenario.for_s, faults, kinds)
+    return RandomTrial(
+        scenario.seed, scenario.rover, scenario.depth.value, scenario.algorithm, scenario.for_s, faults, kinds
+    )
 
 
-def _summary(rows: Sequence[Trial], broken: Sequence[Trial]) -> Iterator[str]:
+def _summary(rows: Sequence[RandomTrial], broken: Sequence[RandomTrial]) -> Iterator[str]:
     hours = sum(row.for_s for row in rows) / 3600.0
     yield f"{len(rows)} trials, {sum(len(row.kinds) for row in rows)} faults, {hours:.1f} hours"
     yield f"rovers: {_counts(f'{row.rover} at {row.depth} depth' for row in rows)}"
@@ -163,10 +165,10 @@ def _counts(items: Iterable[str]) -> str:
     return ", ".join(f"{name} {count}" for name, count in Counter(items).most_common())
 
 
-def _told(trial: Trial, runner: RandomRunner, out: Path | None) -> Iterator[str]:
+def _told(trial: RandomTrial, runner: RandomRunner, out: Path | None) -> Iterator[str]:
     """Say what a trial broke and how to run it again: as the smallest scenario that still does."""
     yield f"seed {trial.seed}, {trial.rover} at {trial.depth} depth: {trial.broken[0]}"
-    least = smallest(runner.scenario(trial.seed), _breaks)
+    least = shrink(runner.scenario(trial.seed), _breaks)
     yield f"  with {'; '.join(map(str, least.faults))}"
     again = f"wayfarer faults --trials 1 --seed {trial.seed} --rover {trial.rover} --depth {trial.depth}"
     if out is not None:
@@ -178,7 +180,7 @@ def _told(trial: Trial, runner: RandomRunner, out: Path | None) -> Iterator[str]
 
 
 def _breaks(scenario: Scenario) -> bool:
-    return bool(broken_rules(play(scenario)))
+    return bool(broken_rules(run_scenario(scenario)))
 
 
 def _write(path: Path, text: str) -> None:

@@ -23,7 +23,7 @@ from wayfarer.fault_scenarios.scenario_rover import misfit
 from wayfarer.simhal.build_rover import Depth, missing_package
 from wayfarer.simhal.faults.bus import misplaced
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 
 ROVERS = ("sim", "forestrover", "minirover")
 FAULTS_MOST, COMMANDS_MOST = 5, 6
@@ -44,17 +44,17 @@ NUMBERS: Mapping[str, Mapping[str, float]] = {
 _NAMES_A_NUMBER = "of"
 
 
-class Place(NamedTuple):
+class FaultTarget(NamedTuple):
     """A kind of fault, and what it happens to."""
 
     kind: str
     target: str
 
 
-def possible_faults(config: RoverConfig, depth: Depth) -> tuple[Place, ...]:
+def possible_faults(config: RoverConfig, depth: Depth) -> tuple[FaultTarget, ...]:
     """Return every kind of fault that a simulated rover can have at a depth, at every target."""
     return tuple(
-        Place(name, target)
+        FaultTarget(name, target)
         for name, kind in KINDS.items()
         for target in kind.targets
         if _can_happen(name, target, config, depth)
@@ -68,7 +68,7 @@ def _can_happen(name: str, target: str, config: RoverConfig, depth: Depth) -> bo
     return target in NUMBERS or _NAMES_A_NUMBER not in {each.name for each in fields(kind.params)}
 
 
-def ready_for(places: Iterable[Place]) -> tuple[Fault, ...]:
+def ready_for(places: Iterable[FaultTarget]) -> tuple[Fault, ...]:
     """Return faults that never begin: a rover built for them is ready for any others, begun while it runs."""
     return tuple(
         Fault(inf, inf, target, "silent")
@@ -77,7 +77,7 @@ def ready_for(places: Iterable[Place]) -> tuple[Fault, ...]:
     )
 
 
-def draw_params(place: Place, chance: Random) -> Any:
+def draw_params(place: FaultTarget, chance: Random) -> Any:
     """Return a kind's parameters, anywhere in their ranges."""
     params = KINDS[place.kind].params
     hints = get_type_hints(params, include_extras=True)
@@ -134,7 +134,7 @@ def draw_scenario(seed: int, rover: str | None = None, depth: Depth | None = Non
     Raises:
         BadInput: there is no such rover, its file is not right, or it has not the parts for that depth.
     """
-    chance = Streams(seed).random("random faults")
+    chance = RandomStreams(seed).random("random faults")
     # Both are drawn even where they are given, so that naming those of a trial gives that trial again.
     drawn = chance.choice(ROVERS)
     config = _rover(rover or drawn)
@@ -178,13 +178,13 @@ def _algorithms(config: RoverConfig) -> list[str]:
     return [name for name, algorithm in CATALOGUE.items() if algorithm.requires <= set(config.parts)]
 
 
-def _draw_faults(places: tuple[Place, ...], for_s: float, chance: Random) -> Iterator[Fault]:
+def _draw_faults(places: tuple[FaultTarget, ...], for_s: float, chance: Random) -> Iterator[Fault]:
     """Yield one to five faults, none of them twice at the same time."""
     for place in sorted(chance.sample(places, chance.randint(1, FAULTS_MOST))):
         yield draw_fault(place, round(chance.uniform(0.0, for_s), 3), chance)
 
 
-def draw_fault(place: Place, at_s: float, chance: Random, lasts_most_s: float = inf) -> Fault:
+def draw_fault(place: FaultTarget, at_s: float, chance: Random, lasts_most_s: float = inf) -> Fault:
     """Return a fault that begins at a time; how long it lasts is anything between a tick and to the end."""
     lasts_s = inf if chance.random() < TO_THE_END else round(_log_uniform(SHORTEST_S, LONGEST_S, chance), 3)
     return Fault(at_s, min(lasts_s, lasts_most_s), place.target, place.kind, draw_params(place, chance))

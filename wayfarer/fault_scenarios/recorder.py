@@ -13,7 +13,7 @@ from wayfarer.safety.conditions import Condition, Level
 from wayfarer.simhal.faults.kinds import Fault
 
 
-class Moment(NamedTuple):
+class RecordedTick(NamedTuple):
     """One control tick."""
 
     t_s: float
@@ -27,7 +27,7 @@ class Moment(NamedTuple):
     commanded: tuple[float, float]
 
 
-class Happening(NamedTuple):
+class RecordedEvent(NamedTuple):
     """One event of the log."""
 
     t_s: float
@@ -35,24 +35,24 @@ class Happening(NamedTuple):
     details: dict[str, Any]
 
 
-class Monitor:
+class RunRecorder:
     """Implements ``records.RunLog``. ``follow`` tells it whose run it is."""
 
     def __init__(self) -> None:
-        self.moments: list[Moment] = []
-        self.happenings: list[Happening] = []
+        self.moments: list[RecordedTick] = []
+        self.recorded_events: list[RecordedEvent] = []
         self.boards: list[tuple[float, tuple[MotorHealth, WheelCommand | None]]] = []
         self.fixes: list[PositionFix | None] = []
         self.faults: list[tuple[float, Fault, bool]] = []
         self.stood_still_s: list[tuple[float, bool]] = []
         self.ended: str | None = None
         self.ended_s = inf
-        self._stage: Any = None
+        self._setup: Any = None
 
-    def follow(self, stage: Any) -> None:
-        """Watch a stage: its world and its helm."""
-        self._stage = stage
-        watch, world = stage.world.after_step, stage.world
+    def follow(self, setup: Any) -> None:
+        """Watch a stage: its world and its controller."""
+        self._setup = setup
+        watch, world = setup.world.after_step, setup.world
 
         def look(moved: Any) -> None:
             if self.ended is None:  # wheels that stand after the end of a run say nothing of the fault
@@ -63,15 +63,15 @@ class Monitor:
 
     def tick(self, record: TickRecord) -> None:
         """Take a control tick."""
-        helm, world = self._stage.supervisor.helm, self._stage.world
+        controller, world = self._setup.supervisor.controller, self._setup.world
         self.moments.append(
-            Moment(
+            RecordedTick(
                 record.t_s,
-                helm.mode,
+                controller.mode,
                 record.snapshot,
                 record.level,
                 record.cause,
-                helm.conditions,
+                controller.conditions,
                 record.decision.why,
                 record.applied,
                 world.commanded,
@@ -80,9 +80,9 @@ class Monitor:
 
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Take an event; the stop at the end of a run is looked at as well."""
-        self.happenings.append(Happening(t_s, name, details))
+        self.recorded_events.append(RecordedEvent(t_s, name, details))
         if name == "wheels_stopped":
-            self.stood_still_s.append((_now_s(), self._stage.world.commanded == (0.0, 0.0)))
+            self.stood_still_s.append((_now_s(), self._setup.world.commanded == (0.0, 0.0)))
 
     def position(self, fix: PositionFix | None) -> None:
         """Take a fix."""

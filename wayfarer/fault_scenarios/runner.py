@@ -9,23 +9,23 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from wayfarer.commissioning.checks import Place
+from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.control.records import RunLog, Tee
 from wayfarer.control.supervisor import first_cause
-from wayfarer.daemon.arming_inspection import Live
+from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial import field_log
-from wayfarer.experiments.trial_setup import Stage, TrialSpec
-from wayfarer.fault_scenarios.recorder import Monitor
+from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
+from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.fault_scenarios.safety_rules import Invariants
 from wayfarer.fault_scenarios.scenario import Command, Scenario
 from wayfarer.fault_scenarios.scenario_rover import rover_of
 from wayfarer.hal import Rover
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.faults.injector import Note
+from wayfarer.simhal.faults.injector import NoteFault
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.generate import generate_forest
@@ -35,20 +35,20 @@ CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 BUDGET_M = 1000.0
 
 
-class Played(NamedTuple):
+class RunResult(NamedTuple):
     """What came of a run: what was seen, how it ended (an error's text where one ended it), what rules it broke.
 
     ``excused`` is how often a rule could not be kept by anything on board; see ``Invariants``.
     """
 
-    monitor: Monitor
+    monitor: RunRecorder
     end: RunEnd | None
     error: str | None
     broken: tuple[str, ...]
     excused: int
 
 
-def play(scenario: Scenario, log_dir: Path | None = None) -> Played:
+def run_scenario(scenario: Scenario, log_dir: Path | None = None) -> RunResult:
     """Run a scenario with its faults; with ``log_dir`` the rover's full field log is written there.
 
     Raises:
@@ -57,45 +57,45 @@ def play(scenario: Scenario, log_dir: Path | None = None) -> Played:
     return _run(scenario, log_dir)
 
 
-def play_well(scenario: Scenario) -> Played:
+def run_without_faults(scenario: Scenario) -> RunResult:
     """Run a scenario without its faults: the same world, the same chance."""
     return _run(replace(scenario, faults=()))
 
 
-def _run(scenario: Scenario, log_dir: Path | None = None) -> Played:
+def _run(scenario: Scenario, log_dir: Path | None = None) -> RunResult:
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(_play(scenario, log_dir))
+        return runner.run(_run_scenario(scenario, log_dir))
 
 
-async def _play(scenario: Scenario, log_dir: Path | None) -> Played:
+async def _run_scenario(scenario: Scenario, log_dir: Path | None) -> RunResult:
     config = rover_of(scenario)
     forest = CLEARING if scenario.clearing else generate_forest(scenario.seed, 0, scenario.seed)
     spec = TrialSpec(
         0, scenario.algorithm, forest, scenario.seed, config, scenario.slip_mean_m, BUDGET_M, scenario.depth,
         scenario.faults,
     )  # fmt: skip
-    monitor, invariants = Monitor(), Invariants()
-    notes: list[Note] = [monitor.note, invariants.note]
+    monitor, invariants = RunRecorder(), Invariants()
+    notes: list[NoteFault] = [monitor.note, invariants.note]
 
     def make_log(world: SimulatedWorld, rover: Rover) -> RunLog:
         if log_dir is None:
             return Tee(monitor, invariants)
-        log, witness = field_log(spec, log_dir, world, rover)
-        notes.append(witness.note)
-        return Tee(monitor, invariants, log, witness)
+        log, ground_truth_log = field_log(spec, log_dir, world, rover)
+        notes.append(ground_truth_log.note)
+        return Tee(monitor, invariants, log, ground_truth_log)
 
-    stage = Stage(spec, make_log)
-    monitor.follow(stage)
-    invariants.follow(stage)
-    if stage.injector is not None:
-        stage.injector.start(stage.world, stage.supervisor.helm.power, partial(_tell, notes))
+    setup = TrialSetup(spec, make_log)
+    monitor.follow(setup)
+    invariants.follow(setup)
+    if setup.injector is not None:
+        setup.injector.start(setup.world, setup.supervisor.controller.power, partial(_tell, notes))
     error, end, loop = None, None, asyncio.get_running_loop()
     stray: list[str] = []  # errors that nobody awaits: of the injection, or of a task that was forgotten
     loop.set_exception_handler(lambda _, context: stray.append(f"{context['message']}: {context.get('exception')!r}"))
-    asking = asyncio.ensure_future(_ask(stage, scenario.commands, monitor))
-    loop.call_later(scenario.for_s, stage.supervisor.finish, "requested", "the scenario is over")
+    asking = asyncio.ensure_future(_ask(setup, scenario.commands, monitor))
+    loop.call_later(scenario.for_s, setup.supervisor.finish, "requested", "the scenario is over")
     try:
-        end = await stage.supervisor.run()
+        end = await setup.supervisor.run()
     except Exception as raised:
         cause = first_cause(raised)
         error = f"{type(cause).__name__}: {cause}"
@@ -104,22 +104,22 @@ async def _play(scenario: Scenario, log_dir: Path | None) -> Played:
         await asyncio.wait([asking])
         if not asking.cancelled() and (raised_asking := asking.exception()) is not None:
             stray.append(f"a command failed: {raised_asking!r}")
-        if stage.injector is not None:
+        if setup.injector is not None:
             await asyncio.sleep(invariants.bound_s)  # the wheels are watched until they must stand
-            stage.injector.end()
-    return Played(monitor, end, error, (*invariants.broken, *stray), invariants.excused)
+            setup.injector.end()
+    return RunResult(monitor, end, error, (*invariants.broken, *stray), invariants.excused)
 
 
-def _tell(watchers: Iterable[Note], t_s: float, fault: Fault, *, begins: bool) -> None:
+def _tell(watchers: Iterable[NoteFault], t_s: float, fault: Fault, *, begins: bool) -> None:
     for note in watchers:
         note(t_s, fault, begins=begins)
 
 
-async def _ask(stage: Stage, commands: tuple[Command, ...], log: RunLog) -> None:
+async def _ask(setup: TrialSetup, commands: tuple[Command, ...], log: RunLog) -> None:
     """Ask for what people ask for, each at its time, as the control socket does; a refusal is written down."""
-    loop, supervisor = asyncio.get_running_loop(), stage.supervisor
-    about = {"start_delay_s": stage.config.safety.start_delay_s}
-    rover = RoverCommands(supervisor, stage.rover.motors, partial(_inspect, stage), log, about, checks=())
+    loop, supervisor = asyncio.get_running_loop(), setup.supervisor
+    about = {"start_delay_s": setup.config.safety.start_delay_s}
+    rover = RoverCommands(supervisor, setup.rover.motors, partial(_inspect, setup), log, about, checks=())
     for command in sorted(commands, key=lambda each: each.at_s):
         await asyncio.sleep(max(0.0, command.at_s - loop.time()))
         try:
@@ -131,6 +131,6 @@ async def _ask(stage: Stage, commands: tuple[Command, ...], log: RunLog) -> None
             log.event("arming_refused" if command.do == "arm" else "refused", loop.time(), failed=[str(error)])
 
 
-def _inspect(stage: Stage) -> Live:
+def _inspect(setup: TrialSetup) -> RunningInspection:
     nowhere = Path()
-    return Live(stage.config, stage.rover, Place(nowhere, nowhere, (), 0.0), stage.supervisor)
+    return RunningInspection(setup.config, setup.rover, HostEnvironment(nowhere, nowhere, (), 0.0), setup.supervisor)

@@ -48,7 +48,7 @@ class Invariants(PartialLog):
     def __init__(self) -> None:
         self.excused = 0
         self._broken: list[str] = []
-        self._stage: Any = None
+        self._setup: Any = None
         self._board: Any = None
         self._period_s = self._deadman_s = self._stale_s = 0.0
         self._on_the_way: set[Fault] = set()
@@ -73,14 +73,14 @@ class Invariants(PartialLog):
         """How long the wheels may turn after a stop that nothing carries to them."""
         return self._deadman_s + PERIODS * self._period_s
 
-    def follow(self, stage: Any) -> None:
-        """Watch a stage's world and its helm."""
-        self._stage = stage
-        self._board = None if stage.injector is None else stage.injector.board
-        self._period_s = 1.0 / stage.config.control_hz
-        self._deadman_s = stage.rover.motors.deadman_s or 0.0
-        self._stale_s = stage.config.detector.compass_stale_s
-        watch, world = stage.world.after_step, stage.world
+    def follow(self, setup: Any) -> None:
+        """Watch a stage's world and its controller."""
+        self._setup = setup
+        self._board = None if setup.injector is None else setup.injector.board
+        self._period_s = 1.0 / setup.config.control_hz
+        self._deadman_s = setup.rover.motors.deadman_s or 0.0
+        self._stale_s = setup.config.detector.compass_stale_s
+        watch, world = setup.world.after_step, setup.world
 
         def look(moved: Any) -> None:
             self._check_wheels(world.t_s, world.commanded)
@@ -122,17 +122,17 @@ class Invariants(PartialLog):
 
     def tick(self, record: TickRecord) -> None:
         """Check a control tick."""
-        helm, t_s, moves = self._stage.supervisor.helm, record.t_s, record.applied != STOP
+        controller, t_s, moves = self._setup.supervisor.controller, record.t_s, record.applied != STOP
         self._check_told(t_s)
-        worst = max((LEVELS[condition] for condition in helm.conditions), default=Level.WELL)
+        worst = max((LEVELS[condition] for condition in controller.conditions), default=Level.WELL)
         level = max(worst, record.level)
         not_armed_s = self._not_armed_since_s
         was_armed = not_armed_s is None or not_armed_s > t_s  # the board took its time, and somebody disarmed meanwhile
-        if moves and not (was_armed and (not_armed_s is not None or helm.mode is Mode.ARMED)):
-            self._break(t_s, f"rule 1: motion commanded while {helm.mode.value}")
+        if moves and not (was_armed and (not_armed_s is not None or controller.mode is Mode.ARMED)):
+            self._break(t_s, f"rule 1: motion commanded while {controller.mode.value}")
         if moves and level >= Level.HOLD:
             self._break(t_s, f"rule 2: motion commanded at level {level.name.lower()}")
-        self._check_fault(record, helm.mode)
+        self._check_fault(record, controller.mode)
         self._check_seen(record)
         self._check_reason(record, moves=moves)
         if was_armed and level < Level.HOLD:
@@ -144,7 +144,7 @@ class Invariants(PartialLog):
     def close(self, reason: str, text: str) -> None:
         """Check the end of a run."""
         if not (reason and text):
-            self._break(self._stage.world.t_s, f"rule 5: the run ended without a reason: {reason!r}, {text!r}")
+            self._break(self._setup.world.t_s, f"rule 5: the run ended without a reason: {reason!r}, {text!r}")
 
     def _stand_from(self, t_s: float) -> None:
         if self._must_stand_since_s is None:

@@ -59,7 +59,7 @@ class _Table(BaseModel):
     command: list[dict[str, Any]] = []
 
 
-class _Place(NamedTuple):
+class _FileLocation(NamedTuple):
     """Where in a file something stands: for the one line that says what is wrong with it.
 
     ``section`` is the table as ``line_of`` counts it, ``shown`` what a person reads before its keys.
@@ -70,7 +70,7 @@ class _Place(NamedTuple):
     section: str = ""
     shown: str = ""
 
-    def within(self, section: str, shown: str = "") -> _Place:
+    def within(self, section: str, shown: str = "") -> _FileLocation:
         """Return the place of a table in this one."""
         return self._replace(section=f"{self.section}.{section}".lstrip("."), shown=shown)
 
@@ -101,7 +101,7 @@ def read_scenarios(path: Path) -> tuple[Scenario, ...]:
     Raises:
         BadConfig: the file cannot be read or is not right; the text names file, scenario, key and line.
     """
-    file = _Place(str(path), _text_of(path))
+    file = _FileLocation(str(path), _text_of(path))
     scenarios = tuple(
         _scenario(file._replace(section=f"scenario.{number}"), table, path.parent)
         for number, table in enumerate(_tables(file))
@@ -127,7 +127,7 @@ def _text_of(path: Path) -> str:
         raise BadConfig(one_line(f"{path}: cannot be read: {error}")) from None
 
 
-def _tables(file: _Place) -> list[dict[str, Any]]:
+def _tables(file: _FileLocation) -> list[dict[str, Any]]:
     """Return the file's ``[[scenario]]`` tables."""
     try:
         whole = tomllib.loads(file.text + "\n")  # the end of line lets the parser name the line of the last error
@@ -144,7 +144,7 @@ def _tables(file: _Place) -> list[dict[str, Any]]:
     return tables
 
 
-def _scenario(place: _Place, whole: dict[str, Any], folder: Path) -> Scenario:
+def _scenario(place: _FileLocation, whole: dict[str, Any], folder: Path) -> Scenario:
     name = whole.get("name")
     place = place._replace(where=f"{place.where}: scenario {name!r}" if isinstance(name, str) else place.where)
     table = place.check(_Table, whole)
@@ -163,13 +163,13 @@ def _scenario(place: _Place, whole: dict[str, Any], folder: Path) -> Scenario:
     return scenario
 
 
-def _expectation(place: _Place, table: dict[str, Any]) -> Expectation:
+def _expectation(place: _FileLocation, table: dict[str, Any]) -> Expectation:
     nothing = {"within_s": 0.0} if table.get("level") == Reached.NONE.value else {}
     expectation: Expectation = place.check(Expectation, nothing | table)
     return expectation
 
 
-def _fault(place: _Place, table: dict[str, Any]) -> Fault:
+def _fault(place: _FileLocation, table: dict[str, Any]) -> Fault:
     name = table.get("kind")
     if name is None:
         mistyped = get_close_matches("kind", table, n=1)
@@ -217,7 +217,7 @@ def _measured(target: str) -> tuple[str, ...]:
     return () if reading is None else tuple(name for name, hint in get_type_hints(reading).items() if hint is float)
 
 
-def _check_whole(place: _Place, scenario: Scenario) -> None:
+def _check_whole(place: _FileLocation, scenario: Scenario) -> None:
     """Refuse what is right by itself and does not fit together."""
     try:
         config = rover_of(replace(scenario, settings=None))
@@ -236,7 +236,7 @@ def _check_whole(place: _Place, scenario: Scenario) -> None:
     _check_fit(place, scenario, config)
 
 
-def _check_times(place: _Place, scenario: Scenario) -> None:
+def _check_times(place: _FileLocation, scenario: Scenario) -> None:
     times = {"fault": [each.at_s for each in scenario.faults], "command": [each.at_s for each in scenario.commands]}
     for table, at in times.items():
         for number, at_s in enumerate(at):
@@ -245,7 +245,7 @@ def _check_times(place: _Place, scenario: Scenario) -> None:
                 raise place.within(f"{table}.{number}", f"{table}.").error(over)
 
 
-def _check_fit(place: _Place, scenario: Scenario, config: RoverConfig) -> None:
+def _check_fit(place: _FileLocation, scenario: Scenario, config: RoverConfig) -> None:
     for number, fault in enumerate(scenario.faults):
         if why := misfit(config, scenario.depth, fault):
             raise place.within(f"fault.{number}", "fault.").error(f"key 'fault.target' = '{fault.target}': {why}")

@@ -10,7 +10,7 @@ from wayfarer.fault_scenarios.scenario import Scenario
 AFTERWARDS_S = 5.0  # how long a scenario goes on after what it is about
 
 
-def smallest(scenario: Scenario, is_broken: Callable[[Scenario], bool]) -> Scenario:
+def shrink(scenario: Scenario, is_broken: Callable[[Scenario], bool]) -> Scenario:
     """Return the scenario without every fault and command that ``is_broken`` does not need; one fault stays.
 
     Each step runs a scenario, at most as many as the square of faults and commands.

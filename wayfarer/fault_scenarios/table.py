@@ -28,7 +28,7 @@ _HOW = {
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class ResultColumn:
     """One column; shown on terminals of at least ``from_width`` columns. One that is ``text`` may be wrapped."""
 
     title: str
@@ -53,18 +53,18 @@ def _verdict(result: Result) -> Text:
 
 
 COLUMNS = (
-    Column("row", lambda each: "" if each.row is None else str(each.row), right=True),
-    Column("fault", lambda each: each.name),
-    Column("what happens", lambda each: each.about, from_width=150, text=True),
-    Column("asked for", lambda each: each.asked, from_width=105, text=True),
-    Column("level\nwanted", lambda each: _level(each, each.expected)),
-    Column("level\ngot", lambda each: _level(each, each.reached)),
-    Column("by", lambda each: each.cause, from_width=130),
-    Column("seen\nafter", lambda each: _seconds(each.detected_s), right=True),
-    Column("stopped\nafter", lambda each: _seconds(each.stopped_s), right=True),
-    Column("bound", lambda each: _seconds(each.within_s), right=True),
-    Column("verdict", _verdict),
-    Column("first changed", lambda each: each.changed, from_width=190, text=True),
+    ResultColumn("row", lambda each: "" if each.row is None else str(each.row), right=True),
+    ResultColumn("fault", lambda each: each.name),
+    ResultColumn("what happens", lambda each: each.about, from_width=150, text=True),
+    ResultColumn("asked for", lambda each: each.asked, from_width=105, text=True),
+    ResultColumn("level\nwanted", lambda each: _level(each, each.expected)),
+    ResultColumn("level\ngot", lambda each: _level(each, each.reached)),
+    ResultColumn("by", lambda each: each.cause, from_width=130),
+    ResultColumn("seen\nafter", lambda each: _seconds(each.detected_s), right=True),
+    ResultColumn("stopped\nafter", lambda each: _seconds(each.stopped_s), right=True),
+    ResultColumn("bound", lambda each: _seconds(each.within_s), right=True),
+    ResultColumn("verdict", _verdict),
+    ResultColumn("first changed", lambda each: each.changed, from_width=190, text=True),
 )
 
 

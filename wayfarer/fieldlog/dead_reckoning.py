@@ -16,7 +16,7 @@ READING_MAX_M = 1.0  # no rover goes so far from one reading to the next: the se
 TOO_FAST = 2.0  # times the speed at full duty, after a silence: nor does one that slides go faster
 
 
-class Place(NamedTuple):
+class ReckonedPose(NamedTuple):
     """A position relative to where the log begins, metres, and the heading in degrees from magnetic north."""
 
     t_s: float
@@ -43,9 +43,9 @@ class DeadReckoning:
         self._commanded_m = 0.0
         self._applied = (0.0, 0.0)
         self.path_m = 0.0
-        self.place: Place | None = None
+        self.place: ReckonedPose | None = None
 
-    def take(self, tick: dict[str, Any]) -> Place | None:
+    def take(self, tick: dict[str, Any]) -> ReckonedPose | None:
         """Take the next ``tick`` record, and return where the rover is then."""
         t_s, heading_deg = tick["t_s"], tick.get("heading_deg")
         dt_s, self._t_s = t_s - (self._t_s if self._t_s is not None else t_s), t_s
@@ -59,7 +59,7 @@ class DeadReckoning:
         self._north_m += forward_m * cos(ahead_rad) - right_m * sin(ahead_rad)
         self._east_m += forward_m * sin(ahead_rad) + right_m * cos(ahead_rad)
         self.path_m += abs(forward_m)
-        self.place = Place(t_s, self._north_m, self._east_m, heading_deg)
+        self.place = ReckonedPose(t_s, self._north_m, self._east_m, heading_deg)
         return self.place
 
     def _gone(self, motion: dict[str, Any] | None, t_s: float) -> tuple[float, float]:

@@ -6,7 +6,7 @@ import errno
 import os
 from collections.abc import Callable
 
-CURES = {
+ADVICE = {
     errno.ENOSPC: "delete old runs",
     errno.EDQUOT: "delete old runs, or ask for a larger quota",
     errno.EROFS: "mount the disk for writing; a card that mounts itself read-only is wearing out (see dmesg)",
@@ -22,17 +22,17 @@ CURES = {
 DRIVES_ON = "; the rover drives on"  # ends what is told of trouble while a run goes on
 
 
-def cure(error: OSError) -> str:
+def error_advice(error: OSError) -> str:
     """Return what went wrong and what a person can do about it."""
     if error.errno in {errno.EACCES, errno.EPERM}:
         return (
             f"{error.strerror}: user {os.geteuid()} needs the right to write there, or choose another folder (--logs)"
         )
-    advice = CURES.get(error.errno or 0, "look at the disk (df, dmesg)")
+    advice = ADVICE.get(error.errno or 0, "look at the disk (df, dmesg)")
     return f"{error.strerror}: {advice}"
 
 
-class Trouble:
+class DiskErrorReporter:
     """Tells of each kind of trouble once, until all is well again with every source of trouble.
 
     Args:

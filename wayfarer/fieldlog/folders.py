@@ -16,12 +16,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.disk_errors import cure
+from wayfarer.fieldlog.disk_errors import error_advice
 
-FILE_NAME = "run.jsonl"  # the newest part of a run's log; older ones are run.00001.jsonl and so on
+FILE_NAME = "run.jsonl"  # the newest segment of a run's log; older ones are run.00001.jsonl and so on
 RUN_NAME = re.compile(r"(\d+)-\d{8}T\d{6}Z", re.ASCII)
 LONGEST_NAME = 255  # of a file, in bytes
-PART_NAME = re.compile(r"run\.(\d+)\.jsonl\Z", re.ASCII)
+SEGMENT_NAME = re.compile(r"run\.(\d+)\.jsonl\Z", re.ASCII)
 
 
 def new_run_folder(logs: Path) -> Path:
@@ -37,7 +37,7 @@ def new_run_folder(logs: Path) -> Path:
             folder = logs / f"{last + 1:05d}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}"
             folder.mkdir()
     except OSError as error:
-        raise BadInput(f"{logs}: no folder can be made for the field log: {cure(error)}") from None
+        raise BadInput(f"{logs}: no folder can be made for the field log: {error_advice(error)}") from None
     return folder
 
 
@@ -86,7 +86,7 @@ def find_run(name: str | None, logs: Path) -> Path:
 def _run_at(path: Path, logs: Path, runs: list[Path]) -> Path:
     """Return the run at a path."""
     try:
-        if path.is_file() and (path.name == FILE_NAME or PART_NAME.match(path.name)):
+        if path.is_file() and (path.name == FILE_NAME or SEGMENT_NAME.match(path.name)):
             return path.parent
         if path.is_dir() and is_run(path):
             return path
@@ -100,18 +100,18 @@ def _run_at(path: Path, logs: Path, runs: list[Path]) -> Path:
     raise BadInput(f"there is no run and no folder '{path}': {logs} holds {there} (see wayfarer logs list)")
 
 
-def part_path(run: Path, number: int) -> Path:
-    """Return the name of a part of a run's log that is no longer the newest."""
+def segment_path(run: Path, number: int) -> Path:
+    """Return the name of a segment of a run's log that is no longer the newest."""
     return run / f"run.{number:05d}.jsonl"
 
 
-def older_parts(run: Path) -> list[Path]:
-    """Return the parts of a run's log but the newest, oldest first.
+def older_segments(run: Path) -> list[Path]:
+    """Return the segments of a run's log but the newest, oldest first.
 
     Raises:
         OSError: the folder cannot be read.
     """
-    numbered = [(number, path) for path in run.iterdir() if (number := _number(path.name, PART_NAME)) is not None]
+    numbered = [(number, path) for path in run.iterdir() if (number := _number(path.name, SEGMENT_NAME)) is not None]
     return [path for _, path in sorted(numbered)]
 
 
@@ -128,7 +128,7 @@ def _number(name: str, pattern: re.Pattern[str]) -> int | None:
 def is_run(path: Path) -> bool:
     """Return whether there is a log in a folder; a run that ended before it began may have left an empty folder."""
     try:
-        return (path / FILE_NAME).exists() or (path.is_dir() and bool(older_parts(path)))
+        return (path / FILE_NAME).exists() or (path.is_dir() and bool(older_segments(path)))
     except PermissionError:
         return True  # opening it reports the error
 

@@ -10,14 +10,14 @@ from wayfarer.errors import BadInput
 from wayfarer.fieldlog.fields import local_time, name, number
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.order import in_order
-from wayfarer.fieldlog.reader import log_parts, parse
+from wayfarer.fieldlog.reader import log_segments, parse
 from wayfarer.fieldlog.schema import Record
 
 TAIL_BYTES = 65_536  # about a hundred ticks: the last one, the outcome and what stood between them
 MODES = ("arming", "armed", "disarmed")  # each begins with the event of its name
 
 
-class Unfinished(NamedTuple):
+class UnfinishedRun(NamedTuple):
     """A run without an outcome: the process was killed, the power went, or another daemon still writes it.
 
     ``last_t_s`` and ``last_t_wall`` are the times of its last record. ``mode`` is what it was in then, as far as the
@@ -41,7 +41,7 @@ def unclean_text(event: Record) -> str:
     return f"unclean shutdown: {' '.join([which, 'was cut off', *filter(None, told)])}: killed, or without power"
 
 
-def unfinished_run(logs: Path) -> Unfinished | None:
+def unfinished_run(logs: Path) -> UnfinishedRun | None:
     """Return the newest run in a folder of logs if it has no outcome, or cannot be read; never raises."""
     try:
         runs = run_folders(logs)
@@ -50,33 +50,33 @@ def unfinished_run(logs: Path) -> Unfinished | None:
     if not runs:
         return None
     try:
-        tail = end_of_log(log_parts(runs[-1]))
+        tail = end_of_log(log_segments(runs[-1]))
     except (BadInput, OSError) as error:
-        return Unfinished(runs[-1].name, error=str(error))
+        return UnfinishedRun(runs[-1].name, error=str(error))
     if not tail:
-        return Unfinished(runs[-1].name, error="nothing at the end of its log can be read")
+        return UnfinishedRun(runs[-1].name, error="nothing at the end of its log can be read")
     if any(record["record"] == "outcome" for record in tail):
         return None
     t_s, t_wall = tail[-1]["t_s"], tail[-1].get("t_wall")
-    return Unfinished(runs[-1].name, t_s, t_wall if isinstance(t_wall, int | float) else None, _mode(tail))
+    return UnfinishedRun(runs[-1].name, t_s, t_wall if isinstance(t_wall, int | float) else None, _mode(tail))
 
 
-def end_of_log(parts: Sequence[Path]) -> list[Record]:
-    """Return the last records of a log, in their order; those of the part before as well where one has just begun.
+def end_of_log(segments: Sequence[Path]) -> list[Record]:
+    """Return the last records of a log, in their order; those of the segment before as well where one has just begun.
 
     Raises:
-        OSError: a part cannot be read.
+        OSError: a segment cannot be read.
     """
     tail: list[Record] = []
-    for part in reversed(parts[-2:]):
-        tail = _tail(part) + tail
+    for segment in reversed(segments[-2:]):
+        tail = _tail(segment) + tail
         if any(record["record"] == "tick" for record in tail):
             break
     return list(in_order(tail))
 
 
-def _tail(part: Path) -> list[Record]:
-    with part.open("rb") as file:
+def _tail(segment: Path) -> list[Record]:
+    with segment.open("rb") as file:
         size_b = file.seek(0, 2)
         file.seek(max(0, size_b - TAIL_BYTES))
         tail = file.read(TAIL_BYTES)

@@ -3,8 +3,8 @@
 What a line is worth is judged here (``parse``), for the ends of logs and following as well; only here is it counted.
 Every record that is whole, holds what its kind may hold (``schema``) and is in order (``order``) is given; what is not
 is skipped, and counted by what is wrong with it. A line that was being written when the power went has no end, or is
-filled with NUL bytes; nothing after it is lost, because the next part and the next run have files of their own. Memory
-does not grow with the log, nor with what is broken in it.
+filled with NUL bytes; nothing after it is lost, because the next segment and the next run have files of their own.
+Memory does not grow with the log, nor with what is broken in it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import orjson
 from wayfarer import __version__
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog import schema
-from wayfarer.fieldlog.folders import FILE_NAME, older_parts
+from wayfarer.fieldlog.folders import FILE_NAME, older_segments
 from wayfarer.fieldlog.order import Order
 
 Record = schema.Record
@@ -34,10 +34,10 @@ class Damage:
 
     Lines: ``torn`` has no end, ``nul`` holds NUL bytes where the disk had nothing yet, ``oversized`` has more than
     ``LINE_BYTES``, ``garbled`` is no JSON object with a known ``record``, ``wrong`` holds a value that cannot be, and
-    ``disordered`` breaks the order of numbers and times, as a line that is there twice does. ``unreadable`` parts could
-    not be read to their end. ``headless`` parts do not begin with what ran. ``missing`` counts the
+    ``disordered`` breaks the order of numbers and times, as a line that is there twice does. ``unreadable`` segments
+    could not be read to their end. ``headless`` segments do not begin with what ran. ``missing`` counts the
     records that are not there, by their numbers: those in skipped lines, those that the disk could not take, and those
-    in parts that were deleted.
+    in segments that were deleted.
     """
 
     torn: int = 0
@@ -77,7 +77,7 @@ SAID = {
 class RunReader:
     """Reads the records of one run in their order; ``damage`` is complete once all of them were read.
 
-    Iterate it once. The header of a later part of the log is given as well, as another ``run`` record.
+    Iterate it once. The header of a later segment of the log is given as well, as another ``run`` record.
 
     Args:
         run: a run's folder.
@@ -90,7 +90,7 @@ class RunReader:
     def __init__(self, run: Path) -> None:
         self.run = run
         self.damage = Damage()
-        self.parts = log_parts(run)
+        self.segments = log_segments(run)
         self._highest = 0
         self._knows_schema = False
 
@@ -121,39 +121,39 @@ class RunReader:
             self._highest = number
 
     def _whole(self) -> Iterator[Record]:
-        """Give the records of all parts that are whole, in whatever order they stand."""
+        """Give the records of all segments that are whole, in whatever order they stand."""
         readable = False
-        for part in self.parts:
+        for segment in self.segments:
             begun = False
             try:
-                with part.open("rb", buffering=READ_BYTES) as file:
+                with segment.open("rb", buffering=READ_BYTES) as file:
                     for line in _lines(file):
-                        if (record := self._record(line, part)) is not None:
+                        if (record := self._record(line, segment)) is not None:
                             if not begun:
                                 readable = begun = True
                                 self.damage.headless += record["record"] != "run"
                             yield record
             except OSError as error:
                 self.damage.unreadable += 1
-                if self.damage.unreadable == len(self.parts) and not readable:
-                    raise BadInput(f"{part}: cannot be read: {error.strerror}") from None
+                if self.damage.unreadable == len(self.segments) and not readable:
+                    raise BadInput(f"{segment}: cannot be read: {error.strerror}") from None
 
-    def _record(self, line: bytes, part: Path) -> Record | None:
+    def _record(self, line: bytes, segment: Path) -> Record | None:
         """Return the record of a line, or count what is wrong with it; a hole of NULs may end where a line begins."""
         record = parse(line)
         if isinstance(record, dict):
-            return record if record["record"] != "run" else self._header(record, part)
+            return record if record["record"] != "run" else self._header(record, segment)
         self._skip(record)
         after = parse(line.rpartition(b"\0")[2]) if record == "nul" else None
         return after if isinstance(after, dict) else None
 
-    def _header(self, header: Record, part: Path) -> Record | None:
+    def _header(self, header: Record, segment: Path) -> Record | None:
         """Return a header; where another one has a known schema, one of a newer schema is damage."""
         if not schema.is_newer(header):
             self._knows_schema = True
             return header
         if not self._knows_schema:
-            refuse_newer(header, part, self.parts)
+            refuse_newer(header, segment, self.segments)
         self._skip("wrong")
         return None
 
@@ -176,48 +176,48 @@ def parse(line: bytes) -> Record | str:
     return record if schema.wrong_key(record) is None else "wrong"
 
 
-def refuse_newer(header: Record, part: Path, parts: Sequence[Path]) -> None:
+def refuse_newer(header: Record, segment: Path, segments: Sequence[Path]) -> None:
     """Refuse a log that a newer wayfarer has written: its keys may mean something else.
 
     Raises:
-        BadInput: a header says so, and no part of the log begins with one of a known schema.
+        BadInput: a header says so, and no segment of the log begins with one of a known schema.
     """
-    if schema.is_newer(header) and all(schema.is_newer(each) for _, each in _headers(parts)):
+    if schema.is_newer(header) and all(schema.is_newer(each) for _, each in _headers(segments)):
         known = f"wayfarer {__version__} knows up to {schema.SCHEMA}"
-        raise BadInput(f"{part}: this log has schema {header['schema']}, {known}: update wayfarer to read it")
+        raise BadInput(f"{segment}: this log has schema {header['schema']}, {known}: update wayfarer to read it")
 
 
 def read_header(run: Path) -> Record:
-    """Return the first record of a run: what ran. Where it is damaged, a later part of the log repeats it.
+    """Return the first record of a run: what ran. Where it is damaged, a later segment of the log repeats it.
 
     Raises:
-        BadInput: there is no log, or no part of it begins with such a record.
+        BadInput: there is no log, or no segment of it begins with such a record.
     """
-    parts = log_parts(run)
-    for part, header in _headers(parts):
-        refuse_newer(header, part, parts)
+    segments = log_segments(run)
+    for segment, header in _headers(segments):
+        refuse_newer(header, segment, segments)
         if not schema.is_newer(header):
             return header
     raise BadInput(f"{run / FILE_NAME} is no field log: its first record does not say what ran")
 
 
-def _headers(parts: Sequence[Path]) -> Iterator[tuple[Path, Record]]:
-    """Give the headers with which parts of a log begin."""
-    for part in parts:
-        with suppress(OSError), part.open("rb") as file:
+def _headers(segments: Sequence[Path]) -> Iterator[tuple[Path, Record]]:
+    """Give the headers with which segments of a log begin."""
+    for segment in segments:
+        with suppress(OSError), segment.open("rb") as file:
             first = parse(file.readline(LINE_BYTES))
             if isinstance(first, dict) and first["record"] == "run":
-                yield part, first
+                yield segment, first
 
 
-def log_parts(run: Path) -> list[Path]:
+def log_segments(run: Path) -> list[Path]:
     """Return the files of a run's log, oldest first.
 
     Raises:
         BadInput: the folder cannot be read, or there is no log in it.
     """
     try:
-        older = older_parts(run)
+        older = older_segments(run)
         newest = [run / FILE_NAME] if (run / FILE_NAME).exists() else []
     except OSError as error:
         raise BadInput(f"{run}: cannot be read: {error.strerror}") from None

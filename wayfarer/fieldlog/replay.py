@@ -20,8 +20,8 @@ from pydantic import ValidationError
 from wayfarer.config.messages import explain, most_telling
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.controller import Helm, Mode
-from wayfarer.control.latest import Cells
+from wayfarer.control.controller import Controller, Mode
+from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.records import PartialLog
 from wayfarer.control.supervisor import make_detector, needs_of
 from wayfarer.errors import BadInput, DriverError
@@ -35,7 +35,7 @@ CONCLUSIONS = ("heading_deg", "anomalies", "level", "cause", "goal_heading_deg",
 READINGS = frozenset({"record", "n", "t_s", "t_wall", "compass", "motion", "contact", "applied_left", "applied_right"})
 
 
-class Difference(NamedTuple):
+class DecisionDifference(NamedTuple):
     """The first decision that came out otherwise: the tick's time and number, and the conclusion by its key."""
 
     t_s: float
@@ -53,7 +53,7 @@ class Replay(NamedTuple):
     """
 
     ticks: int
-    difference: Difference | None
+    difference: DecisionDifference | None
     cut_t_s: float | None = None
 
 
@@ -106,8 +106,8 @@ class Rerun:
         handler = algorithm.make(config.escape, config.vehicle, Random(header["algorithm_seed"]))
         detector = make_detector(config, needs_of(algorithm, config), watches_motion="motion" in header["parts"])
         self._motors = LoggedMotors()
-        self._cells = Cells()
-        self._helm = Helm(self._motors, self._cells, config, detector, handler, PartialLog())
+        self._buffers = SensorBuffers()
+        self._controller = Controller(self._motors, self._buffers, config, detector, handler, PartialLog())
         self._compass: tuple[Mapping[str, Any] | None, CompassReading | None] = (None, None)
 
     def take(self, record: Record) -> bool:
@@ -117,7 +117,7 @@ class Rerun:
                 self._sense(record)
             elif record["record"] == "board":
                 health = MotorHealth(_number(record["battery_v"]), tuple(record["faults"]))
-                self._helm.electrics.board_said(record["t_s"], health, _duties(record))
+                self._controller.power_reports.board_said(record["t_s"], health, _duties(record))
             elif record["record"] == "event":
                 self._event(record["name"], record)
         except (LookupError, TypeError, ValueError, AttributeError):
@@ -126,32 +126,32 @@ class Rerun:
 
     def tick(self, t_s: float) -> dict[str, Any]:
         """Do the control tick again whose record was taken, and return what it concludes, as the log would have it."""
-        _run(self._helm.tick(t_s))
-        assert self._helm.last is not None
-        again: dict[str, Any] = orjson.loads(orjson.dumps(tick_fields(self._helm.last)))
+        _run(self._controller.tick(t_s))
+        assert self._controller.last is not None
+        again: dict[str, Any] = orjson.loads(orjson.dumps(tick_fields(self._controller.last)))
         return again
 
     def _sense(self, record: Record) -> None:
-        self._cells.compass.reading = self._compass_of(record["compass"])
-        self._cells.contact.reading = _contact_of(record["contact"])
+        self._buffers.compass.reading = self._compass_of(record["compass"])
+        self._buffers.contact.reading = _contact_of(record["contact"])
         if record["motion"] is not None:
-            self._cells.motion.write(MotionReading(**_numbers(record["motion"])))
+            self._buffers.motion.write(MotionReading(**_numbers(record["motion"])))
         self._motors.applied = WheelCommand(float(record["applied_left"]), float(record["applied_right"]))
 
     def _event(self, name: str, record: Record) -> None:
-        helm, t_s = self._helm, record["t_s"]
+        controller, t_s = self._controller, record["t_s"]
         if name == "arming":
-            helm.arm(t_s, _number(record.get("goal_heading_deg")))
-        elif name == "disarmed" and helm.mode is not Mode.DISARMED:
-            helm.disarm(t_s, record["reason"])
+            controller.arm(t_s, _number(record.get("goal_heading_deg")))
+        elif name == "disarmed" and controller.mode is not Mode.DISARMED:
+            controller.disarm(t_s, record["reason"])
         elif name in {"hold", "resume"}:
-            helm.hold(t_s, held=name == "hold")
+            controller.hold(t_s, held=name == "hold")
         elif name == "goal":
-            helm.head_for(t_s, float(record["goal_heading_deg"]))
+            controller.head_for(t_s, float(record["goal_heading_deg"]))
         elif name == "board_silent":
-            helm.electrics.board_silent(t_s, record["error"])
+            controller.power_reports.board_silent(t_s, record["error"])
         elif name == "power":
-            helm.power(t_s, int(record["flags"], 16))
+            controller.power(t_s, int(record["flags"], 16))
         elif name == "motors_failed":
             self._motors.fails = True
 
@@ -180,12 +180,12 @@ class LoggedMotors:
         """Nothing turns here."""
 
 
-def compare(logged: Record, today: Mapping[str, Any]) -> Difference | None:
+def compare(logged: Record, today: Mapping[str, Any]) -> DecisionDifference | None:
     """Return the first conclusion of a tick that is not as logged; one that only one of the two has counts, too."""
     others = dict.fromkeys(key for key in (*logged, *today) if key not in CONCLUSIONS and key not in READINGS)
     for key in (*CONCLUSIONS, *others):
         if logged.get(key) != today.get(key):
-            return Difference(logged["t_s"], logged.get("n"), key, logged.get(key), today.get(key))
+            return DecisionDifference(logged["t_s"], logged.get("n"), key, logged.get(key), today.get(key))
     return None
 
 

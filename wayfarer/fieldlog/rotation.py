@@ -14,54 +14,54 @@ from typing import Any
 import orjson
 
 from wayfarer.config.log_settings import LogSettings
-from wayfarer.fieldlog.folders import FILE_NAME, older_parts, part_path
-from wayfarer.fieldlog.segment import Part, sync_folder
+from wayfarer.fieldlog.folders import FILE_NAME, older_segments, segment_path
+from wayfarer.fieldlog.segment import Segment, sync_folder
 
 MB = 1_000_000
 
 
-class Parts:
-    """Makes the parts of a log; ``newest`` is the one to be written, None if the last attempt to make one failed.
+class SegmentRotation:
+    """Makes the segments of a log; ``newest`` is the one to be written, None if the last attempt to make one failed.
 
     Args:
         folder: the run's folder; made where it is not there.
         settings: limits in size.
-        header: gives the first line of a part, by its number from 1.
+        header: gives the first line of a segment, by its number from 1.
 
     Raises:
-        OSError: the first part cannot be made.
+        OSError: the first segment cannot be made.
     """
 
     def __init__(self, folder: Path, settings: LogSettings, header: Callable[[int], bytes]) -> None:
         self._folder = folder
-        self._part_bytes = settings.part_mb * MB
+        self._segment_bytes = settings.part_mb * MB
         self._run_bytes = settings.run_mb * MB
         self._header = header
         folder.mkdir(parents=True, exist_ok=True)
-        self.newest: Part | None = None
+        self.newest: Segment | None = None
         self._make(1, header(1))
         sync_folder(folder.parent)
 
     def fills(self, lines: list[bytes]) -> bool:
-        """Whether these lines are too many for the newest part."""
-        part = self.newest
-        return part is not None and part.size + sum(map(len, lines)) > self._full_bytes
+        """Whether these lines are too many for the newest segment."""
+        segment = self.newest
+        return segment is not None and segment.size + sum(map(len, lines)) > self._full_bytes
 
     def rotate(self, line: bytes) -> None:
-        """Begin the next part with a line; where the old one cannot have its name, go on in it for another length.
+        """Begin the next segment with a line; where the old one cannot have its name, go on in it for another length.
 
         Raises:
-            OSError: the next part cannot be made.
+            OSError: the next segment cannot be made.
         """
         try:
             self._put_away()
         except OSError:
-            self._full_bytes += self._part_bytes
+            self._full_bytes += self._segment_bytes
         else:
             self.begin(line)
 
-    def begin(self, line: bytes) -> Part:
-        """Make the part that begins with a line, whatever became of the one before.
+    def begin(self, line: bytes) -> Segment:
+        """Make the segment that begins with a line, whatever became of the one before.
 
         Raises:
             OSError: it cannot be made.
@@ -69,25 +69,25 @@ class Parts:
         self.close()
         self._folder.mkdir(parents=True, exist_ok=True)
         self._put_away()
-        part = self._make(self._number + 1, at(line, orjson.loads(self._header(self._number + 1))))
+        segment = self._make(self._number + 1, at(line, orjson.loads(self._header(self._number + 1))))
         self._forget_oldest()
-        return part
+        return segment
 
     def close(self) -> None:
-        """Close the newest part; safe twice."""
+        """Close the newest segment; safe twice."""
         if self.newest is not None:
             self.newest.close()
             self.newest = None
 
-    def _make(self, number: int, header: bytes) -> Part:
-        self.newest = Part(self._folder / FILE_NAME, header)
+    def _make(self, number: int, header: bytes) -> Segment:
+        self.newest = Segment(self._folder / FILE_NAME, header)
         self._number = number
         self._empty_bytes = self.newest.size
-        self._full_bytes = self._part_bytes
+        self._full_bytes = self._segment_bytes
         return self.newest
 
     def _put_away(self) -> None:
-        """Make room for a new part: the old one gets its number as a name, unless there is nothing in it."""
+        """Make room for a new segment: the old one gets its number as a name, unless there is nothing in it."""
         newest = self._folder / FILE_NAME
         if not newest.exists():
             return
@@ -95,16 +95,16 @@ class Parts:
             newest.unlink()  # or a disk that fails each second would leave a file each second
             self._number -= 1
             return
-        while part_path(self._folder, self._number).exists():
+        while segment_path(self._folder, self._number).exists():
             self._number += 1
-        newest.rename(part_path(self._folder, self._number))
+        newest.rename(segment_path(self._folder, self._number))
 
     def _forget_oldest(self) -> None:
-        """Delete the oldest parts but the first, until the run and another full part fit into its limit."""
+        """Delete the oldest segments but the first, until the run and another full segment fit into its limit."""
         with suppress(OSError):
-            sizes = {path: path.stat().st_size for path in older_parts(self._folder)}
+            sizes = {path: path.stat().st_size for path in older_segments(self._folder)}
             for path in list(sizes)[1:]:
-                if sum(sizes.values()) + self._part_bytes <= self._run_bytes:
+                if sum(sizes.values()) + self._segment_bytes <= self._run_bytes:
                     break
                 path.unlink()
                 del sizes[path]

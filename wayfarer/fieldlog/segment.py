@@ -12,7 +12,7 @@ from pathlib import Path
 FLAGS = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC
 
 
-class Part:
+class Segment:
     """Makes a new file that begins with a header, and appends to it; what fails raises ``OSError``.
 
     ``lines`` and ``size`` count the whole lines in it and their bytes, the header's included. Once it is no longer

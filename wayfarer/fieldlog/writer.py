@@ -14,9 +14,9 @@ from typing import Protocol
 
 from wayfarer.config.log_settings import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.disk_errors import DRIVES_ON, Trouble, cure
-from wayfarer.fieldlog.rotation import MB, Parts, at
-from wayfarer.fieldlog.segment import Part
+from wayfarer.fieldlog.disk_errors import DRIVES_ON, DiskErrorReporter, error_advice
+from wayfarer.fieldlog.rotation import MB, SegmentRotation, at
+from wayfarer.fieldlog.segment import Segment
 
 BATCH_BYTES = 65_536  # what is written at once, unless it is asked for earlier
 LOG_GAP = {"record": "event", "t_s": None, "t_wall": None, "name": "log_gap"}  # the times come from ``at``
@@ -31,7 +31,7 @@ class LineSink(Protocol):
         """How many lines could not be written."""
 
     def open(self, header: Callable[[int], bytes]) -> None:
-        """Make the files; ``header`` gives the first line of each part of the log, by the part's number from 1.
+        """Make the files; ``header`` gives the first line of each segment of the log, by the segment's number from 1.
 
         Raises:
             BadInput: they cannot be made.
@@ -66,7 +66,7 @@ class RunFiles:
         self.dropped = 0
         self._folder = folder
         self._settings = settings
-        self.trouble = Trouble(tell)
+        self.trouble = DiskErrorReporter(tell)
         self._counting = Lock()
         self._batch: list[bytes] = []
         self._batch_bytes = 0
@@ -77,9 +77,9 @@ class RunFiles:
     def open(self, header: Callable[[int], bytes]) -> None:
         """Make folder and file, and write the header; see ``LineSink``."""
         try:
-            self._parts = Parts(self._folder, self._settings, header)
+            self._rotation = SegmentRotation(self._folder, self._settings, header)
         except OSError as error:
-            raise BadInput(f"{self._folder}: the field log cannot be written: {cure(error)}") from None
+            raise BadInput(f"{self._folder}: the field log cannot be written: {error_advice(error)}") from None
 
     def bulk(self, line: bytes) -> None:
         """Write a line with the next batch; see ``LineSink``."""
@@ -114,14 +114,14 @@ class RunFiles:
         self._try_again = True
         self._look_for_room()
         self.flush()
-        part = self._parts.newest
-        if part is None or self._failing:
+        segment = self._rotation.newest
+        if segment is None or self._failing:
             return
         try:
-            self._sync(part)
+            self._sync(segment)
         except OSError as error:
             self._fail(error)
-            self._try_again = True  # in a new part, without waiting for another second
+            self._try_again = True  # in a new segment, without waiting for another second
         else:
             if not self._scarce:
                 self.trouble.ends("disk", self.dropped)
@@ -144,7 +144,7 @@ class RunFiles:
         """Write everything and close the file; see ``LineSink``."""
         self.sync()
         self._closed = True
-        self._parts.close()
+        self._rotation.close()
 
     def _take(self, line: bytes) -> None:
         self._batch.append(line)
@@ -153,31 +153,31 @@ class RunFiles:
     def _append(self, lines: list[bytes]) -> None:
         left = len(lines)
         try:
-            part = self._part_for(lines)
+            segment = self._segment_for(lines)
             if self._gap:
-                part.append([at(lines[0], LOG_GAP | {"dropped": self._gap})])
+                segment.append([at(lines[0], LOG_GAP | {"dropped": self._gap})])
                 self._gap = 0
-            before = part.lines
+            before = segment.lines
             try:
-                part.append(lines)
+                segment.append(lines)
             finally:
-                self._unsynced += part.lines - before
-                left -= part.lines - before
+                self._unsynced += segment.lines - before
+                left -= segment.lines - before
             self._failing = False
         finally:
             self.lose(left)
 
-    def _part_for(self, lines: list[bytes]) -> Part:
-        """Return the part that takes these lines."""
-        parts = self._parts
-        if parts.newest is None or not parts.newest.fit:
-            return parts.begin(lines[0])
-        if parts.fills(lines):
+    def _segment_for(self, lines: list[bytes]) -> Segment:
+        """Return the segment that takes these lines."""
+        segments = self._rotation
+        if segments.newest is None or not segments.newest.fit:
+            return segments.begin(lines[0])
+        if segments.fills(lines):
             self._look_for_room()
             if not self._scarce:
-                self._sync(parts.newest)
-                parts.rotate(lines[0])
-        return parts.newest
+                self._sync(segments.newest)
+                segments.rotate(lines[0])
+        return segments.newest
 
     def _look_for_room(self) -> None:
         enough = self._settings.free_mb * MB * (RELIEF if self._scarce else 1.0)
@@ -190,9 +190,9 @@ class RunFiles:
             text = f"the field log takes only events and positions: less than {self._settings.free_mb:g} MB are free"
             self.trouble.begins("disk", f"{self._folder}: {text}: delete old runs{DRIVES_ON}")
 
-    def _sync(self, part: Part) -> None:
+    def _sync(self, segment: Segment) -> None:
         try:
-            part.sync()
+            segment.sync()
         except OSError:
             self.lose(self._unsynced)
             raise
@@ -201,5 +201,5 @@ class RunFiles:
 
     def _fail(self, error: OSError) -> None:
         self._failing = True
-        text = f"{self._folder}: the field log cannot be written: {cure(error)}{DRIVES_ON}"
+        text = f"{self._folder}: the field log cannot be written: {error_advice(error)}{DRIVES_ON}"
         self.trouble.begins("disk", text)

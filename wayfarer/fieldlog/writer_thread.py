@@ -17,7 +17,7 @@ URGENT_BYTES = 1_000_000  # beyond them, for urgent lines only
 CLOSE_S = 1.0  # how long the end of a run waits for the disk
 
 
-class Queued(NamedTuple):
+class QueuedLine(NamedTuple):
     """A line on its way to the disk, and how many before it found no room."""
 
     line: bytes
@@ -40,7 +40,7 @@ class WriterThread:
     def __init__(self, files: RunFiles, queue_bytes: int = QUEUE_BYTES) -> None:
         self._files = files
         self._queue_bytes = queue_bytes
-        self._queue: list[Queued] = []
+        self._queue: list[QueuedLine] = []
         self._waiting = self._waiting_bytes = 0  # what was taken and is not written yet
         self._gap = 0  # lines that were dropped and that no queued line tells of yet
         self._hurry = self._closed = False
@@ -92,7 +92,7 @@ class WriterThread:
                 self._gap += 1
                 self._files.count(1)
             else:
-                self._queue.append(Queued(line, urgent, self._gap))
+                self._queue.append(QueuedLine(line, urgent, self._gap))
                 self._gap = 0
                 self._waiting += 1
                 self._waiting_bytes += len(line)
@@ -122,14 +122,14 @@ class WriterThread:
             if last:
                 return
 
-    def _take(self) -> tuple[list[Queued], bool]:
+    def _take(self) -> tuple[list[QueuedLine], bool]:
         """Wait for the next time to write; return what is queued, and whether nothing can come any more."""
         with self._changed:
             self._changed.wait_for(lambda: self._hurry or self._closed, WRITE_S)
             queued, self._queue, self._hurry = self._queue, [], False
             return queued, self._closed
 
-    def _write(self, queued: list[Queued]) -> None:
+    def _write(self, queued: list[QueuedLine]) -> None:
         for line, urgent, gap in queued:
             if gap:
                 self._files.gap(gap)
@@ -138,7 +138,7 @@ class WriterThread:
             else:
                 self._files.bulk(line)
 
-    def _forget(self, queued: list[Queued]) -> None:
+    def _forget(self, queued: list[QueuedLine]) -> None:
         with self._changed:
             self._waiting = max(0, self._waiting - len(queued))
             self._waiting_bytes -= sum(len(entry.line) for entry in queued)

@@ -20,7 +20,7 @@ ROUNDING_S = 1e-6  # sums of periods fall a rounding error short
 
 
 @dataclass(frozen=True, slots=True)
-class ProgressSettings:
+class EntrapmentSettings:
     """When the rover has got nowhere: field catalogue, fault 57.
 
     A free run is ``free_run_m`` commanded ahead without an anomaly, of which the motion sensor sees ``covered_m``
@@ -40,10 +40,10 @@ class ProgressSettings:
     covered_m: Metres = 0.02
 
 
-class Progress:
+class EntrapmentMonitor:
     """Takes each tick of an armed rover and tells when to give up; ``reset`` starts again."""
 
-    def __init__(self, settings: ProgressSettings, quality_min: float) -> None:
+    def __init__(self, settings: EntrapmentSettings, quality_min: float) -> None:
         self._settings = settings
         self._quality_min = quality_min
         self._run_m = self._unseen_m = 0.0

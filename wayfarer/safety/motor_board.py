@@ -17,7 +17,7 @@ from annotated_types import Interval
 
 from wayfarer.hal import MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.persistence import Persistent
+from wayfarer.safety.debounce import Debounce
 from wayfarer.units import Hertz, Seconds
 
 Volts = Annotated[float, Interval(gt=0, le=60)]
@@ -52,7 +52,7 @@ class BoardSettings:
             raise ValueError(f"battery_critical_v = {critical_v:g} must be below battery_low_v = {low_v:g}")
 
 
-class BoardWatch:
+class MotorBoardMonitor:
     """Turns a board's answers into conditions; ``conditions`` are those of the latest answer.
 
     ``doubtful`` says that the latest answer disagreed with what was commanded: the next one decides.
@@ -61,8 +61,8 @@ class BoardWatch:
     def __init__(self, settings: BoardSettings) -> None:
         self._low_v = settings.battery_low_v or 0.0
         self._critical_v = settings.battery_critical_v or 0.0
-        self._low = Persistent(settings.battery_low_s)
-        self._critical = Persistent(settings.battery_critical_s)
+        self._low = Debounce(settings.battery_low_s)
+        self._critical = Debounce(settings.battery_critical_s)
         self._faulty = self.doubtful = False
         self.health: MotorHealth | None = None
         self.conditions: tuple[Condition, ...] = ()

@@ -17,7 +17,7 @@ UNDER_VOLTAGE_NOW, SLOWED_NOW, UNDER_VOLTAGE_SINCE_BOOT, SLOWED_SINCE_BOOT = 0x1
 DIPS, DIPS_S = 3, 60.0  # "repeated 3x/min": field catalogue, fault 32
 
 
-class PowerWatch:
+class SupplyMonitor:
     """Turns the firmware's flags into conditions; ``flags`` are the latest, None where the computer does not tell.
 
     ``noticed`` says whether there was a dip so far: before the first there is no condition.

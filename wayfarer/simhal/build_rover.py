@@ -29,8 +29,8 @@ from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.parts import SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
-from wayfarer.simhal.random_streams import Streams
-from wayfarer.simhal.sensor_models import FlowSense, HeadingSense
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 GROUND_M_PER_PIXEL = 0.0015  # of the simulated camera, where the rover file gives none
@@ -48,7 +48,7 @@ class Depth(StrEnum):
 def build(
     depth: Depth,
     world: SimulatedWorld,
-    streams: Streams,
+    streams: RandomStreams,
     config: RoverConfig,
     clock: Clock,
     buses: FakeBuses | None = None,
@@ -63,7 +63,7 @@ def build(
     return device_depth(world, streams, config)
 
 
-def device_depth(world: SimulatedWorld, streams: Streams, config: RoverConfig) -> Rover:
+def device_depth(world: SimulatedWorld, streams: RandomStreams, config: RoverConfig) -> Rover:
     """Return a rover whose parts implement the driver protocols directly; parts in the file give their quanta."""
     settings = {part: part_settings(part, table)[1] for part, table in config.parts.items()}
     compass, flow = settings.get("compass"), settings.get("motion")
@@ -78,24 +78,26 @@ def device_depth(world: SimulatedWorld, streams: Streams, config: RoverConfig) -
     )
 
 
-def bus_depth(world: SimulatedWorld, streams: Streams, config: RoverConfig, clock: Clock, buses: FakeBuses) -> Rover:
+def bus_depth(
+    world: SimulatedWorld, streams: RandomStreams, config: RoverConfig, clock: Clock, buses: FakeBuses
+) -> Rover:
     """Return the rover of the file with its real drivers, each over a simulated chip.
 
     A bumper is a switch, not a chip, and a receiver speaks through a socket: both are simulated as at device depth, and
     the bumper also feels the obstacle's bearing. What shines at a GPIO pin is left out.
     """
-    solder = Solder(world, streams, clock, buses)
-    world.chips_act = solder.tick
+    wiring = ChipWiring(world, streams, clock, buses)
+    world.tick_chips = wiring.tick
     on_a_bus = _on_a_bus(config)
     for part, table in list(on_a_bus.items()):
         driver, settings = part_settings(part, table)
-        if driver not in solder.chips:
+        if driver not in wiring.chips:
             if part == "light":
                 del on_a_bus[part]
                 continue
             lacks = f"rover '{config.name}': no simulated chip for '{table['driver']}'; use --depth device"
             raise BadConfig(f"key 'parts.{part}.driver': {lacks}")
-        solder.chips[driver](settings)
+        wiring.chips[driver](settings)
     rover = assemble(config.model_copy(update={"parts": on_a_bus}), buses)
     contact = SimBumper(world) if _has_bumper(config) else None
     return replace(rover, contact=contact, position=_receiver(world, streams, config))
@@ -119,14 +121,14 @@ def _on_a_bus(config: RoverConfig) -> dict[str, dict[str, Any]]:
     return {part: table for part, table in config.parts.items() if part not in {"contact", "position"}}
 
 
-class Solder:
+class ChipWiring:
     """Puts the chip that a driver wants where its settings say that it is; ``chips`` has the chips by driver.
 
     ``tick`` lets the motor boards' own deadmen act, as they do without being asked. Whatever moves the world on must
     call it first; the senses' clock does.
     """
 
-    def __init__(self, world: SimulatedWorld, streams: Streams, clock: Clock, buses: FakeBuses) -> None:
+    def __init__(self, world: SimulatedWorld, streams: RandomStreams, clock: Clock, buses: FakeBuses) -> None:
         self._world, self._streams, self._clock, self._buses = world, streams, clock, buses
         self._boards: list[ThunderBorgChip | SabertoothChip] = []
         self.chips: dict[Any, Callable[[Any], None]] = {
@@ -152,7 +154,7 @@ class Solder:
         self._buses.i2c(settings.bus).attach(settings.address, chip)
 
     def _pmw3901(self, settings: PMW3901Settings) -> None:
-        sense = FlowSense(self._world, self._streams, settings.m_per_count)
+        sense = FlowSensorModel(self._world, self._streams, settings.m_per_count)
         self._buses.spi(settings.bus).chip = PMW3901Chip(sense, self._sense_clock, mounting=mounted(settings))
 
     def _camera(self, settings: CameraMotionSettings) -> None:
@@ -187,10 +189,10 @@ class Solder:
         self._buses.serial(settings.port).chip = chip
 
 
-class MountedCompass(HeadingSense):
+class MountedCompass(HeadingSensorModel):
     """What a compass feels that is mounted as the rover file says: the driver's settings, undone."""
 
-    def __init__(self, world: SimulatedWorld, streams: Streams, settings: CMPS14Settings) -> None:
+    def __init__(self, world: SimulatedWorld, streams: RandomStreams, settings: CMPS14Settings) -> None:
         super().__init__(world, streams)
         self._settings = settings
 
@@ -226,7 +228,7 @@ def _steps(settings: Any) -> float:
     return float(sabertooth.FULL_LEVEL)
 
 
-def _receiver(world: SimulatedWorld, streams: Streams, config: RoverConfig) -> SimReceiver | None:
+def _receiver(world: SimulatedWorld, streams: RandomStreams, config: RoverConfig) -> SimReceiver | None:
     return SimReceiver(world, streams) if "position" in config.parts else None
 
 

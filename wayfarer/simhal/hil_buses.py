@@ -24,7 +24,7 @@ def from_hex(pieces: list[str]) -> tuple[bytes, ...]:
     return tuple(bytes.fromhex(piece) for piece in pieces)
 
 
-class BenchLine:
+class HilConnection:
     """A blocking line to a bus of the bench, or without one to the bench itself.
 
     Raises:
@@ -66,7 +66,7 @@ class BenchLine:
         self._connection.close()
 
 
-class BenchI2C(BenchLine):
+class HilI2C(HilConnection):
     """An I2C bus of the bench; implements ``threaded.BlockingI2C``."""
 
     def write(self, address: int, data: bytes) -> None:
@@ -80,7 +80,7 @@ class BenchI2C(BenchLine):
     write_then_read = write_read
 
 
-class BenchSPI(BenchLine):
+class HilSPI(HilConnection):
     """An SPI device of the bench; implements ``threaded.BlockingSPI``."""
 
     def transfer(self, pieces: tuple[bytes, ...]) -> tuple[bytes, ...]:
@@ -88,7 +88,7 @@ class BenchSPI(BenchLine):
         return self.exchange("spi", *pieces)
 
 
-class BenchSerial(BenchLine):
+class HilSerial(HilConnection):
     """A serial port of the bench; implements ``threaded.BlockingSerial``."""
 
     def write(self, data: bytes) -> None:
@@ -96,7 +96,7 @@ class BenchSerial(BenchLine):
         self.exchange("serial", data)
 
 
-class BenchBuses(LinuxBuses):
+class HilBuses(LinuxBuses):
     """Implements ``drivers.buses.Buses`` over the bench at a socket."""
 
     def __init__(self, path: str) -> None:
@@ -105,15 +105,15 @@ class BenchBuses(LinuxBuses):
 
     def i2c(self, name: str) -> ThreadedI2C:
         """Return an I2C bus of the bench."""
-        return self._once(name, lambda: ThreadedI2C(name, partial(BenchI2C, self._path, name)))
+        return self._once(name, lambda: ThreadedI2C(name, partial(HilI2C, self._path, name)))
 
     def spi(self, name: str, *, mode: int, speed_hz: int) -> ThreadedSPI:  # noqa: ARG002
         """Return an SPI device of the bench; its mode and speed are not simulated."""
-        return self._once(name, lambda: ThreadedSPI(name, partial(BenchSPI, self._path, name)))
+        return self._once(name, lambda: ThreadedSPI(name, partial(HilSPI, self._path, name)))
 
     def serial(self, name: str, *, baud: int) -> ThreadedSerial:  # noqa: ARG002
         """Return a serial port of the bench; its speed is not simulated."""
-        return self._once(name, lambda: ThreadedSerial(name, partial(BenchSerial, self._path, name)))
+        return self._once(name, lambda: ThreadedSerial(name, partial(HilSerial, self._path, name)))
 
     def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> Any:  # noqa: ARG002
         """Refuse.
@@ -124,7 +124,7 @@ class BenchBuses(LinuxBuses):
         raise BadInput(f"camera {name}: the bench serves no camera; name another [parts.motion]")
 
 
-def buses() -> BenchBuses:
+def buses() -> HilBuses:
     """Return the buses of the bench at ``$WAYFARER_BENCH``.
 
     Raises:
@@ -133,4 +133,4 @@ def buses() -> BenchBuses:
     path = os.environ.get(SOCKET_VARIABLE)
     if not path:
         raise BadInput(f"{SOCKET_VARIABLE} is not set: it names the socket of python -m wayfarer.simhal.hil_server")
-    return BenchBuses(path)
+    return HilBuses(path)

@@ -39,14 +39,14 @@ from wayfarer.config.rover_file import RoverConfig, load_rover, part_settings
 from wayfarer.drivers.camera_motion import CameraMotion
 from wayfarer.errors import BadConfig, BadInput, NotResponding
 from wayfarer.escape.api import Vehicle
-from wayfarer.simhal.build_rover import Solder
+from wayfarer.simhal.build_rover import ChipWiring
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.faults.bus import bus_fault, place_of
 from wayfarer.simhal.faults.kinds import KINDS, Fault
 from wayfarer.simhal.faults.wires import TamperedBuses
 from wayfarer.simhal.hil_buses import from_hex
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
@@ -61,7 +61,7 @@ class RecordedWorld(World):
     """A world that remembers what its wheels were told: (time that it is true from, left duty, right duty)."""
 
     def __init__(
-        self, forest: Forest, vehicle: Vehicle, physics: Physics, streams: Streams, starts_s: float = 0.0
+        self, forest: Forest, vehicle: Vehicle, physics: Physics, streams: RandomStreams, starts_s: float = 0.0
     ) -> None:
         self.commands: deque[tuple[float, float, float]] = deque(maxlen=KEPT_COMMANDS)
         self._now_s = starts_s
@@ -83,7 +83,7 @@ class RecordedWorld(World):
         super().command(left, right)
 
 
-class Bench(Solder):
+class HilServer(ChipWiring):
     """All chips of one rover, in a generated forest, and what can be done to them.
 
     What has no chip (a bumper, a receiver, a light at a GPIO pin) is left out.
@@ -98,7 +98,7 @@ class Bench(Solder):
     """
 
     def __init__(self, config: RoverConfig, seed: int, clock: Callable[[], float]) -> None:
-        streams = Streams(seed)
+        streams = RandomStreams(seed)
         self.world = RecordedWorld(generate_forest(seed, 0, seed), config.vehicle, Physics(), streams, clock())
         self._wires = TamperedBuses()
         super().__init__(self.world, streams, clock, self._wires)
@@ -211,7 +211,7 @@ async def serve(config: RoverConfig, path: Path, seed: int) -> None:
     Raises:
         BadConfig: the rover has a camera.
     """
-    bench = Bench(config, seed, asyncio.get_running_loop().time)
+    bench = HilServer(config, seed, asyncio.get_running_loop().time)
     talks: set[asyncio.Task[None]] = set()
 
     def meet(reader: StreamReader, writer: StreamWriter) -> None:

@@ -11,8 +11,8 @@ from math import cos, radians
 
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, PositionFix, WheelCommand
 from wayfarer.safety.mission_limits import METRES_PER_DEG
-from wayfarer.simhal.random_streams import Streams
-from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSense, HeadingSense
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 FLOW_QUALITY = 0.8
@@ -45,9 +45,9 @@ class SimCompass(SimPart):
 
     name = "simulated compass"
 
-    def __init__(self, world: SimulatedWorld, streams: Streams, opens_s: float = 0.0) -> None:
+    def __init__(self, world: SimulatedWorld, streams: RandomStreams, opens_s: float = 0.0) -> None:
         super().__init__(world)
-        self._sample = HeadingSense(world, streams).sample
+        self._sample = HeadingSensorModel(world, streams).sample
         self._opens_s = opens_s
 
     async def open(self) -> None:
@@ -69,10 +69,10 @@ class SimFlow(SimPart):
     name = "simulated optical flow"
 
     def __init__(
-        self, world: SimulatedWorld, streams: Streams, m_per_count: float = FLOW_M_PER_COUNT, opens_s: float = 0.0
+        self, world: SimulatedWorld, streams: RandomStreams, m_per_count: float = FLOW_M_PER_COUNT, opens_s: float = 0.0
     ) -> None:
         super().__init__(world)
-        self._sample = FlowSense(world, streams, m_per_count).sample
+        self._sample = FlowSensorModel(world, streams, m_per_count).sample
         self._m_per_count = m_per_count
         self._opens_s = opens_s
 
@@ -98,7 +98,7 @@ class SimBumper(SimPart):
     async def read(self) -> ContactReading:
         """Return what touches the body now."""
         t_s = self._time()
-        self._world.chips_act()  # a deadman may have tripped since
+        self._world.tick_chips()  # a deadman may have tripped since
         self._world.advance_to(t_s)
         touch = self._world.touch
         if touch is None:
@@ -111,14 +111,14 @@ class SimReceiver(SimPart):
 
     name = "simulated receiver"
 
-    def __init__(self, world: SimulatedWorld, streams: Streams) -> None:
+    def __init__(self, world: SimulatedWorld, streams: RandomStreams) -> None:
         super().__init__(world)
         self._error_m = streams.normal("receiver", FIX_ERROR_M)
 
     async def read(self) -> PositionFix:
         """Return a fix."""
         t_s, world = self._time(), self._world
-        world.chips_act()
+        world.tick_chips()
         world.advance_to(t_s)
         latitude_deg, longitude_deg = ORIGIN_DEG
         north_m, east_m = world.y_m + self._error_m(), world.x_m + self._error_m()

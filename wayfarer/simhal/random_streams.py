@@ -19,12 +19,12 @@ BLOCK = 256
 SENSES = frozenset({"compass.heading", "compass.tilt", "flow"})
 
 
-class Streams:
-    """The random streams of one trial; ``sense_noise`` multiplies what compass, tilt and flow draw."""
+class RandomStreams:
+    """The random streams of one trial; ``sensor_noise`` multiplies what compass, tilt and flow draw."""
 
-    def __init__(self, seed: int, sense_noise: float = 1.0) -> None:
+    def __init__(self, seed: int, sensor_noise: float = 1.0) -> None:
         self._seed = seed
-        self._sense_noise = sense_noise
+        self._sensor_noise = sensor_noise
 
     def generator(self, name: str) -> Generator:
         """Return numpy's generator of that name."""
@@ -32,7 +32,7 @@ class Streams:
 
     def normal(self, name: str, sd: float) -> Callable[[], float]:
         """Return a function that draws from a normal distribution with mean 0."""
-        blocks = _normal_blocks(self.generator(name), sd * self._sense_noise if name in SENSES else sd)
+        blocks = _normal_blocks(self.generator(name), sd * self._sensor_noise if name in SENSES else sd)
         return chain.from_iterable(blocks).__next__
 
     def random(self, name: str) -> Random:

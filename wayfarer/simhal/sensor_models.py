@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from math import degrees
 
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 # PMW3901 at 0.1 m above ground: 0.213 mm a count (hardware.md 8.2).
@@ -15,10 +15,10 @@ FLOW_M_PER_COUNT = 0.00213195 * 0.1
 TENTHS_PER_RAD = degrees(10.0)
 
 
-class HeadingSense:
+class HeadingSensorModel:
     """Heading and tilt with noise, in tenths of a degree as in a CMPS14's 16-bit registers."""
 
-    def __init__(self, world: SimulatedWorld, streams: Streams) -> None:
+    def __init__(self, world: SimulatedWorld, streams: RandomStreams) -> None:
         self._world = world
         self._bias_deg = world.physics.compass_bias_deg
         self._noise_tenths = streams.normal("compass.heading", world.physics.compass_noise_deg * 10.0)
@@ -36,10 +36,10 @@ class HeadingSense:
         )
 
 
-class FlowSense:
+class FlowSensorModel:
     """Displacement over ground since the previous sample, in counts of a PMW3901."""
 
-    def __init__(self, world: SimulatedWorld, streams: Streams, m_per_count: float = FLOW_M_PER_COUNT) -> None:
+    def __init__(self, world: SimulatedWorld, streams: RandomStreams, m_per_count: float = FLOW_M_PER_COUNT) -> None:
         self._world = world
         self._m_per_count = m_per_count
         self._noise_counts = world.physics.flow_noise_counts

@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 
 from tests.commissioning.checks.rigs import Needle, Rig, Script, push_by_hand, run
 from wayfarer.commissioning.calibrate import STEPS, Step, calibrate
-from wayfarer.commissioning.calibrate.compass import LEARN, OFF, Levels, TeachableCompass, residual_deg
+from wayfarer.commissioning.calibrate.compass import LEARN, OFF, CalibratableCompass, CompassLevels, residual_deg
 from wayfarer.commissioning.calibrate.motors import calibrate_motors
 from wayfarer.config.calibration_file import Calibration, FlowEntry, MotorsEntry, load, save, stamp
 from wayfarer.errors import BadInput, BadReading, NotResponding, WayfarerError
 from wayfarer.hal import MotionReading
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 
 Deeds = dict[str, Callable[[], Awaitable[None]]]
 
@@ -37,10 +37,10 @@ class Teachable(Needle):
     look_error: Exception = BadReading("a shifted block")
 
     def __init__(self, rig: Rig) -> None:
-        super().__init__(rig.world, Streams(0))
+        super().__init__(rig.world, RandomStreams(0))
         self.said: list[str] = []
 
-    async def calibration(self) -> Levels:
+    async def calibration(self) -> CompassLevels:
         assert self.config == LEARN, "levels rise only while the compass may learn"
         self.looks += 1
         if self.looks == self.fails_at:
@@ -77,7 +77,7 @@ def person(rig: Rig, answers: dict[str, bool] | None = None, turn_deg: float = 9
 
 
 def take(rig: Rig, someone: Script, *steps: Step) -> Calibration:
-    found = run(calibrate(rig.config, rig.rover, rig.place, someone, steps))
+    found = run(calibrate(rig.config, rig.rover, rig.host, someone, steps))
     assert rig.world.commanded == (0.0, 0.0)
     return found
 
@@ -91,8 +91,8 @@ def give_compass(rig: Rig) -> Teachable:
 
 def test_all_steps_are_measured_and_saved_with_date_and_part(rig: Rig) -> None:
     give_compass(rig)
-    found = run(calibrate(rig.config, rig.rover, rig.place, person(rig)))
-    assert load(rig.place.calibration_file) == found
+    found = run(calibrate(rig.config, rig.rover, rig.host, person(rig)))
+    assert load(rig.host.calibration_file) == found
     assert found.compass is not None
     assert found.flow is not None
     assert found.motors is not None
@@ -108,7 +108,7 @@ def test_each_step_is_saved_before_the_next_begins(rig: Rig) -> None:
     rig.motors.dead = True
     with pytest.raises(NotResponding):
         take(rig, person(rig), *STEPS)
-    saved = load(rig.place.calibration_file)
+    saved = load(rig.host.calibration_file)
     assert saved.compass is not None
     assert saved.flow is not None
     assert saved.motors is None
@@ -116,16 +116,16 @@ def test_each_step_is_saved_before_the_next_begins(rig: Rig) -> None:
 
 def test_one_step_leaves_the_others_as_they_were(rig: Rig) -> None:
     old = FlowEntry(**stamp("flow", 1.0), scale=1.3)
-    save(rig.place.calibration_file, Calibration(flow=old))
+    save(rig.host.calibration_file, Calibration(flow=old))
     assert take(rig, person(rig), "motors").flow == old
 
 
 def test_a_broken_file_is_not_overwritten(rig: Rig) -> None:
-    rig.place.calibration_file.parent.mkdir()
-    rig.place.calibration_file.write_text("{", encoding="ascii")
+    rig.host.calibration_file.parent.mkdir()
+    rig.host.calibration_file.write_text("{", encoding="ascii")
     with pytest.raises(BadInput):
         take(rig, person(rig), "flow")
-    assert rig.place.calibration_file.read_text(encoding="ascii") == "{"
+    assert rig.host.calibration_file.read_text(encoding="ascii") == "{"
 
 
 # -- compass -------------------------------------------------------------------------------------------------------
@@ -156,7 +156,7 @@ def test_a_compass_that_never_gets_there_stores_nothing_and_stops_learning(rig: 
     with pytest.raises(WayfarerError, match="not calibrated within 300 s"):
         take(rig, person(rig), "compass")
     assert compass.said == ["erase", "83", "80"]
-    assert not rig.place.calibration_file.exists()
+    assert not rig.host.calibration_file.exists()
 
 
 def test_one_bad_reading_while_it_is_turned_about_is_passed_over(rig: Rig) -> None:
@@ -174,7 +174,7 @@ def test_a_compass_that_falls_silent_stops_learning_if_it_hears(rig: Rig) -> Non
 
 
 def test_a_compass_without_commands_is_only_measured(rig: Rig) -> None:
-    assert not isinstance(rig.compass, TeachableCompass)
+    assert not isinstance(rig.compass, CalibratableCompass)
     someone = person(rig)
     assert take(rig, someone, "compass").compass is not None
     assert any("takes no commands" in text for text in someone.told)
@@ -190,7 +190,7 @@ def test_quarter_turns_by_eighty_degrees_are_found_out(rig: Rig) -> None:
 def test_a_heading_that_does_not_follow_is_refused(rig: Rig, turn_deg: float) -> None:
     with pytest.raises(WayfarerError, match="turned to the left, or there is a magnet"):
         take(rig, person(rig, turn_deg=turn_deg), "compass")
-    assert not rig.place.calibration_file.exists()
+    assert not rig.host.calibration_file.exists()
 
 
 @given(first_deg=st.floats(0.0, 360.0), errors_deg=st.lists(st.floats(-5.0, 5.0), min_size=4, max_size=4))
@@ -230,7 +230,7 @@ def test_a_push_that_was_seen_otherwise_is_refused_with_the_setting_to_change(
     with pytest.raises(WayfarerError, match=why) as refused:
         take(rig, person(rig), "flow")
     assert "[parts.motion]" in str(refused.value)
-    assert not rig.place.calibration_file.exists()
+    assert not rig.host.calibration_file.exists()
 
 
 def test_a_push_over_dark_ground_is_refused(rig: Rig) -> None:
@@ -322,7 +322,7 @@ def test_the_heading_shift_of_the_motors_is_measured_and_judged(rig: Rig, full_s
 def test_no_wheel_turns_without_a_yes(rig: Rig) -> None:
     assert take(rig, person(rig, {"on blocks": False}), "motors") == Calibration()
     assert rig.world.most == 0.0
-    assert not rig.place.calibration_file.exists()
+    assert not rig.host.calibration_file.exists()
 
 
 def test_duty_grows_slowly_and_commands_never_pause(rig: Rig) -> None:
@@ -357,7 +357,7 @@ def test_motors_that_fail_in_the_middle_are_stopped(rig: Rig, at: int) -> None:
 @pytest.mark.parametrize("after_s", [0.5, 2.5, 4.5])
 def test_a_cancelled_calibration_stops_the_motors(rig: Rig, after_s: float) -> None:
     async def main() -> None:
-        task = asyncio.ensure_future(calibrate(rig.config, rig.rover, rig.place, person(rig), ["motors"]))
+        task = asyncio.ensure_future(calibrate(rig.config, rig.rover, rig.host, person(rig), ["motors"]))
         await asyncio.sleep(after_s)
         task.cancel()
         with pytest.raises(asyncio.CancelledError):

@@ -40,7 +40,7 @@ def rig(tmp_path: Path) -> Rig:
 
 def take(rig: Rig, **answers: bool) -> tuple[TurningEntry | None, Script]:
     someone = Script(rig.world, answers)
-    found = run(calibrate(rig.config, rig.rover, rig.place, someone, ["turning"]))
+    found = run(calibrate(rig.config, rig.rover, rig.host, someone, ["turning"]))
     assert rig.world.commanded == (0.0, 0.0)
     return found.turning, someone
 
@@ -73,7 +73,7 @@ def test_body_that_turns_as_told_has_no_dead_zone_and_its_own_track(rig: Rig) ->
 
 @pytest.mark.parametrize("dead_band", [0.18, 0.58])
 def test_duty_below_which_the_wheels_do_not_turn_is_found_within_a_step(rig: Rig, dead_band: float) -> None:
-    rig.world.harm(dead_band=dead_band)
+    rig.world.set_faults(dead_band=dead_band)
     entry = measured(rig)
     assert entry.on_the_spot is not None
     assert dead_band - 0.05 - 1e-9 <= entry.on_the_spot.stood_at_duty < dead_band
@@ -95,7 +95,7 @@ def test_motion_sensor_is_scaled_as_calibrated_if_it_is_the_same(tmp_path: Path)
     speeds_m_s = []
     for part in (Flow.name, "another"):
         rig = Rig(tmp_path)
-        save(rig.place.calibration_file, Calibration(flow=FlowEntry(**stamp(part, 1.0), scale=2.0)))
+        save(rig.host.calibration_file, Calibration(flow=FlowEntry(**stamp(part, 1.0), scale=2.0)))
         speed = measured(rig).speed
         assert speed is not None
         speeds_m_s.append(speed.speed_m_s)
@@ -118,14 +118,14 @@ def test_without_a_sight_of_the_ground_turning_is_measured_and_speed_is_not(rig:
 
 
 def test_field_of_the_motors_is_not_taken_for_a_turn(rig: Rig) -> None:
-    rig.world.harm(snagged=True)
+    rig.world.set_faults(snagged=True)
     rig.compass.bias_deg = lambda: 10.0 * rig.world.commanded[0]
     entry = measured(rig)
     assert (entry.clockwise, entry.anticlockwise, entry.arc) == (None, None, None)
 
 
 def test_rover_that_cannot_turn_is_told_what_to_do_and_left_as_its_file_says(rig: Rig) -> None:
-    rig.world.harm(snagged=True)
+    rig.world.set_faults(snagged=True)
     entry, someone = take(rig)
     assert entry is not None
     assert any("lighter" in text and "duty_max" in text for text in someone.told)
@@ -180,19 +180,19 @@ def test_needed_room_is_told_and_kept(rig: Rig) -> None:
 
 def test_result_is_kept_with_date_part_and_ground_and_leaves_the_rest(rig: Rig) -> None:
     old = MotorsEntry(**stamp("motors", 1.0), shift_half_deg=1.0, shift_full_deg=2.0, passed=True)
-    save(rig.place.calibration_file, Calibration(motors=old))
+    save(rig.host.calibration_file, Calibration(motors=old))
     entry = measured(rig)
     assert (entry.date, entry.part, entry.ground) == ("2026-11-18", rig.motors.name, "short grass")
-    assert load(rig.place.calibration_file) == Calibration(motors=old, turning=entry)
+    assert load(rig.host.calibration_file) == Calibration(motors=old, turning=entry)
 
 
 def test_long_note_is_cut(rig: Rig) -> None:
     someone = Script(rig.world, {})
     someone.noted = "  mud " + "x" * 200
-    found = run(calibrate(rig.config, rig.rover, rig.place, someone, ["turning"])).turning
+    found = run(calibrate(rig.config, rig.rover, rig.host, someone, ["turning"])).turning
     assert found is not None
     assert found.ground.startswith("mud x")
-    assert load(rig.place.calibration_file).turning == found
+    assert load(rig.host.calibration_file).turning == found
 
 
 # -- safety --------------------------------------------------------------------------------------------------------
@@ -202,7 +202,7 @@ def test_no_wheel_turns_without_a_yes(rig: Rig) -> None:
     entry, _ = take(rig, **{"free, level ground": False})
     assert entry is None
     assert rig.world.most == 0.0
-    assert not rig.place.calibration_file.exists()
+    assert not rig.host.calibration_file.exists()
 
 
 @pytest.mark.parametrize(("deadman_s", "tells", "why"), [(None, True, "by itself"), (0.25, False, "nobody has seen")])
@@ -221,13 +221,13 @@ def test_rover_that_tilts_is_stopped(rig: Rig) -> None:
 
     asked = Script(rig.world, {}, {"free, level ground": soon})
     with pytest.raises(WayfarerError, match="tilts by 30°"):
-        run(calibrate(rig.config, rig.rover, rig.place, asked, ["turning"]))
+        run(calibrate(rig.config, rig.rover, rig.host, asked, ["turning"]))
     assert rig.world.commanded == (0.0, 0.0)
-    assert not rig.place.calibration_file.exists()
+    assert not rig.host.calibration_file.exists()
 
 
 def test_rover_that_turns_the_other_way_is_stopped_at_once(rig: Rig) -> None:
-    rig.world.harm(left_gain=-1.0, right_gain=-1.0)
+    rig.world.set_faults(left_gain=-1.0, right_gain=-1.0)
     with pytest.raises(WayfarerError, match="the other way than it is told"):
         take(rig)
     assert rig.world.commanded == (0.0, 0.0)
@@ -240,13 +240,13 @@ def test_motors_that_fail_in_the_middle_are_stopped_and_nothing_is_kept(rig: Rig
     with pytest.raises(NotResponding):
         take(rig)
     assert rig.world.commanded == (0.0, 0.0)
-    assert not rig.place.calibration_file.exists()
+    assert not rig.host.calibration_file.exists()
 
 
 @pytest.mark.parametrize("after_s", [0.5, 15.0, 40.0, 77.0])
 def test_cancelled_calibration_stops_the_motors(rig: Rig, after_s: float) -> None:
     async def main() -> None:
-        task = asyncio.ensure_future(calibrate(rig.config, rig.rover, rig.place, Script(rig.world, {}), ["turning"]))
+        task = asyncio.ensure_future(calibrate(rig.config, rig.rover, rig.host, Script(rig.world, {}), ["turning"]))
         await asyncio.sleep(after_s)
         assert not task.done()
         task.cancel()

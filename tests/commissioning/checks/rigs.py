@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable, Coroutine
 from pathlib import Path
 from typing import Any, TypeVar
 
-from wayfarer.commissioning.checks import Place
+from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.errors import NotResponding
 from wayfarer.escape.api import Vehicle
@@ -23,7 +23,7 @@ from wayfarer.hal import (
 )
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.parts import SimBumper, SimCompass, SimFlow, SimMotors
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -41,7 +41,7 @@ class WatchedWorld(World):
     most = 0.0
 
     def __init__(self) -> None:
-        super().__init__(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, Streams(0))
+        super().__init__(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, RandomStreams(0))
 
     def command(self, left: float, right: float) -> None:
         self.most = max(self.most, abs(left), abs(right))
@@ -147,12 +147,12 @@ class Rig:
 
     def __init__(self, folder: Path) -> None:
         self.world = WatchedWorld()
-        streams = Streams(0)
+        streams = RandomStreams(0)
         self.motors, self.compass = Board(self.world), Needle(self.world, streams)
         self.motion, self.contact = Flow(self.world, streams), Bumper(self.world)
         self.rover = Rover(self.compass, self.motors, self.motion, self.contact)
         self.config: RoverConfig = load_rover("sim")
-        self.place = Place(folder / "logs", folder / "state" / "calibration.json", (), T_WALL, folder)
+        self.host = HostEnvironment(folder / "logs", folder / "state" / "calibration.json", (), T_WALL, folder)
         for node in ("dev/i2c-1", "dev/spidev0.1"):
             (folder / node).parent.mkdir(exist_ok=True)
             (folder / node).touch()

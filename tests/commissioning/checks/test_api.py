@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 
 from tests.commissioning.checks.rigs import Rig, run
-from wayfarer.commissioning.checks import Finding, Inspection, Verdict, passed, run_checks
+from wayfarer.commissioning.checks import CheckVerdict, Finding, Inspection, passed, run_checks
 from wayfarer.commissioning.checks.api import fail, ok, skipped, warn
-from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.checks.standalone import StandaloneInspection
 
 ALL = (ok("a", "fine"), skipped("b", "no b"), warn("c", "odd", "why", "do"), fail("d", "bad", "why", "do"))
 
@@ -31,8 +31,8 @@ def test_a_check_that_breaks_is_a_finding_and_the_others_run_on(tmp_path: Path) 
         return ok("sound", "fine")
 
     rig = Rig(tmp_path)
-    inspection = Standalone(rig.config, rig.rover, rig.place)
+    inspection = StandaloneInspection(rig.config, rig.rover, rig.host)
     broken, sound = run(run_checks(inspection, [broken_check, sound_check]))
-    assert broken.verdict is Verdict.FAIL
+    assert broken.verdict is CheckVerdict.FAIL
     assert (broken.name, broken.found) == ("broken check", "ZeroDivisionError: in a third party's driver")
-    assert sound.verdict is Verdict.OK
+    assert sound.verdict is CheckVerdict.OK

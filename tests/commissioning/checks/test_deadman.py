@@ -11,10 +11,10 @@ import pytest
 from tests.commissioning.checks.rigs import T_WALL, Rig, Script, run
 from tests.commissioning.checks.test_parts import whole_calibration
 from tests.commissioning.checks.test_real_drivers import Bench
-from wayfarer.commissioning.checks import CALIBRATED, Finding, Inspection, Verdict, board, check, deadman
+from wayfarer.commissioning.checks import CALIBRATED, CheckVerdict, Finding, Inspection, board, check, deadman
 from wayfarer.commissioning.checks.deadman import board_settings, keep_proof, proved
 from wayfarer.commissioning.checks.motion import deadman_trips
-from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.checks.standalone import StandaloneInspection
 from wayfarer.config.calibration_file import Calibration, load, save
 from wayfarer.config.rover_file import load_rover, part_settings
 from wayfarer.daemon.dry_run import DryMotors
@@ -32,7 +32,7 @@ class Watched(Bench):
         self.config = FOREST_ROVER
         self.buses.serial(settings.port).chip = self.sabertooth
         self.motors = Sabertooth(settings, self.buses)
-        self.file = self.place.calibration_file
+        self.file = self.host.calibration_file
 
     def find(self, look: Any) -> Finding:
         return self.run(look, self.motors)
@@ -64,28 +64,28 @@ def watched(tmp_path: Path) -> Watched:
 
 def test_of_a_board_that_cannot_be_asked_nothing_is_claimed(watched: Watched) -> None:
     found = watched.find(board.motor_board)
-    assert found.verdict is Verdict.OK
+    assert found.verdict is CheckVerdict.OK
     assert found.found == "its port opens; it cannot answer, and its deadman of 0.3 s is not proved by this"
-    assert watched.find(board.motor_faults).verdict is Verdict.SKIPPED
+    assert watched.find(board.motor_faults).verdict is CheckVerdict.SKIPPED
 
 
 def test_board_that_nobody_has_watched_is_not_armed_and_what_to_do_is_told(watched: Watched) -> None:
     found = watched.find(proved)
-    assert found.verdict is Verdict.FAIL
+    assert found.verdict is CheckVerdict.FAIL
     assert found.found == "nobody has seen Sabertooth 128 on /dev/ttyAMA0 stop the wheels by itself"
     assert "wayfarer check" in found.remedy
     assert "deadman_unproved_because" in found.remedy
 
 
 def test_what_a_person_saw_is_kept_with_date_port_and_settings_and_arms(watched: Watched) -> None:
-    assert watched.watch().verdict is Verdict.OK
+    assert watched.watch().verdict is CheckVerdict.OK
     kept = load(watched.file).deadman
     assert kept is not None
     assert (kept.date, kept.part) == ("2026-11-18", "Sabertooth 128 on /dev/ttyAMA0")
     told = {key: kept.settings[key] for key in ("buses", "driver", "port", "baud", "address", "timeout_s")}
     assert list(told.values()) == ["linux", "sabertooth", "/dev/ttyAMA0", 9600, 128, 0.3]
     found = watched.find(proved)
-    assert (found.verdict, found.found) == (Verdict.OK, "the wheels were seen to stop by themselves on 2026-11-18")
+    assert (found.verdict, found.found) == (CheckVerdict.OK, "the wheels were seen to stop by themselves on 2026-11-18")
 
 
 @pytest.mark.parametrize(
@@ -103,14 +103,14 @@ def test_proof_does_not_count_for_another_port_or_other_settings(
     watched.watch()
     watched.lay_over(**changed)
     found = watched.find(proved)
-    assert (found.verdict, found.found) == (Verdict.FAIL, f"seen on 2026-11-18, but with {told}")
+    assert (found.verdict, found.found) == (CheckVerdict.FAIL, f"seen on 2026-11-18, but with {told}")
 
 
 def test_settings_of_other_parts_and_defaults_written_out_change_nothing(watched: Watched) -> None:
     watched.watch()
     watched.lay_over(baud=9600, address=128)
     watched.lay_over("motion", height_m=0.2)
-    assert watched.find(proved).verdict is Verdict.OK
+    assert watched.find(proved).verdict is CheckVerdict.OK
 
 
 def test_proof_does_not_count_on_other_buses(watched: Watched) -> None:
@@ -121,12 +121,12 @@ def test_proof_does_not_count_on_other_buses(watched: Watched) -> None:
 
 def test_wheels_that_did_not_stop_take_an_earlier_proof_back(watched: Watched) -> None:
     watched.watch()
-    assert watched.watch(they_stopped=False).verdict is Verdict.FAIL
-    assert watched.find(proved).verdict is Verdict.FAIL
+    assert watched.watch(they_stopped=False).verdict is CheckVerdict.FAIL
+    assert watched.find(proved).verdict is CheckVerdict.FAIL
 
 
 def test_proof_keeps_what_else_was_calibrated(watched: Watched) -> None:
-    whole = whole_calibration(Rig(watched.place.root))
+    whole = whole_calibration(Rig(watched.host.root))
     save(watched.file, whole)
     watched.watch()
     assert replace(load(watched.file), deadman=None) == whole
@@ -135,7 +135,7 @@ def test_proof_keeps_what_else_was_calibrated(watched: Watched) -> None:
 def test_proof_that_cannot_be_kept_is_a_failure_that_says_so(watched: Watched) -> None:
     watched.file.parent.write_text("no folder", encoding="utf-8")
     found = watched.watch()
-    assert found.verdict is Verdict.FAIL
+    assert found.verdict is CheckVerdict.FAIL
     assert "the wheels were seen to stop by themselves; not kept:" in found.found
     assert str(watched.file) in found.found
 
@@ -144,18 +144,20 @@ def test_broken_file_refuses_and_is_named(watched: Watched) -> None:
     watched.file.parent.mkdir(parents=True)
     watched.file.write_text("{", encoding="utf-8")
     found = watched.find(proved)
-    assert (found.verdict, str(watched.file) in found.found) == (Verdict.FAIL, True)
+    assert (found.verdict, str(watched.file) in found.found) == (CheckVerdict.FAIL, True)
 
 
 def test_proof_of_more_than_half_a_year_ago_is_a_warning(watched: Watched) -> None:
     watched.watch()
-    watched.place = replace(watched.place, t_wall=T_WALL + 200 * 86_400.0)
-    assert watched.find(proved).verdict is Verdict.WARN
+    watched.host = replace(watched.host, t_wall=T_WALL + 200 * 86_400.0)
+    assert watched.find(proved).verdict is CheckVerdict.WARN
 
 
-@pytest.mark.parametrize(("because", "verdict"), [("the wheels hang in the lab", Verdict.WARN), ("", Verdict.FAIL)])
+@pytest.mark.parametrize(
+    ("because", "verdict"), [("the wheels hang in the lab", CheckVerdict.WARN), ("", CheckVerdict.FAIL)]
+)
 def test_reason_in_the_rover_file_arms_without_a_proof_and_is_told(
-    watched: Watched, because: str, verdict: Verdict
+    watched: Watched, because: str, verdict: CheckVerdict
 ) -> None:
     watched.allow(because)
     found = watched.find(proved)
@@ -167,14 +169,14 @@ def test_board_of_any_driver_that_reads_nothing_back_wants_a_proof_and_another_n
     rig = Rig(tmp_path)
     for motors in (rig.motors, DryMotors(rig.motors)):
         rig.rover = replace(rig.rover, motors=motors)
-        for rig.motors.tells, verdict in ((True, Verdict.SKIPPED), (False, Verdict.FAIL)):
-            assert run(proved(Standalone(rig.config, rig.rover, rig.place))).verdict is verdict
+        for rig.motors.tells, verdict in ((True, CheckVerdict.SKIPPED), (False, CheckVerdict.FAIL)):
+            assert run(proved(StandaloneInspection(rig.config, rig.rover, rig.host))).verdict is verdict
 
 
 def test_board_without_a_deadman_is_judged_elsewhere(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
     rig.motors.deadman_s = None
-    assert run(proved(Standalone(rig.config, rig.rover, rig.place))).verdict is Verdict.SKIPPED
+    assert run(proved(StandaloneInspection(rig.config, rig.rover, rig.host))).verdict is CheckVerdict.SKIPPED
 
 
 def test_simulated_rover_needs_no_proof() -> None:
@@ -184,12 +186,12 @@ def test_simulated_rover_needs_no_proof() -> None:
 def test_first_check_with_a_person_finds_the_deadman_proved(watched: Watched) -> None:
     """It is looked at after the person was asked, so that nobody has to check twice."""
     someone, rover = Script(watched.world, {}), watched.inspect(watched.motors).rover
-    with_person = run(check(watched.config, rover, watched.place, someone.ask))
+    with_person = run(check(watched.config, rover, watched.host, someone.ask))
     seen = "the wheels were seen to stop by themselves on 2026-11-18"
-    assert with_person[-1] == Finding("deadman proved", Verdict.OK, seen)
+    assert with_person[-1] == Finding("deadman proved", CheckVerdict.OK, seen)
     watched.file.unlink()
-    alone = run(check(watched.config, rover, watched.place, None))
-    assert (alone[-1].name, alone[-1].verdict) == ("deadman proved", Verdict.FAIL)
+    alone = run(check(watched.config, rover, watched.host, None))
+    assert (alone[-1].name, alone[-1].verdict) == ("deadman proved", CheckVerdict.FAIL)
 
 
 def test_rover_without_motors_in_its_file_has_no_settings() -> None:

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from tests.commissioning.checks.rigs import Rig, Script, push_by_hand, run
-from wayfarer.commissioning.checks import Finding, Verdict, check
+from wayfarer.commissioning.checks import CheckVerdict, Finding, check
 from wayfarer.commissioning.checks.motion import WATCH_S, check_motion, judge_push
-from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.checks.standalone import StandaloneInspection
 from wayfarer.commissioning.manual_drive import Push
 from wayfarer.hal import WheelCommand
 
@@ -44,7 +44,7 @@ def person(
 
 def look(rig: Rig, someone: Script) -> dict[str, Finding]:
     async def main() -> list[Finding]:
-        async with Standalone(rig.config, rig.rover, rig.place) as inspection:
+        async with StandaloneInspection(rig.config, rig.rover, rig.host) as inspection:
             return await check_motion(inspection, someone.ask)
 
     findings = run(main())
@@ -55,7 +55,7 @@ def look(rig: Rig, someone: Script) -> dict[str, Finding]:
 
 def test_all_is_well_with_a_healthy_rover(rig: Rig) -> None:
     findings = look(rig, person(rig, {}))
-    assert {finding.verdict for finding in findings.values()} == {Verdict.OK}
+    assert {finding.verdict for finding in findings.values()} == {CheckVerdict.OK}
     assert 0.0 < rig.world.most <= 0.5
 
 
@@ -63,7 +63,7 @@ def test_no_check_turns_the_wheels_faster_than_the_rover_may(rig: Rig) -> None:
     limited = replace(rig.config.safety, duty_max=0.3)
     rig.config = rig.config.model_copy(update={"safety": limited})
     findings = look(rig, person(rig, {}))
-    assert {finding.verdict for finding in findings.values()} == {Verdict.OK}
+    assert {finding.verdict for finding in findings.values()} == {CheckVerdict.OK}
     assert rig.world.most == pytest.approx(0.3, abs=0.01)
     assert {round(max(map(abs, command)), 3) for command in rig.motors.commands if any(command)} == {0.2, 0.25, 0.3}
 
@@ -72,11 +72,11 @@ def test_no_check_turns_the_wheels_faster_than_the_rover_may(rig: Rig) -> None:
 
 
 def test_without_a_person_no_wheel_turns_and_every_check_says_why(rig: Rig) -> None:
-    findings = run(check(rig.config, rig.rover, rig.place, ask=None))
+    findings = run(check(rig.config, rig.rover, rig.host, ask=None))
     assert rig.world.most == 0.0
     assert rig.motors.commands == []
     motion = [finding for finding in findings if finding.name in NAMES]
-    assert [finding.verdict for finding in motion] == [Verdict.SKIPPED] * 5
+    assert [finding.verdict for finding in motion] == [CheckVerdict.SKIPPED] * 5
     assert all("nobody to ask" in finding.found for finding in motion)
 
 
@@ -84,14 +84,14 @@ def test_without_a_yes_no_wheel_turns(rig: Rig) -> None:
     findings = look(rig, person(rig, {"on blocks": False}))
     assert rig.world.most == 0.0
     assert rig.motors.commands == []
-    assert [findings[name].verdict for name in NAMES[:4]] == [Verdict.SKIPPED] * 4
+    assert [findings[name].verdict for name in NAMES[:4]] == [CheckVerdict.SKIPPED] * 4
 
 
 def test_a_silent_board_is_not_asked_to_turn_wheels(rig: Rig) -> None:
     rig.motors.dead = True
     someone = person(rig, {})
     findings = look(rig, someone)
-    assert [findings[name].verdict for name in NAMES[:4]] == [Verdict.SKIPPED] * 4
+    assert [findings[name].verdict for name in NAMES[:4]] == [CheckVerdict.SKIPPED] * 4
     assert not any("blocks" in text for text in someone.told)
 
 
@@ -103,9 +103,9 @@ def test_a_board_that_fails_in_the_middle_is_stopped_and_turns_no_wheel_again(ri
     rig.motors.fails_at = at
     findings = look(rig, person(rig, {}))
     verdicts = [findings[name].verdict for name in NAMES[:4]]
-    broken = verdicts.index(Verdict.FAIL)
-    assert set(verdicts[:broken]) <= {Verdict.OK}
-    assert set(verdicts[broken + 1 :]) <= {Verdict.SKIPPED}
+    broken = verdicts.index(CheckVerdict.FAIL)
+    assert set(verdicts[:broken]) <= {CheckVerdict.OK}
+    assert set(verdicts[broken + 1 :]) <= {CheckVerdict.SKIPPED}
     assert len(rig.motors.commands) == at
 
 
@@ -120,7 +120,7 @@ def test_any_other_error_stops_the_wheels_as_well(rig: Rig, at: int) -> None:
 @pytest.mark.parametrize("after_s", [0.1, 0.6, 0.95, 1.3, 2.1, 3.2])
 def test_a_cancellation_stops_the_wheels(rig: Rig, after_s: float) -> None:
     async def main() -> None:
-        inspection = Standalone(rig.config, rig.rover, rig.place)
+        inspection = StandaloneInspection(rig.config, rig.rover, rig.host)
         task = asyncio.ensure_future(check_motion(inspection, person(rig, {}).ask))
         await asyncio.sleep(after_s)
         task.cancel()
@@ -136,7 +136,7 @@ def test_an_impatient_second_cancellation_does_not_cut_the_stop_short(rig: Rig) 
     rig.motors.stop_takes_s = 1.0  # as over a bus that hangs
 
     async def main() -> None:
-        inspection = Standalone(rig.config, rig.rover, rig.place)
+        inspection = StandaloneInspection(rig.config, rig.rover, rig.host)
         task = asyncio.ensure_future(check_motion(inspection, person(rig, {}).ask))
         await asyncio.sleep(0.3)
         for _ in range(2):
@@ -160,13 +160,13 @@ def test_an_inspection_opens_each_part_once(rig: Rig) -> None:
         await open_board()
 
     rig.motors.open = count  # type: ignore[method-assign]
-    run(check(rig.config, rig.rover, rig.place, person(rig, {}).ask))
+    run(check(rig.config, rig.rover, rig.host, person(rig, {}).ask))
     assert len(opened) == 1
 
 
 def test_leaving_an_inspection_stops_the_wheels(rig: Rig) -> None:
     async def main() -> None:
-        async with Standalone(rig.config, rig.rover, rig.place) as inspection:
+        async with StandaloneInspection(rig.config, rig.rover, rig.host) as inspection:
             await inspection.open("motors")
             await rig.motors.drive(WheelCommand(0.1, 0.1))
 
@@ -177,8 +177,8 @@ def test_leaving_an_inspection_stops_the_wheels(rig: Rig) -> None:
 def test_a_motion_sensor_that_fails_stops_the_wheels(rig: Rig) -> None:
     rig.motion.dead = True
     findings = look(rig, person(rig, {}))
-    assert findings["notices being stuck"].verdict is Verdict.FAIL
-    assert findings["push"].verdict is Verdict.FAIL
+    assert findings["notices being stuck"].verdict is CheckVerdict.FAIL
+    assert findings["push"].verdict is CheckVerdict.FAIL
 
 
 # -- the deadman ---------------------------------------------------------------------------------------------------
@@ -187,7 +187,7 @@ def test_a_motion_sensor_that_fails_stops_the_wheels(rig: Rig) -> None:
 def test_a_deadman_that_does_not_trip_fails(rig: Rig) -> None:
     rig.motors.trips = False
     finding = look(rig, person(rig, {}))["deadman trips"]
-    assert finding.verdict is Verdict.FAIL
+    assert finding.verdict is CheckVerdict.FAIL
     assert "0.4 s of silence" in finding.found
 
 
@@ -197,16 +197,16 @@ def test_wheels_that_never_started_prove_no_deadman(rig: Rig) -> None:
 
     rig.motors.drive = nothing  # type: ignore[method-assign]
     finding = look(rig, person(rig, {}))["deadman trips"]
-    assert (finding.verdict, finding.found) == (Verdict.FAIL, "the wheels did not start")
+    assert (finding.verdict, finding.found) == (CheckVerdict.FAIL, "the wheels did not start")
 
 
 def test_a_board_without_deadman_has_none_to_trip(rig: Rig) -> None:
     rig.motors.deadman_s = None
-    assert look(rig, person(rig, {}))["deadman trips"].verdict is Verdict.SKIPPED
+    assert look(rig, person(rig, {}))["deadman trips"].verdict is CheckVerdict.SKIPPED
 
 
-@pytest.mark.parametrize(("seen", "verdict"), [(True, Verdict.OK), (False, Verdict.FAIL)])
-def test_a_board_that_cannot_be_asked_is_watched_by_the_person(rig: Rig, seen: bool, verdict: Verdict) -> None:
+@pytest.mark.parametrize(("seen", "verdict"), [(True, CheckVerdict.OK), (False, CheckVerdict.FAIL)])
+def test_a_board_that_cannot_be_asked_is_watched_by_the_person(rig: Rig, seen: bool, verdict: CheckVerdict) -> None:
     rig.motors.tells = False
     someone = person(rig, {"Did they turn for": seen})
     assert look(rig, someone)["deadman trips"].verdict is verdict
@@ -215,7 +215,7 @@ def test_a_board_that_cannot_be_asked_is_watched_by_the_person(rig: Rig, seen: b
 
 def test_wheels_that_nobody_counts_are_not_started_for_it(rig: Rig) -> None:
     rig.motors.tells = False
-    assert look(rig, person(rig, {"count the seconds": False}))["deadman trips"].verdict is Verdict.SKIPPED
+    assert look(rig, person(rig, {"count the seconds": False}))["deadman trips"].verdict is CheckVerdict.SKIPPED
     assert WheelCommand(0.2, 0.2) not in rig.motors.commands
 
 
@@ -234,14 +234,14 @@ def test_a_deadman_that_does_not_trip_is_not_waited_for_longer_than_an_eye_needs
 def test_wheels_turn_without_commands_for_five_seconds_at_most(rig: Rig, deadman_s: float, turns: bool) -> None:
     rig.motors.tells, rig.motors.deadman_s = False, deadman_s
     finding = look(rig, person(rig, {}))["deadman trips"]
-    assert (finding.verdict is Verdict.OK) is turns
+    assert (finding.verdict is CheckVerdict.OK) is turns
     assert (WheelCommand(0.2, 0.2) in rig.motors.commands) is turns
-    assert turns or ("deadman of" in finding.found and finding.verdict is Verdict.SKIPPED)
+    assert turns or ("deadman of" in finding.found and finding.verdict is CheckVerdict.SKIPPED)
 
 
 def test_long_deadman_of_a_board_that_tells_is_not_waited_for_either(rig: Rig) -> None:
     rig.motors.deadman_s = 5.0
-    assert look(rig, person(rig, {}))["deadman trips"].verdict is Verdict.SKIPPED
+    assert look(rig, person(rig, {}))["deadman trips"].verdict is CheckVerdict.SKIPPED
 
 
 @pytest.mark.parametrize(
@@ -272,7 +272,7 @@ def test_each_side_is_turned_alone_ahead_and_back(rig: Rig) -> None:
 
 def test_a_reversed_side_names_its_setting(rig: Rig) -> None:
     finding = look(rig, person(rig, {"Did the right wheels turn, only they, and ahead": False}))["right wheels"]
-    assert finding.verdict is Verdict.FAIL
+    assert finding.verdict is CheckVerdict.FAIL
     assert "reverse_right under [parts.motors]" in finding.remedy
 
 
@@ -285,12 +285,12 @@ def test_swapped_sides_name_their_setting(rig: Rig) -> None:
 
 def test_a_side_that_does_not_turn_is_a_matter_of_power_and_wires(rig: Rig) -> None:
     finding = look(rig, person(rig, {"Did the left": False, "Did the right wheels turn instead": False}))["left wheels"]
-    assert (finding.verdict, finding.found) == (Verdict.FAIL, "did not turn as told")
+    assert (finding.verdict, finding.found) == (CheckVerdict.FAIL, "did not turn as told")
 
 
 def test_a_side_that_turns_one_way_only_fails(rig: Rig) -> None:
     finding = look(rig, person(rig, {"left wheels turn again": False}))["left wheels"]
-    assert (finding.verdict, finding.found) == (Verdict.FAIL, "turn ahead, but not back")
+    assert (finding.verdict, finding.found) == (CheckVerdict.FAIL, "turn ahead, but not back")
 
 
 # -- the motion sensor ---------------------------------------------------------------------------------------------
@@ -298,32 +298,32 @@ def test_a_side_that_turns_one_way_only_fails(rig: Rig) -> None:
 
 def test_a_sensor_that_sees_the_wheels_does_not_notice_being_stuck(rig: Rig) -> None:
     rig.motion.on_blocks = False  # the simulated ground does move
-    assert look(rig, person(rig, {}))["notices being stuck"].verdict is Verdict.FAIL
+    assert look(rig, person(rig, {}))["notices being stuck"].verdict is CheckVerdict.FAIL
 
 
 def test_a_blind_sensor_proves_nothing_on_blocks(rig: Rig) -> None:
     rig.motion.quality = 0.0
-    assert look(rig, person(rig, {}))["notices being stuck"].verdict is Verdict.SKIPPED
+    assert look(rig, person(rig, {}))["notices being stuck"].verdict is CheckVerdict.SKIPPED
 
 
 @pytest.mark.parametrize(
     ("ahead", "aside", "verdict", "cause"),
     [
-        (1.0, 0.1, Verdict.OK, ""),
-        (-1.0, 0.0, Verdict.FAIL, "the other way round"),
-        (0.0, 1.0, Verdict.FAIL, "a quarter turn"),
-        (0.1, -1.0, Verdict.FAIL, "a quarter turn"),
-        (0.2, 0.0, Verdict.FAIL, "hardly pushed"),
+        (1.0, 0.1, CheckVerdict.OK, ""),
+        (-1.0, 0.0, CheckVerdict.FAIL, "the other way round"),
+        (0.0, 1.0, CheckVerdict.FAIL, "a quarter turn"),
+        (0.1, -1.0, CheckVerdict.FAIL, "a quarter turn"),
+        (0.2, 0.0, CheckVerdict.FAIL, "hardly pushed"),
     ],
 )
 def test_a_push_tells_how_the_sensor_is_mounted(
-    rig: Rig, ahead: float, aside: float, verdict: Verdict, cause: str
+    rig: Rig, ahead: float, aside: float, verdict: CheckVerdict, cause: str
 ) -> None:
     rig.motion.ahead, rig.motion.aside = ahead, aside
     finding = look(rig, person(rig, {"on blocks": False}))["push"]
     assert finding.verdict is verdict
     assert cause in finding.cause
-    assert verdict is Verdict.OK or "[parts.motion]" in finding.remedy
+    assert verdict is CheckVerdict.OK or "[parts.motion]" in finding.remedy
     assert rig.world.most == 0.0
 
 
@@ -333,21 +333,21 @@ def test_what_moved_before_the_push_does_not_count(rig: Rig) -> None:
 
     rig.motion.on_blocks = False
     findings = look(rig, person(rig, {"on blocks": False}, {"on blocks": roll_back}))
-    assert findings["push"].verdict is Verdict.OK
+    assert findings["push"].verdict is CheckVerdict.OK
 
 
 def test_a_rover_that_was_not_pushed_is_not_judged(rig: Rig) -> None:
-    assert look(rig, person(rig, {"push it half a metre": False}))["push"].verdict is Verdict.SKIPPED
+    assert look(rig, person(rig, {"push it half a metre": False}))["push"].verdict is CheckVerdict.SKIPPED
 
 
 def test_a_blind_sensor_fails_the_push() -> None:
-    assert judge_push(Push(0.5, 0.0, 0.9)).verdict is Verdict.FAIL
+    assert judge_push(Push(0.5, 0.0, 0.9)).verdict is CheckVerdict.FAIL
 
 
 def test_a_rover_without_motion_sensor_has_nothing_to_push(rig: Rig) -> None:
     rig.rover = replace(rig.rover, motion=None)
     findings = look(rig, person(rig, {}))
-    assert findings["push"].verdict is findings["notices being stuck"].verdict is Verdict.SKIPPED
+    assert findings["push"].verdict is findings["notices being stuck"].verdict is CheckVerdict.SKIPPED
 
 
 # -- the whole -----------------------------------------------------------------------------------------------------
@@ -364,7 +364,7 @@ def test_the_command_looks_at_everything_and_closes_every_part(rig: Rig) -> None
 
     for name, part in rig.rover.parts.items():
         part.close = note(name)  # type: ignore[method-assign]
-    place = replace(rig.place, devices=("/dev/i2c-1", "/dev/spidev0.1"))
-    findings = run(check(rig.config, rig.rover, place, person(rig, {}).ask))
+    host = replace(rig.host, devices=("/dev/i2c-1", "/dev/spidev0.1"))
+    findings = run(check(rig.config, rig.rover, host, person(rig, {}).ask))
     assert {"/dev/i2c-1", "disk", "compass", "heading at rest", "light", *NAMES} <= {each.name for each in findings}
     assert sorted(closed) == ["compass", "contact", "motion", "motors"]

@@ -11,9 +11,9 @@ import pytest
 from tests.commissioning.checks.rigs import Rig, Script, WatchedWorld, run
 from wayfarer.commissioning.calibrate import calibrate
 from wayfarer.commissioning.calibrate.compass import OFF
-from wayfarer.commissioning.checks import Check, Finding, Inspection, Verdict, board, parts, run_checks
+from wayfarer.commissioning.checks import Check, CheckVerdict, Finding, Inspection, board, parts, run_checks
 from wayfarer.commissioning.checks.motion import deadman_trips
-from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.checks.standalone import StandaloneInspection
 from wayfarer.commissioning.checks.system import device_files
 from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
@@ -23,8 +23,8 @@ from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.cmps14 import CALIBRATED, CMPS14Chip
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.random_streams import Streams
-from wayfarer.simhal.sensor_models import HeadingSense
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import HeadingSensorModel
 
 
 def now_s() -> float:
@@ -41,18 +41,18 @@ class Bench:
     def __init__(self, folder: Path) -> None:
         self.world = WatchedWorld()
         self.buses = FakeBuses()
-        self.compass = CMPS14Chip(HeadingSense(self.world, Streams(0)), now_s)
+        self.compass = CMPS14Chip(HeadingSensorModel(self.world, RandomStreams(0)), now_s)
         self.thunderborg = ThunderBorgChip(self.world, now_s)
         self.sabertooth = SabertoothChip(self.world, now_s)
         self.buses.i2c("/dev/i2c-1").attach(0x60, self.compass)
         self.buses.i2c("/dev/i2c-1").attach(0x15, self.thunderborg)
         self.buses.serial("/dev/serial0").chip = self.sabertooth
         rig = Rig(folder)
-        self.config, self.place = rig.config, rig.place
+        self.config, self.host = rig.config, rig.host
 
-    def inspect(self, motors: DriveMotors) -> Standalone:
+    def inspect(self, motors: DriveMotors) -> StandaloneInspection:
         rover = Rover(CMPS14(CMPS14Settings(), self.buses), motors)
-        return Standalone(self.config, rover, self.place)
+        return StandaloneInspection(self.config, rover, self.host)
 
     def run(self, check: Check, motors: DriveMotors) -> Finding:
         async def main() -> Finding:
@@ -70,9 +70,9 @@ def bench(tmp_path: Path) -> Bench:
     return Bench(tmp_path)
 
 
-@pytest.mark.parametrize(("acts", "verdict"), [(True, Verdict.OK), (False, Verdict.FAIL)])
+@pytest.mark.parametrize(("acts", "verdict"), [(True, CheckVerdict.OK), (False, CheckVerdict.FAIL)])
 def test_a_thunderborg_is_asked_whether_its_failsafe_tripped(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, acts: bool, verdict: Verdict
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, acts: bool, verdict: CheckVerdict
 ) -> None:
     someone = Script(bench.world, {})
     if not acts:
@@ -86,9 +86,9 @@ def test_a_thunderborg_is_asked_whether_its_failsafe_tripped(
     assert someone.told == []
 
 
-@pytest.mark.parametrize(("acts", "verdict"), [(True, Verdict.OK), (False, Verdict.FAIL)])
+@pytest.mark.parametrize(("acts", "verdict"), [(True, CheckVerdict.OK), (False, CheckVerdict.FAIL)])
 def test_a_sabertooth_is_watched_and_does_as_its_timeout_says(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, acts: bool, verdict: Verdict
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, acts: bool, verdict: CheckVerdict
 ) -> None:
     if not acts:
         monkeypatch.setattr(SabertoothChip, "stops_by_s", inf)
@@ -117,7 +117,7 @@ def test_real_parts_answer_their_checks(bench: Bench) -> None:
         return await run_checks(inspection, [board.motor_board, board.battery, board.motor_faults, parts.compass])
 
     findings = run(look(bench.inspect(ThunderBorg(ThunderBorgSettings(), bench.buses))))
-    assert {finding.verdict for finding in findings} == {Verdict.OK}, findings
+    assert {finding.verdict for finding in findings} == {CheckVerdict.OK}, findings
     assert bench.world.most == 0.0
 
 
@@ -131,14 +131,14 @@ def test_a_fault_of_the_last_mission_is_found_before_the_next(bench: Bench) -> N
         bench.thunderborg.drive_faults.add(0)
         return await run_checks(bench.inspect(motors), [board.motor_board, board.motor_faults])
 
-    assert [finding.verdict for finding in run(look())] == [Verdict.OK, Verdict.FAIL]
+    assert [finding.verdict for finding in run(look())] == [CheckVerdict.OK, CheckVerdict.FAIL]
 
 
 def test_a_compass_that_is_not_there_is_named_with_its_bus(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
     rover = Rover(CMPS14(CMPS14Settings(address=0x61), FakeBuses()), rig.motors)
-    finding = run(parts.compass(Standalone(rig.config, rover, rig.place)))
-    assert finding.verdict is Verdict.FAIL
+    finding = run(parts.compass(StandaloneInspection(rig.config, rover, rig.host)))
+    assert finding.verdict is CheckVerdict.FAIL
     assert "0x61 on /dev/i2c-1" in finding.found
     assert "i2cdetect" in finding.remedy
 
@@ -155,7 +155,7 @@ def test_a_real_compass_is_taught_by_its_own_commands(bench: Bench) -> None:
     async def main() -> None:
         bench.compass.calibration = bench.compass.profile = 0
         asyncio.get_running_loop().call_later(5.0, setattr, bench.compass, "calibration", CALIBRATED)
-        found = await calibrate(bench.config, inspection.rover, bench.place, someone, ["compass"])
+        found = await calibrate(bench.config, inspection.rover, bench.host, someone, ["compass"])
         assert found.compass is not None
         assert found.compass.residual_deg < 2.0
         assert found.compass.part.startswith("CMPS14")
@@ -166,7 +166,7 @@ def test_a_real_compass_is_taught_by_its_own_commands(bench: Bench) -> None:
 
 def test_a_real_board_and_compass_measure_how_the_rover_turns(bench: Bench) -> None:
     rover = bench.inspect(ThunderBorg(ThunderBorgSettings(), bench.buses)).rover
-    found = run(calibrate(bench.config, rover, bench.place, Script(bench.world, {}), ["turning"])).turning
+    found = run(calibrate(bench.config, rover, bench.host, Script(bench.world, {}), ["turning"])).turning
     assert found is not None
     assert found.part.startswith("ThunderBorg")
     assert found.on_the_spot is not None

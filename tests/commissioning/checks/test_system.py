@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from tests.commissioning.checks.rigs import Rig, run
-from wayfarer.commissioning.checks import Finding, Inspection, Verdict, system
-from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.checks import CheckVerdict, Finding, Inspection, system
+from wayfarer.commissioning.checks.standalone import StandaloneInspection
 from wayfarer.config.rover_file import load_rover
 
 
@@ -25,21 +25,21 @@ def rig(tmp_path: Path) -> Rig:
 
 
 def look(rig: Rig, check: Callable[[Inspection], Coroutine[Any, Any, Finding]]) -> Finding:
-    return run(check(Standalone(rig.config, rig.rover, rig.place)))
+    return run(check(StandaloneInspection(rig.config, rig.rover, rig.host)))
 
 
 def look_at_device(rig: Rig, name: str) -> Finding:
-    return run(system.device(name, Standalone(rig.config, rig.rover, rig.place)))
+    return run(system.device(name, StandaloneInspection(rig.config, rig.rover, rig.host)))
 
 
 def give_flags(rig: Rig, text: str) -> None:
-    path = rig.place.path(system.THROTTLED)
+    path = rig.host.path(system.THROTTLED)
     path.parent.mkdir(parents=True)
     path.write_text(text, encoding="ascii")
 
 
 def test_a_device_file_that_may_be_used_is_well(rig: Rig) -> None:
-    assert look_at_device(rig, "/dev/i2c-1").verdict is Verdict.OK
+    assert look_at_device(rig, "/dev/i2c-1").verdict is CheckVerdict.OK
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_a_device_file_that_may_be_used_is_well(rig: Rig) -> None:
 )
 def test_a_missing_device_file_names_the_step_that_makes_it(rig: Rig, name: str, remedy: str) -> None:
     finding = look_at_device(rig, name)
-    assert finding.verdict is Verdict.FAIL
+    assert finding.verdict is CheckVerdict.FAIL
     assert finding.found == f"{name} is not there"
     assert remedy in finding.remedy
 
@@ -68,7 +68,7 @@ def test_a_forbidden_device_file_names_its_group(
 ) -> None:
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     finding = look_at_device(rig, name)
-    assert finding.verdict is Verdict.FAIL
+    assert finding.verdict is CheckVerdict.FAIL
     assert finding.remedy.startswith(f"sudo usermod -aG {group} {pwd.getpwuid(os.geteuid()).pw_name}, ")
 
 
@@ -76,7 +76,7 @@ def test_remedies_name_the_user_who_lacks_access(rig: Rig, monkeypatch: pytest.M
     """Under sudo -u the shell's $USER is somebody else."""
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     monkeypatch.setattr(pwd, "getpwuid", lambda uid: SimpleNamespace(pw_name="rover"))
-    rig.place.log_folder.write_text("a file stands in its place", encoding="ascii")
+    rig.host.log_folder.write_text("a file stands in its place", encoding="ascii")
     assert "usermod -aG i2c rover, " in look_at_device(rig, "/dev/i2c-1").remedy
     assert "sudo chown rover " in look(rig, system.disk).remedy
 
@@ -90,13 +90,15 @@ def test_a_user_without_a_name_is_named_by_number(rig: Rig, monkeypatch: pytest.
     assert f"usermod -aG i2c {os.geteuid()}, " in look_at_device(rig, "/dev/i2c-1").remedy
 
 
-@pytest.mark.parametrize(("leads_to", "verdict"), [("ttyAMA10", Verdict.WARN), ("ttyAMA0", Verdict.OK)])
-def test_a_port_that_is_the_debug_connector_of_a_pi_5_is_a_warning(rig: Rig, leads_to: str, verdict: Verdict) -> None:
-    (rig.place.path("/dev") / leads_to).touch()
-    rig.place.path("/dev/serial0").symlink_to(leads_to)
+@pytest.mark.parametrize(("leads_to", "verdict"), [("ttyAMA10", CheckVerdict.WARN), ("ttyAMA0", CheckVerdict.OK)])
+def test_a_port_that_is_the_debug_connector_of_a_pi_5_is_a_warning(
+    rig: Rig, leads_to: str, verdict: CheckVerdict
+) -> None:
+    (rig.host.path("/dev") / leads_to).touch()
+    rig.host.path("/dev/serial0").symlink_to(leads_to)
     finding = look_at_device(rig, "/dev/serial0")
     assert finding.verdict is verdict
-    assert ("/dev/ttyAMA0 in the rover file" in finding.remedy) is (verdict is Verdict.WARN)
+    assert ("/dev/ttyAMA0 in the rover file" in finding.remedy) is (verdict is CheckVerdict.WARN)
 
 
 def test_forestrovers_port_is_on_the_header_of_its_pi_5() -> None:
@@ -120,16 +122,16 @@ def test_device_files_are_found_in_the_settings_of_parts_each_once() -> None:
 @pytest.mark.parametrize(
     ("flags", "verdict", "found"),
     [
-        ("0\n", Verdict.OK, "no under-voltage"),
-        ("50005", Verdict.FAIL, "under-voltage now"),
-        ("0x1", Verdict.FAIL, "under-voltage now"),
-        ("50000", Verdict.WARN, "since boot"),
-        ("8", Verdict.WARN, "slowed down"),
-        ("20000", Verdict.OK, "no under-voltage"),
-        ("garbage", Verdict.SKIPPED, "does not tell"),
+        ("0\n", CheckVerdict.OK, "no under-voltage"),
+        ("50005", CheckVerdict.FAIL, "under-voltage now"),
+        ("0x1", CheckVerdict.FAIL, "under-voltage now"),
+        ("50000", CheckVerdict.WARN, "since boot"),
+        ("8", CheckVerdict.WARN, "slowed down"),
+        ("20000", CheckVerdict.OK, "no under-voltage"),
+        ("garbage", CheckVerdict.SKIPPED, "does not tell"),
     ],
 )
-def test_power_is_judged_by_the_firmware_flags(rig: Rig, flags: str, verdict: Verdict, found: str) -> None:
+def test_power_is_judged_by_the_firmware_flags(rig: Rig, flags: str, verdict: CheckVerdict, found: str) -> None:
     give_flags(rig, flags)
     finding = look(rig, system.power)
     assert finding.verdict is verdict
@@ -137,28 +139,28 @@ def test_power_is_judged_by_the_firmware_flags(rig: Rig, flags: str, verdict: Ve
 
 
 def test_a_computer_without_power_flags_is_not_judged(rig: Rig) -> None:
-    assert look(rig, system.power).verdict is Verdict.SKIPPED
+    assert look(rig, system.power).verdict is CheckVerdict.SKIPPED
 
 
 def test_a_writable_log_folder_with_room_is_well_and_is_not_made(rig: Rig) -> None:
     finding = look(rig, system.disk)
-    assert finding.verdict is Verdict.OK
+    assert finding.verdict is CheckVerdict.OK
     assert "MB free" in finding.found
-    assert not rig.place.log_folder.exists()
+    assert not rig.host.log_folder.exists()
 
 
-@pytest.mark.parametrize(("free_bytes", "verdict"), [(149_999_999, Verdict.FAIL), (150_000_000, Verdict.OK)])
+@pytest.mark.parametrize(("free_bytes", "verdict"), [(149_999_999, CheckVerdict.FAIL), (150_000_000, CheckVerdict.OK)])
 def test_a_mission_must_fit_beside_what_the_log_leaves_free(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch, free_bytes: int, verdict: Verdict
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, free_bytes: int, verdict: CheckVerdict
 ) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=free_bytes))
     assert look(rig, system.disk).verdict is verdict
 
 
 def test_a_log_folder_that_cannot_be_written_fails(rig: Rig) -> None:
-    rig.place.log_folder.write_text("a file stands in its place", encoding="ascii")
+    rig.host.log_folder.write_text("a file stands in its place", encoding="ascii")
     finding = look(rig, system.disk)
-    assert finding.verdict is Verdict.FAIL
+    assert finding.verdict is CheckVerdict.FAIL
     assert "cannot be written" in finding.found
     assert "sudo chown" in finding.remedy
 
@@ -169,11 +171,11 @@ def test_a_log_folder_that_may_not_be_looked_into_fails(rig: Rig, monkeypatch: p
 
     monkeypatch.setattr(Path, "exists", forbidden)
     finding = look(rig, system.disk)
-    assert finding.verdict is Verdict.FAIL
+    assert finding.verdict is CheckVerdict.FAIL
     assert finding.found.endswith("logs cannot be written: Permission denied")
 
 
-@pytest.mark.parametrize(("t_wall", "verdict"), [(0.0, Verdict.WARN), (1_795_000_000.0, Verdict.OK)])
-def test_a_clock_that_was_never_set_is_a_warning(rig: Rig, t_wall: float, verdict: Verdict) -> None:
-    rig.place = replace(rig.place, t_wall=t_wall)
+@pytest.mark.parametrize(("t_wall", "verdict"), [(0.0, CheckVerdict.WARN), (1_795_000_000.0, CheckVerdict.OK)])
+def test_a_clock_that_was_never_set_is_a_warning(rig: Rig, t_wall: float, verdict: CheckVerdict) -> None:
+    rig.host = replace(rig.host, t_wall=t_wall)
     assert look(rig, system.clock).verdict is verdict

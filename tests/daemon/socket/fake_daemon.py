@@ -9,7 +9,7 @@ from typing import Any
 import orjson
 
 from wayfarer.daemon.socket.protocol import Details, Refused
-from wayfarer.daemon.socket.server import LIMITS, ControlServer, Limits
+from wayfarer.daemon.socket.server import LIMITS, ControlServer, SocketLimits
 
 
 class FakeDaemon:
@@ -57,7 +57,7 @@ class FakeDaemon:
 
 
 def serve(
-    daemon: FakeDaemon, path: Path, limits: Limits = LIMITS, declination_deg: float | None = 3.5
+    daemon: FakeDaemon, path: Path, limits: SocketLimits = LIMITS, declination_deg: float | None = 3.5
 ) -> ControlServer:
     return ControlServer(path, daemon, declination_deg=declination_deg, on_error=daemon.errors.append, limits=limits)
 

@@ -16,7 +16,7 @@ from tests.daemon.socket.fake_daemon import FakeDaemon, RawClient, serve
 from wayfarer.daemon.socket import client, server
 from wayfarer.daemon.socket.client import NoDaemon, ask
 from wayfarer.daemon.socket.protocol import Refused
-from wayfarer.daemon.socket.server import Limits
+from wayfarer.daemon.socket.server import SocketLimits
 from wayfarer.errors import BadInput, WayfarerError
 
 STATUS = {"do": "status"}
@@ -62,7 +62,7 @@ async def test_refusal_is_raised_with_its_reason(path: Path, daemon: FakeDaemon)
 
 async def test_client_that_is_turned_away_hears_why(path: Path, daemon: FakeDaemon) -> None:
     daemon.waits.clear()
-    async with serve(daemon, path, Limits(clients=1)), RawClient(path) as first:
+    async with serve(daemon, path, SocketLimits(clients=1)), RawClient(path) as first:
         first.writer.write(b'{"do": "arm"}\n')
         async with asyncio.timeout(2.0):
             while not daemon.told:  # noqa: ASYNC110  (nothing there tells of it)

@@ -11,10 +11,10 @@ from stat import S_IMODE
 import pytest
 
 from wayfarer.daemon.socket import paths
-from wayfarer.daemon.socket.driven import MOST_BYTES, Driven, DrivenRecord, known_records, read_record
+from wayfarer.daemon.socket.driven import MOST_BYTES, DrivenBoard, DrivenRecord, known_records, read_record
 from wayfarer.errors import BadInput
 
-DRIVEN = Driven({"driver": "sabertooth", "port": "/dev/ttyAMA0", "duty_limit": 0.5}, "linux")
+DRIVEN = DrivenBoard({"driver": "sabertooth", "port": "/dev/ttyAMA0", "duty_limit": 0.5}, "linux")
 ME, NOBODY = os.geteuid(), 65534
 
 
@@ -35,7 +35,7 @@ def test_what_was_written_is_read_and_gone_when_it_is_removed(path: Path, record
 
 
 def test_next_daemon_s_takes_the_place_of_one_that_was_left(path: Path, record: Path) -> None:
-    DrivenRecord(path).write(Driven({"driver": "thunderborg"}, "some:buses"))
+    DrivenRecord(path).write(DrivenBoard({"driver": "thunderborg"}, "some:buses"))
     assert read_record(record) == (({"driver": "thunderborg"}, "some:buses"), ME)
 
 

@@ -24,11 +24,11 @@ from tests.daemon.socket.fake_daemon import FakeDaemon, RawClient, open_files, s
 from wayfarer.daemon.socket import server
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.protocol import REQUEST_BYTES, VERBS
-from wayfarer.daemon.socket.server import Limits
+from wayfarer.daemon.socket.server import SocketLimits
 from wayfarer.errors import BadInput, NotResponding
 
 STATUS = b'{"do": "status"}\n'
-QUICK = Limits(line_s=0.05, idle_s=0.1, reply_s=0.05)
+QUICK = SocketLimits(line_s=0.05, idle_s=0.1, reply_s=0.05)
 
 
 async def answers(path: Path) -> bool:
@@ -185,7 +185,7 @@ async def test_line_cut_off_by_the_client_is_not_obeyed(path: Path, daemon: Fake
 
 async def test_new_client_takes_the_place_of_the_one_silent_longest(path: Path, daemon: FakeDaemon) -> None:
     async with (
-        serve(daemon, path, Limits(clients=3)) as serving,
+        serve(daemon, path, SocketLimits(clients=3)) as serving,
         RawClient(path) as one,
         RawClient(path) as two,
         RawClient(path) as three,
@@ -204,7 +204,7 @@ async def test_request_under_way_is_not_dropped_for_a_new_client_but_half_a_line
     path: Path, daemon: FakeDaemon
 ) -> None:
     daemon.waits.clear()
-    async with serve(daemon, path, Limits(clients=2)), RawClient(path) as busy:
+    async with serve(daemon, path, SocketLimits(clients=2)), RawClient(path) as busy:
         busy.writer.write(b'{"do": "arm"}\n')
         await until(lambda: daemon.told)
         async with RawClient(path) as begun:

@@ -29,7 +29,7 @@ from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.gate import Gate
 from wayfarer.simhal.mujoco.terrain import Range, Terrains
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 
 SIM = load_rover("sim")
 
@@ -48,7 +48,7 @@ def spec_of(algorithm: str, trial: int) -> TrialSpec:
 
 
 def handler_of(spec: TrialSpec) -> EscapeHandler:
-    rng = Streams(spec.seed).random("algorithm")
+    rng = RandomStreams(spec.seed).random("algorithm")
     return find_algorithm(spec.algorithm).make(SIM.escape, SIM.vehicle, rng)
 
 
@@ -280,10 +280,10 @@ def test_with_terrains_the_body_moves_in_mujoco_on_the_ground_of_that_trial() ->
     gained_m = []
     for trial in (0, 2, 0):
         env.reset(options={"trial": trial})
-        assert env._seat is not None
-        world = env._seat.world
+        assert env._bridge is not None
+        world = env._bridge.world
         assert isinstance(world, MujocoWorld)
-        friction = terrains.draw(Streams(spec_of("forest-pledge", trial).seed)).friction
+        friction = terrains.draw(RandomStreams(spec_of("forest-pledge", trial).seed)).friction
         assert world.terrain.friction == friction
         began_m = world.y_m
         for _ in range(10):

@@ -11,7 +11,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments import commands
 from wayfarer.experiments.campaign import Campaign, read_forest_file
 from wayfarer.experiments.executors import RunTrial, field_trial
-from wayfarer.experiments.rows import SUCCESSES, Row
+from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.simhal.world.forest_file import write_forests
 from wayfarer.simhal.world.generate import generate_forest
 
@@ -45,12 +45,12 @@ def run_campaign(
     assert code == 0
 
 
-def row(algorithm: str, trial: int, outcome: str = "escaped", path_m: float | None = 80.0) -> Row:
+def row(algorithm: str, trial: int, outcome: str = "escaped", path_m: float | None = 80.0) -> TrialRow:
     spl = 0.5 if outcome in SUCCESSES else 0.0
-    return Row(trial, algorithm, trial // 2, trial % 2, 7, outcome, path_m, 2.0, 90.0, 12, 5, 39.0, spl)
+    return TrialRow(trial, algorithm, trial // 2, trial % 2, 7, outcome, path_m, 2.0, 90.0, 12, 5, 39.0, spl)
 
 
-def rows_of(algorithms: Sequence[str], trials: int = 40) -> dict[str, list[Row]]:
+def rows_of(algorithms: Sequence[str], trials: int = 40) -> dict[str, list[TrialRow]]:
     """Trials of many lengths, some of them failures: one more for each algorithm."""
     return {
         name: [

@@ -18,10 +18,10 @@ from tests.experiments import fake_trials
 from tests.experiments.report.campaigns import ALGORITHMS, TRIALS, run_campaign
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
-from wayfarer.experiments.entrapment import Why
+from wayfarer.experiments.entrapment import Cause
 from wayfarer.experiments.report.campaign import write_report
-from wayfarer.experiments.report.gallery import choose
 from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.report.worst_trials import choose
 from wayfarer.experiments.results_folder import TRIALS as TABLE
 
 GALLERY = 2
@@ -182,7 +182,7 @@ def test_page_says_why_trials_were_entrapped_with_a_close_up_of_each(finished: P
     section = text.partition("Why trials were entrapped")[2]
     assert section.count('class="forest"') == len(entrapped)
     for row in entrapped:
-        assert re.search(rf"{row.algorithm}, trial {row.trial}: ({'|'.join(Why)})\. It kept to", section)
+        assert re.search(rf"{row.algorithm}, trial {row.trial}: ({'|'.join(Cause)})\. It kept to", section)
     counts = re.search(r"<tbody>.*?</tbody>", section, re.DOTALL)
     assert counts is not None
     assert sum(map(int, re.findall(r"<td>(\d+)</td>", counts.group()))) == len(entrapped)

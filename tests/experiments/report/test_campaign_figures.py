@@ -24,14 +24,14 @@ from wayfarer.experiments.report.forest_figure import forest_figure, legend_figu
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.paths_figure import paths_figure
 from wayfarer.experiments.report.ratio_figure import quantile, ratio_figure, ratios
-from wayfarer.experiments.rows import Row
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import summarise
-from wayfarer.experiments.trajectory import Point, Trace
+from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views.run_report.drawing import house_style, log_distances, save
 from wayfarer.views.run_report.forest_map import STROKES
 
-Rows = Mapping[str, Sequence[Row]]
+Rows = Mapping[str, Sequence[TrialRow]]
 
 
 def paths_of(rows: Rows) -> Figure:
@@ -107,7 +107,7 @@ def test_strangers_alone_are_readable(name: str) -> None:
 
 @pytest.mark.parametrize("rows", ODD.values(), ids=ODD)
 @pytest.mark.parametrize("name", FIGURES)
-def test_odd_campaigns_are_drawn_without_a_warning(name: str, rows: list[Row]) -> None:
+def test_odd_campaigns_are_drawn_without_a_warning(name: str, rows: list[TrialRow]) -> None:
     assert_readable(FIGURES[name]({"pledge": rows}))
 
 
@@ -186,7 +186,7 @@ def test_every_phase_has_its_colour_and_no_two_share_one() -> None:
 
 
 def test_way_is_drawn_whole_each_piece_in_the_colour_of_its_phase() -> None:
-    trace = Trace([Point(25.0, 12.5 + n, phase) for n, phase in enumerate(Phase)], [(25.0, 14.0)])
+    trace = Trace([TrajectoryPoint(25.0, 12.5 + n, phase) for n, phase in enumerate(Phase)], [(25.0, 14.0)])
     axes = forest_figure(generate_forest(0, 0, 0), trace).axes[0]
     for stroke in STROKES:
         line = next(line for line in axes.lines if line.get_color() == stroke.colour and line.get_linestyle() == "-")
@@ -195,7 +195,7 @@ def test_way_is_drawn_whole_each_piece_in_the_colour_of_its_phase() -> None:
 
 
 def test_drawings_of_forests_are_readable() -> None:
-    assert_readable(forest_figure(generate_forest(0, 0, 0), Trace([Point(25.0, 12.5, Phase.FOLLOW)], [])))
+    assert_readable(forest_figure(generate_forest(0, 0, 0), Trace([TrajectoryPoint(25.0, 12.5, Phase.FOLLOW)], [])))
     assert_readable(legend_figure())
 
 

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 
 from tests.experiments.report.campaigns import ALGORITHMS, campaign_of, row
 from wayfarer.experiments.executors import Done
-from wayfarer.experiments.progress_bar import Progress
-from wayfarer.experiments.report.gallery import Again, choose, ending, run_again
+from wayfarer.experiments.progress_bar import ProgressDisplay
 from wayfarer.experiments.report.reading import read_results
-from wayfarer.experiments.rows import SUCCESSES, Row
+from wayfarer.experiments.report.worst_trials import RerunTrial, choose, ending, run_again
+from wayfarer.experiments.rows import SUCCESSES, TrialRow
 
 
-class Counted(Progress):
+class Counted(ProgressDisplay):
     def __init__(self) -> None:
         self.done: list[Done] = []
 
@@ -27,12 +27,12 @@ class Counted(Progress):
         self.done.append(done)
 
 
-def again(rows: Sequence[Row], folder: Path, jobs: int = 1) -> list[Again]:
-    return run_again(read_results(folder).rebuild(), rows, jobs, Progress())
+def again(rows: Sequence[TrialRow], folder: Path, jobs: int = 1) -> list[RerunTrial]:
+    return run_again(read_results(folder).rebuild(), rows, jobs, ProgressDisplay())
 
 
 @st.composite
-def campaigns(draw: st.DrawFn) -> dict[str, list[Row]]:
+def campaigns(draw: st.DrawFn) -> dict[str, list[TrialRow]]:
     outcomes = st.sampled_from(["escaped", "left_bounds", "entrapped", "tipped", "fault"])
     path_m = st.integers(1, 9).map(float) | st.none()
     return {
@@ -42,7 +42,7 @@ def campaigns(draw: st.DrawFn) -> dict[str, list[Row]]:
 
 
 @given(campaigns(), st.integers(0, 20))
-def test_every_algorithm_has_its_turn_before_one_has_a_second(by_name: dict[str, list[Row]], count: int) -> None:
+def test_every_algorithm_has_its_turn_before_one_has_a_second(by_name: dict[str, list[TrialRow]], count: int) -> None:
     drawable = {name: [row for row in rows if row.path_m] for name, rows in by_name.items()}
     chosen = choose(by_name, count)
     assert len(chosen) == len({row.key for row in chosen}) == min(count, sum(map(len, drawable.values())))
@@ -52,8 +52,8 @@ def test_every_algorithm_has_its_turn_before_one_has_a_second(by_name: dict[str,
 
 
 @given(campaigns(), st.integers(0, 20))
-def test_of_each_algorithm_failures_come_first_then_the_longest(by_name: dict[str, list[Row]], count: int) -> None:
-    def badness(row: Row) -> tuple[bool, float]:
+def test_of_each_algorithm_failures_come_first_then_the_longest(by_name: dict[str, list[TrialRow]], count: int) -> None:
+    def badness(row: TrialRow) -> tuple[bool, float]:
         assert row.path_m is not None
         return row.outcome not in SUCCESSES, row.path_m
 

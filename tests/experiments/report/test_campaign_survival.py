@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.experiments.report.campaigns import row
 from wayfarer.experiments.report.escape_figure import escape_figure
 from wayfarer.experiments.report.survival import escape_curve
-from wayfarer.experiments.rows import OUTCOMES, Row
+from wayfarer.experiments.rows import OUTCOMES, TrialRow
 from wayfarer.experiments.statistics import summarise
 
 # Few different values, so that many are equal; a multiple of 0.25 is exact.
@@ -20,14 +20,14 @@ TRIALS = st.lists(ENDS, min_size=1, max_size=60).map(
 
 
 @given(TRIALS)
-def test_curve_is_the_share_of_all_trials_that_has_escaped(rows: list[Row]) -> None:
+def test_curve_is_the_share_of_all_trials_that_has_escaped(rows: list[TrialRow]) -> None:
     escaped_m = [each.path_m for each in rows if each.outcome in ("escaped", "left_bounds")]
     for step in escape_curve(rows).steps:
         assert step.escaped == pytest.approx(sum(path_m <= step.path_m for path_m in escaped_m if path_m) / len(rows))
 
 
 @given(TRIALS)
-def test_legend_says_the_success_of_the_table(rows: list[Row]) -> None:
+def test_legend_says_the_success_of_the_table(rows: list[TrialRow]) -> None:
     said = f"{summarise('levy-walk', rows).success_percent:.1f} %"
     figure = escape_figure({"levy-walk": rows})
     (label,) = figure.axes[0].get_legend_handles_labels()[1]

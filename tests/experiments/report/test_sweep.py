@@ -19,7 +19,7 @@ from wayfarer.experiments.report.sweep import write_sweep_report
 from wayfarer.experiments.report.sweep_curves import curves_figure
 from wayfarer.experiments.report.sweep_maps import maps_figure
 from wayfarer.experiments.report.sweep_reading import SweepResults, SweepSettings, read_sweep
-from wayfarer.experiments.rows import Row
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.sweep.axes import Axis
 from wayfarer.experiments.sweep.command import run_all
 from wayfarer.experiments.sweep.folder import TRIALS
@@ -40,7 +40,7 @@ def results_of(*axes: Axis, algorithms: tuple[str, ...] = ("pledge",), spl: bool
         out = task.trial >= task.point
         path_m = 60.0 + 10 * task.point + task.trial if out else 1000.0
         shortest_m, share = (36.0, 36.0 / path_m if out else 0.0) if spl else (None, None)
-        rows[task] = Row(
+        rows[task] = TrialRow(
             task.trial, task.algorithm, 0, 0, 1, "escaped" if out else "entrapped", path_m,
             shortest_path_m=shortest_m, spl=share,
         )  # fmt: skip

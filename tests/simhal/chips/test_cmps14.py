@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.cmps14 import CALIBRATED, CMPS14Chip
-from wayfarer.simhal.sensor_models import HeadingSense
+from wayfarer.simhal.sensor_models import HeadingSensorModel
 
 CONFIGURE = (0x98, 0x95, 0x99)
 STORE = (0xF0, 0xF5, 0xF6)
@@ -28,7 +28,7 @@ class Clock:
         return self.t_s
 
 
-class Held(HeadingSense):
+class Held(HeadingSensorModel):
     """A sense that is held at one heading, pitch and roll, in tenths of a degree; it keeps when it was asked."""
 
     def __init__(self, heading: int = 0, pitch: int = 0, roll: int = 0) -> None:

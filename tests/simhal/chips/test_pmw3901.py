@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip, orient
-from wayfarer.simhal.sensor_models import FlowSense
+from wayfarer.simhal.sensor_models import FlowSensorModel
 
 counts = st.integers(-1000, 1000)
 
@@ -24,7 +24,7 @@ class Clock:
         return self.t_s
 
 
-class Driven(FlowSense):
+class Driven(FlowSensorModel):
     """A sense that feels the given displacements, forward and right, and then none; it keeps when it was asked."""
 
     def __init__(self, *displacements: tuple[int, int]) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -27,7 +27,7 @@ class Bench:
 
     def __init__(self, address: int = 128) -> None:
         self.now_s = 0.0
-        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, Streams(0))
+        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, RandomStreams(0))
         self.chip = SabertoothChip(self.world, lambda: self.now_s, address=address)
 
     def send(self, sent: str) -> None:

@@ -18,7 +18,7 @@ from wayfarer.hal import WheelCommand
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -57,7 +57,7 @@ class Bench:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, address: int = 128) -> None:
         self.now_s = 0.0
-        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), Streams(0))
+        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(0))
         self.chip = SabertoothChip(self.world, lambda: self.now_s, address=address)
         self.port = Port(self.chip)
         monkeypatch.setattr(pysabertooth, "serial", SimpleNamespace(Serial=lambda: self.port))

@@ -23,7 +23,7 @@ from wayfarer.hal import Colour, WheelCommand
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -52,7 +52,7 @@ class Bench:
 
     def __init__(self) -> None:
         self.now_s = 0.0
-        world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), Streams(0))
+        world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(0))
         self.chip = ThunderBorgChip(world, lambda: self.now_s, full_level=255.0)
         buses = FakeBuses()
         buses.i2c("/dev/i2c-1").attach(0x15, self.chip)

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import pytest
 
 from tests.simhal.clock.test_virtual_loop import timeouts, timers_in_time_order, trace_of, waiting_for
-from wayfarer.control.rate import Pace
+from wayfarer.control.rate import Rate
 from wayfarer.daemon.watchdog import StallGuard
 from wayfarer.simhal.clock.scaled_loop import CATCH_UP_S, LATE_S, FastLoop
 
@@ -51,10 +51,10 @@ def test_sleep_takes_as_much_shorter_as_the_loop_is_fast(speed: float) -> None:
 def test_work_that_holds_up_the_loop_does_not_make_timers_late() -> None:
     async def main() -> float:
         loop, ticks = asyncio.get_running_loop(), [asyncio.get_running_loop().time()]
-        pace = Pace(20.0)
+        rate = Rate(20.0)
         for _ in range(40):
             time.sleep(0.004)  # four control periods at this speed
-            await pace.wait()
+            await rate.wait()
             ticks.append(loop.time())
         return max(after_s - before_s for before_s, after_s in pairwise(ticks))
 
@@ -79,11 +79,11 @@ def test_timers_for_times_looked_up_one_after_the_other_come_in_that_order() -> 
 
     async def main() -> list[str]:
         order: list[str] = []
-        paces = {name: Pace(20.0) for name in ("compass", "motion", "contact", "tick")}
+        paces = {name: Rate(20.0) for name in ("compass", "motion", "contact", "tick")}
 
-        async def keep(name: str, pace: Pace) -> None:
+        async def keep(name: str, rate: Rate) -> None:
             for _ in range(100):
-                await pace.wait()
+                await rate.wait()
                 order.append(name)
 
         await asyncio.gather(*(keep(*each) for each in paces.items()))
@@ -99,12 +99,12 @@ def test_nobody_stands_in_for_a_loop_that_is_only_slow() -> None:
     async def main() -> None:
         guard = StallGuard(lambda: halts.append(time.monotonic()), lambda stall_s, _: halts.append(stall_s))
         guard.start()
-        pace = Pace(20.0)
+        rate = Rate(20.0)
         for step in range(200):
             if step % 50 == 0:
                 time.sleep(0.3)
             guard.beat()
-            await pace.wait()
+            await rate.wait()
         guard.stop()
 
     run(main())

@@ -17,21 +17,21 @@ from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.config.rover_overlay import laid_over
 from wayfarer.control.supervisor import first_cause
 from wayfarer.errors import BadInput, NotResponding, WrongPart
-from wayfarer.experiments.trial_setup import Stage, TrialSpec
+from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.first_difference import first_difference
-from wayfarer.fault_scenarios.recorder import Monitor
+from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.fault_scenarios.runner import CLEARING
 from wayfarer.hal import CompassReading
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults import kinds
-from wayfarer.simhal.faults.bus import Place, bus_fault, misplaced, place_of
+from wayfarer.simhal.faults.bus import WiredPart, bus_fault, misplaced, place_of
 from wayfarer.simhal.faults.bus_hang import Hang
 from wayfarer.simhal.faults.injector import Injector
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
 from wayfarer.simhal.faults.readings import TamperedPart, reading_fault
-from wayfarer.simhal.faults.wires import Wire
+from wayfarer.simhal.faults.wires import FaultyWire
 
 # Driving, with all that is read every so often read several times before the fault begins.
 BEGINS_S, LASTS_S, ENDS_S = 4.0, 2.0, 7.0
@@ -75,31 +75,33 @@ def params_of(name: str, target: str) -> Any:
     return params
 
 
-def run(config: RoverConfig, fault: Fault | None, look: Callable[[Stage], object]) -> tuple[Monitor, list[object]]:
+def run(
+    config: RoverConfig, fault: Fault | None, look: Callable[[TrialSetup], object]
+) -> tuple[RunRecorder, list[object]]:
     """Drive ahead in a clearing; look at the stage before the fault begins, and after it has ended."""
 
-    async def drive() -> tuple[Monitor, list[object]]:
-        monitor, looks, loop = Monitor(), [], asyncio.get_running_loop()
+    async def drive() -> tuple[RunRecorder, list[object]]:
+        monitor, looks, loop = RunRecorder(), [], asyncio.get_running_loop()
         given = () if fault is None else (fault,)
-        stage = Stage(
+        setup = TrialSetup(
             TrialSpec(0, "forest-pledge", CLEARING, 1, config, depth=Depth.BUS, faults=given), lambda *_: monitor
         )
-        monitor.follow(stage)
-        if stage.injector is not None:
-            stage.injector.start(stage.world, stage.supervisor.helm.power, monitor.note)
-        running = asyncio.ensure_future(stage.supervisor.run())
+        monitor.follow(setup)
+        if setup.injector is not None:
+            setup.injector.start(setup.world, setup.supervisor.controller.power, monitor.note)
+        running = asyncio.ensure_future(setup.supervisor.run())
         await asyncio.sleep(1.0)
-        await stage.supervisor.arm(0.0)
+        await setup.supervisor.arm(0.0)
         for at_s in (BEGINS_S - 0.001, BEGINS_S + LASTS_S + 0.001):
             await asyncio.sleep(at_s - loop.time())
-            looks.append(look(stage))
-        loop.call_later(ENDS_S - loop.time(), stage.supervisor.finish, "requested", "enough was seen")
+            looks.append(look(setup))
+        loop.call_later(ENDS_S - loop.time(), setup.supervisor.finish, "requested", "enough was seen")
         try:
             await running
         except Exception as error:
             monitor.event("ended", loop.time(), error=repr(first_cause(error)))
-        if stage.injector is not None:
-            stage.injector.end()
+        if setup.injector is not None:
+            setup.injector.end()
         return monitor, looks
 
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
@@ -107,18 +109,18 @@ def run(config: RoverConfig, fault: Fault | None, look: Callable[[Stage], object
 
 
 @cache
-def run_well(rover: str) -> Monitor:
+def run_well(rover: str) -> RunRecorder:
     return run(laid_over(load_rover(rover), RECEIVER), None, lambda _: None)[0]
 
 
-def tampering(fault: Fault, config: RoverConfig) -> Callable[[Stage], object]:
+def tampering(fault: Fault, config: RoverConfig) -> Callable[[TrialSetup], object]:
     """Return what tells everything that a fault may have changed, in a stage's injection, chips and world."""
 
-    def look(stage: Stage) -> object:
-        assert stage.injector is not None
-        world, part = stage.world, getattr(stage.rover, fault.target, None)
+    def look(setup: TrialSetup) -> object:
+        assert setup.injector is not None
+        world, part = setup.world, getattr(setup.rover, fault.target, None)
         state: list[object] = [
-            world.mishaps,
+            world.body_faults,
             round(world.field_deg, 6),
             (world.ground_pitch_deg, world.ground_roll_deg, world.battery_v),
             world.after_step.__qualname__,
@@ -126,7 +128,7 @@ def tampering(fault: Fault, config: RoverConfig) -> Callable[[Stage], object]:
         if isinstance(part, TamperedPart):
             state += [list(part.changes), part.silent, part.crash, part.answers_after_s]
         if KINDS[fault.kind].layer is Layer.BUS:
-            place = place_of(fault, config, stage.injector.buses)
+            place = place_of(fault, config, setup.injector.buses)
             state += [list(place.wire.answers), list(place.wire.writes), list(place.wire.unheard)]
             state += [vars(place.hang)["_hangs"], list(getattr(place.chip, "shows", []))]
             state += [getattr(place.chip, name, None) for name in ("squal", "shutter", "calibration", "drive_faults")]
@@ -155,20 +157,20 @@ def test_part_that_says_it_is_another_does_not_open(target: str) -> None:
     opened: list[str] = []
 
     async def drive() -> None:
-        stage = Stage(
+        setup = TrialSetup(
             TrialSpec(0, "forest-pledge", CLEARING, 1, config_for(fault), depth=Depth.BUS, faults=(fault,)),
-            lambda *_: Monitor(),
+            lambda *_: RunRecorder(),
         )
-        assert stage.injector is not None
-        stage.injector.start(stage.world, stage.supervisor.helm.power, Monitor().note)
+        assert setup.injector is not None
+        setup.injector.start(setup.world, setup.supervisor.controller.power, RunRecorder().note)
         for at_s in (1.0, BEGINS_S + 0.1, BEGINS_S + LASTS_S + 0.1):
             await asyncio.sleep(at_s - asyncio.get_running_loop().time())
             try:
-                await getattr(stage.rover, target).open()
+                await getattr(setup.rover, target).open()
                 opened.append("opens")
             except WrongPart:
                 opened.append("is another")
-        stage.injector.end()
+        setup.injector.end()
 
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         runner.run(drive())
@@ -184,15 +186,15 @@ def test_every_kind_is_tried() -> None:
 async def test_fault_that_lasts_is_ended_with_the_run(fault: Fault) -> None:
     config, noted = config_for(fault), []
     spec = TrialSpec(0, "forest-pledge", CLEARING, 1, config, depth=Depth.BUS, faults=(fault,))
-    stage = Stage(spec, lambda *_: Monitor())
-    injector, look = stage.injector, tampering(fault, config)
+    setup = TrialSetup(spec, lambda *_: RunRecorder())
+    injector, look = setup.injector, tampering(fault, config)
     assert injector is not None
-    before = look(stage)
-    injector.start(stage.world, stage.supervisor.helm.power, lambda _, fault, *, begins: noted.append(begins))
+    before = look(setup)
+    injector.start(setup.world, setup.supervisor.controller.power, lambda _, fault, *, begins: noted.append(begins))
     await asyncio.sleep(BEGINS_S + 0.5)
     injector.end()
     await asyncio.sleep(LASTS_S)
-    assert look(stage) == before
+    assert look(setup) == before
     assert noted == [True]
 
 
@@ -237,8 +239,8 @@ async def test_drift_begins_at_nothing_and_grows() -> None:
 
 @virtual
 async def test_so_many_transfers_are_lost_and_no_more() -> None:
-    wire = Wire("a bus")
-    place = Place(None, None, wire, Hang("a bus"))
+    wire = FaultyWire("a bus")
+    place = WiredPart(None, None, wire, Hang("a bus"))
     with bus_fault(Fault(0.0, inf, "compass", "nack", kinds.Lost(most=2)), place, Random(0)):
         for _ in range(2):
             with pytest.raises(NotResponding):

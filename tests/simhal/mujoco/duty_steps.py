@@ -17,7 +17,7 @@ from tests.simhal.mujoco.fields import CLEARING, EXACT
 from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 from wayfarer.simhal.world.wheeled_body import body_of
 
@@ -79,7 +79,7 @@ def in_mujoco(rover: str, friction: float) -> MujocoWorld:
     """Return free ground with a rover on it."""
     config = load_rover(rover)
     body = body_of(rover, config.vehicle, config.chassis, "a test")
-    return MujocoWorld(CLEARING, body, EXACT, Terrain(friction, 0.0, 1.0), Streams(0))
+    return MujocoWorld(CLEARING, body, EXACT, Terrain(friction, 0.0, 1.0), RandomStreams(0))
 
 
 def all_steps() -> Iterator[DutyStep]:

@@ -10,7 +10,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.mujoco.model import STEP_S
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest, Trunk
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, body_of
@@ -34,7 +34,7 @@ def rover_on(
     physics: Physics = EXACT,
     step_s: float = STEP_S,
 ) -> MujocoWorld:
-    return MujocoWorld(forest, BODY, physics, Terrain(friction, roughness_m, torque_scale), Streams(0), step_s)
+    return MujocoWorld(forest, BODY, physics, Terrain(friction, roughness_m, torque_scale), RandomStreams(0), step_s)
 
 
 def drive(world: MujocoWorld, left: float, right: float, for_s: float) -> None:

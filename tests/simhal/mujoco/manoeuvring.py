@@ -21,7 +21,7 @@ from wayfarer.safety.gate import Gate
 from wayfarer.safety.interval import IntervalTimer
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.wheeled_body import body_of
 
 COMPASS_NOISE_DEG = 1.0
@@ -90,7 +90,7 @@ def _drive(config: RoverConfig, friction: float, torque_scale: float, episodes: 
     """Return each tick's place, and the dead zone that was learnt."""
     places: list[Place] = []
     body = body_of(config.name, config.vehicle, config.chassis, "a test")
-    world = MujocoWorld(CLEARING, body, EXACT, Terrain(friction, 0.0, torque_scale), Streams(0))
+    world = MujocoWorld(CLEARING, body, EXACT, Terrain(friction, 0.0, torque_scale), RandomStreams(0))
     handler = CATALOGUE["pledge"].make(config.escape, config.vehicle, Random(1))
     gate, odometer, noise = Gate(config.safety, config.control_hz), Odometer(0.0), Random(1)
     timer = IntervalTimer(config.safety.tick_late_s, config.vehicle.max_speed_m_s)

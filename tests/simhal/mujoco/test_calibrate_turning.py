@@ -9,12 +9,12 @@ import pytest
 from tests.commissioning.checks.rigs import T_WALL, run
 from tests.simhal.mujoco.fields import A_M, B_M, CONFIG, least_turning_duty, rover_on
 from wayfarer.commissioning.calibrate import calibrate
-from wayfarer.commissioning.checks import Place
+from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.config.calibration_file import Calibration, TurningEntry
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.factory import calibrated
 from wayfarer.simhal.build_rover import device_depth
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 
 
 class Willing:
@@ -36,8 +36,8 @@ class Willing:
 
 def measured(folder: Path, friction: float, torque_scale: float = 1.0) -> TurningEntry:
     """Of ForestRover with the noise of its compass and its motion sensor."""
-    rover = device_depth(rover_on(friction, torque_scale), Streams(0), CONFIG)
-    place = Place(folder / "logs", folder / "calibration.json", (), T_WALL, folder)
+    rover = device_depth(rover_on(friction, torque_scale), RandomStreams(0), CONFIG)
+    place = HostEnvironment(folder / "logs", folder / "calibration.json", (), T_WALL, folder)
     entry = run(calibrate(CONFIG, rover, place, Willing(), ["turning"])).turning
     assert entry is not None
     return entry

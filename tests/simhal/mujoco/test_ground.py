@@ -10,11 +10,11 @@ import pytest
 
 from tests.simhal.mujoco.fields import BODY, CLEARING, EXACT
 from wayfarer.simhal.mujoco.ground import BUMP_M, CELL_M, MUD_CELL_M, MUD_RADIUS_M, Mud, rough_ground
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 
 
 def test_rough_ground_has_its_standard_deviation_and_no_steps() -> None:
-    field = rough_ground(0.02, Streams(1))
+    field = rough_ground(0.02, RandomStreams(1))
     heights_m = field.heights_m
     assert heights_m.std() == pytest.approx(0.02, rel=1e-6)
     # White noise under a Gaussian of half BUMP_M: how much less alike heights are a cell apart.
@@ -36,7 +36,7 @@ def test_straight_ways_meet_mud_as_often_as_slips(width_m: float) -> None:
     half = round(width_m / 2.0 / MUD_CELL_M)
     begins = 0
     for seed in range(seeds):
-        mud = Mud(forest, physics, width_m, Streams(seed))
+        mud = Mud(forest, physics, width_m, RandomStreams(seed))
         for way_m in ways_m:
             columns = [way_m + (off + 0.5) * MUD_CELL_M for off in range(-half, half + 1)]
             muddy = [any(mud.lies_at(x_m, (row + 0.5) * MUD_CELL_M) for x_m in columns) for row in rows]
@@ -50,12 +50,12 @@ def test_straight_ways_meet_mud_as_often_as_slips(width_m: float) -> None:
 @pytest.mark.parametrize("slip_mean_m", [0.1, 1e-300])
 def test_ground_holds_no_more_mud_than_it_has_room_for(slip_mean_m: float) -> None:
     """Without a bound the second would lay patches out for ever."""
-    mud = Mud(CLEARING, replace(EXACT, slip_mean_m=slip_mean_m), BODY.width_m, Streams(0))
+    mud = Mud(CLEARING, replace(EXACT, slip_mean_m=slip_mean_m), BODY.width_m, RandomStreams(0))
     places = [(x / 2.0, y / 2.0) for x in range(2, 98) for y in range(40, 98)]
     assert sum(mud.lies_at(*place) for place in places) / len(places) == pytest.approx(0.99, abs=0.005)
 
 
 def test_no_mud_where_the_rover_starts() -> None:
-    mud = Mud(CLEARING, replace(EXACT, slip_mean_m=0.5), BODY.width_m, Streams(0))
+    mud = Mud(CLEARING, replace(EXACT, slip_mean_m=0.5), BODY.width_m, RandomStreams(0))
     assert mud.anywhere
     assert not any(mud.lies_at(25.0 + east / 10.0, 12.5 + north / 10.0) for east in range(-5, 6) for north in range(6))

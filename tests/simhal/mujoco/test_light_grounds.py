@@ -18,7 +18,7 @@ from tests.simhal.mujoco.duty_steps import (
 from tests.simhal.mujoco.fields import CLEARING
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.skid_steering import SkidSteering
 from wayfarer.simhal.world.wheeled_body import body_of
@@ -35,7 +35,7 @@ def light_world(rover: str, friction: float) -> World:
     config = CONFIGS[rover]
     body = body_of(rover, config.vehicle, config.chassis, "a test")
     skid = SkidSteering(body, friction, config.vehicle.track_m, EXACT.step_s)
-    return World(CLEARING, config.vehicle, EXACT, Streams(0), skid=skid)
+    return World(CLEARING, config.vehicle, EXACT, RandomStreams(0), skid=skid)
 
 
 def in_light_world(step: DutyStep) -> DutyStep:
@@ -96,7 +96,7 @@ def test_ideal_ground_would_not_pass() -> None:
     """The dead zone is what ideal ground lacks."""
     step = next(s for s in kept_steps() if s[:4] == ("sim", 0.5, 0.42, 0.2))
     config = CONFIGS["sim"]
-    ideal = take(World(CLEARING, config.vehicle, EXACT, Streams(0)), *step[:4])
+    ideal = take(World(CLEARING, config.vehicle, EXACT, RandomStreams(0)), *step[:4])
     assert step.turn_deg_s < 1.0
     assert ideal.turn_deg_s > 30.0
 

@@ -25,7 +25,7 @@ HUNG_ON = {
 @pytest.mark.parametrize("snagged", [False, True])
 def test_pulling_back_frees_a_body_from_what_it_lies_on(forest: Forest, snagged: bool) -> None:
     world = rover_on(0.8, forest=forest)  # put down on it
-    world.harm(snagged=snagged)
+    world.set_faults(snagged=snagged)
     world.advance_to(1.0)
     world.pull_back(0.15)
     put_down_m = world.x_m, world.y_m

@@ -25,7 +25,7 @@ from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.simhal.mujoco.terrain import BOUNDS, Range, Terrain, Terrains, parse_range
 from wayfarer.simhal.mujoco.world import MujocoWorld
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 
 SIM = ("sim", "--physics", "mujoco", "--jobs", "1", "--trials", "2", "--budget-m", "6")
 
@@ -270,10 +270,10 @@ def test_missing_engine_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_fixed_terrain_is_what_was_asked_for_and_a_range_is_drawn_within() -> None:
-    fixed = Terrains(Range(0.3, 0.3), Range(0.01, 0.01), Range(3.0, 3.0)).draw(Streams(5))
+    fixed = Terrains(Range(0.3, 0.3), Range(0.01, 0.01), Range(3.0, 3.0)).draw(RandomStreams(5))
     assert fixed == (0.3, 0.01, 3.0)
     terrains = Terrains(friction=parse_range("--friction", "0.2:0.4", BOUNDS.friction))
-    frictions = [terrains.draw(Streams(seed)).friction for seed in range(50)]
+    frictions = [terrains.draw(RandomStreams(seed)).friction for seed in range(50)]
     assert 0.2 <= min(frictions) < 0.22
     assert 0.38 < max(frictions) <= 0.4
 

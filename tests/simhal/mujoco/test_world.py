@@ -1,4 +1,4 @@
-"""The world in MuJoCo behind the seam: what parts, referee and faults see of it, and do to it."""
+"""The world in MuJoCo behind the seam: what parts, outcome monitor and faults see of it, and do to it."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from wayfarer.simhal.faults.world import world_fault
 from wayfarer.simhal.mujoco.ground import MUD_FRICTION
 from wayfarer.simhal.mujoco.unstable import Unstable
 from wayfarer.simhal.mujoco.world import LOOK_EVERY, MujocoWorld
-from wayfarer.simhal.random_streams import Streams
-from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSense, HeadingSense
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 TURN = (0.8, -0.8)
@@ -128,36 +128,36 @@ def test_low_branch_tilts_the_body_and_no_bumper_feels_it() -> None:
 
 def test_dead_side_does_not_push() -> None:
     world = rover_on(0.1)
-    world.harm(left_gain=0.0)
+    world.set_faults(left_gain=0.0)
     drive(world, 0.8, 0.8, 2.0)
     assert degrees(world.heading_rad) < -10.0
 
 
 def test_duty_within_the_dead_band_is_none() -> None:
     world = rover_on(0.5)
-    world.harm(dead_band=0.3)
+    world.set_faults(dead_band=0.3)
     drive(world, 0.29, 0.29, 1.0)
     assert world.path_m < 0.001
 
 
 def test_snagged_body_spins_its_wheels_until_it_is_free() -> None:
     world = rover_on(0.3)
-    world.harm(snagged=True)
+    world.set_faults(snagged=True)
     drive(world, 0.6, 0.6, 2.0)
     assert world.path_m < 0.05
     assert (world.x_m, world.y_m) == pytest.approx((25.0, 12.5), abs=0.05)
     assert world.slipping
-    world.harm(snagged=False)
+    world.set_faults(snagged=False)
     drive(world, 0.6, 0.6, 2.0)
     assert world.path_m > 0.5
 
 
 def test_shove_moves_a_body_whose_wheels_stand_still() -> None:
     world = rover_on(0.3)
-    world.harm(shove_m_s=0.5)
+    world.set_faults(shove_m_s=0.5)
     world.advance_to(3.0)
     assert world.forward_m > 0.3
-    world.harm(shove_m_s=0.0)
+    world.set_faults(shove_m_s=0.0)
     world.advance_to(5.0)
     assert speed_m_s(world) == pytest.approx(0.0, abs=0.01)
 
@@ -201,16 +201,16 @@ def test_place_that_is_no_number_is_an_error_even_without_a_warning(monkeypatch:
 @pytest.mark.parametrize("kind", [kind for kind, row in KINDS.items() if row.layer is Layer.WORLD])
 async def test_every_fault_of_the_world_begins_and_ends(kind: str) -> None:
     world = rover_on(0.3)
-    neutral = (world.mishaps, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v)
+    neutral = (world.body_faults, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v)
     drive(world, 0.5, 0.5, 1.0)
     params = {"slope": Slope(pitch_deg=10.0), "drive": Drive(left_gain=0.5)}.get(kind, KINDS[kind].params())
     with world_fault(Fault(0.0, inf, "world", kind, params), world):
         drive(world, 0.5, 0.5, 1.0)
-        lasting = (world.mishaps, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v)
+        lasting = (world.body_faults, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v)
         assert lasting != neutral or kind == "slip", "which the next test is about"
     drive(world, 0.5, 0.5, 3.0)
     assert neutral == (
-        world.mishaps, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v
+        world.body_faults, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v
     )  # fmt: skip
     assert speed_m_s(world) > 0.4
 
@@ -244,7 +244,7 @@ def test_slope_pulls_the_body_down_and_is_felt() -> None:
     with world_fault(Fault(0.0, inf, "world", "slope", Slope(pitch_deg=15.0)), world):
         world.advance_to(2.0)
         assert world.reverse_m > 0.2, "nose up: it rolls backwards against its motors' brake"
-        _, pitch, _ = HeadingSense(world, Streams(0)).sample(world.t_s)
+        _, pitch, _ = HeadingSensorModel(world, RandomStreams(0)).sample(world.t_s)
         assert pitch / 10.0 == pytest.approx(15.0, abs=4.0)
     drive(world, 0.0, 0.0, 1.0)
     assert speed_m_s(world) == pytest.approx(0.0, abs=0.01)
@@ -252,7 +252,7 @@ def test_slope_pulls_the_body_down_and_is_felt() -> None:
 
 def test_flow_sensor_sees_the_ground_pass_sideways() -> None:
     world = rover_on(0.3)
-    flow = FlowSense(world, Streams(0))
+    flow = FlowSensorModel(world, RandomStreams(0))
     flow.sample(0.0)
     world.ground_roll_deg = 25.0  # right side down, steeper than the grip
     forward, right = flow.sample(2.0)

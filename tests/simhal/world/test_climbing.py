@@ -10,10 +10,10 @@ import pytest
 
 from wayfarer.config.chassis import AT_A_BRANCH, Chassis
 from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.interventions import Attendant
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.experiments.interventions import InterventionCounter
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.climbing import Climbing
-from wayfarer.simhal.world.collision import Body, obstacles_of
+from wayfarer.simhal.world.collision import BodyOutline, obstacles_of
 from wayfarer.simhal.world.forest import Forest, Trunk
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -32,7 +32,7 @@ def world_of(diameter_m: float, *, stronger: float = 1.0, seed: int = 0) -> Worl
     torque_n_m = ROVER.chassis.motors_n_m
     assert torque_n_m is not None
     chassis = replace(ROVER.chassis, motors_n_m=torque_n_m * stronger)
-    return World(branch_ahead(diameter_m), ROVER.vehicle, STEADY, Streams(seed), chassis=chassis)
+    return World(branch_ahead(diameter_m), ROVER.vehicle, STEADY, RandomStreams(seed), chassis=chassis)
 
 
 def steps(world: World, seconds: float, duty: float = 0.3) -> Iterator[World]:
@@ -61,7 +61,7 @@ def test_thicker_branch_stops_the_rover_and_lifts_its_nose() -> None:
 
 
 def test_without_a_chassis_every_branch_is_a_trunk() -> None:
-    world = World(branch_ahead(0.02), ROVER.vehicle, STEADY, Streams(0))
+    world = World(branch_ahead(0.02), ROVER.vehicle, STEADY, RandomStreams(0))
     list(steps(world, 4.0))
     assert world.y_m < START_Y_M + 1.0
 
@@ -69,18 +69,18 @@ def test_without_a_chassis_every_branch_is_a_trunk() -> None:
 @pytest.mark.parametrize(("rover", "strength"), [("forestrover", 0.345), ("minirover", 0.239)])
 def test_strength_follows_from_the_papers_table(rover: str, strength: float) -> None:
     config = load_rover(rover)
-    climbing = Climbing(config.vehicle, config.chassis, STEADY, Streams(0))
+    climbing = Climbing(config.vehicle, config.chassis, STEADY, RandomStreams(0))
     assert climbing.strength == pytest.approx(strength, rel=0.01)
 
 
 def test_chassis_with_a_gap_says_which() -> None:
     assert Chassis(ground_clearance_m=0.1).missing(AT_A_BRANCH) == ("weight_kg", "motors_n_m")
     with pytest.raises(ValueError, match="weight_kg, motors_n_m"):
-        Climbing(ROVER.vehicle, Chassis(ground_clearance_m=0.1), STEADY, Streams(0))
+        Climbing(ROVER.vehicle, Chassis(ground_clearance_m=0.1), STEADY, RandomStreams(0))
 
 
 def test_faster_rover_is_lifted_higher_at_contact() -> None:
-    climbing = Climbing(ROVER.vehicle, ROVER.chassis, STEADY, Streams(0))
+    climbing = Climbing(ROVER.vehicle, ROVER.chassis, STEADY, RandomStreams(0))
     lifts_deg = [climbing.meet(speed_m_s) for speed_m_s in (0.0, 0.42, 1.4, 100.0)]
     assert lifts_deg == sorted(lifts_deg)
     assert lifts_deg[0] == 0.0
@@ -90,24 +90,24 @@ def test_faster_rover_is_lifted_higher_at_contact() -> None:
 
 def test_rover_that_climbs_a_branch_is_off_its_wheels_and_is_helped() -> None:
     world, seen = world_of(0.06, stronger=20.0), []
-    attendant = Attendant(STEADY.tip_deg, lambda at: seen.append((at.y_m, at.pitch_deg, at.hangs)))
-    world.after_step = attendant.watch
+    intervention_counter = InterventionCounter(STEADY.tip_deg, lambda at: seen.append((at.y_m, at.pitch_deg, at.hangs)))
+    world.after_step = intervention_counter.watch
     list(steps(world, 4.0))
-    assert attendant.hangs > 0
-    assert attendant.flips == 0
-    assert attendant.interventions == attendant.hangs
-    assert not any(hangs for _, _, hangs in seen)  # put back before the referee looks
+    assert intervention_counter.hangs > 0
+    assert intervention_counter.flips == 0
+    assert intervention_counter.interventions == intervention_counter.hangs
+    assert not any(hangs for _, _, hangs in seen)  # put back before the outcome monitor looks
 
 
 def test_overturned_rover_is_put_back_level_near_by_with_the_same_heading() -> None:
     world = world_of(0.3, stronger=2000.0)
-    attendant = Attendant(STEADY.tip_deg, lambda _: None)
+    intervention_counter = InterventionCounter(STEADY.tip_deg, lambda _: None)
     for _ in steps(world, 6.0):
         before_m = world.y_m
-        attendant.watch(world)
-        if attendant.flips:
+        intervention_counter.watch(world)
+        if intervention_counter.flips:
             break
-    assert attendant.flips == 1
+    assert intervention_counter.flips == 1
     assert (world.pitch_deg, world.hangs, degrees(world.heading_rad)) == (0.0, False, 0.0)
     assert before_m - 0.16 < world.y_m < before_m - 0.05
 
@@ -116,7 +116,7 @@ def test_rover_is_not_put_back_into_what_is_behind_it() -> None:
     world = world_of(0.3)
     forest = branch_ahead(0.3)
     list(steps(world, 4.0))
-    body, (branch,) = Body(ROVER.vehicle.length_m, ROVER.vehicle.width_m), obstacles_of(forest)
+    body, (branch,) = BodyOutline(ROVER.vehicle.length_m, ROVER.vehicle.width_m), obstacles_of(forest)
     world.carry_to(25.0, START_Y_M + 1.0 + 0.15 + 0.2186 + 0.05, 0.0)  # 50 mm beyond the branch
     world.pull_back(0.15)
     assert not body.overlaps(branch, world.x_m, world.y_m, 0.0, 1.0)

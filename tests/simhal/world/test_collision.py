@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from wayfarer.simhal.world.collision import Body, Map, Obstacle, obstacles_of
+from wayfarer.simhal.world.collision import BodyOutline, Obstacle, ObstacleGrid, obstacles_of
 from wayfarer.simhal.world.forest import Forest, Trunk
 
 Points = NDArray[np.float64]
@@ -58,7 +58,7 @@ def test_contact_is_where_a_point_of_the_body_is_inside_the_obstacle(
     # The nearest point of the body is within half a diagonal of the grid from one of the samples.
     coarseness_m = hypot(*sides) / (SAMPLES - 1) / 2
     assume(not 0.0 <= sampled_gap_m <= coarseness_m + 1e-9)
-    body = Body(*sides)
+    body = BodyOutline(*sides)
     assert body.overlaps(obstacle, x_m, y_m, sin(heading_rad), cos(heading_rad)) == (sampled_gap_m < 0.0)
 
 
@@ -75,20 +75,20 @@ def test_contact_is_where_a_point_of_the_body_is_inside_the_obstacle(
 )
 def test_tree_touches_sides_and_corners_of_a_long_body(x_m: float, y_m: float, touches: bool) -> None:
     tree = Obstacle(x_m, y_m, x_m, y_m, 0.25, None)
-    assert Body(0.9, 0.4).overlaps(tree, 0.0, 0.0, 0.0, 1.0) is touches
+    assert BodyOutline(0.9, 0.4).overlaps(tree, 0.0, 0.0, 0.0, 1.0) is touches
 
 
 @pytest.mark.parametrize(("north_m", "touches"), [(0.0, True), (0.4, True), (-0.4, True), (0.46, False)])
 def test_thin_trunk_across_the_body_touches_though_ends_and_corners_are_far(north_m: float, touches: bool) -> None:
     trunk = Obstacle(-5.0, north_m, 5.0, north_m, 0.001, 90.0)
-    assert Body(0.9, 0.4).overlaps(trunk, 0.0, 0.0, 0.0, 1.0) is touches
+    assert BodyOutline(0.9, 0.4).overlaps(trunk, 0.0, 0.0, 0.0, 1.0) is touches
 
 
 @given(listed=st.lists(obstacles(), max_size=8), x_m=st.floats(-6, 6), y_m=st.floats(-6, 6), stretch=st.floats(1, 8))
 def test_map_knows_everything_near_a_place(listed: list[Obstacle], x_m: float, y_m: float, stretch: float) -> None:
     listed = [o._replace(x1_m=o.x0_m + (o.x1_m - o.x0_m) * stretch) for o in listed]
     here = np.array([[x_m], [y_m]])
-    near = Map(listed, near_m=1.5).near(x_m, y_m)
+    near = ObstacleGrid(listed, near_m=1.5).near(x_m, y_m)
     assert {o for o in listed if gap_m(here, o) <= 1.5} <= set(near) <= set(listed)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wayfarer.drivers.buses import Frame
 from wayfarer.escape.api import Vehicle
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.ground_camera import GREY_MEAN, GREY_SD, NOISE_SD, TILE_PX, GroundCamera, texture
 from wayfarer.simhal.world.physics import Physics
@@ -23,8 +23,8 @@ STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, t
 
 
 def world_and_camera(seed: int = 0) -> tuple[World, GroundCamera]:
-    world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, Streams(seed))
-    return world, GroundCamera(world, Streams(seed), M_PER_PIXEL)
+    world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, RandomStreams(seed))
+    return world, GroundCamera(world, RandomStreams(seed), M_PER_PIXEL)
 
 
 def grey(frame: Frame) -> NDArray[np.float64]:
@@ -39,7 +39,7 @@ def test_frame_is_luma_of_the_size_and_time_that_were_asked_for() -> None:
 
 
 def test_texture_continues_at_its_edges() -> None:
-    ground = texture(Streams(0).generator("camera.ground"))
+    ground = texture(RandomStreams(0).generator("camera.ground"))
     assert ground.shape == (TILE_PX, TILE_PX)
     assert float(ground.mean()) == pytest.approx(GREY_MEAN, abs=0.1)
     assert float(ground.std()) == pytest.approx(GREY_SD, rel=0.01)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
-from wayfarer.cli.sim import Scenario
+from wayfarer.cli.sim import SiteOption
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.site_table import PAPER
 from wayfarer.simhal.world.forest import Forest, check_forest
@@ -18,8 +18,8 @@ from wayfarer.simhal.world.forest_file import read_forests, write_forests
 from wayfarer.simhal.world.generate import Draw
 from wayfarer.simhal.world.shortest_path import shortest_path_m
 from wayfarer.simhal.world.sites import SITES
-from wayfarer.simhal.world.sites.field_site import Site
-from wayfarer.simhal.world.sites.layout_builder import Ground
+from wayfarer.simhal.world.sites.field_site import FieldSite
+from wayfarer.simhal.world.sites.layout_builder import SiteLayout
 
 FOREST_ROVER, MINI_ROVER = (load_rover(name).vehicle for name in ("forestrover", "minirover"))
 
@@ -61,29 +61,29 @@ def test_another_number_or_seed_is_another_layout(site: str) -> None:
 def test_closed_ground_is_drawn_again() -> None:
     drawn = []
 
-    def closed_at_first(_draw: Draw) -> Ground:
-        ground = Ground((25.0, 20.0), 5.0)
+    def closed_at_first(_draw: Draw) -> SiteLayout:
+        ground = SiteLayout((25.0, 20.0), 5.0)
         drawn.append(ground)
         if len(drawn) < 3:
             for (x_m, y_m), bearing_deg in zip([(25, 22), (25, 18), (23, 20), (27, 20)], [90, 90, 0, 0], strict=True):
                 ground.lay_branch((x_m, y_m), bearing_deg, 4.2, 0.1)
         return ground
 
-    assert Site("closed", 1.0, closed_at_first).layout(0, 0, MINI_ROVER).trunks == ()
+    assert FieldSite("closed", 1.0, closed_at_first).layout(0, 0, MINI_ROVER).trunks == ()
     assert len(drawn) == 3
 
 
 def test_start_under_a_branch_is_drawn_again() -> None:
     drawn = []
 
-    def across_the_start(_draw: Draw) -> Ground:
-        ground = Ground((25.0, 20.0), 5.0)
+    def across_the_start(_draw: Draw) -> SiteLayout:
+        ground = SiteLayout((25.0, 20.0), 5.0)
         drawn.append(ground)
         if len(drawn) < 2:
             ground.lay_branch((25.3, 20.0), 0.0, 1.0, 0.02)
         return ground
 
-    assert Site("covered", 1.0, across_the_start).layout(0, 0, MINI_ROVER).trunks == ()
+    assert FieldSite("covered", 1.0, across_the_start).layout(0, 0, MINI_ROVER).trunks == ()
 
 
 def test_sites_are_what_the_paper_describes() -> None:
@@ -115,5 +115,5 @@ def test_layout_is_the_same_after_a_file(tmp_path: Path) -> None:
 
 
 def test_command_and_table_know_the_same_scenarios() -> None:
-    assert [scenario.value for scenario in Scenario] == list(SITES)
+    assert [scenario.value for scenario in SiteOption] == list(SITES)
     assert {site for site, _, _ in PAPER} < set(SITES)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.grounds import FRICTIONS, GroundName
 from wayfarer.simhal.world.physics import Physics
@@ -32,7 +32,7 @@ grounds = st.sampled_from(sorted(FRICTIONS.values()))
 
 def world_on(friction: float) -> World:
     skid = SkidSteering(BODY, friction, VEHICLE.track_m, EXACT.step_s)
-    return World(CLEARING, VEHICLE, EXACT, Streams(0), skid=skid)
+    return World(CLEARING, VEHICLE, EXACT, RandomStreams(0), skid=skid)
 
 
 def settled(friction: float, left: float, right: float) -> tuple[float, float]:
@@ -117,7 +117,7 @@ def test_spinning_wheels_start_with_the_friction_of_the_ground() -> None:
 
 def test_dead_side_is_dragged_and_the_body_goes_round_it() -> None:
     world = world_on(FRICTIONS[GroundName.mud])
-    world.harm(right_gain=0.0)
+    world.set_faults(right_gain=0.0)
     world.command(0.5, 0.5)
     world.advance_to(2.0)
     assert world.heading_rad > radians(45.0)

@@ -15,10 +15,10 @@ from scipy.stats import kstest
 
 from tests.simhal.world.test_collision import body_points
 from wayfarer.escape.api import Vehicle
-from wayfarer.experiments.outcome import Referee
+from wayfarer.experiments.outcome import OutcomeMonitor
 from wayfarer.hal import Side
-from wayfarer.simhal.random_streams import Streams
-from wayfarer.simhal.sensor_models import FlowSense, HeadingSense
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.collision import Obstacle
 from wayfarer.simhal.world.forest import Forest, Trunk
 from wayfarer.simhal.world.physics import Physics
@@ -47,7 +47,7 @@ def forest_of(
 
 def exact_world(forest: Forest, *, vehicle: Vehicle = ROVER) -> World:
     """Return a world without noise, slips or motor lag."""
-    return World(forest, vehicle, EXACT, Streams(0))
+    return World(forest, vehicle, EXACT, RandomStreams(0))
 
 
 def drive(world: World, left: float, right: float, seconds_s: float) -> None:
@@ -114,7 +114,7 @@ def test_body_never_overlaps_an_obstacle(
     forest: Forest, vehicle: Vehicle, course: list[tuple[Command, int]], seed: int
 ) -> None:
     forest = with_room_to_start(forest, hypot(vehicle.length_m, vehicle.width_m) / 2)
-    world = World(forest, vehicle, Physics(), Streams(seed))
+    world = World(forest, vehicle, Physics(), RandomStreams(seed))
     overlaps_m: list[float] = []
     world.after_step = lambda _: overlaps_m.append(deepest_overlap_m(world, forest, vehicle))
     for (left, right), steps in course:
@@ -209,14 +209,14 @@ def test_touch_tells_which_obstacle_it_is() -> None:
 def test_pushing_onto_a_trunk_rears_the_rover_up_until_it_tips() -> None:
     forest = forest_of(trunks=((20.0, 14.0, 30.0, 14.0),))
     world = exact_world(forest)
-    referee = Referee(forest, 1000.0, EXACT.tip_deg, lambda *_: None)
-    world.after_step = referee.watch
+    outcome_monitor = OutcomeMonitor(forest, 1000.0, EXACT.tip_deg, lambda *_: None)
+    world.after_step = outcome_monitor.watch
     pitches_deg = []
     world.command(1.0, 1.0)
-    while referee.outcome is None:
+    while outcome_monitor.outcome is None:
         world.advance_to(world.t_s + 0.05)
         pitches_deg.append(world.pitch_deg)
-    assert referee.outcome == "tipped"
+    assert outcome_monitor.outcome == "tipped"
     climb_deg_s = EXACT.climb_deg_s
     assert pitches_deg[-1] == pytest.approx(EXACT.tip_deg, abs=climb_deg_s * 0.05)
     assert all(early_deg <= late_deg for early_deg, late_deg in pairwise(pitches_deg))
@@ -241,7 +241,7 @@ def test_pushing_against_a_tree_does_not_tilt() -> None:
 
 
 def test_slip_holds_the_rover_until_it_backs_off() -> None:
-    world = World(forest_of(), ROVER, Physics(slip_mean_m=0.5), Streams(3))
+    world = World(forest_of(), ROVER, Physics(slip_mean_m=0.5), RandomStreams(3))
     world.command(0.5, 0.5)
     while not world.slipping:
         world.advance_to(world.t_s + 0.05)
@@ -256,7 +256,7 @@ def test_slip_holds_the_rover_until_it_backs_off() -> None:
 
 @pytest.mark.parametrize("slip_mean_m", [0.5, 2.0])
 def test_slips_come_half_a_metre_plus_an_exponential_distance_apart(slip_mean_m: float) -> None:
-    world = World(forest_of(), ROVER, Physics(slip_mean_m=slip_mean_m, slip_free_m=0.5), Streams(5))
+    world = World(forest_of(), ROVER, Physics(slip_mean_m=slip_mean_m, slip_free_m=0.5), RandomStreams(5))
     freed_at_m, gaps_m = 0.0, list[float]()
     while len(gaps_m) < 400:
         drive(world, 0.2, 0.2, 0.05)
@@ -302,7 +302,7 @@ def test_heading_is_clockwise_from_north(heading_deg: float, duty: float) -> Non
 
 
 def test_motors_take_their_lag_to_reach_speed() -> None:
-    world = World(forest_of(), ROVER, replace(EXACT, motor_lag_s=0.5), Streams(0))
+    world = World(forest_of(), ROVER, replace(EXACT, motor_lag_s=0.5), RandomStreams(0))
     speeds_m_s = []
     for _ in range(60):
         before_m = world.forward_m
@@ -326,7 +326,7 @@ def test_rovers_differ_from_trial_to_trial_as_the_physics_say() -> None:
     turns_rad, drifts_rad = [], []
     for seed in range(200):
         physics = replace(EXACT, side_gain_sd=NOISY.side_gain_sd, track_sd=NOISY.track_sd)
-        world = World(forest_of(), ROVER, physics, Streams(seed))
+        world = World(forest_of(), ROVER, physics, RandomStreams(seed))
         drive(world, 1.0, 1.0, 1.0)
         drifts_rad.append(world.heading_rad)
         drive(world, 1.0, -1.0, 1.0)
@@ -341,7 +341,7 @@ def test_heading_wanders_with_the_root_of_the_distance() -> None:
         physics = replace(EXACT, heading_noise_deg=NOISY.heading_noise_deg)
         headings_rad = []
         for seed in range(200):
-            world = World(forest_of(), ROVER, physics, Streams(seed))
+            world = World(forest_of(), ROVER, physics, RandomStreams(seed))
             drive(world, 1.0, 1.0, seconds_s)
             headings_rad.append(world.heading_rad)
         return degrees(float(np.std(headings_rad)))
@@ -363,7 +363,7 @@ def test_state_depends_on_commands_alone_and_not_on_who_looks(
 ) -> None:
     def end_of(looks_s: list[float]) -> tuple[object, ...]:
         forest = forest_of(trunks=((20.0, 14.0, 30.0, 14.5),), trees=((26.0, 13.0), (24.0, 11.5)))
-        world = World(forest, ROVER, Physics(slip_mean_m=1.0), Streams(seed))
+        world = World(forest, ROVER, Physics(slip_mean_m=1.0), RandomStreams(seed))
         for second_s, command in enumerate(course):
             world.advance_to(second_s)
             world.command(*command)
@@ -418,9 +418,9 @@ def test_light_world_and_its_senses_are_what_they_were() -> None:
     forest = Forest(
         0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (Trunk(22.0, 15.0, 28.0, 16.0, "across"),), ((26.0, 13.5),)
     )
-    streams = Streams(7)
+    streams = RandomStreams(7)
     world = World(forest, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(slip_mean_m=1.0), streams)
-    flow, heading = FlowSense(world, streams), HeadingSense(world, streams)
+    flow, heading = FlowSensorModel(world, streams), HeadingSensorModel(world, streams)
     samples = []
     course = [(0.7, 0.7), (-0.4, -0.4), (0.4, -0.4), (0.6, 0.3), (-0.3, 0.5), (0.7, 0.7)] * 5
     for second, (left, right) in enumerate(course, 1):

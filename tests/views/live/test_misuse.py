@@ -11,7 +11,7 @@ import pytest
 
 from tests.views.live.test_server import TOKEN, first, nobody_is_local, pieces, serving  # noqa: F401 - a fixture
 from wayfarer.views.live.address import RECEIVED_BYTES, address_to_open, bind
-from wayfarer.views.live.audience import LIMITS
+from wayfarer.views.live.broadcaster import LIMITS
 
 ENDS = {aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSING, aiohttp.WSMsgType.CLOSED}
 

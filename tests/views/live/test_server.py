@@ -19,7 +19,7 @@ from tests.views.live.records import run_log, tick
 from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.views.live.audience import LIMITS, Limits
+from wayfarer.views.live.broadcaster import LIMITS, ViewerLimits
 from wayfarer.views.live.server import LivePage
 
 TOKEN = "s3cret"
@@ -70,7 +70,7 @@ class Site:
 
 
 @contextlib.asynccontextmanager
-async def serving(host: str = "127.0.0.1", limits: Limits = LIMITS) -> AsyncIterator[Site]:
+async def serving(host: str = "127.0.0.1", limits: ViewerLimits = LIMITS) -> AsyncIterator[Site]:
     page, rover = LivePage(host, 0, TOKEN, limits=limits), Rover()
     log = run_log(page.show)
     async with aiohttp.ClientSession() as client, page.serving(rover):  # type: ignore[arg-type]
@@ -246,7 +246,7 @@ async def test_nonsense_is_refused_and_the_connection_goes_on(site: Site, text: 
 async def test_error_inside_is_told_to_the_terminal_and_ends_nothing(
     site: Site, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("wayfarer.views.live.talk.VERBS", ("disarm",))
+    monkeypatch.setattr("wayfarer.views.live.client_session.VERBS", ("disarm",))
     async with site.connect() as connection:
         await connection.send_json({"do": "disarm"})
         assert "an error inside wayfarer" in (await first(connection, "reply"))["why"]

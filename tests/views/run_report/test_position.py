@@ -6,14 +6,14 @@ from math import cos, isnan, nan, radians
 
 import pytest
 
-from wayfarer.views.run_report.data import Fix
+from wayfarer.views.run_report.data import MapFix
 from wayfarer.views.run_report.position import local_metres
 
 
 def fix(
     latitude_deg: float, longitude_deg: float, north_m: float = 0.0, east_m: float = 0.0, error_m: float = nan
-) -> Fix:
-    return Fix(0.0, latitude_deg, longitude_deg, error_m, north_m, east_m)
+) -> MapFix:
+    return MapFix(0.0, latitude_deg, longitude_deg, error_m, north_m, east_m)
 
 
 @pytest.mark.parametrize("latitude_deg", [0.0, 47.0, -33.0, 69.0])

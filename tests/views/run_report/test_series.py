@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from wayfarer.views.run_report.data import Floats
 from wayfarer.views.run_report.series import (
-    Span,
+    ValueSpan,
     around,
     broken_at_gaps,
     broken_beside,
@@ -83,7 +83,7 @@ def test_heading_that_wavers_at_north_is_one_line() -> None:
 def test_spans_join_equal_values_and_end_at_gaps() -> None:
     t_s = np.array([0.0, 0.5, 1.0, 1.5, 9.0, 9.5])
     phases = np.array([1.0, 1.0, 2.0, 2.0, 2.0, np.nan])
-    assert spans(t_s, phases) == [Span(0.0, 1.0, 1.0), Span(1.0, 1.5, 2.0), Span(9.0, 9.5, 2.0)]
+    assert spans(t_s, phases) == [ValueSpan(0.0, 1.0, 1.0), ValueSpan(1.0, 1.5, 2.0), ValueSpan(9.0, 9.5, 2.0)]
 
 
 def test_more_spans_than_can_be_seen_are_sampled() -> None:

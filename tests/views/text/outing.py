@@ -16,7 +16,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.daemon import Daemon, Service
 from wayfarer.daemon.socket.client import ask
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments.live_rover import desk_vessel
+from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.simhal.build_rover import Depth
 
 SEED = 4  # soon in the thick of it
@@ -37,7 +37,7 @@ async def outing(logs: Path, drive_s: float) -> None:
             config=config,
             algorithm=CATALOGUE["forest-pledge"],
             seed=SEED,
-            make_rover=lambda finish: desk_vessel(config, Depth.DEVICE, SEED, finish),
+            make_rover=lambda finish: live_rover_setup(config, Depth.DEVICE, SEED, finish),
             close_buses=nothing_to_close,
             logs=logs,
             socket=socket,

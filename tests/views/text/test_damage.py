@@ -20,14 +20,14 @@ from wayfarer.fieldlog.folders import find_run
 from wayfarer.fieldlog.reader import Damage, Record, RunReader, read_header
 from wayfarer.fieldlog.schema import KINDS
 from wayfarer.views.run_report.reading import read_run
-from wayfarer.views.text.account import summarise
 from wayfarer.views.text.export import export, write_table
+from wayfarer.views.text.last_position import RangeBearing
 from wayfarer.views.text.listing import lines, rows
-from wayfarer.views.text.story import Story
+from wayfarer.views.text.run_narrator import RunNarrator
+from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.tail import RunTail
-from wayfarer.views.text.verdict import NO_OUTCOME, Worth, judge, readable
-from wayfarer.views.text.whereabouts import Offset
+from wayfarer.views.text.verdict import NO_OUTCOME, LogIntegrity, judge, readable
 
 RUN = "00017-20261121T061405Z"
 WHOLE = numbered([HEADER, event("armed", 0.0), *drive(0.0, 1.0), outcome(1.0)])
@@ -35,9 +35,9 @@ WHOLE = numbered([HEADER, event("armed", 0.0), *drive(0.0, 1.0), outcome(1.0)])
 
 def use_every_tool(run: Path) -> None:
     reader = RunReader(run)
-    for story in (Story(), Story(ticks=True)):
+    for narrator in (RunNarrator(), RunNarrator(ticks=True)):
         for each in RunReader(run):
-            assert all(str(line).isprintable() for line in story.take(each))
+            assert all(str(line).isprintable() for line in narrator.take(each))
     found = summarise(reader)
     assert summary_text("17", found, reader.damage)
     assert json.dumps(asdict(found), allow_nan=False)
@@ -47,17 +47,21 @@ def use_every_tool(run: Path) -> None:
         try:
             write_table(run, form, io.StringIO())
         except BadInput:
-            assert judge(run).worth is Worth.UNREADABLE
+            assert judge(run).integrity is LogIntegrity.UNREADABLE
 
 
 def test_log_is_whole(tmp_path: Path) -> None:
     verdict = judge(write(tmp_path, WHOLE))
-    assert (verdict.worth, verdict.worth.exit_code, str(verdict)) == (Worth.WHOLE, 0, "complete: 23 records")
+    assert (verdict.integrity, verdict.integrity.exit_code, str(verdict)) == (
+        LogIntegrity.WHOLE,
+        0,
+        "complete: 23 records",
+    )
 
 
 def test_sample_run_is_whole_and_tells_of_everything_that_was_asked() -> None:
     run = find_run("1", SAMPLE_LOGS)
-    assert judge(run).worth is Worth.WHOLE
+    assert judge(run).integrity is LogIntegrity.WHOLE
     found = summarise(RunReader(run))
     assert (found.holds, found.goals, [mark.text for mark in found.marks]) == (1, 1, ["hit log"])
     assert found.episodes > 0
@@ -75,7 +79,7 @@ def test_sample_run_is_whole_and_tells_of_everything_that_was_asked() -> None:
 )
 def test_log_that_lost_something_is_repaired_at_best(tmp_path: Path, records: list[Any], said: str) -> None:
     verdict = judge(write(tmp_path, records))
-    assert (verdict.worth, verdict.worth.exit_code) == (Worth.REPAIRED, 3)
+    assert (verdict.integrity, verdict.integrity.exit_code) == (LogIntegrity.REPAIRED, 3)
     assert said in str(verdict)
 
 
@@ -124,7 +128,7 @@ def test_what_cannot_be_is_dropped_and_counted_once_for_every_tool(
 ) -> None:
     run, whole = write(tmp_path / RUN, records), write(tmp_path / "whole", LONG)
     verdict = judge(run)
-    assert (verdict.worth.exit_code, verdict.records) == (3, len(records) - damage.lines)
+    assert (verdict.integrity.exit_code, verdict.records) == (3, len(records) - damage.lines)
     assert str(damage) in str(verdict)
 
     reader = RunReader(run)
@@ -159,9 +163,9 @@ def test_reading_that_cannot_be_sends_nobody_elsewhere(tmp_path: Path, forward_m
     lying = [*read[:MIDDLE], read[MIDDLE] | {"motion": {**still, "forward_m": forward_m}}, *read[MIDDLE + 1 :]]
     runs = [write(tmp_path / name, records) for name, records in (("17", read), ("18", lying))]
     expected, found = (summarise(RunReader(run)).where.by_reckoning for run in runs)
-    assert judge(runs[1]).worth is Worth.WHOLE
+    assert judge(runs[1]).integrity is LogIntegrity.WHOLE
     assert expected is not None
-    assert found == Offset(
+    assert found == RangeBearing(
         pytest.approx(expected.distance_m, abs=0.1),  # type: ignore[arg-type]
         pytest.approx(expected.bearing_deg, abs=0.5),  # type: ignore[arg-type]
     )
@@ -172,7 +176,7 @@ def test_one_damaged_header_costs_that_header_only(tmp_path: Path, schema: int |
     run = write(tmp_path / RUN, [HEADER | {"schema": schema}, *LONG[1:400]], "run.00001.jsonl")
     write(run, [HEADER | {"part": 2, "t_s": LONG[400]["t_s"]}, *LONG[400:]])
     verdict = judge(run)
-    assert (verdict.worth, verdict.records) == (Worth.REPAIRED, len(LONG))
+    assert (verdict.integrity, verdict.records) == (LogIntegrity.REPAIRED, len(LONG))
     assert "1 record holds a value that cannot be" in str(verdict)
     tail = RunTail(run)
     assert list(tail.take())
@@ -191,7 +195,7 @@ def test_part_without_its_header_is_counted(tmp_path: Path) -> None:
 @pytest.mark.parametrize("records", [WHOLE[:1], WHOLE[:-1]])
 def test_summary_calls_no_log_whole_that_check_does_not(tmp_path: Path, records: list[Record]) -> None:
     reader = RunReader(write(tmp_path / RUN, records))
-    assert judge(reader.run).worth is Worth.REPAIRED
+    assert judge(reader.run).integrity is LogIntegrity.REPAIRED
     said = summary_text("17", summarise(reader), reader.damage).splitlines()[-1]
     assert said == f"log        {NO_OUTCOME}"
 
@@ -209,7 +213,7 @@ def test_log_of_a_newer_wayfarer_is_refused_in_one_line(tmp_path: Path) -> None:
         list(tail.take())
     tail.close()
     verdict = judge(run)
-    assert verdict.worth.exit_code == 1
+    assert verdict.integrity.exit_code == 1
     assert "schema 99" in str(verdict)
     assert [row.outcome for row in rows(tmp_path, 0.0)] == ["unreadable"]
 
@@ -225,7 +229,7 @@ def test_following_leaves_out_what_is_out_of_order(tmp_path: Path) -> None:
 @pytest.mark.parametrize("content", [b"", b"\0" * 5000, b"what?\n"])
 def test_log_of_which_nothing_is_left_is_unreadable(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "run.jsonl").write_bytes(content)
-    assert judge(tmp_path).worth.exit_code == 1
+    assert judge(tmp_path).integrity.exit_code == 1
 
 
 def test_log_with_nothing_in_it_is_called_empty(tmp_path: Path) -> None:

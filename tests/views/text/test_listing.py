@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, numbered, outcome, tick, write
-from wayfarer.views.text.listing import Row, lines, rows
+from wayfarer.views.text.listing import RunRow, lines, rows
 
 RUN = "00017-20261121T061405Z"
 LONG_AGO_S = BEGAN_WALL_S - 1e6
 
 
-def row(logs: Path, now_wall_s: float = LONG_AGO_S) -> Row:
+def row(logs: Path, now_wall_s: float = LONG_AGO_S) -> RunRow:
     (found,) = rows(logs, now_wall_s)
     return found
 
@@ -88,7 +88,7 @@ def test_times_that_cannot_be_are_left_out(tmp_path: Path) -> None:
 
 def test_narrow_terminal_goes_without_the_less_important() -> None:
     table = [
-        Row("17", "2026-11-21 06:14", "1:06:40", "minirover (dry)", "forest-pledge", "2000", "3", "signal", "12.3")
+        RunRow("17", "2026-11-21 06:14", "1:06:40", "minirover (dry)", "forest-pledge", "2000", "3", "signal", "12.3")
     ]
     wide, narrow = lines(table, None), lines(table, 60)
     assert wide[0].split() == ["run", "began", "lasted", "rover", "algorithm", "m", "episodes", "outcome", "MB"]

@@ -8,13 +8,13 @@ import pytest
 
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, numbered, outcome, record, tick
 from wayfarer.fieldlog.reader import Damage, Record
-from wayfarer.views.text.account import summarise
-from wayfarer.views.text.summary import LowBattery, Mark, Summary
+from wayfarer.views.text.run_summariser import summarise
+from wayfarer.views.text.summary import LowBattery, Mark, RunSummary
 from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.verdict import NO_OUTCOME
 
 
-def summary(*records: Record) -> Summary:
+def summary(*records: Record) -> RunSummary:
     return summarise(numbered([HEADER, *records]))
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from tests.views.text.records import HEADER, drive, event, numbered, outcome, tick, write
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.reader import log_parts
+from wayfarer.fieldlog.reader import log_segments
 from wayfarer.views.text import tail
 
 FIRST, SECOND = "00001-20261121T061405Z", "00002-20261121T071405Z"
@@ -135,15 +135,15 @@ def test_part_that_is_renamed_before_it_is_opened_is_found_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = write(tmp_path / FIRST, [HEADER, tick(1.0)])
-    listed = log_parts
+    listed = log_segments
 
     def list_and_rename(folder: Path) -> list[Path]:
         parts = listed(folder)
         (run / "run.jsonl").rename(run / "run.00001.jsonl")
-        monkeypatch.setattr(tail, "log_parts", listed)
+        monkeypatch.setattr(tail, "log_segments", listed)
         return parts
 
-    monkeypatch.setattr(tail, "log_parts", list_and_rename)
+    monkeypatch.setattr(tail, "log_segments", list_and_rename)
     assert Following(tmp_path, run, lambda: write(run, [HEADER, tick(2.0)])).times[FIRST] == [0.0, 0.0, 2.0]
 
 
@@ -151,20 +151,20 @@ def test_next_part_that_is_renamed_before_it_is_opened_is_found_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = write(tmp_path / FIRST, [HEADER, tick(1.0)])
-    listed = log_parts
+    listed = log_segments
 
     def list_and_rename(folder: Path) -> list[Path]:
         parts = listed(folder)
         (run / "run.jsonl").rename(run / "run.00002.jsonl")
         write(run, [HEADER, tick(3.0)])
-        monkeypatch.setattr(tail, "log_parts", listed)
+        monkeypatch.setattr(tail, "log_segments", listed)
         (run / "run.00001.jsonl").touch()
         return [run / "run.00001.jsonl", run / "gone.jsonl"] if len(parts) > 1 else parts
 
     def rotate() -> None:
         (run / "run.jsonl").rename(run / "run.00001.jsonl")
         write(run, [HEADER, tick(2.0)])
-        monkeypatch.setattr(tail, "log_parts", list_and_rename)
+        monkeypatch.setattr(tail, "log_segments", list_and_rename)
 
     assert Following(tmp_path, run, rotate, lambda: None).times[FIRST] == [0.0, 1.0, 0.0, 2.0, 0.0, 3.0]
 

@@ -14,8 +14,8 @@ from wayfarer.commissioning.calibrate.compass import calibrate_compass
 from wayfarer.commissioning.calibrate.flow import calibrate_flow
 from wayfarer.commissioning.calibrate.motors import calibrate_motors
 from wayfarer.commissioning.calibrate.turning import calibrate_turning
-from wayfarer.commissioning.checks.api import Place
-from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.checks.api import HostEnvironment
+from wayfarer.commissioning.checks.standalone import StandaloneInspection
 from wayfarer.commissioning.operator import Person
 from wayfarer.config.calibration_file import Calibration, load, save
 from wayfarer.config.rover_file import RoverConfig
@@ -28,14 +28,14 @@ STEPS: tuple[Step, ...] = ("compass", "flow", "motors", "turning")
 
 
 async def calibrate(
-    config: RoverConfig, rover: Rover, place: Place, person: Person, steps: Sequence[Step] = STEPS
+    config: RoverConfig, rover: Rover, host: HostEnvironment, person: Person, steps: Sequence[Step] = STEPS
 ) -> Calibration:
     """Guide a person through some steps, and return what is known afterwards; each step is saved when it is done.
 
     Args:
         config: the rover file.
         rover: its parts, not open, without an earlier calibration applied; they are closed afterwards.
-        place: where the calibration file is, and the time.
+        host: where the calibration file is, and the time.
         person: who turns and pushes the rover; wheels turn only after a yes.
         steps: in this order.
 
@@ -44,21 +44,21 @@ async def calibrate(
         DriverError: a part does not open, or stopped answering.
         WayfarerError: what was measured cannot be used, or the file cannot be written.
     """
-    calibration = load(place.calibration_file)
-    async with Standalone(config, rover, place) as bench:
+    calibration = load(host.calibration_file)
+    async with StandaloneInspection(config, rover, host) as bench:
         for step in steps:
             before, calibration = calibration, await _take(step, calibration, bench, person)
             if calibration is before:
                 await person.say(f"{step}: left as it was.")
                 continue
-            save(place.calibration_file, calibration)
-            await person.say(f"{step}: saved in {place.calibration_file}.")
+            save(host.calibration_file, calibration)
+            await person.say(f"{step}: saved in {host.calibration_file}.")
     return calibration
 
 
-async def _take(step: Step, known: Calibration, bench: Standalone, person: Person) -> Calibration:
+async def _take(step: Step, known: Calibration, bench: StandaloneInspection, person: Person) -> Calibration:
     """Return what is known after a step; the same where the person declined, or the rover has no such part."""
-    rover, t_wall = bench.rover, bench.place.t_wall
+    rover, t_wall = bench.rover, bench.host.t_wall
     if step == "flow":
         if rover.motion is None:
             return known

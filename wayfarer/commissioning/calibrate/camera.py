@@ -19,7 +19,7 @@ TIMES_STILL_MIN = 2.0  # less change than that is not told from noise
 
 
 @runtime_checkable
-class SeesChange(Protocol):
+class ChangeSensor(Protocol):
     """A motion sensor that can say how much its picture changes; see ``drivers.camera_motion``."""
 
     name: str
@@ -31,7 +31,7 @@ class SeesChange(Protocol):
         """Return the mean change of a pixel since the picture before, in grey levels."""
 
 
-async def calibrate_picture(motion: SeesChange, person: Person, distance_m: float, t_wall: float) -> FlowEntry:
+async def calibrate_picture(motion: ChangeSensor, person: Person, distance_m: float, t_wall: float) -> FlowEntry:
     """Guide a person through standing still and a push, and say what to write into the rover file.
 
     Raises:
@@ -58,7 +58,7 @@ async def calibrate_picture(motion: SeesChange, person: Person, distance_m: floa
     return FlowEntry(**stamp(motion.name, t_wall), scale=1.0)
 
 
-async def _changes_until(motion: SeesChange, done: asyncio.Future[None]) -> list[float]:
+async def _changes_until(motion: ChangeSensor, done: asyncio.Future[None]) -> list[float]:
     """Return every change that the camera sees until something is done; the camera sets the pace."""
     await motion.change()  # what came before is not ours
     changes = []

@@ -42,7 +42,7 @@ QUARTERS = (
 )
 
 
-class Levels(Protocol):
+class CompassLevels(Protocol):
     """How well parts of a compass are calibrated, each 0 to 3. The CMPS14's gyro level is broken and not looked at."""
 
     @property
@@ -55,10 +55,10 @@ class Levels(Protocol):
 
 
 @runtime_checkable
-class TeachableCompass(Compass, Protocol):
+class CalibratableCompass(Compass, Protocol):
     """A compass that can be told when to calibrate itself, as the CMPS14."""
 
-    async def calibration(self) -> Levels:
+    async def calibration(self) -> CompassLevels:
         """Return the levels now."""
 
     async def configure(self, config: int) -> None:
@@ -80,7 +80,7 @@ async def calibrate_compass(compass: Compass, person: Person, t_wall: float) -> 
             calibration off.
     """
     await person.wait(PREPARE)
-    if isinstance(compass, TeachableCompass):
+    if isinstance(compass, CalibratableCompass):
         await _teach(compass, person)
     else:
         await person.say(f"{compass.name} takes no commands: only its error is measured.")
@@ -95,7 +95,7 @@ async def calibrate_compass(compass: Compass, person: Person, t_wall: float) -> 
     return CompassEntry(**stamp(compass.name, t_wall), level=level or 0, residual_deg=error_deg)
 
 
-async def _teach(compass: TeachableCompass, person: Person) -> None:
+async def _teach(compass: CalibratableCompass, person: Person) -> None:
     """Turn about until the levels are full, and store that; calibration is off again whatever happens."""
     if await person.ask("Forget the stored calibration first (right after the compass was moved to another place)?"):
         await compass.erase_profile()
@@ -114,7 +114,7 @@ async def _teach(compass: TeachableCompass, person: Person) -> None:
         await compass.configure(OFF)
 
 
-async def _until_full(compass: TeachableCompass, person: Person) -> None:
+async def _until_full(compass: CalibratableCompass, person: Person) -> None:
     """Show the levels as they change until both are full."""
     shown = ""
     while True:

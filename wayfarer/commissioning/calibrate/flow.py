@@ -8,8 +8,8 @@ has its own way (``picture``).
 
 from __future__ import annotations
 
-from wayfarer.commissioning.calibrate.camera import SeesChange, calibrate_picture
-from wayfarer.commissioning.checks.api import Verdict
+from wayfarer.commissioning.calibrate.camera import ChangeSensor, calibrate_picture
+from wayfarer.commissioning.checks.api import CheckVerdict
 from wayfarer.commissioning.checks.motion import judge_push
 from wayfarer.commissioning.manual_drive import measure_push
 from wayfarer.commissioning.operator import Person
@@ -35,12 +35,12 @@ async def calibrate_flow(motion: MotionSensor, person: Person, quality_min: floa
     if not DISTANCE_MIN_M <= distance_m <= DISTANCE_MAX_M:
         raise BadInput(f"a push of {distance_m:g} m: {DISTANCE_MIN_M:g} to {DISTANCE_MAX_M:g} m are of use")
     await person.wait("Set the rover at the line's start, wheels free, and step behind it.")
-    if isinstance(motion, SeesChange) and not (await motion.read()).signed:
+    if isinstance(motion, ChangeSensor) and not (await motion.read()).signed:
         return await calibrate_picture(motion, person, distance_m, t_wall)
     told = person.wait(f"Push it straight ahead by {distance_m:g} m, at a slow walk, and stop there.")
     seen = await measure_push(motion.read, told, quality_min)
     finding = judge_push(seen)
-    if finding.verdict is Verdict.FAIL:
+    if finding.verdict is CheckVerdict.FAIL:
         raise WayfarerError(f"{motion.name}: {finding.found}; {finding.cause}: {finding.remedy}")
     if seen.unknown > UNKNOWN_MAX:
         raise WayfarerError(

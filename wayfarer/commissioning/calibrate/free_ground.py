@@ -13,14 +13,14 @@ from contextlib import asynccontextmanager
 from wayfarer.angles import wrap180
 from wayfarer.commissioning.calibrate.response import Sample
 from wayfarer.commissioning.checks import board, deadman
-from wayfarer.commissioning.checks.api import Verdict, run_checks
-from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.checks.api import CheckVerdict, run_checks
+from wayfarer.commissioning.checks.standalone import StandaloneInspection
 from wayfarer.commissioning.manual_drive import RATE_HZ, wheels_stopped_after
-from wayfarer.control.rate import Pace
+from wayfarer.control.rate import Rate
 from wayfarer.errors import WayfarerError
 from wayfarer.hal import CompassReading, WheelCommand
+from wayfarer.safety.debounce import Debounce
 from wayfarer.safety.gate import Gate
-from wayfarer.safety.persistence import Persistent
 
 REST_S = 1.0  # between drives: from 1 m/s on the most slippery ground (a friction of 0.1) a body slides for a second
 MUST_NOT_FAIL = (board.motor_board, board.motor_faults, board.battery, deadman.proved)
@@ -34,11 +34,11 @@ class FreeGround:
         scale: what the metres of the motion sensor must be multiplied by.
     """
 
-    def __init__(self, bench: Standalone, scale: float) -> None:
+    def __init__(self, bench: StandaloneInspection, scale: float) -> None:
         self._bench, self._scale = bench, scale
         detector = bench.config.detector
         self._quality_min, self._tilt_deg = detector.quality_min, detector.tilt_deg
-        self._tilts = Persistent(detector.tilt_s)
+        self._tilts = Debounce(detector.tilt_s)
         self._gate = Gate(bench.config.safety, RATE_HZ)
         self._heading_deg = 0.0
         self._now = Sample(0.0, 0.0, 0.0, seen=False)
@@ -50,7 +50,7 @@ class FreeGround:
             WayfarerError: they may not; the text says why and what to do.
         """
         for finding in await run_checks(self._bench, MUST_NOT_FAIL):
-            if finding.verdict is Verdict.FAIL:
+            if finding.verdict is CheckVerdict.FAIL:
                 raise WayfarerError(f"{finding.name}: {finding.found}; {finding.cause}: {finding.remedy}")
 
     @asynccontextmanager
@@ -70,10 +70,10 @@ class FreeGround:
             DriverError: a part did not answer.
             WayfarerError: the rover tilts.
         """
-        pace, samples = Pace(RATE_HZ), []
+        rate, samples = Rate(RATE_HZ), []
         for _ in range(round(for_s * RATE_HZ)):
             await self._bench.rover.motors.drive(self._gate.limit(wanted, armed=True))
-            await pace.wait()
+            await rate.wait()
             samples.append(await self._sense())
         return samples
 

@@ -10,7 +10,7 @@ from wayfarer.angles import circular_mean, wrap180
 from wayfarer.commissioning.manual_drive import RATE_HZ, wheels_stopped_after
 from wayfarer.commissioning.operator import Person
 from wayfarer.config.calibration_file import MotorsEntry, stamp
-from wayfarer.control.rate import Pace
+from wayfarer.control.rate import Rate
 from wayfarer.hal import Compass, DriveMotors, WheelCommand
 
 SHIFT_MAX_DEG = 10.0
@@ -54,11 +54,11 @@ async def calibrate_motors(
 
 async def _heading_at(duty: float, motors: DriveMotors, compass: Compass) -> float:
     """Return the mean heading while both sides turn ahead."""
-    pace, headings_deg = Pace(RATE_HZ), []
+    rate, headings_deg = Rate(RATE_HZ), []
     for tick in range(1, TICKS + 1):
         ramped = duty * min(1.0, tick / RAMP_TICKS)
         await motors.drive(WheelCommand(ramped, ramped))
-        await pace.wait()
+        await rate.wait()
         if 2 * tick > TICKS:
             headings_deg.append((await compass.read()).heading_deg)
     mean_deg, _ = circular_mean(headings_deg)

@@ -15,7 +15,7 @@ from statistics import fmean
 from wayfarer.commissioning.calibrate.free_ground import REST_S, FreeGround
 from wayfarer.commissioning.calibrate.response import TURNS_FROM_DEG_S, rate_deg_s, speed_gain, turn_response
 from wayfarer.commissioning.calibrate.turning_text import arc_duty_max, table
-from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.checks.standalone import StandaloneInspection
 from wayfarer.commissioning.operator import Person
 from wayfarer.config.calibration_file import GROUND_MAX, Calibration, SpeedGain, TurningEntry, TurnResponse, stamp
 from wayfarer.config.rover_file import RoverConfig
@@ -35,7 +35,7 @@ ON_FREE_GROUND = (
 )
 
 
-async def calibrate_turning(known: Calibration, bench: Standalone, person: Person) -> TurningEntry | None:
+async def calibrate_turning(known: Calibration, bench: StandaloneInspection, person: Person) -> TurningEntry | None:
     """Measure an open rover's turn response and gain of speed; None where the person declines.
 
     Args:
@@ -58,7 +58,7 @@ async def calibrate_turning(known: Calibration, bench: Standalone, person: Perso
         return None
     noted = (await person.note("What ground is it, in a few words?")).strip()[:GROUND_MAX]
     entry = TurningEntry(
-        **stamp(bench.rover.motors.name, bench.place.t_wall),
+        **stamp(bench.rover.motors.name, bench.host.t_wall),
         ground=noted,
         duty_max=config.safety.duty_max,
         clockwise=await _on_the_spot(ground, config.safety.duty_max, 1.0),

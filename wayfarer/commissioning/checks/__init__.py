@@ -12,9 +12,17 @@ from __future__ import annotations
 from functools import partial
 
 from wayfarer.commissioning.checks import board, calibrated, deadman, parts, system
-from wayfarer.commissioning.checks.api import Check, Finding, Inspection, Place, Verdict, passed, run_checks
+from wayfarer.commissioning.checks.api import (
+    Check,
+    CheckVerdict,
+    Finding,
+    HostEnvironment,
+    Inspection,
+    passed,
+    run_checks,
+)
 from wayfarer.commissioning.checks.motion import Ask, check_motion
-from wayfarer.commissioning.checks.standalone import Standalone
+from wayfarer.commissioning.checks.standalone import StandaloneInspection
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover
 
@@ -23,10 +31,10 @@ __all__ = [
     "CALIBRATED",
     "Ask",
     "Check",
+    "CheckVerdict",
     "Finding",
+    "HostEnvironment",
     "Inspection",
-    "Place",
-    "Verdict",
     "check",
     "passed",
     "run_checks",
@@ -64,18 +72,18 @@ AT_REST: tuple[Check, ...] = (
 """What a person wants to know besides; arming itself waits for the heading to rest."""
 
 
-async def check(config: RoverConfig, rover: Rover, place: Place, ask: Ask | None) -> list[Finding]:
+async def check(config: RoverConfig, rover: Rover, host: HostEnvironment, ask: Ask | None) -> list[Finding]:
     """Return everything that can be found out about a rover that nothing else uses, in the order of looking.
 
     Args:
         config: the rover file.
         rover: its parts, not open; they are closed afterwards.
-        place: files, clock and device files (``system.device_files`` lists those of the parts' settings).
+        host: files, clock and device files (``system.device_files`` lists those of the parts' settings).
         ask: asks a person, who must agree before a wheel turns; None where there is nobody.
     """
-    devices = [partial(system.device, name) for name in place.devices]
+    devices = [partial(system.device, name) for name in host.devices]
     at_rest = [check for check in (*ARMING, *AT_REST) if check is not deadman.proved]
-    async with Standalone(config, rover, place) as inspection:
+    async with StandaloneInspection(config, rover, host) as inspection:
         findings = await run_checks(inspection, [*devices, *at_rest])
         findings += await check_motion(inspection, ask)
         return findings + await run_checks(inspection, [deadman.proved])  # a person may have seen it just now

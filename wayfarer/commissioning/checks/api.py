@@ -17,7 +17,7 @@ from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
 
 
-class Verdict(StrEnum):
+class CheckVerdict(StrEnum):
     """How a check ended; only ``fail`` keeps a rover from being armed."""
 
     OK = "ok"
@@ -30,14 +30,14 @@ class Finding(NamedTuple):
     """What a check found, one line each; ``cause`` and ``remedy`` are empty where nothing is wrong."""
 
     name: str
-    verdict: Verdict
+    verdict: CheckVerdict
     found: str
     cause: str = ""
     remedy: str = ""
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class HostEnvironment:
     """Where the rover's software runs, and when.
 
     Attributes:
@@ -71,7 +71,7 @@ class Inspection(Protocol):
         """The parts: for their names, and for the motors once a person has agreed to motion."""
 
     @property
-    def place(self) -> Place:
+    def host(self) -> HostEnvironment:
         """Files, clock and device files."""
 
     async def open(self, name: str) -> None:
@@ -103,27 +103,27 @@ Check = Callable[[Inspection], Awaitable[Finding]]
 
 def ok(name: str, found: str) -> Finding:
     """Return that all is well."""
-    return Finding(name, Verdict.OK, found)
+    return Finding(name, CheckVerdict.OK, found)
 
 
 def skipped(name: str, why: str) -> Finding:
     """Return that this could not be looked at, or need not be."""
-    return Finding(name, Verdict.SKIPPED, why)
+    return Finding(name, CheckVerdict.SKIPPED, why)
 
 
 def warn(name: str, found: str, cause: str, remedy: str) -> Finding:
     """Return something to be put right, which does not keep the rover from driving."""
-    return Finding(name, Verdict.WARN, found, cause, remedy)
+    return Finding(name, CheckVerdict.WARN, found, cause, remedy)
 
 
 def fail(name: str, found: str, cause: str, remedy: str) -> Finding:
     """Return something that must be put right before the rover may drive."""
-    return Finding(name, Verdict.FAIL, found, cause, remedy)
+    return Finding(name, CheckVerdict.FAIL, found, cause, remedy)
 
 
 def passed(findings: Iterable[Finding]) -> bool:
     """Tell whether nothing failed: the rover may be armed."""
-    return all(finding.verdict is not Verdict.FAIL for finding in findings)
+    return all(finding.verdict is not CheckVerdict.FAIL for finding in findings)
 
 
 async def run_checks(inspection: Inspection, checks: Iterable[Check]) -> list[Finding]:

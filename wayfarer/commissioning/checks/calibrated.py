@@ -57,7 +57,7 @@ async def heading_at_rest(inspection: Inspection) -> Finding:
 
 async def calibrated(kind: str, inspection: Inspection) -> Finding:
     """Check an entry of the calibration file (a key of ``PARTS``), and that it is of this very part."""
-    name, path, part_name = f"calibrated {kind}", inspection.place.calibration_file, PARTS[kind]
+    name, path, part_name = f"calibrated {kind}", inspection.host.calibration_file, PARTS[kind]
     part = inspection.rover.parts.get(part_name)
     if part is None:
         return skipped(name, f"this rover has no {part_name} sensor")
@@ -74,7 +74,7 @@ async def calibrated(kind: str, inspection: Inspection) -> Finding:
     if entry.part != part.name:
         found = f"made with {entry.part}, but this is {part.name}"
         return fail(name, found, "the part was changed, or the file is another rover's", "wayfarer calibrate")
-    return _judge(name, entry, inspection.place.t_wall)
+    return _judge(name, entry, inspection.host.t_wall)
 
 
 def _missing(name: str, kind: str, path: Path) -> Finding:

@@ -41,14 +41,14 @@ def keep_proof(inspection: Inspection, *, tripped: bool) -> None:
         BadInput: the calibration file is there and cannot be read.
         WayfarerError: it cannot be written.
     """
-    path, motors = inspection.place.calibration_file, inspection.rover.motors
-    proof = DeadmanEntry(**stamp(motors.name, inspection.place.t_wall), settings=board_settings(inspection.config))
+    path, motors = inspection.host.calibration_file, inspection.rover.motors
+    proof = DeadmanEntry(**stamp(motors.name, inspection.host.t_wall), settings=board_settings(inspection.config))
     save(path, replace(load(path), deadman=proof if tripped else None))
 
 
 async def proved(inspection: Inspection) -> Finding:
     """Check that the deadman of a board that cannot be asked was seen to stop the wheels, with today's settings."""
-    motors, path = inspection.rover.motors, inspection.place.calibration_file
+    motors, path = inspection.rover.motors, inspection.host.calibration_file
     if not await _only_seen(motors):
         return skipped(NAME, "only of a board that has one and cannot be asked")
     try:
@@ -59,7 +59,7 @@ async def proved(inspection: Inspection) -> Finding:
         return _unproved(inspection, f"nobody has seen {motors.name} stop the wheels by itself")
     if changed := _changes(proof.settings, board_settings(inspection.config)):
         return _unproved(inspection, f"seen on {proof.date}, but with {changed}")
-    if inspection.place.t_wall - proof.t_wall > STALE_S:
+    if inspection.host.t_wall - proof.t_wall > STALE_S:
         return warn(NAME, f"seen on {proof.date}, more than half a year ago", "rovers change", PROVE)
     return ok(NAME, f"the wheels were seen to stop by themselves on {proof.date}")
 

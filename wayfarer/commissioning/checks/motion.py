@@ -18,8 +18,8 @@ from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, ski
 from wayfarer.commissioning.checks.deadman import keep_proof
 from wayfarer.commissioning.checks.parts import heard, silent
 from wayfarer.commissioning.manual_drive import RATE_HZ, Push, keep_driving, measure_push, wheels_stopped_after
-from wayfarer.control.rate import Pace
-from wayfarer.detector import Stall
+from wayfarer.control.rate import Rate
+from wayfarer.detector import StallMonitor
 from wayfarer.errors import DriverError, WayfarerError
 from wayfarer.hal import STOP, DriveMotors, WheelCommand, can_be_asked
 
@@ -136,7 +136,7 @@ async def _deadman_seen(
         return fail(name, f"{found}; not kept: {error}", "the card, or the file's owner", "mend that and check again")
     if not tripped:
         return fail(name, found, *NO_DEADMAN)
-    return ok(name, f"{found}; kept in {inspection.place.calibration_file}")
+    return ok(name, f"{found}; kept in {inspection.host.calibration_file}")
 
 
 async def _fall_silent(
@@ -210,15 +210,15 @@ async def notices_being_stuck(_ask: Ask, inspection: Inspection) -> Finding:
 async def _watch_stall(inspection: Inspection) -> tuple[bool, float]:
     """Return whether a stall was found, and the share of readings that said nothing."""
     config, motors = inspection.config, inspection.rover.motors
-    stall, unknown, found = Stall(config.detector), 0, False
+    stall, unknown, found = StallMonitor(config.detector), 0, False
     duty = min(STALL_DUTY, config.safety.duty_max)
     commanded_m = duty * config.vehicle.max_speed_m_s / RATE_HZ
-    ticks, pace = round(STALL_S * RATE_HZ), Pace(RATE_HZ)
+    ticks, rate = round(STALL_S * RATE_HZ), Rate(RATE_HZ)
     async with wheels_stopped_after(motors):
         await heard(inspection.motion())  # what came before is not ours
         for _ in range(ticks):
             await motors.drive(WheelCommand(duty, duty))
-            await pace.wait()
+            await rate.wait()
             reading = await heard(inspection.motion())
             unknown += reading.quality < config.detector.quality_min
             stall.add(1.0 / RATE_HZ, commanded_m, reading.forward_m)

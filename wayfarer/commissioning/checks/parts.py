@@ -40,8 +40,8 @@ async def heard(reading: Awaitable[R | None]) -> R:
 def silent(inspection: Inspection, name: str, part: str, error: DriverError) -> Finding:
     """Return that a part failed: if its device file is the reason, that; else what the kind of error tells."""
     where = inspection.rover.parts[part].name
-    devices = (device for device in inspection.place.devices if device in where)
-    trouble = next((trouble for device in devices if (trouble := diagnose(inspection.place, device))), None)
+    devices = (device for device in inspection.host.devices if device in where)
+    trouble = next((trouble for device in devices if (trouble := diagnose(inspection.host, device))), None)
     if trouble:
         return fail(name, str(error), trouble.cause, trouble.remedy)
     return fail(name, str(error), *_advice(where, part, error))

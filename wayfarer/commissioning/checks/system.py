@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from wayfarer.commissioning.checks.api import Finding, Inspection, Place, fail, ok, skipped, warn
+from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspection, fail, ok, skipped, warn
 from wayfarer.safety.supply import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
 # At 50 MB an hour of field log (``LogSettings``) this is what a mission takes, beside what its log leaves alone.
@@ -28,7 +28,7 @@ PI5_DEBUG_PORT = "ttyAMA10"
 THROTTLED = "/sys/devices/platform/soc/soc:firmware/get_throttled"
 
 
-class Trouble(NamedTuple):
+class DeviceProblem(NamedTuple):
     """What is wrong with a device file, why, and what to do."""
 
     found: str
@@ -83,14 +83,14 @@ def device_files(settings: Iterable[object]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(value for value in values if isinstance(value, str) and value.startswith("/dev/")))
 
 
-def diagnose(place: Place, device: str) -> Trouble | None:
+def diagnose(host: HostEnvironment, device: str) -> DeviceProblem | None:
     """Return why a device file cannot be used, None where it can."""
     kind = next((kind for kind in DEVICE_KINDS if device.startswith(kind.prefixes)), OTHER_DEVICE)
-    path = place.path(device)
+    path = host.path(device)
     if not path.exists():
-        return Trouble(f"{device} is not there", kind.absent, kind.enable)
+        return DeviceProblem(f"{device} is not there", kind.absent, kind.enable)
     if not os.access(path, os.R_OK | os.W_OK):
-        return Trouble(
+        return DeviceProblem(
             f"{device} may not be used by this user",
             f"the user is not in group '{kind.group}', or has been added to it since logging in",
             f"sudo usermod -aG {kind.group} {_user()}, then log out and in again",
@@ -100,9 +100,9 @@ def diagnose(place: Place, device: str) -> Trouble | None:
 
 async def device(name: str, inspection: Inspection) -> Finding:
     """Check that a device file is there and may be used."""
-    if trouble := diagnose(inspection.place, name):
+    if trouble := diagnose(inspection.host, name):
         return fail(name, *trouble)
-    if inspection.place.path(name).resolve().name == PI5_DEBUG_PORT:
+    if inspection.host.path(name).resolve().name == PI5_DEBUG_PORT:
         return warn(
             name,
             f"it is {PI5_DEBUG_PORT}, the debug connector of a Pi 5",
@@ -124,7 +124,7 @@ async def power(inspection: Inspection) -> Finding:
     """Check whether the computer gets its voltage and keeps cool, as the Raspberry Pi's firmware sees it."""
     name = "computer power"
     try:
-        flags = int(inspection.place.path(THROTTLED).read_text(encoding="ascii"), 16)
+        flags = int(inspection.host.path(THROTTLED).read_text(encoding="ascii"), 16)
     except (OSError, ValueError):
         return skipped(name, "this computer does not tell")
     cause, remedy = "its supply sags, most of all when the motors start", "give it a separate 5 V supply, thick wires"
@@ -139,7 +139,7 @@ async def power(inspection: Inspection) -> Finding:
 
 async def disk(inspection: Inspection) -> Finding:
     """Check that the log folder can be written and has room."""
-    return await asyncio.to_thread(_disk, inspection.place.log_folder, inspection.config.log.free_mb + MISSION_MB)
+    return await asyncio.to_thread(_disk, inspection.host.log_folder, inspection.config.log.free_mb + MISSION_MB)
 
 
 def _disk(folder: Path, needed_mb: float) -> Finding:
@@ -178,7 +178,7 @@ async def log(trouble: Callable[[], str | None], inspection: Inspection) -> Find
 
 async def clock(inspection: Inspection) -> Finding:
     """Check that the wall clock was set; nothing but the names and dates in logs depends on it."""
-    now = datetime.fromtimestamp(inspection.place.t_wall, UTC)
+    now = datetime.fromtimestamp(inspection.host.t_wall, UTC)
     if now.year < YEAR_MIN:
         return warn(
             "clock",

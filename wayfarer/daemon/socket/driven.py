@@ -25,17 +25,17 @@ MOST_BYTES = 65_536
 _OTHERS_WRITE = 0o022
 
 
-class Driven(NamedTuple):
+class DrivenBoard(NamedTuple):
     """A board: ``[parts.motors]`` of a rover file as it was given, driver included, and the name of its buses."""
 
     motors: dict[str, Any]
     buses: str
 
 
-class Found(NamedTuple):
+class FoundRecord(NamedTuple):
     """What a daemon recorded, and the user whose file it is."""
 
-    driven: Driven
+    driven: DrivenBoard
     owner: int
 
 
@@ -45,7 +45,7 @@ class DrivenRecord:
     def __init__(self, socket_path: Path) -> None:
         self._path = socket_path.with_name(NAME)
 
-    def write(self, driven: Driven) -> None:
+    def write(self, driven: DrivenBoard) -> None:
         """Put the file in the place of what a daemon that was killed may have left.
 
         Raises:
@@ -76,7 +76,7 @@ def known_records() -> Iterator[Path]:
                 yield path
 
 
-def read_record(path: Path) -> Found | None:
+def read_record(path: Path) -> FoundRecord | None:
     """Return what a daemon recorded; None where there is nothing, or nothing for this user to read.
 
     Raises:
@@ -97,7 +97,7 @@ def read_record(path: Path) -> Found | None:
         os.close(folder)
 
 
-def _read(path: Path, folder: int) -> Found | None:
+def _read(path: Path, folder: int) -> FoundRecord | None:
     # Neither a symlink nor a pipe that nobody writes to leads astray.
     file = os.open(path.name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
     with os.fdopen(file, "rb") as reader:
@@ -107,12 +107,12 @@ def _read(path: Path, folder: int) -> Found | None:
         text = reader.read(MOST_BYTES)
     try:
         fields = json.loads(text)
-        driven = Driven(**fields)
+        driven = DrivenBoard(**fields)
         if not isinstance(driven.motors["driver"], str) or not isinstance(driven.buses, str):
             raise TypeError
     except (ValueError, TypeError, KeyError, RecursionError):
         raise BadInput(f"{path}: not believed: no daemon wrote this; remove it") from None
-    return Found(driven, about.st_uid)
+    return FoundRecord(driven, about.st_uid)
 
 
 def _doubt(file: os.stat_result, folder: os.stat_result) -> str | None:

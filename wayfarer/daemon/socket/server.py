@@ -31,7 +31,7 @@ _QUEUE = 128
 _NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
 
 
-class Limits(NamedTuple):
+class SocketLimits(NamedTuple):
     """What one client, and all of them, may use up; field.md, fault 50."""
 
     line_bytes: int = REQUEST_BYTES
@@ -41,7 +41,7 @@ class Limits(NamedTuple):
     reply_s: float = 5.0  # to read a reply
 
 
-LIMITS = Limits()
+LIMITS = SocketLimits()
 
 
 class ControlServer:
@@ -68,7 +68,7 @@ class ControlServer:
         *,
         declination_deg: float | None,
         on_error: Callable[[Exception], None],
-        limits: Limits = LIMITS,
+        limits: SocketLimits = LIMITS,
     ) -> None:
         self._path = path
         self._commands = commands

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from PIL import Image, ImageDraw, ImageFont
 
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.film.footage import Shot
+from wayfarer.experiments.film.footage import FilmedTick
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 
 Colour = tuple[int, int, int, int]
@@ -32,7 +32,7 @@ MARGIN_PER_HEIGHT = 0.03
 TEXT_PER_HEIGHT = 0.037
 
 
-class Words(NamedTuple):
+class CaptionText(NamedTuple):
     """What the film says beside the rover's own phases: the title, and how the trial ended."""
 
     title: str
@@ -42,7 +42,7 @@ class Words(NamedTuple):
 class Caption:
     """Writes into the pictures of one film, in their order."""
 
-    def __init__(self, forest: Forest, words: Words, height: int) -> None:
+    def __init__(self, forest: Forest, words: CaptionText, height: int) -> None:
         self._words = words
         self._margin = round(MARGIN_PER_HEIGHT * height)
         self._text_px = max(round(TEXT_PER_HEIGHT * height), 12)
@@ -53,7 +53,7 @@ class Caption:
         self._map = self._drawn(forest)
         self._last: tuple[float, float] | None = None
 
-    def write(self, picture: Image.Image, shot: Shot, over: bool) -> None:
+    def write(self, picture: Image.Image, shot: FilmedTick, over: bool) -> None:
         """Write what is true at a shot; ``over`` when the trial has ended."""
         draw = ImageDraw.Draw(picture, "RGBA")
         margin = self._margin
@@ -75,7 +75,7 @@ class Caption:
         small = shown.resize((self._map_px, self._map_px), Image.Resampling.BOX)
         picture.paste(small, (picture.width - margin - self._map_px, margin), small)
 
-    def _write_state(self, draw: ImageDraw.ImageDraw, height: int, shot: Shot, label: str) -> None:
+    def _write_state(self, draw: ImageDraw.ImageDraw, height: int, shot: FilmedTick, label: str) -> None:
         text_px, margin = self._text_px, self._margin
         minutes, seconds = divmod(int(shot.t_s), 60)
         columns = ((f"{minutes}:{seconds:02d}", 3.0), (label, 7.8), (f"{shot.path_m:.0f} m", 2.6))

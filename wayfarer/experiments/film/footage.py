@@ -20,7 +20,7 @@ from wayfarer.simhal.world.simulated_world import SimulatedWorld
 JUMP_M = 0.2  # between two ticks: a person has put the rover elsewhere
 
 
-class Shot(NamedTuple):
+class FilmedTick(NamedTuple):
     """One moment: the rover's joints as in the engine, what it was doing, and how far it had driven."""
 
     t_s: float
@@ -30,17 +30,17 @@ class Shot(NamedTuple):
 
 
 class Footage(PartialLog):
-    """Looks at the world at each tick, and keeps a ``Shot``."""
+    """Looks at the world at each tick, and keeps a ``FilmedTick``."""
 
     def __init__(self, spec: TrialSpec, world: MujocoWorld) -> None:
         self.spec, self.world = spec, world
-        self.shots: list[Shot] = []
-        self.outcome = "fault"  # until the referee has said otherwise
+        self.shots: list[FilmedTick] = []
+        self.outcome = "fault"  # until the outcome monitor has said otherwise
 
     def tick(self, record: TickRecord) -> None:
         """Keep where everything is."""
         world = self.world
-        self.shots.append(Shot(world.t_s, world.data.qpos.copy(), record.decision.phase, world.path_m))
+        self.shots.append(FilmedTick(world.t_s, world.data.qpos.copy(), record.decision.phase, world.path_m))
 
     @property
     def begins_s(self) -> float:
@@ -52,7 +52,7 @@ class Footage(PartialLog):
         """When the last shot was taken."""
         return self.shots[-1].t_s
 
-    def at(self, t_s: float) -> Shot:
+    def at(self, t_s: float) -> FilmedTick:
         """Return a moment between two shots; the rover's phase is that of the earlier one."""
         after = bisect_right(self.shots, t_s, key=lambda shot: shot.t_s)
         if after in (0, len(self.shots)):

@@ -1,7 +1,7 @@
 """Appearance of the rover: a box with a visible nose, and wheels whose rotation is visible.
 
-Sizes are those of the physics' ``Body``; what is added to that (mast, lamps, colours) is for the eye. Nothing here can
-touch anything.
+Sizes are those of the physics' ``WheeledBody``; what is added to that (mast, lamps, colours) is for the eye. Nothing
+here can touch anything.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 import mujoco
 
 from wayfarer.simhal.mujoco.model import ROVER
-from wayfarer.simhal.world.wheeled_body import Body
+from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 SHELL = (0.93, 0.42, 0.06, 1.0)  # the orange of rescue gear
 DECK = (0.13, 0.14, 0.15, 1.0)
@@ -30,7 +30,7 @@ BOX, CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
 ACROSS = (2**-0.5, 2**-0.5, 0.0, 0.0)  # the quaternion that lays a cylinder's axis along y
 
 
-def add_rover(spec: Any, body: Body) -> None:
+def add_rover(spec: Any, body: WheeledBody) -> None:
     """Add the rover with the same joints in the same order as ``model.build``, so that its poses fit."""
     rover = spec.worldbody.add_body(name=ROVER)
     rover.add_freejoint()
@@ -47,7 +47,7 @@ def _show(body: Any, kind: Any, size: tuple[float, float, float], rgba: tuple[fl
     body.add_geom(type=kind, size=size, rgba=rgba, contype=0, conaffinity=0, mass=0.1, material="paint", **where)
 
 
-def _add_hull(rover: Any, body: Body) -> None:
+def _add_hull(rover: Any, body: WheeledBody) -> None:
     """Add a tub between the wheels, a wider shell above them, and what stands on it."""
     half_base_m, _, radius_m = body.wheels
     belly_m, top_m = body.clearance_m - radius_m, body.height_m - radius_m
@@ -106,7 +106,7 @@ def _add_nose(rover: Any, long_m: float, wide_m: float, rail_m: float, middle_m:
         )
 
 
-def _add_wheel(wheel: Any, body: Body, left: int) -> None:
+def _add_wheel(wheel: Any, body: WheeledBody, left: int) -> None:
     """Add a tyre with lugs, and a rim with spokes on its outer side."""
     radius_m, half_m = body.wheel_radius_m, body.tyre_width_m / 2.0
     _show(wheel, CYLINDER, (0.93 * radius_m, 0.9 * half_m, 0.0), RUBBER, quat=ACROSS)

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.experiments.film.footage import Shot
-from wayfarer.simhal.world.wheeled_body import Body
+from wayfarer.experiments.film.footage import FilmedTick
+from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ EARTH = np.array((0.075, 0.05, 0.03, 0.42), dtype=np.float32)
 IN_SIGHT_M = 8.0
 
 
-class Bars(NamedTuple):
+class TyreMarks(NamedTuple):
     """The bars of a whole trial in the order of time: when, where, and how each lies."""
 
     times_s: Array
@@ -33,7 +33,7 @@ class Bars(NamedTuple):
         return np.flatnonzero(np.linalg.norm(self.places_m[:there, :2] - near_m[:2], axis=1) < IN_SIGHT_M)
 
 
-def bars_of(shots: list[Shot], body: Body) -> Bars:
+def bars_of(shots: list[FilmedTick], body: WheeledBody) -> TyreMarks:
     """Return the bars that four wheels leave."""
     joints = np.array([shot.joints for shot in shots])
     turns = _turns(joints[:, 3:7])
@@ -48,10 +48,10 @@ def bars_of(shots: list[Shot], body: Body) -> Bars:
         places_m.append(feet_m[moments])
         lie.append(turns[moments])
     order = np.argsort(times_s, kind="stable")
-    return Bars(np.array(times_s)[order], np.concatenate(places_m)[order], np.concatenate(lie)[order])
+    return TyreMarks(np.array(times_s)[order], np.concatenate(places_m)[order], np.concatenate(lie)[order])
 
 
-def add_bars(scene: Any, bars: Bars, numbers: NDArray[np.intp], body: Body) -> None:
+def add_bars(scene: Any, bars: TyreMarks, numbers: NDArray[np.intp], body: WheeledBody) -> None:
     """Add bars to what is drawn next."""
     size = np.array((BAR_M / 2.0, 0.42 * body.tyre_width_m, 0.001))
     for number in numbers[-(scene.maxgeom - scene.ngeom) :]:

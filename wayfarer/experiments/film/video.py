@@ -15,7 +15,7 @@ from PIL import Image
 from wayfarer.errors import BadInput
 from wayfarer.experiments.film import screen
 from wayfarer.experiments.film.camera import views
-from wayfarer.experiments.film.caption import Caption, Words
+from wayfarer.experiments.film.caption import Caption, CaptionText
 from wayfarer.experiments.film.footage import Footage
 from wayfarer.experiments.film.scenery import Scenery
 from wayfarer.experiments.film.track import add_bars, bars_of
@@ -26,7 +26,7 @@ DRAWN = (960, 540)
 BEFORE_S, AFTER_S = 1.0, 1.5  # of the film, before the rover starts and after the trial has ended
 
 
-class Kind(NamedTuple):
+class FilmFormat(NamedTuple):
     """A kind of file: its pictures' size and rate, and how they are written."""
 
     size: tuple[int, int]
@@ -39,15 +39,17 @@ class Kind(NamedTuple):
 
 # MP4 plays in any browser; WebP also plays inside a page such as README.md, and is a tenth of the size.
 KINDS = {
-    ".mp4": Kind(DRAWN, 25, "mp4", "libx264", {"crf": "21", "preset": "medium"}, {"movflags": "faststart"}),
-    ".webp": Kind((560, 315), 12, "webp", "libwebp_anim", {"quality": "42", "compression_level": "4"}, {"loop": "0"}),
+    ".mp4": FilmFormat(DRAWN, 25, "mp4", "libx264", {"crf": "21", "preset": "medium"}, {"movflags": "faststart"}),
+    ".webp": FilmFormat(
+        (560, 315), 12, "webp", "libwebp_anim", {"quality": "42", "compression_level": "4"}, {"loop": "0"}
+    ),
 }
 
 
 class Film:
     """A file that a film is written to."""
 
-    def __init__(self, draft: Path, kind: Kind) -> None:
+    def __init__(self, draft: Path, kind: FilmFormat) -> None:
         self._draft, self._kind = draft, kind
 
     def show(self, footage: Footage, speed: float, done: Callable[[float], None]) -> None:
@@ -71,7 +73,7 @@ class Film:
                 done((number + 1) / len(times_s))
             file.mux(stream.encode())
 
-    def _pictures(self, footage: Footage, words: Words, times_s: list[float]) -> Iterator[Image.Image]:
+    def _pictures(self, footage: Footage, words: CaptionText, times_s: list[float]) -> Iterator[Image.Image]:
         spec, world = footage.spec, footage.world
         shots = [footage.at(t_s) for t_s in times_s]
         scenery = Scenery(spec.forest, world, *DRAWN)
@@ -88,10 +90,10 @@ class Film:
                 yield picture
 
 
-def _words(footage: Footage, speed: float) -> Words:
+def _words(footage: Footage, speed: float) -> CaptionText:
     spec, terrain = footage.spec, footage.world.terrain
     title = f"{spec.rover.name}, {spec.algorithm}, friction {terrain.friction:.2g}"
-    return Words(title if speed == 1.0 else f"{title}, {speed:g} x", footage.outcome.replace("_", " ").upper())
+    return CaptionText(title if speed == 1.0 else f"{title}, {speed:g} x", footage.outcome.replace("_", " ").upper())
 
 
 def _times_s(footage: Footage, speed: float, frames_s: int) -> list[float]:

@@ -20,8 +20,8 @@ from wayfarer.control.supervisor import first_cause
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.experiments.outcome import Outcome
-from wayfarer.experiments.trial import GAVE_UP, Tally
-from wayfarer.experiments.trial_setup import Stage, TrialSpec
+from wayfarer.experiments.trial import GAVE_UP, TrialCounters
+from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
@@ -37,7 +37,7 @@ class Ending(NamedTuple):
     ticks: int
 
 
-class Seat:
+class AgentBridge:
     """One episode; implements ``EscapeHandler`` towards the trial.
 
     ``world`` is ground truth, for rewards, and may be looked at while the agent has its turn.
@@ -96,7 +96,7 @@ class Seat:
 
     def _run(self) -> None:
         """Run the trial; whatever becomes of it, the agent hears, because it waits."""
-        _SEAT.set(self)
+        _BRIDGE.set(self)
         try:
             with asyncio.Runner(loop_factory=VirtualLoop) as runner:
                 self._turns.put(runner.run(self._trial()))
@@ -104,16 +104,16 @@ class Seat:
             self._turns.put(error)
 
     async def _trial(self) -> Ending:
-        log = _Tally()
-        stage = Stage(self._spec, lambda _world, _rover: log)
-        self.world = stage.world
-        self._finish = log.finish = stage.supervisor.finish
-        await stage.supervisor.arm(self._spec.forest.heading_deg)
-        await stage.supervisor.run()
-        return _ending(stage, log)
+        log = _EndingCounters()
+        setup = TrialSetup(self._spec, lambda _world, _rover: log)
+        self.world = setup.world
+        self._finish = log.finish = setup.supervisor.finish
+        await setup.supervisor.arm(self._spec.forest.heading_deg)
+        await setup.supervisor.run()
+        return _ending(setup, log)
 
 
-class _Tally(Tally):
+class _EndingCounters(TrialCounters):
     """Also ends a trial as soon as the rover has disarmed itself: nothing that the agent does can matter then."""
 
     finish: Callable[[str, str], None]
@@ -124,18 +124,18 @@ class _Tally(Tally):
             self.finish(name, str(details["reason"]))
 
 
-def _ending(stage: Stage, log: Tally) -> Ending:
-    """Return how it ended: by the referee's word, by the rover's own, or else at a limit of the rover's mission."""
-    judged = stage.referee.outcome
+def _ending(setup: TrialSetup, log: TrialCounters) -> Ending:
+    """Return how it ended: by the outcome monitor's word, by the rover's own, or else at a limit of the rover's mission."""
+    judged = setup.outcome_monitor.outcome
     if log.why_disarmed is not None:
         outcome: Outcome = "entrapped" if log.why_disarmed == GAVE_UP else "fault"
     else:
         outcome = judged or "entrapped"
     in_time = log.why_disarmed is not None or outcome != "entrapped"
-    return Ending(outcome, in_time, stage.referee.path_m(stage.world), stage.world.t_s, log.ticks)
+    return Ending(outcome, in_time, setup.outcome_monitor.path_m(setup.world), setup.world.t_s, log.ticks)
 
 
-_SEAT: ContextVar[Seat] = ContextVar("seat")
+_BRIDGE: ContextVar[AgentBridge] = ContextVar("seat")
 
-AGENT = Algorithm("agent", "agent", "the agent that steps the environment", lambda *_: _SEAT.get(), origin=__name__)
+AGENT = Algorithm("agent", "agent", "the agent that steps the environment", lambda *_: _BRIDGE.get(), origin=__name__)
 AGENT_NAME = f"{__name__}:AGENT"

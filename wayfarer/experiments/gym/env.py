@@ -17,7 +17,7 @@ from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.escape.api import Anomaly, Observation
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.commands import check_body
-from wayfarer.experiments.gym.agent_bridge import AGENT_NAME, Ending, Seat
+from wayfarer.experiments.gym.agent_bridge import AGENT_NAME, AgentBridge, Ending
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
@@ -39,9 +39,9 @@ SIZE = 4 + len(Anomaly) + 1
 class ForestEnv(gymnasium.Env[Array, Array]):
     """A rover that is to cross a 50 m forest to its north edge with what it feels.
 
-    Each episode is a trial of ``wayfarer sim``: the same supervisor, detector, safety gate, sensor tasks and referee,
-    in virtual time, with the agent in the handler's place (``wayfarer.experiments.gym.agent_bridge``). One step is one
-    control tick, 0.05 s on the rover ``sim``. While the safety gate holds the wheels nobody is asked: a
+    Each episode is a trial of ``wayfarer sim``: the same supervisor, detector, safety gate, sensor tasks and outcome
+    monitor, in virtual time, with the agent in the handler's place (``wayfarer.experiments.gym.agent_bridge``). One
+    step is one control tick, 0.05 s on the rover ``sim``. While the safety gate holds the wheels nobody is asked: a
     step lasts until the hold is over.
 
     Observation, 11 numbers in [-1, 1]: sine and cosine of heading minus goal heading (positive clockwise); pitch (nose
@@ -88,7 +88,7 @@ class ForestEnv(gymnasium.Env[Array, Array]):
             (AGENT_NAME,), TRIALS, load_rover(rover), slip_mean_m=slip_mean_m, budget_m=budget_m, terrains=terrains
         )
         check_body(self._campaign, rover)
-        self._seat: Seat | None = None
+        self._bridge: AgentBridge | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin a trial: number ``options["trial"]``, or else one that is drawn; ``info["trial"]`` says which.
@@ -105,14 +105,16 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         trial = (options or {}).get("trial", drawn)
         if not (isinstance(trial, int) and 0 <= trial < TRIALS):
             raise BadInput(f"options: trial {trial!r} is not a whole number from 0 to {TRIALS - 1}")
-        self._seat = seat = Seat(self._campaign.spec(Task(AGENT_NAME, trial), self._campaign.make_forest(trial)))
-        self._leave = weakref.finalize(self, seat.leave)
-        seen = seat.wait()
+        self._bridge = bridge = AgentBridge(
+            self._campaign.spec(Task(AGENT_NAME, trial), self._campaign.make_forest(trial))
+        )
+        self._leave = weakref.finalize(self, bridge.leave)
+        seen = bridge.wait()
         if isinstance(seen, Ending):
             raise WayfarerError(f"trial {trial} was over before the rover could drive: {seen.outcome}")
         self._last = seen
         self._anomaly_at_m = seen.travelled_m
-        self._y_m, self._t_s = seat.world.y_m, seat.world.t_s
+        self._y_m, self._t_s = bridge.world.y_m, bridge.world.t_s
         return self._vector(seen), {"trial": trial, "observation": seen}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -122,14 +124,14 @@ class ForestEnv(gymnasium.Env[Array, Array]):
             InvalidAction: not two numbers.
             ResetNeeded: the episode is over, or has not begun.
         """
-        seat = self._seat
-        if seat is None:
+        bridge = self._bridge
+        if bridge is None:
             raise ResetNeeded("the episode is over, or has not begun: call reset() first")
         if np.shape(action) != (2,):
             raise InvalidAction(f"action {action!r} is not two duties, left and right, each from -1 to 1")
-        seat.answer(WheelCommand(float(action[0]), float(action[1])))
-        turn = seat.wait()
-        reward = self._gain(seat.world)
+        bridge.answer(WheelCommand(float(action[0]), float(action[1])))
+        turn = bridge.wait()
+        reward = self._gain(bridge.world)
         if isinstance(turn, Observation):
             self._last = turn
             return self._vector(turn), reward, False, False, {"observation": turn}
@@ -140,8 +142,8 @@ class ForestEnv(gymnasium.Env[Array, Array]):
 
     def close(self) -> None:
         """End the trial, if one is on."""
-        if self._seat is not None:
-            self._seat = None
+        if self._bridge is not None:
+            self._bridge = None
             self._leave()
 
     def _gain(self, world: SimulatedWorld) -> float:

@@ -15,12 +15,12 @@ from wayfarer.experiments.progress_bar import shown_progress
 from wayfarer.experiments.report import words
 from wayfarer.experiments.report.escape_figure import escape_figure
 from wayfarer.experiments.report.forest_figure import close_up_figure, forest_figure, legend_figure
-from wayfarer.experiments.report.gallery import Again, choose, run_again
 from wayfarer.experiments.report.paths_figure import paths_figure
 from wayfarer.experiments.report.ratio_figure import ratio_figure
 from wayfarer.experiments.report.reading import Results, read_results
 from wayfarer.experiments.report.table import causes_table, results_table
-from wayfarer.experiments.rows import Row
+from wayfarer.experiments.report.worst_trials import RerunTrial, choose, run_again
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.views.run_report import page
 from wayfarer.views.run_report.drawing import house_style, save
 
@@ -84,7 +84,7 @@ def _gallery(results: Results, figures: Path, count: int, jobs: int) -> str:
     return "\n".join([drawn, *_entrapped(campaign, ran, figures)])
 
 
-def _drawn(campaign: Campaign, ran: Sequence[Again], figures: Path) -> Iterator[str]:
+def _drawn(campaign: Campaign, ran: Sequence[RerunTrial], figures: Path) -> Iterator[str]:
     """Yield the drawings of the trials that came out as in the table."""
     drawn = [(again.row, again.trace) for again in ran if again.trace is not None]
     if not drawn:
@@ -99,7 +99,7 @@ def _drawn(campaign: Campaign, ran: Sequence[Again], figures: Path) -> Iterator[
     yield "</div>"
 
 
-def _entrapped(campaign: Campaign, ran: Sequence[Again], figures: Path) -> Iterator[str]:
+def _entrapped(campaign: Campaign, ran: Sequence[RerunTrial], figures: Path) -> Iterator[str]:
     """Yield the section that says why trials were entrapped, with what is around the place of each."""
     seen = [
         (again.row, again.trace, entrapment(campaign.make_forest(again.row.trial), campaign.rover, again.trace))
@@ -117,11 +117,11 @@ def _entrapped(campaign: Campaign, ran: Sequence[Again], figures: Path) -> Itera
     yield page.section("Why trials were entrapped", *parts, "</div>")
 
 
-def _file_name(what: str, row: Row) -> str:
+def _file_name(what: str, row: TrialRow) -> str:
     return re.sub(r"[^\w.-]", "_", f"{what}-{row.algorithm}-{row.trial}")
 
 
-def _not_drawn(ran: Sequence[Again], version: str) -> Iterator[str]:
+def _not_drawn(ran: Sequence[RerunTrial], version: str) -> Iterator[str]:
     """Yield which trials have no drawing: a picture of another run would be wrong."""
     missing = [again for again in ran if again.trace is None]
     if missing:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from wayfarer.experiments.report.groups import Group, grouped, short
 from wayfarer.experiments.report.survival import Curve, escape_curve
-from wayfarer.experiments.rows import Row
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.views.run_report.drawing import (
     BLACK,
     BLUE,
@@ -32,7 +32,7 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)), (0, (3, 1, 1, 1, 1, 1)))
 
 
-def escape_figure(by_algorithm: Mapping[str, Sequence[Row]]) -> Figure:
+def escape_figure(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> Figure:
     """Return the cumulative share of each algorithm: who has escaped by which path."""
     groups = grouped(by_algorithm)
     curves = {name: escape_curve(rows) for name, rows in by_algorithm.items()}

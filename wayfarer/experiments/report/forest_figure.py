@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.trajectory import Point, Trace
+from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views.run_report.drawing import VERMILION, WIDTH_IN
 from wayfarer.views.run_report.forest_map import (
@@ -92,7 +92,7 @@ def _draw_way(axes: Axes, trace: Trace) -> None:
     axes.plot(*columns([point[:2] for point in trace.points[-1:]]), linestyle="none", zorder=3.5, **END)
 
 
-def _pieces(points: Sequence[Point], phases: tuple[Phase, ...]) -> tuple[list[float], list[float]]:
+def _pieces(points: Sequence[TrajectoryPoint], phases: tuple[Phase, ...]) -> tuple[list[float], list[float]]:
     """Return the parts of the way in these phases as one line with gaps; a part ends where the next phase begins."""
     x_m: list[float] = []
     y_m: list[float] = []

@@ -13,8 +13,8 @@ from matplotlib.patches import Patch
 
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.rows_layout import Rows, label_rows, lay_out
-from wayfarer.experiments.rows import SUCCESSES, Row
-from wayfarer.experiments.statistics import Summary
+from wayfarer.experiments.rows import SUCCESSES, TrialRow
+from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.tables import PAPER
 from wayfarer.views.run_report.drawing import BLACK, GREY, ORANGE, VERMILION, WIDTH_IN, Style, log_distances
 
@@ -40,8 +40,8 @@ WHISKERS_IQR = 1.5  # Tukey's
 
 
 def paths_figure(
-    by_algorithm: Mapping[str, Sequence[Row]],
-    summaries: Mapping[str, Summary],
+    by_algorithm: Mapping[str, Sequence[TrialRow]],
+    summaries: Mapping[str, AlgorithmSummary],
     shortest_paths_m: Sequence[float],
 ) -> Figure:
     """Return box plots of the successes' paths beside bars of the share that did not get out."""
@@ -56,7 +56,7 @@ def paths_figure(
     return figure
 
 
-def _paths_m(rows: Sequence[Row]) -> list[float]:
+def _paths_m(rows: Sequence[TrialRow]) -> list[float]:
     return [row.path_m for row in rows if row.outcome in SUCCESSES and row.path_m]
 
 
@@ -88,7 +88,7 @@ def _boxes(axes: Axes, layout: Rows, paths_m: Mapping[str, list[float]], shortes
     axes.set_xlabel("path length to the destination line, m (log scale)")
 
 
-def _bars(axes: Axes, layout: Rows, summaries: Mapping[str, Summary]) -> None:
+def _bars(axes: Axes, layout: Rows, summaries: Mapping[str, AlgorithmSummary]) -> None:
     """Draw failures in percent with their Wilson interval, and write the number at the right."""
     shares = {name: _failures_percent(summary) for name, summary in summaries.items()}
     y = [layout.at[name] for name in shares]
@@ -112,7 +112,7 @@ def _bars(axes: Axes, layout: Rows, summaries: Mapping[str, Summary]) -> None:
         )
 
 
-def _failures_percent(summary: Summary) -> tuple[float, float, float]:
+def _failures_percent(summary: AlgorithmSummary) -> tuple[float, float, float]:
     """Return the share of failures and the ends of its interval, within 0..100."""
     ends = (summary.success_percent, summary.success_high_percent, summary.success_low_percent)
     failed, low, high = (min(100.0, max(0.0, 100.0 - end)) for end in ends)

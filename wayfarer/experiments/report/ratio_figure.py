@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.rows_layout import label_rows, lay_out
-from wayfarer.experiments.rows import SUCCESSES, Row
+from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.views.run_report.drawing import BLACK, BLUE, EDGE, GREY, SKY, WIDTH_IN, log_axis
 
 MARGINS_IN = 1.15
@@ -21,7 +21,7 @@ COLUMNS_PT = (40.0, 78.0)  # right edges of the columns beside the axes
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
-def ratios(rows: Sequence[Row]) -> list[float]:
+def ratios(rows: Sequence[TrialRow]) -> list[float]:
     """Return path over shortest path of each trial where that is known, ascending; infinite for failures."""
     return sorted(
         row.path_m / row.shortest_path_m if row.outcome in SUCCESSES and row.path_m else math.inf
@@ -35,7 +35,7 @@ def quantile(ascending: Sequence[float], share: float) -> float:
     return ascending[math.ceil(share * len(ascending) - 1e-9) - 1]
 
 
-def ratio_figure(by_algorithm: Mapping[str, Sequence[Row]]) -> Figure:
+def ratio_figure(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> Figure:
     """Return quantiles of path over shortest path by algorithm; shortest paths are known for some trial at least."""
     layout = lay_out(grouped(by_algorithm))
     figure = Figure((WIDTH_IN, layout.height_in + MARGINS_IN))

@@ -15,8 +15,8 @@ from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign, ForestFile, read_forest_file
 from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, read_rows
-from wayfarer.experiments.rows import Row, columns_of, csv_line, without_kinds
-from wayfarer.experiments.statistics import Summary, summarise
+from wayfarer.experiments.rows import TrialRow, columns_of, csv_line, without_kinds
+from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.grounds import GroundName
 
@@ -61,18 +61,18 @@ class Results:
 
     folder: Path
     settings: Settings
-    rows: list[Row]
+    rows: list[TrialRow]
 
     @cached_property
-    def by_algorithm(self) -> dict[str, list[Row]]:
+    def by_algorithm(self) -> dict[str, list[TrialRow]]:
         """The rows of each algorithm, in the campaign's order."""
-        by_name: dict[str, list[Row]] = {name: [] for name in self.settings.algorithms}
+        by_name: dict[str, list[TrialRow]] = {name: [] for name in self.settings.algorithms}
         for row in self.rows:
             by_name[row.algorithm].append(row)
         return by_name
 
     @cached_property
-    def summaries(self) -> dict[str, Summary]:
+    def summaries(self) -> dict[str, AlgorithmSummary]:
         """What the rows say of each algorithm."""
         return {name: summarise(name, rows) for name, rows in self.by_algorithm.items()}
 
@@ -156,7 +156,7 @@ def _read_settings(folder: Path) -> Settings:
         raise BadInput(f"{path} is damaged: {key}: {problem['msg']}; the campaign must be run again") from None
 
 
-def _read_trials(path: Path, settings: Settings) -> list[Row]:
+def _read_trials(path: Path, settings: Settings) -> list[TrialRow]:
     try:
         header, columns = path.read_text(encoding="utf-8").partition("\n")[0] + "\n", columns_of(settings.model_dump())
         rows = read_rows(path, columns) if header in map(csv_line, (columns, without_kinds(columns))) else []

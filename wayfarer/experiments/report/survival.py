@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from wayfarer.experiments.rows import SUCCESSES, Row
+from wayfarer.experiments.rows import SUCCESSES, TrialRow
 
 
-class Step(NamedTuple):
+class CurveStep(NamedTuple):
     """From this path on, metres, the share of all trials that have escaped, 0..1."""
 
     path_m: float
@@ -19,7 +19,7 @@ class Step(NamedTuple):
 class Curve(NamedTuple):
     """A cumulative share as the steps where it grows, and the paths at which trials ended without an escape."""
 
-    steps: list[Step]
+    steps: list[CurveStep]
     failed_m: list[float]
 
     @property
@@ -28,7 +28,7 @@ class Curve(NamedTuple):
         return self.steps[-1].escaped if self.steps else 0.0
 
 
-def escape_curve(rows: Iterable[Row]) -> Curve:
+def escape_curve(rows: Iterable[TrialRow]) -> Curve:
     """Return the cumulative incidence of escape: which share of all trials has escaped by a path of that length.
 
     A failure is an end like an escape, not a trial that was lost from sight: it counts as not escaped at any length.
@@ -40,5 +40,5 @@ def escape_curve(rows: Iterable[Row]) -> Curve:
     steps, escaped = [], 0
     for path_m in sorted(escapes):
         escaped += escapes[path_m]
-        steps.append(Step(path_m, escaped / len(rows)))
+        steps.append(CurveStep(path_m, escaped / len(rows)))
     return Curve(steps, sorted(row.path_m for row in rows if row.outcome not in SUCCESSES and row.path_m is not None))

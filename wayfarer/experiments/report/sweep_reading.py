@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from wayfarer.config.messages import most_telling
 from wayfarer.errors import BadInput
 from wayfarer.experiments.report.reading import Settings
-from wayfarer.experiments.rows import COLUMNS, Row
+from wayfarer.experiments.rows import COLUMNS, TrialRow
 from wayfarer.experiments.sweep.axes import Value
 from wayfarer.experiments.sweep.folder import SETTINGS, TRIALS, read_trials
 from wayfarer.experiments.sweep.grid import MOST_AXES, PointTask
@@ -46,7 +46,7 @@ class SweepResults:
     """What a sweep's folder holds: ``rows`` are those of ``trials.csv``, complete and in its order."""
 
     settings: SweepSettings
-    rows: dict[PointTask, Row]
+    rows: dict[PointTask, TrialRow]
 
     @property
     def axes(self) -> list[SweptAxis]:
@@ -64,7 +64,7 @@ class SweepResults:
         return list(product(*(axis.values for axis in self.axes)))
 
     @cached_property
-    def cells(self) -> dict[tuple[int, str], list[Row]]:
+    def cells(self) -> dict[tuple[int, str], list[TrialRow]]:
         """The rows of each point and algorithm."""
         return by_cell(self.rows)
 

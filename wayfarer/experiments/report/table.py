@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from wayfarer.experiments.entrapment import Why
+from wayfarer.experiments.entrapment import Cause
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.reading import Results
-from wayfarer.experiments.tables import FAULTS, NAME, OUTCOMES, PAPER, PATHS, Column
+from wayfarer.experiments.tables import FAULTS, NAME, OUTCOMES, PAPER, PATHS, PaperColumn
 from wayfarer.views.run_report import page
 
 CAPTION = "Success with its 95 % interval; path: of the successes; time and anomalies: mean a trial."
@@ -21,17 +21,17 @@ def results_table(results: Results) -> str:
     return page.table(CAPTION, [column.title for column in columns], _rows(results, columns))
 
 
-def causes_table(causes: Sequence[tuple[str, Why]]) -> str:
+def causes_table(causes: Sequence[tuple[str, Cause]]) -> str:
     """Return how many trials of each algorithm were entrapped for each cause; pairs of algorithm and cause."""
     counts = Counter(causes)
     rows = [
-        ("causes", [name, *(str(counts[name, why]) for why in Why)])
+        ("causes", [name, *(str(counts[name, why]) for why in Cause)])
         for name in dict.fromkeys(name for name, _ in causes)
     ]
-    return page.table("Entrapped trials by cause.", ["algorithm", *Why], rows)
+    return page.table("Entrapped trials by cause.", ["algorithm", *Cause], rows)
 
 
-def _rows(results: Results, columns: Sequence[Column]) -> Iterator[tuple[str, list[str]]]:
+def _rows(results: Results, columns: Sequence[PaperColumn]) -> Iterator[tuple[str, list[str]]]:
     for group in grouped(results.settings.algorithms):
         yield "group", [group.title, *[""] * (len(columns) - 1)]
         for name in group.algorithms:

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from wayfarer import __version__
 from wayfarer.errors import BadInput
 from wayfarer.experiments.entrapment import EXPLAINED, Entrapment
-from wayfarer.experiments.report.gallery import ending
 from wayfarer.experiments.report.ratio_figure import quantile, ratios
 from wayfarer.experiments.report.reading import Results, Settings
-from wayfarer.experiments.rows import SUCCESSES, Row
+from wayfarer.experiments.report.worst_trials import ending
+from wayfarer.experiments.rows import SUCCESSES, TrialRow
 
 LEGEND = (
     "Success: the rover reached the destination line or left the map over another edge, which the paper counts as an "
@@ -116,7 +116,7 @@ def ratio_alt(results: Results) -> str:
     return "Path over shortest path by algorithm. " + "; ".join(parts)
 
 
-def trial_caption(row: Row) -> str:
+def trial_caption(row: TrialRow) -> str:
     """Say which trial a drawing shows, and how it ended."""
     share = ""
     if row.outcome in SUCCESSES and row.path_m and row.shortest_path_m:
@@ -124,14 +124,14 @@ def trial_caption(row: Row) -> str:
     return f"{row.algorithm}, trial {row.trial} (forest {row.forest}, noise {row.noise}): {ending(row)}{share}."
 
 
-def trial_alt(row: Row, slips: int) -> str:
+def trial_alt(row: TrialRow, slips: int) -> str:
     """Say in words what a drawing shows."""
     return (
         f"Forest seen from above with the path of {trial_caption(row)} {row.anomalies} anomalies, {slips} slip events."
     )
 
 
-def entrapped_caption(row: Row, found: Entrapment) -> str:
+def entrapped_caption(row: TrialRow, found: Entrapment) -> str:
     """Say why a trial was entrapped, and by which figures."""
     turned = "" if found.turned is None else f", {found.turned:.0%} of the turns asked for in the open"
     return (

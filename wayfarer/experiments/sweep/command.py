@@ -14,7 +14,7 @@ from wayfarer.errors import WayfarerError
 from wayfarer.experiments.commands import INTERRUPTED
 from wayfarer.experiments.executors import RunTrial, field_trial
 from wayfarer.experiments.progress_bar import say, shown_progress
-from wayfarer.experiments.rows import Row
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.sweep.folder import SweepFolder
 from wayfarer.experiments.sweep.grid import PointTask, Sweep
 from wayfarer.experiments.sweep.measures import MEASURES, by_cell
@@ -52,7 +52,7 @@ def run_all(sweep: Sweep, out: Path, *, resume: bool = False, jobs: int = 1, run
     return 0
 
 
-def _table(sweep: Sweep, rows: Mapping[PointTask, Row]) -> Table:
+def _table(sweep: Sweep, rows: Mapping[PointTask, TrialRow]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
     swept = [axis.key.rpartition(".")[2] for axis in sweep.axes]
     for title in ("algorithm", *swept, *(measure.title for measure in MEASURES)):

@@ -18,7 +18,7 @@ from typing import Any, Self
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.parquet import ParquetRows, types_of
 from wayfarer.experiments.results_folder import differences, write_whole
-from wayfarer.experiments.rows import COLUMNS, Row, csv_line, parse_row, without_kinds
+from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line, parse_row, without_kinds
 from wayfarer.experiments.sweep.axes import Axis
 from wayfarer.experiments.sweep.grid import PointTask, Sweep
 from wayfarer.fieldlog.atomic_file import whole_file
@@ -62,7 +62,7 @@ class SweepFolder:
         """Let others use the folder."""
         os.close(self._lock)
 
-    def append(self, point: int, row: Row) -> None:
+    def append(self, point: int, row: TrialRow) -> None:
         """Keep a finished trial of a point, whatever happens to this process next.
 
         Raises:
@@ -71,7 +71,7 @@ class SweepFolder:
         with self._writing(), (self.path / PARTIAL).open("a", encoding="utf-8") as partial:
             partial.write(f"{point},{csv_line(KEPT, row)}")
 
-    def finish(self, sweep: Sweep, rows: Mapping[PointTask, Row]) -> None:
+    def finish(self, sweep: Sweep, rows: Mapping[PointTask, TrialRow]) -> None:
         """Write the final files; ``rows`` are all there are, in their final order.
 
         Raises:
@@ -81,7 +81,7 @@ class SweepFolder:
             return
         values = [point.values for point in sweep.points]
         swept = {axis.key: _kind(axis) for axis in sweep.axes}
-        columns = {"point": int, **swept, **types_of(Row, COLUMNS)}
+        columns = {"point": int, **swept, **types_of(TrialRow, COLUMNS)}
         with self._writing():
             with whole_file(self.path / PARQUET) as draft, ParquetRows(draft, columns) as file:
                 for task, row in rows.items():
@@ -98,7 +98,7 @@ class SweepFolder:
         except BlockingIOError:
             raise BadInput(f"{self.path} is in use by another sweep; wait for it, or give another folder") from None
 
-    def _claim(self, sweep: Sweep, resume: bool) -> dict[PointTask, Row]:
+    def _claim(self, sweep: Sweep, resume: bool) -> dict[PointTask, TrialRow]:
         """Make the folder this sweep's and return the trials that it holds."""
         settings = json.dumps(sweep.settings(), indent=2, allow_nan=False) + "\n"
         if not any(self.path.iterdir()):
@@ -123,7 +123,7 @@ class SweepFolder:
             ) from error
 
 
-def read_trials(path: Path, fields: tuple[str, ...], axes: int) -> dict[PointTask, Row]:
+def read_trials(path: Path, fields: tuple[str, ...], axes: int) -> dict[PointTask, TrialRow]:
     """Read a file of trials that has these columns after the point and the values of so many axes.
 
     Raises:

@@ -29,7 +29,7 @@ class PointTask(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class SweepPoint:
     """A point of the grid: a value for each axis, and the campaign that they make."""
 
     values: tuple[Value, ...]
@@ -42,7 +42,7 @@ class Sweep:
 
     base: Campaign
     axes: tuple[Axis, ...]
-    points: tuple[Point, ...]
+    points: tuple[SweepPoint, ...]
 
     def tasks(self) -> list[PointTask]:
         """Return every trial in the order of ``trials.csv``."""
@@ -80,10 +80,10 @@ def make_sweep(base: Campaign, axes: Sequence[Axis]) -> Sweep:
     return Sweep(base, tuple(axes), tuple(_points(base, axes)))
 
 
-def _points(base: Campaign, axes: Sequence[Axis]) -> Iterator[Point]:
+def _points(base: Campaign, axes: Sequence[Axis]) -> Iterator[SweepPoint]:
     keys = [axis.key for axis in axes]
     for values in product(*(axis.values for axis in axes)):
-        yield Point(values, laid_over_campaign(base, dict(zip(keys, values, strict=True))))
+        yield SweepPoint(values, laid_over_campaign(base, dict(zip(keys, values, strict=True))))
 
 
 def _trials(sweep: Sweep) -> range:

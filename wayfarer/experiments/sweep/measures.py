@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from wayfarer.experiments.rows import SUCCESSES, Row
+from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.experiments.statistics import Z_95, wilson_interval
 from wayfarer.experiments.sweep.grid import PointTask
 
@@ -21,7 +21,7 @@ class Estimate(NamedTuple):
     high: float
 
 
-def share(rows: Sequence[Row], outcomes: Sequence[str]) -> Estimate:
+def share(rows: Sequence[TrialRow], outcomes: Sequence[str]) -> Estimate:
     """Return how many of the trials, at least one, ended so, in percent, with Wilson's interval."""
     count = sum(row.outcome in outcomes for row in rows)
     low, high = wilson_interval(count, len(rows))
@@ -37,11 +37,11 @@ def mean(values: Sequence[float]) -> Estimate | None:
     return Estimate(centre, centre - half, centre + half)
 
 
-def _path_m(rows: Sequence[Row]) -> Estimate | None:
+def _path_m(rows: Sequence[TrialRow]) -> Estimate | None:
     return mean([row.path_m for row in rows if row.outcome in SUCCESSES and row.path_m is not None])
 
 
-def _spl(rows: Sequence[Row]) -> Estimate | None:
+def _spl(rows: Sequence[TrialRow]) -> Estimate | None:
     return mean([row.spl or 0.0 for row in rows if row.shortest_path_m is not None])
 
 
@@ -52,7 +52,7 @@ class Measure:
     name: str
     title: str
     decimals: int
-    of: Callable[[Sequence[Row]], Estimate | None]
+    of: Callable[[Sequence[TrialRow]], Estimate | None]
 
 
 MEASURES = (
@@ -63,15 +63,15 @@ MEASURES = (
 )
 
 
-def by_cell(rows: Mapping[PointTask, Row]) -> dict[tuple[int, str], list[Row]]:
+def by_cell(rows: Mapping[PointTask, TrialRow]) -> dict[tuple[int, str], list[TrialRow]]:
     """Return the rows of each point and algorithm, in the order of ``trials.csv``."""
-    cells: dict[tuple[int, str], list[Row]] = {}
+    cells: dict[tuple[int, str], list[TrialRow]] = {}
     for task, row in rows.items():
         cells.setdefault((task.point, task.algorithm), []).append(row)
     return cells
 
 
-def spl_difference(rows: Sequence[Row], others: Sequence[Row]) -> Estimate | None:
+def spl_difference(rows: Sequence[TrialRow], others: Sequence[TrialRow]) -> Estimate | None:
     """Return by how much the SPL exceeds that of the same trials at another point; None where it is unknown."""
     pairs = zip(rows, others, strict=True)
     return mean(

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.executors import Done, RunTrial, Stopped, TrialRunner, field_trial, stream
-from wayfarer.experiments.progress_bar import Progress
-from wayfarer.experiments.rows import Row
+from wayfarer.experiments.progress_bar import ProgressDisplay
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.run_campaign import stop_on_signals
 from wayfarer.experiments.sweep.folder import SweepFolder
 from wayfarer.experiments.sweep.grid import PointTask, Sweep
@@ -38,9 +38,9 @@ def run(
     folder: SweepFolder,
     *,
     jobs: int = 1,
-    progress: Progress | None = None,
+    progress: ProgressDisplay | None = None,
     run_trial: RunTrial = field_trial,
-) -> dict[PointTask, Row]:
+) -> dict[PointTask, TrialRow]:
     """Run the trials that ``folder`` does not hold yet, and write the final files when none is missing.
 
     Results do not depend on ``jobs``, the number of processes. What is returned is in the order of ``trials.csv``;
@@ -53,7 +53,7 @@ def run(
     rows = dict(folder.kept)
     todo = [task for task in sweep.tasks_by_forest() if task not in rows]
     runner, jobs = SweepRunner([point.campaign for point in sweep.points], run_trial), max(1, min(jobs, len(todo)))
-    progress = progress or Progress()
+    progress = progress or ProgressDisplay()
     with (
         stop_on_signals() as stop,
         suppress(Stopped),

@@ -37,7 +37,7 @@ def _stepped(clock: Callable[[], float]) -> Callable[[], float]:
     return lambda: clock() + _number(CLOCK_STEP)
 
 
-def fall_ill() -> None:
+def patch_os() -> None:
     """Replace the calls of the operating system in this process."""
     system: Any = os
     system.fsync, system.fdatasync = _slowed(os.fsync), _slowed(os.fdatasync)

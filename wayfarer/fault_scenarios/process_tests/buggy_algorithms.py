@@ -19,7 +19,7 @@ BUG = "the bug of a third party"
 PIECE_BYTES = 50_000_000
 
 
-class Misbehaving:
+class BuggyHandler:
     """An ``EscapeHandler`` that drives straight ahead until its bug comes.
 
     Args:
@@ -50,7 +50,7 @@ def raise_error() -> None:
     raise ZeroDivisionError(BUG)
 
 
-class Block:
+class LoopBlocker:
     """Hold up the event loop, once."""
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ class Block:
             time.sleep(BLOCKS_S)
 
 
-class Hoard:
+class MemoryLeak:
     """Take memory at each decision, and never let go of it."""
 
     def __init__(self) -> None:
@@ -75,9 +75,9 @@ class Hoard:
 
 
 def _algorithm(name: str, summary: str, bug: Callable[[], Callable[[], None]]) -> Algorithm:
-    return Algorithm(name, "test", summary, lambda settings, vehicle, rng: Misbehaving(bug()))  # noqa: ARG005
+    return Algorithm(name, "test", summary, lambda settings, vehicle, rng: BuggyHandler(bug()))  # noqa: ARG005
 
 
 RAISES = _algorithm("raises", "raises while it drives", lambda: raise_error)
-BLOCKS = _algorithm("blocks", "blocks the event loop for a second while it drives", Block)
-HOARDS = _algorithm("hoards", "takes memory without end while it drives", Hoard)
+BLOCKS = _algorithm("blocks", "blocks the event loop for a second while it drives", LoopBlocker)
+HOARDS = _algorithm("hoards", "takes memory without end while it drives", MemoryLeak)

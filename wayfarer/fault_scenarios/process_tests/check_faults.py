@@ -6,13 +6,13 @@ from math import inf
 from typing import Any
 
 from wayfarer.commissioning.calibrate import calibrate
-from wayfarer.commissioning.checks import Finding, Verdict
+from wayfarer.commissioning.checks import CheckVerdict, Finding
 from wayfarer.commissioning.checks.deadman import board_settings
 from wayfarer.config.calibration_file import FILE_NAME, Calibration, DeadmanEntry, save, stamp
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.daemon.socket.protocol import Refused
-from wayfarer.fault_scenarios.process_tests.hil_setup import UNPROVED, Site, site, wait_for
-from wayfarer.fault_scenarios.process_tests.procedure import Found, procedure
+from wayfarer.fault_scenarios.process_tests.hil_setup import UNPROVED, HilSetup, site, wait_for
+from wayfarer.fault_scenarios.process_tests.procedure import Observed, procedure
 from wayfarer.fault_scenarios.process_tests.rover_on_blocks import ROVER, Workbench, at_workbench
 from wayfarer.fault_scenarios.process_tests.wheel_history import told_to_turn
 from wayfarer.fault_scenarios.result import Tried
@@ -29,11 +29,11 @@ PERSON = "a person answers who sees the simulated wheels, not the fault; a real 
     asked="pre-arm test refuses > 10 deg; at check", expected=Reached.FAULT, tried=Tried.COMMAND,
     remark="wayfarer calibrate motors measures it, and the check before each arming refuses",
 )  # fmt: skip
-def motor_field(found: Found) -> None:
+def motor_field(found: Observed) -> None:
     """Calibrate a rover whose motors bend the field, and check it afterwards."""
 
     async def calibrated(bench: Workbench) -> Finding:
-        await calibrate(bench.config, bench.rover, bench.place, bench.person, ("motors",))
+        await calibrate(bench.config, bench.rover, bench.host, bench.person, ("motors",))
         return (await bench.check())["calibrated motors"]
 
     bent = Fault(0.0, inf, "world", "motor_field", MotorField(BIAS_DEG))
@@ -44,7 +44,7 @@ def motor_field(found: Found) -> None:
     "flow-swapped", 19, "the flow sensor is mounted a quarter turn round, or the wrong way",
     asked="`check` push test fails; at check", expected=Reached.FAULT, tried=Tried.COMMAND, remark=PERSON,
 )  # fmt: skip
-def flow_swapped(found: Found) -> None:
+def flow_swapped(found: Observed) -> None:
     """Push a rover whose sensor is not mounted as its file says."""
     well = at_workbench(_finds("push"))
     turned = at_workbench(_finds("push"), mounted=_mounted(forward="+x", right="+y"))
@@ -57,7 +57,7 @@ def flow_swapped(found: Found) -> None:
     "failsafe-off", 24, "the ThunderBorg does not acknowledge its failsafe when the rover is armed",
     asked="refuse to arm; at arm", expected=Reached.FAULT,
 )  # fmt: skip
-def failsafe_off(found: Found) -> None:
+def failsafe_off(found: Observed) -> None:
     """Have the board say that its failsafe is off, and ask to arm."""
     with site("minirover") as where:
         where.daemon()
@@ -77,7 +77,7 @@ def failsafe_off(found: Found) -> None:
     asked="send cmd 14 at open and every 1 s; never rely on it alone", expected=Reached.FAULT,
     remark="wayfarer check has a person see it, and the check before each arming asks for that",
 )  # fmt: skip
-def deadman_unproved(found: Found) -> None:
+def deadman_unproved(found: Observed) -> None:
     """Ask to arm without a proof, with one, and with one of another timeout."""
     with site("forestrover") as where:
         where.config.write_text(where.config.read_text("utf-8").replace(UNPROVED, ""), encoding="utf-8")
@@ -93,7 +93,7 @@ def deadman_unproved(found: Found) -> None:
         wait_for("the wheels turn", lambda: where.drives)
 
 
-def _is_refused(where: Site, found: Found, why: str) -> None:
+def _is_refused(where: HilSetup, found: Observed, why: str) -> None:
     """See that arming is refused for this reason, and what to do is told."""
     try:
         where.ask("arm", heading_deg=0.0)
@@ -108,13 +108,13 @@ def _is_refused(where: Site, found: Found, why: str) -> None:
     asked="`check` wiggle fails; run-time: turn sign wrong 2x => S3", expected=Reached.FAULT, tried=Tried.COMMAND,
     remark=PERSON,
 )  # fmt: skip
-def side_reversed(found: Found) -> None:
+def side_reversed(found: Observed) -> None:
     """Check a rover one of whose sides turns back when told to go ahead."""
     reversed_ = Fault(0.0, inf, "world", "drive", Drive(left_gain=-1.0))
     well, wrong = at_workbench(_finds("left wheels")), at_workbench(_finds("left wheels"), [reversed_])
     _compare(found, well, wrong, "reverse_left under [parts.motors]")
     right = at_workbench(_finds("right wheels"), [reversed_])
-    found.demand(right.verdict is Verdict.OK, f"the right wheels, which are well: {right.found}")
+    found.demand(right.verdict is CheckVerdict.OK, f"the right wheels, which are well: {right.found}")
 
 
 def _finds(name: str) -> Any:
@@ -130,11 +130,11 @@ def _mounted(**axes: str) -> RoverConfig:
     return config.model_copy(update={"parts": {**config.parts, "motion": {**config.parts["motion"], **axes}}})
 
 
-def _compare(found: Found, well: Finding, wrong: Finding, wanted: str) -> None:
+def _compare(found: Observed, well: Finding, wrong: Finding, wanted: str) -> None:
     """See that a rover that is well passes, and the other fails with this in what it is told."""
     told = f"{wrong.found} ({wrong.remedy})"
-    found.demand(well.verdict is Verdict.OK, f"{well.name} of a rover that is well: {well.found}")
-    found.demand(wrong.verdict is Verdict.FAIL, f"{wrong.name}: {wrong.verdict}: {told}")
+    found.demand(well.verdict is CheckVerdict.OK, f"{well.name} of a rover that is well: {well.found}")
+    found.demand(wrong.verdict is CheckVerdict.FAIL, f"{wrong.name}: {wrong.verdict}: {told}")
     found.demand(wanted in told, f"the finding says: {told}")
-    if wrong.verdict is Verdict.FAIL:
+    if wrong.verdict is CheckVerdict.FAIL:
         found.changed, found.cause, found.reached = f"{well.found}, but {wrong.found}", wrong.name, Reached.FAULT

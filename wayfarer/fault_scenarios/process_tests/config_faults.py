@@ -10,8 +10,8 @@ from pathlib import Path
 
 from wayfarer.config.calibration_file import FILE_NAME, Calibration, CompassEntry, save, stamp
 from wayfarer.daemon.socket.protocol import Refused
-from wayfarer.fault_scenarios.process_tests.hil_setup import Site, rover_toml, site, wait_for
-from wayfarer.fault_scenarios.process_tests.procedure import Found, procedure
+from wayfarer.fault_scenarios.process_tests.hil_setup import HilSetup, rover_toml, site, wait_for
+from wayfarer.fault_scenarios.process_tests.procedure import Observed, procedure
 from wayfarer.fault_scenarios.process_tests.subprocesses import command
 from wayfarer.fault_scenarios.result import Tried
 from wayfarer.fault_scenarios.scenario import Reached
@@ -38,7 +38,7 @@ BAD_LINES = {
     "bad-config", 47, f"a rover file that is wrong in {len(BAD_LINES)} ways, one at a time",
     asked="refuse start/arm; line+key+allowed range; at load", expected=Reached.FAULT, tried=Tried.COMMAND,
 )  # fmt: skip
-def bad_config(found: Found) -> None:
+def bad_config(found: Observed) -> None:
     """Run a daemon on each bad file."""
     text = rover_toml("forestrover")
     line = text[: text.index(CRUISE)].count("\n") + 1
@@ -60,7 +60,7 @@ def bad_config(found: Found) -> None:
     "config-changed", 48, "the rover file is changed while the daemon runs",
     asked="ignored until reload; hash in log", expected=Reached.NONE,
 )  # fmt: skip
-def config_changed(found: Found) -> None:
+def config_changed(found: Observed) -> None:
     """Change the speed in the file of a rover that drives, and start it anew."""
     with site() as where:
         daemon = where.armed()
@@ -84,7 +84,7 @@ def config_changed(found: Found) -> None:
     asked="refuse arm, say which; at arm", expected=Reached.FAULT,
     remark="a file that is not there is a warning at each arming: a rover that was never calibrated may be driven",
 )  # fmt: skip
-def calibration_unusable(found: Found) -> None:
+def calibration_unusable(found: Observed) -> None:
     """Spoil the calibration file under a daemon, and ask to arm."""
     with site() as where:
         where.daemon()
@@ -106,7 +106,7 @@ def calibration_unusable(found: Found) -> None:
         found.reached = Reached.FAULT
 
 
-def _is_refused(where: Site, wanted: tuple[str, ...], found: Found) -> None:
+def _is_refused(where: HilSetup, wanted: tuple[str, ...], found: Observed) -> None:
     """See that arming is refused, for a reason that says all of this."""
     try:
         where.ask("arm", heading_deg=0.0)

@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from wayfarer.daemon.socket.protocol import Refused
-from wayfarer.fault_scenarios.process_tests.hil_setup import Site, site, wait_for
-from wayfarer.fault_scenarios.process_tests.procedure import Found, procedure
+from wayfarer.fault_scenarios.process_tests.hil_setup import HilSetup, site, wait_for
+from wayfarer.fault_scenarios.process_tests.procedure import Observed, procedure
 from wayfarer.fault_scenarios.scenario import Reached
 from wayfarer.fieldlog.folders import FILE_NAME, run_folders
 from wayfarer.fieldlog.reader import RunReader
@@ -30,7 +30,7 @@ EVENT_BYTES = 80  # of the log that a new goal takes, at least
     "disk-full", 40, "the disk runs full while the rover drives",
     asked="run goes on; S0; refuse NEXT arm; detect <= 1 s", expected=Reached.NOTE, within_s=DETECT_S,
 )  # fmt: skip
-def disk_full(found: Found) -> None:
+def disk_full(found: Observed) -> None:
     """Fill the disk of the logs; without the right to mount one, have the system refuse the daemon's writes."""
     with site() as where, _small_disk(where.logs) as mounted:
         daemon = where.armed()
@@ -50,7 +50,7 @@ def disk_full(found: Found) -> None:
     asked="as 40; `check` fails; <= 1 s", expected=Reached.NOTE, within_s=DETECT_S,
     remark="a read-only card refuses in the same place, with another error",
 )  # fmt: skip
-def logs_gone(found: Found) -> None:
+def logs_gone(found: Observed) -> None:
     """Take the folder away, and put a file in its place."""
     with site() as where:
         daemon = where.armed()
@@ -69,7 +69,7 @@ def logs_gone(found: Found) -> None:
     "log-deleted", 43, "the log is rotated, and a file of it deleted by somebody else",
     asked="no torn line; reopen; 1 s", expected=Reached.NOTE, within_s=DETECT_S,
 )  # fmt: skip
-def log_deleted(found: Found) -> None:
+def log_deleted(found: Observed) -> None:
     """Delete the file that is being written; fill one to its end; read everything that is left."""
     with site() as where:
         where.config.write_text(f"{where.config.read_text('utf-8')}\n[log]\npart_mb = {PART_MB}\n", encoding="utf-8")
@@ -90,7 +90,7 @@ def log_deleted(found: Found) -> None:
         found.demand(reader.damage.lines == 0, f"damaged lines: {reader.damage}")
 
 
-def _drives_on_without_a_log(where: Site, found: Found) -> None:
+def _drives_on_without_a_log(where: HilSetup, found: Observed) -> None:
     """See that the daemon notices, that the rover drives on, and that it is not armed again."""
     began_s = time.monotonic()
     wait_for("the daemon says that it loses records", lambda: where.status()["log_dropped"] > 0)
@@ -105,7 +105,7 @@ def _drives_on_without_a_log(where: Site, found: Found) -> None:
         found.demand("log" in str(refused), f"the refusal says: {refused}")
 
 
-def _is_armed(where: Site) -> bool:
+def _is_armed(where: HilSetup) -> bool:
     """Try to arm, and return whether that went well."""
     try:
         where.ask("arm", heading_deg=0.0)
@@ -114,7 +114,7 @@ def _is_armed(where: Site) -> bool:
     return True
 
 
-def _fill_a_part(where: Site) -> None:
+def _fill_a_part(where: HilSetup) -> None:
     """Have the daemon write more than a part of its log may have, as fast as it takes requests."""
     request = b'{"do": "goal", "heading_deg": 0.0}\n'  # marks are limited
     with socket.socket(socket.AF_UNIX) as line:

@@ -11,10 +11,10 @@ from dataclasses import replace
 from itertools import pairwise
 from math import inf
 
-from wayfarer.fault_scenarios.process_tests.procedure import Found, procedure
-from wayfarer.fault_scenarios.recorder import Monitor
+from wayfarer.fault_scenarios.process_tests.procedure import Observed, procedure
+from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.fault_scenarios.result import Tried
-from wayfarer.fault_scenarios.runner import play
+from wayfarer.fault_scenarios.runner import run_scenario
 from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.faults.kinds import Fault, MagneticAnomaly
@@ -33,9 +33,9 @@ SOUTHWARDS = replace(
 
 
 @procedure("heading-wrap", 6, ABOUT, asked="no effect", expected=Reached.NONE, tried=Tried.SIMULATED)
-def heading_wrap(found: Found) -> None:
+def heading_wrap(found: Observed) -> None:
     """Drive both ways and compare what was decided and done."""
-    north, south = play(NORTHWARDS).monitor, play(SOUTHWARDS).monitor
+    north, south = run_scenario(NORTHWARDS).monitor, run_scenario(SOUTHWARDS).monitor
     wraps = _wraps(north)
     found.changed = f"compass.heading_deg, {wraps} times across north, against {_wraps(south)} in the other drive"
     found.demand(wraps > _wraps(south) + 50, "the heading hardly ever went across north")
@@ -45,11 +45,11 @@ def heading_wrap(found: Found) -> None:
     found.demand(northwards == southwards, f"the two drives part at {parted_s} s")
 
 
-def _done(monitor: Monitor) -> list[tuple[float, str, WheelCommand]]:
+def _done(monitor: RunRecorder) -> list[tuple[float, str, WheelCommand]]:
     return [(moment.t_s, moment.why, moment.applied) for moment in monitor.moments]
 
 
-def _wraps(monitor: Monitor) -> int:
+def _wraps(monitor: RunRecorder) -> int:
     """Return how often the heading went across north from one tick to the next."""
     readings = [moment.snapshot.compass for moment in monitor.moments]
     headings = [reading.heading_deg for reading in readings if reading is not None]

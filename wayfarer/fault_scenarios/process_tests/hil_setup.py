@@ -28,7 +28,7 @@ from wayfarer.fault_scenarios.process_tests.subprocesses import WAYFARER, comman
 from wayfarer.fault_scenarios.process_tests.wheel_history import Commands
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.reader import Record, RunReader
-from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, BenchLine
+from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, HilConnection
 
 DEADMAN_S = {"minirover": 0.25, "forestrover": 0.3}  # ThunderBorg, and what forestrover.toml sets its Sabertooth to
 PATIENCE_S = 15.0
@@ -43,7 +43,7 @@ FLOW = '[parts.motion]\ndriver = "pmw3901"\nbus = "/dev/spidev0.1"\n\n'
 T = TypeVar("T")
 
 
-class SiteTrouble(WayfarerError):
+class HilSetupError(WayfarerError):
     """What a trial needs did not come about: mostly a computer that is too busy."""
 
 
@@ -51,12 +51,12 @@ def wait_for(what: str, holds: Callable[[], T | None], patience_s: float = PATIE
     """Poll until something holds, and return it.
 
     Raises:
-        SiteTrouble: it does not within ``patience_s``.
+        HilSetupError: it does not within ``patience_s``.
     """
     ends_s = time.monotonic() + patience_s
     while not (found := holds()):
         if time.monotonic() > ends_s:
-            raise SiteTrouble(f"after {patience_s:g} s not yet: {what}")
+            raise HilSetupError(f"after {patience_s:g} s not yet: {what}")
         time.sleep(POLL_S)
     return found
 
@@ -72,7 +72,7 @@ def rover_toml(rover: str) -> str:
     return 'buses = "wayfarer.simhal.hil_buses:buses"\n' + text
 
 
-class Site:
+class HilSetup:
     """A folder with a bench and, at times, a daemon.
 
     Args:
@@ -81,7 +81,7 @@ class Site:
         seed: which forest, and which luck.
 
     Raises:
-        SiteTrouble: the bench does not start.
+        HilSetupError: the bench does not start.
     """
 
     def __init__(self, folder: Path, rover: str, seed: int = 0) -> None:
@@ -110,7 +110,7 @@ class Site:
         self.start(*bench, "--seed", str(seed))
         try:
             self._line = wait_for("the bench listens", self._connect)
-        except SiteTrouble:
+        except HilSetupError:
             self._end_processes()
             raise
 
@@ -123,9 +123,9 @@ class Site:
         self.processes.append(process)
         return process
 
-    def _connect(self) -> BenchLine | None:
+    def _connect(self) -> HilConnection | None:
         try:
-            return BenchLine(str(self.folder / "bench"))
+            return HilConnection(str(self.folder / "bench"))
         except OSError:
             return None
 
@@ -165,12 +165,12 @@ class Site:
         """Return what the wheels were told until they stood still, and stayed so for longer than any deadman.
 
         Raises:
-            SiteTrouble: they do not stand still.
+            HilSetupError: they do not stand still.
         """
         wait_for("the wheels stand still", lambda: not self.turning)
         time.sleep(LOOKED_S)
         if self.turning:
-            raise SiteTrouble("the wheels turn again")
+            raise HilSetupError("the wheels turn again")
         return self.commands()
 
     # -- the daemon --------------------------------------------------------------------------------------------------
@@ -190,7 +190,7 @@ class Site:
         On a busy computer the bench may be too slow for it: then another one.
 
         Raises:
-            SiteTrouble: it ends instead; with what it said.
+            HilSetupError: it ends instead; with what it said.
         """
         for _ in range(STARTS):
             process = self.launch(*options, program=program)
@@ -199,13 +199,13 @@ class Site:
                 return process
             if BUSY not in self.said():
                 break
-        raise SiteTrouble(f"the daemon ended: {self.said()}")
+        raise HilSetupError(f"the daemon ended: {self.said()}")
 
     def armed(self, *options: str, program: Sequence[str] = WAYFARER) -> subprocess.Popen[bytes]:
         """Return a daemon whose rover drives; arguments as ``launch``.
 
         Raises:
-            SiteTrouble: it does not.
+            HilSetupError: it does not.
         """
         process = self.daemon(*options, program=program)
         self.ask("arm", heading_deg=0.0)
@@ -239,7 +239,7 @@ class Site:
         """Return the times of the newest run's control ticks, as soon as there is one after this time.
 
         Raises:
-            SiteTrouble: none comes.
+            HilSetupError: none comes.
         """
 
         def known() -> list[float] | None:
@@ -252,7 +252,7 @@ class Site:
         """Return the newest run's first event of this name, as soon as it is there.
 
         Raises:
-            SiteTrouble: it does not come.
+            HilSetupError: it does not come.
         """
         return wait_for(
             f"the event '{name}'", lambda: next((record for record in self.log() if record.get("name") == name), None)
@@ -264,15 +264,15 @@ class Site:
 
 
 @contextmanager
-def site(rover: str = "forestrover", seed: int = 0) -> Iterator[Site]:
+def site(rover: str = "forestrover", seed: int = 0) -> Iterator[HilSetup]:
     """Give a site in a folder of its own, and clear it away.
 
     Raises:
-        SiteTrouble: the bench does not start.
+        HilSetupError: the bench does not start.
     """
     folder = Path(tempfile.mkdtemp(prefix="wf-"))
     try:
-        made = Site(folder, rover, seed)
+        made = HilSetup(folder, rover, seed)
         try:
             yield made
         finally:

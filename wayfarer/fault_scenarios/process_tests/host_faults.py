@@ -7,9 +7,9 @@ import time
 from collections.abc import Iterator
 
 from wayfarer.fault_scenarios.process_tests import broken_os
-from wayfarer.fault_scenarios.process_tests.hil_setup import Site, site
+from wayfarer.fault_scenarios.process_tests.hil_setup import HilSetup, site
 from wayfarer.fault_scenarios.process_tests.jitter import jitter
-from wayfarer.fault_scenarios.process_tests.procedure import Found, procedure
+from wayfarer.fault_scenarios.process_tests.procedure import Observed, procedure
 from wayfarer.fault_scenarios.process_tests.subprocesses import MAIN, python
 from wayfarer.fault_scenarios.scenario import Reached
 
@@ -27,7 +27,7 @@ STEP_LASTS_S = 1.0
     asked="writer thread only; control jitter < 10 ms", expected=Reached.NONE,
     remark="nothing is lost: the queue holds minutes; what it cannot hold is counted by log_gap",
 )  # fmt: skip
-def slow_disk(found: Found) -> None:
+def slow_disk(found: Observed) -> None:
     """Slow the disk down under a rover that drives, and compare its ticks with those before."""
     with site() as where:
         where.armed(program=ILL)
@@ -48,7 +48,7 @@ def slow_disk(found: Found) -> None:
         found.remark = f"jitter of the tick, median / p95 / worst: {before} before, {after} with it"
 
 
-def _ages(where: Site, ends_s: float) -> Iterator[float]:
+def _ages(where: HilSetup, ends_s: float) -> Iterator[float]:
     """Give again and again how old the newest record on the disk is."""
     while time.monotonic() < ends_s:
         yield time.monotonic() - where.ticks_beyond(0.0)[-1]
@@ -60,7 +60,7 @@ def _ages(where: Site, ends_s: float) -> Iterator[float]:
     asked="no timer moves; clock_step event", expected=Reached.NOTE, within_s=0.2,
     remark="the daemon's own clock is turned: the computer's belongs to everybody",
 )  # fmt: skip
-def clock_step(found: Found) -> None:
+def clock_step(found: Observed) -> None:
     """Set the clock ahead, then far back, under a rover that drives."""
     with site() as where:
         where.armed(program=ILL)
@@ -77,7 +77,7 @@ def clock_step(found: Found) -> None:
         found.remark = f"jitter of the tick, median / p95 / worst: {ticks}"
 
 
-def _set_clock(where: Site, by_s: float) -> float:
+def _set_clock(where: HilSetup, by_s: float) -> float:
     """Set the clock of the daemon, wait for a second of it, and return when that was."""
     fresh = where.folder / "fresh"
     fresh.write_text(str(by_s), encoding="ascii")

@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 from subprocess import run
 
-from wayfarer.fault_scenarios.process_tests.procedure import Found, procedure
+from wayfarer.fault_scenarios.process_tests.procedure import Observed, procedure
 from wayfarer.fault_scenarios.result import Tried
 from wayfarer.fault_scenarios.scenario import Reached
 
@@ -33,7 +33,7 @@ for device in devices:
     asked="`check` says which group; at check", expected=Reached.FAULT, tried=Tried.COMMAND,
     remark="the check itself, as a user without rights, on device files that nobody may open",
 )  # fmt: skip
-def no_permission(found: Found) -> None:
+def no_permission(found: Observed) -> None:
     """Forbid device files to a user, and see what the check says of each."""
     with tempfile.TemporaryDirectory(prefix="wf-") as folder:
         root = Path(folder)

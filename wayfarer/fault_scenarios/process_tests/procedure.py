@@ -13,7 +13,7 @@ from wayfarer.fault_scenarios.scenario import Reached
 
 
 @dataclass(slots=True)
-class Found:
+class Observed:
     """What a procedure has seen so far; the fields are those of ``Result``.
 
     ``remark`` adds measured figures to what the procedure always remarks.
@@ -43,12 +43,12 @@ def procedure(
     within_s: float | None = None,
     tried: Tried = Tried.DAEMON,
     remark: str = "",
-) -> Callable[[Callable[[Found], None]], Procedure]:
+) -> Callable[[Callable[[Observed], None]], Procedure]:
     """Make a procedure of a function that tries a row of the catalogue; the arguments are the fields of ``Result``."""
 
-    def made(try_it: Callable[[Found], None]) -> Procedure:
+    def made(try_it: Callable[[Observed], None]) -> Procedure:
         def run() -> Result:
-            found = Found()
+            found = Observed()
             try:
                 try_it(found)
             except Exception as error:  # one row that breaks must not hide the others
@@ -64,7 +64,7 @@ def procedure(
     return made
 
 
-def _judge(found: Found, expected: Reached, within_s: float | None) -> None:
+def _judge(found: Observed, expected: Reached, within_s: float | None) -> None:
     found.demand(found.changed, "nothing shows that the fault happened")
     found.demand(found.reached == expected, f"{found.reached} was reached, {expected} is expected")
     for what, time_s in (("detected", found.detected_s), ("the wheels stood", found.stopped_s)):

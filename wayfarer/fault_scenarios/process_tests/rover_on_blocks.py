@@ -12,7 +12,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from wayfarer.commissioning.checks import Finding, Place, check
+from wayfarer.commissioning.checks import Finding, HostEnvironment, check
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.fault_scenarios.runner import CLEARING
@@ -22,7 +22,7 @@ from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.injector import Injector
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.hil_server import RecordedWorld
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
@@ -122,27 +122,27 @@ class Workbench:
     """
 
     def __init__(self, faults: Sequence[Fault], config: RoverConfig, mounted: RoverConfig, folder: Path) -> None:
-        streams, loop = Streams(0), asyncio.get_running_loop()
+        streams, loop = RandomStreams(0), asyncio.get_running_loop()
         self.config = config
         self.world = OnBlocks(CLEARING, config.vehicle, Physics(), streams)
         self.person = Onlooker(self.world)
         injector = Injector(faults, mounted, 0)
         build(Depth.BUS, self.world, streams, mounted, loop.time, injector.buses)
         self.rover: Rover = assemble(config, injector.buses)
-        self.place = Place(folder / "logs", folder / "calibration.json", (), T_WALL, folder)
+        self.host = HostEnvironment(folder / "logs", folder / "calibration.json", (), T_WALL, folder)
         injector.start(self.world, lambda *_: None, lambda *_, **__: None)
         self._pass_time()
 
     def _pass_time(self) -> None:
         """Let the world go on while nobody reads a sensor."""
         loop = asyncio.get_running_loop()
-        self.world.chips_act()
+        self.world.tick_chips()
         self.world.advance_to(loop.time())
         loop.call_later(STEP_S / 2, self._pass_time)
 
     async def check(self) -> dict[str, Finding]:
         """Return what `wayfarer check` finds, with the person beside it."""
-        return {found.name: found for found in await check(self.config, self.rover, self.place, self.person.ask)}
+        return {found.name: found for found in await check(self.config, self.rover, self.host, self.person.ask)}
 
 
 def at_workbench(

@@ -8,8 +8,8 @@ import time
 from random import Random
 from subprocess import Popen
 
-from wayfarer.fault_scenarios.process_tests.hil_setup import PATIENCE_S, Site, site, wait_for
-from wayfarer.fault_scenarios.process_tests.procedure import Found, procedure
+from wayfarer.fault_scenarios.process_tests.hil_setup import PATIENCE_S, HilSetup, site, wait_for
+from wayfarer.fault_scenarios.process_tests.procedure import Observed, procedure
 from wayfarer.fault_scenarios.process_tests.sigkill import LIVES, Killer
 from wayfarer.fault_scenarios.process_tests.wheel_history import stop_after, told_to_turn
 from wayfarer.fault_scenarios.scenario import Reached
@@ -24,7 +24,7 @@ WAKING_S = 0.3  # in which a woken daemon must have ticked
     asked="comes up DISARMED; previous log readable; event unclean_shutdown", expected=Reached.DEADMAN, within_s=0.3,
     remark="the computer's own restart is played by starting the daemon again",
 )  # fmt: skip
-def brown_out(found: Found) -> None:
+def brown_out(found: Observed) -> None:
     """Kill the daemon and interrupt the board's power; the next daemon must find both out."""
     with site() as where:
         where.armed().kill()
@@ -48,7 +48,7 @@ def brown_out(found: Found) -> None:
     "sigterm", 34, "the service is stopped while the rover drives",
     asked="motors 0 first, then log close; 0.1 s, exit < 2 s", expected=Reached.FAULT, within_s=0.1,
 )  # fmt: skip
-def sigterm(found: Found) -> None:
+def sigterm(found: Observed) -> None:
     """End the daemon as systemd does."""
     with site() as where:
         daemon = where.armed()
@@ -72,7 +72,7 @@ def sigterm(found: Found) -> None:
     asked="S4 stops; next start repairs log, disarmed", expected=Reached.DEADMAN, within_s=0.3 + MARGIN_S,
     remark="python -m tests.system.sigkill --kills 200 does it at as many random instants",
 )  # fmt: skip
-def sigkill(found: Found) -> None:
+def sigkill(found: Observed) -> None:
     """Kill a daemon once in each part of its life."""
     with site() as where:
         killer = Killer(where, Random(35))
@@ -92,7 +92,7 @@ def sigkill(found: Found) -> None:
     asked="S4 stops; systemd watchdog SIGABRT + restart; 0.25 s motors", expected=Reached.DEADMAN,
     within_s=0.25 + MARGIN_S, remark="the watchdog's part: tests/system/test_systemd.py",
 )  # fmt: skip
-def sigstop(found: Found) -> None:
+def sigstop(found: Observed) -> None:
     """Suspend the daemon; when it is woken it must hold, and disarm in order."""
     with site("minirover") as where:
         daemon = where.armed()
@@ -110,7 +110,7 @@ def sigstop(found: Found) -> None:
     asked="treat as loop stall: zero, re-check; 1 cycle", expected=Reached.HOLD, within_s=0.15,
     remark="a tick that the sleep cut in two is finished first, so two cycles and the time to wake up are allowed",
 )  # fmt: skip
-def suspend(found: Found) -> None:
+def suspend(found: Observed) -> None:
     """Suspend the daemon for a while and look at its first ticks afterwards."""
     with site() as where:
         daemon = where.armed()
@@ -120,7 +120,7 @@ def suspend(found: Found) -> None:
         _wake(where, daemon, found)
 
 
-def _wake(where: Site, daemon: Popen[bytes], found: Found) -> None:
+def _wake(where: HilSetup, daemon: Popen[bytes], found: Observed) -> None:
     """Wake a suspended daemon, and see that it holds before it does anything else."""
     woken_s = time.monotonic()
     daemon.send_signal(signal.SIGCONT)

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 
 from wayfarer.daemon.socket.protocol import Refused
-from wayfarer.fault_scenarios.process_tests.hil_setup import Site, site, wait_for
+from wayfarer.fault_scenarios.process_tests.hil_setup import HilSetup, site, wait_for
 from wayfarer.fault_scenarios.process_tests.jitter import jitter
-from wayfarer.fault_scenarios.process_tests.procedure import Found, procedure
+from wayfarer.fault_scenarios.process_tests.procedure import Observed, procedure
 from wayfarer.fault_scenarios.scenario import Reached
 
 QUIET_S = ABUSE_S = 2.5
@@ -31,7 +31,7 @@ ALREADY_RUNNING = 75  # EX_TEMPFAIL of sysexits.h
     "socket-abuse", 50, "garbage, a line of 1 GB, half lines, byte after byte, 1,000 clients, all at once",
     asked="bounded line, client cap, timeout; control loop jitter unchanged; 10 ms", expected=Reached.NONE,
 )  # fmt: skip
-def socket_abuse(found: Found) -> None:
+def socket_abuse(found: Observed) -> None:
     """Abuse the socket of a rover that drives, and compare its ticks with those before."""
     with site() as where:
         where.armed()
@@ -54,7 +54,7 @@ def socket_abuse(found: Found) -> None:
     "wrong-state", 51, "verbs that are right, at the wrong time",
     asked="typed refusal, no state change", expected=Reached.NONE,
 )  # fmt: skip
-def wrong_state(found: Found) -> None:
+def wrong_state(found: Observed) -> None:
     """Ask for what cannot be: disarmed, armed, and with a fault that lasts."""
     with site() as where:
         where.daemon()
@@ -74,7 +74,7 @@ def wrong_state(found: Found) -> None:
     "second-daemon", 52, "a second daemon is started; then a stale socket lies there",
     asked="lock; second exits code 75-style, first untouched; start", expected=Reached.NONE,
 )  # fmt: skip
-def second_daemon(found: Found) -> None:
+def second_daemon(found: Observed) -> None:
     """Start a daemon beside one that drives; then kill that one, which leaves its socket, and start another."""
     with site() as where:
         first = where.armed()
@@ -91,7 +91,7 @@ def second_daemon(found: Found) -> None:
         found.changed, found.cause = "the second start", f"exit code {second.returncode}"
 
 
-def _refused(where: Site, mode: str, verbs: tuple[str, ...], found: Found, **details: object) -> None:
+def _refused(where: HilSetup, mode: str, verbs: tuple[str, ...], found: Observed, **details: object) -> None:
     """See that these are refused with a reason, and change nothing."""
     for verb in verbs:
         try:
@@ -105,7 +105,7 @@ def _refused(where: Site, mode: str, verbs: tuple[str, ...], found: Found, **det
 # -- abuse -------------------------------------------------------------------------------------------------------------
 
 
-def _abuse(where: Site, ends_s: float) -> dict[str, int]:
+def _abuse(where: HilSetup, ends_s: float) -> dict[str, int]:
     """Do everything at once until a time, and return how often each thing was done."""
     counts: dict[str, int] = {}
 
@@ -155,7 +155,7 @@ def _byte_after_byte(line: socket.socket) -> None:
 ABUSES = {"garbage": _garbage, "1 GB line": _long_line, "half line": _half_line, "byte after byte": _byte_after_byte}
 
 
-def _crowd(where: Site, ends_s: float, counts: dict[str, int]) -> None:
+def _crowd(where: HilSetup, ends_s: float, counts: dict[str, int]) -> None:
     """Connect a thousand clients that say nothing, spread over the time."""
     pause_s = (ends_s - time.monotonic()) / CLIENTS
     with ExitStack() as stack:
@@ -167,7 +167,7 @@ def _crowd(where: Site, ends_s: float, counts: dict[str, int]) -> None:
             time.sleep(pause_s)
 
 
-def _asked_again_and_again(where: Site) -> dict[str, object]:
+def _asked_again_and_again(where: HilSetup) -> dict[str, object]:
     """Return the status as somebody gets it who is pushed aside by the crowd, and tries again."""
     for _ in range(TRIES):
         with suppress(Refused):

@@ -8,8 +8,8 @@ from pathlib import Path
 from subprocess import Popen
 
 from wayfarer.fault_scenarios.process_tests import buggy_algorithms
-from wayfarer.fault_scenarios.process_tests.hil_setup import PATIENCE_S, Site, site
-from wayfarer.fault_scenarios.process_tests.procedure import Found, procedure
+from wayfarer.fault_scenarios.process_tests.hil_setup import PATIENCE_S, HilSetup, site
+from wayfarer.fault_scenarios.process_tests.procedure import Observed, procedure
 from wayfarer.fault_scenarios.process_tests.wheel_history import first_stop, stop_after
 from wayfarer.fault_scenarios.scenario import Reached
 
@@ -30,7 +30,7 @@ UNIT_LINES = ("MemoryMax=", "ExecStopPost=-@WAYFARER@ stop-motors", "Restart=on-
     asked="guard thread writes zero; dump stacks; 0.2 s", expected=Reached.HOLD, within_s=GUARD_S + MARGIN_S,
     remark="counted from the tick that blocks",
 )  # fmt: skip
-def loop_blocked(found: Found) -> None:
+def loop_blocked(found: Observed) -> None:
     """Block the loop, and see who stops the wheels, and what is said about the place."""
     with site() as where:
         where.armed("--algorithm", f"{MISBEHAVING}:BLOCKS")
@@ -51,7 +51,7 @@ def loop_blocked(found: Found) -> None:
     asked="supervisor S3, not a zombie; 1 cycle", expected=Reached.FAULT, within_s=2 * CYCLE_S,
     remark="counted from the tick before, which is a cycle older than the exception",
 )  # fmt: skip
-def algorithm_raises(found: Found) -> None:
+def algorithm_raises(found: Observed) -> None:
     """Have an algorithm raise while it drives."""
     with site() as where:
         _ends_in_order(where, where.armed("--algorithm", f"{MISBEHAVING}:RAISES"), buggy_algorithms.BUG, found)
@@ -62,7 +62,7 @@ def algorithm_raises(found: Found) -> None:
     asked="MemoryMax, as 35", expected=Reached.FAULT, within_s=BUSY_S,
     remark="under a limit of its own (RLIMIT_AS) it ends as by any error; what the kernel kills is row 35",
 )  # fmt: skip
-def out_of_memory(found: Found) -> None:
+def out_of_memory(found: Observed) -> None:
     """Let memory run out under a limit, and see that the unit file has one, and what must follow."""
     unit = files("wayfarer").joinpath("wayfarer.service")
     text = (unit if unit.is_file() else UNIT_SOURCE).read_text(encoding="utf-8")
@@ -74,7 +74,7 @@ def out_of_memory(found: Found) -> None:
         _ends_in_order(where, daemon, "MemoryError", found)
 
 
-def _ends_in_order(where: Site, daemon: Popen[bytes], why: str, found: Found) -> None:
+def _ends_in_order(where: HilSetup, daemon: Popen[bytes], why: str, found: Observed) -> None:
     """See that a daemon ends by an error with its wheels stopped, and says why."""
     found.demand(daemon.wait(PATIENCE_S) == 1, f"exit code {daemon.returncode}")
     turned_s, stop_s = stop_after(where.stopped())

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from wayfarer.fault_scenarios.process_tests.hil_setup import site, wait_for
-from wayfarer.fault_scenarios.process_tests.procedure import Found, procedure
+from wayfarer.fault_scenarios.process_tests.procedure import Observed, procedure
 from wayfarer.fault_scenarios.scenario import Reached
 from wayfarer.fieldlog.folders import FILE_NAME, run_folders
 from wayfarer.fieldlog.reader import Record, RunReader
@@ -21,7 +21,7 @@ TAIL = b"\xff\xfe no text \x80\n" + bytes(NUL_BYTES) + b'\n{"record":"tick","n":
     asked="reader skips+counts, exit 3; at start", expected=Reached.NOTE,
     remark="the next run has a folder of its own: nothing is written behind a torn line, so nothing is cut away",
 )  # fmt: skip
-def torn_log(found: Found) -> None:
+def torn_log(found: Observed) -> None:
     """Kill a daemon, spoil the end of its log, and read it; then start the next daemon on top."""
     with site() as where:
         daemon = where.armed()

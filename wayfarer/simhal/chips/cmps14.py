@@ -11,7 +11,7 @@ from math import cos, radians, sin
 from struct import Struct
 
 from wayfarer.simhal.buses import ChipMisuse
-from wayfarer.simhal.sensor_models import HeadingSense
+from wayfarer.simhal.sensor_models import HeadingSensorModel
 
 ADDRESS = 0x60
 FIRMWARE = 7  # seen on parts that are sold
@@ -50,7 +50,7 @@ class CMPS14Chip:
     """
 
     def __init__(
-        self, sense: HeadingSense, clock: Callable[[], float], *, firmware: int = FIRMWARE, boot_s: float = 0.0
+        self, sense: HeadingSensorModel, clock: Callable[[], float], *, firmware: int = FIRMWARE, boot_s: float = 0.0
     ) -> None:
         self.firmware = firmware
         self.boot_s = boot_s

@@ -16,7 +16,7 @@ from struct import pack
 from types import MappingProxyType
 
 from wayfarer.simhal.buses import ChipMisuse
-from wayfarer.simhal.sensor_models import FlowSense
+from wayfarer.simhal.sensor_models import FlowSensorModel
 
 BANK, RESET, OBSERVATION, BURST, ORIENTATION = 0x7F, 0x3A, 0x15, 0x16, 0x5B
 MOTION = range(0x02, 0x07)  # motion byte, then both displacements, low byte first
@@ -84,7 +84,7 @@ class PMW3901Chip:
 
     def __init__(
         self,
-        sense: FlowSense,
+        sense: FlowSensorModel,
         clock: Callable[[], float],
         *,
         mounting: Callable[[int, int], tuple[int, int]] = as_on_the_crazyflie,

@@ -21,7 +21,7 @@ from wayfarer.simhal.buses import FakeI2C
 from wayfarer.simhal.chips.pmw3901 import BURST
 from wayfarer.simhal.faults.bus_hang import Hang
 from wayfarer.simhal.faults.kinds import Fault
-from wayfarer.simhal.faults.wires import TamperedBuses, Wire
+from wayfarer.simhal.faults.wires import FaultyWire, TamperedBuses
 
 _THUNDERBORG_ID, _THUNDERBORG_FAILSAFE = 153, 20
 _PMW3901_PRODUCT = 0x00
@@ -52,12 +52,12 @@ _FITS: dict[str, tuple[type, ...]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class WiredPart:
     """Where a part is: its chip (or camera), its wire, and the hang of its bus; ``settings`` are its driver's."""
 
     settings: Any
     chip: Any
-    wire: Wire
+    wire: FaultyWire
     hang: Hang
 
 
@@ -71,26 +71,26 @@ def misplaced(fault: Fault, config: RoverConfig) -> str | None:
     return f"rover '{config.name}': '{fault.kind}' cannot happen to driver = \"{table['driver']}\""
 
 
-def place_of(fault: Fault, config: RoverConfig, buses: TamperedBuses) -> Place:
+def place_of(fault: Fault, config: RoverConfig, buses: TamperedBuses) -> WiredPart:
     """Return where a fault is to happen that is not ``misplaced``."""
     settings = part_settings(fault.target, config.parts[fault.target])[1]
     if isinstance(settings, CMPS14Settings | ThunderBorgSettings):
         i2c = buses.i2c(settings.bus)
-        return Place(settings, FakeI2C.chip_at(i2c, settings.address), i2c.wire(settings.address), i2c.hang)
+        return WiredPart(settings, FakeI2C.chip_at(i2c, settings.address), i2c.wire(settings.address), i2c.hang)
     if isinstance(settings, PMW3901Settings):
         spi = buses.spi(settings.bus)
-        return Place(settings, spi.chip, spi.wire, spi.hang)
+        return WiredPart(settings, spi.chip, spi.wire, spi.hang)
     if isinstance(settings, SabertoothSettings):
         port = buses.serial(settings.port)
-        return Place(settings, port.chip, port.wire, port.hang)
+        return WiredPart(settings, port.chip, port.wire, port.hang)
     assert isinstance(settings, CameraMotionSettings)
     camera = buses.views[settings.camera]
-    return Place(settings, camera, camera.wire, camera.hang)
+    return WiredPart(settings, camera, camera.wire, camera.hang)
 
 
-def bus_fault(fault: Fault, place: Place, chance: Random) -> AbstractContextManager[None]:
+def bus_fault(fault: Fault, wired: WiredPart, chance: Random) -> AbstractContextManager[None]:
     """Return what makes a fault of this layer happen."""
-    effect: AbstractContextManager[None] = _EFFECTS[fault.kind](place, fault.params, chance)
+    effect: AbstractContextManager[None] = _EFFECTS[fault.kind](wired, fault.params, chance)
     return effect
 
 
@@ -101,7 +101,7 @@ def _listed(items: list[Any], item: Any) -> Iterator[None]:
     items.remove(item)
 
 
-def _nack(place: Place, params: Any, chance: Random) -> AbstractContextManager[None]:
+def _nack(wired: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
     left = params.most
 
     def is_lost() -> bool:
@@ -110,17 +110,17 @@ def _nack(place: Place, params: Any, chance: Random) -> AbstractContextManager[N
         left -= lost
         return lost
 
-    return _listed(place.wire.unheard, is_lost)
+    return _listed(wired.wire.unheard, is_lost)
 
 
 @contextmanager
-def _hang(place: Place, _: object, __: Random) -> Iterator[None]:
-    place.hang.begin()
+def _hang(wired: WiredPart, _: object, __: Random) -> Iterator[None]:
+    wired.hang.begin()
     yield
-    place.hang.end()
+    wired.hang.end()
 
 
-def _flipped_bits(place: Place, params: Any, chance: Random) -> AbstractContextManager[None]:
+def _flipped_bits(wired: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
     def flip(data: bytes) -> bytes:
         if chance.random() >= params.chance or not data:
             return data
@@ -129,53 +129,53 @@ def _flipped_bits(place: Place, params: Any, chance: Random) -> AbstractContextM
             wrong ^= 1 << bit
         return wrong.to_bytes(len(data), "big")
 
-    if isinstance(place.settings, _ANSWERING):
-        return _listed(place.wire.answers, lambda _, answer: flip(answer))
-    return _listed(place.wire.writes, flip)
+    if isinstance(wired.settings, _ANSWERING):
+        return _listed(wired.wire.answers, lambda _, answer: flip(answer))
+    return _listed(wired.wire.writes, flip)
 
 
-def _shifted_block(place: Place, params: Any, _: Random) -> AbstractContextManager[None]:
+def _shifted_block(wired: WiredPart, params: Any, _: Random) -> AbstractContextManager[None]:
     def shift(_: bytes, answer: bytes) -> bytes:
         whole = int.from_bytes(answer, "big") << int(params.bits)
         return (whole & ((1 << len(answer) * 8) - 1)).to_bytes(len(answer), "big")
 
-    return _listed(place.wire.answers, shift)
+    return _listed(wired.wire.answers, shift)
 
 
 def _all(byte: int) -> Callable[..., AbstractContextManager[None]]:
-    def effect(place: Place, _: object, __: Random) -> AbstractContextManager[None]:
-        return _listed(place.wire.answers, lambda _, answer: bytes((byte,)) * len(answer))
+    def effect(wired: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
+        return _listed(wired.wire.answers, lambda _, answer: bytes((byte,)) * len(answer))
 
     return effect
 
 
-def _wrong_id(place: Place, params: Any, _: Random) -> AbstractContextManager[None]:
+def _wrong_id(wired: WiredPart, params: Any, _: Random) -> AbstractContextManager[None]:
     """Change what the part says when it is asked who it is."""
 
     def lie(asked: bytes, answer: bytes) -> bytes:
-        if isinstance(place.settings, CMPS14Settings) and asked == b"\x00":
+        if isinstance(wired.settings, CMPS14Settings) and asked == b"\x00":
             return bytes((params.says,)) + answer[1:]
-        if isinstance(place.settings, ThunderBorgSettings) and asked[:1] == bytes((_THUNDERBORG_ID,)):
+        if isinstance(wired.settings, ThunderBorgSettings) and asked[:1] == bytes((_THUNDERBORG_ID,)):
             return answer[:1] + bytes((params.says,)) + answer[2:]
-        if isinstance(place.settings, PMW3901Settings) and asked[:1] == bytes((_PMW3901_PRODUCT,)):
+        if isinstance(wired.settings, PMW3901Settings) and asked[:1] == bytes((_PMW3901_PRODUCT,)):
             return answer[:1] + bytes((params.says,))
         return answer
 
-    return _listed(place.wire.answers, lie)
+    return _listed(wired.wire.answers, lie)
 
 
 @contextmanager
-def _reset(place: Place, _: object, __: Random) -> Iterator[None]:
+def _reset(wired: WiredPart, _: object, __: Random) -> Iterator[None]:
     """Take the power away: the part is silent for as long, and restarts after that."""
-    _lose_power(place.chip)
+    _lose_power(wired.chip)
     with ExitStack() as silence:
-        if isinstance(place.settings, CMPS14Settings | ThunderBorgSettings):
-            silence.enter_context(_listed(place.wire.unheard, lambda: True))
+        if isinstance(wired.settings, CMPS14Settings | ThunderBorgSettings):
+            silence.enter_context(_listed(wired.wire.unheard, lambda: True))
         else:
-            silence.enter_context(_listed(place.wire.writes, lambda _: None))
-            silence.enter_context(_listed(place.wire.answers, lambda _, answer: b"\xff" * len(answer)))
+            silence.enter_context(_listed(wired.wire.writes, lambda _: None))
+            silence.enter_context(_listed(wired.wire.answers, lambda _, answer: b"\xff" * len(answer)))
         yield
-    _lose_power(place.chip)
+    _lose_power(wired.chip)
 
 
 def _lose_power(chip: Any) -> None:
@@ -185,52 +185,52 @@ def _lose_power(chip: Any) -> None:
             return
 
 
-def _lost_bytes(place: Place, params: Any, chance: Random) -> AbstractContextManager[None]:
+def _lost_bytes(wired: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
     def lose(data: bytes) -> bytes:
         return bytes(byte for byte in data if chance.random() >= params.chance)
 
-    return _listed(place.wire.writes, lose)
+    return _listed(wired.wire.writes, lose)
 
 
-def _failsafe_off(place: Place, _: object, __: Random) -> AbstractContextManager[None]:
+def _failsafe_off(wired: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
     def off(asked: bytes, answer: bytes) -> bytes:
         return answer[:1] + b"\0" + answer[2:] if asked == bytes((_THUNDERBORG_FAILSAFE,)) else answer
 
-    return _listed(place.wire.answers, off)
+    return _listed(wired.wire.answers, off)
 
 
 @contextmanager
-def _board_fault(place: Place, _: object, __: Random) -> Iterator[None]:
-    place.chip.drive_faults.add(0)
+def _board_fault(wired: WiredPart, _: object, __: Random) -> Iterator[None]:
+    wired.chip.drive_faults.add(0)
     yield
-    place.chip.drive_faults.discard(0)
+    wired.chip.drive_faults.discard(0)
 
 
-def _ignores(place: Place, _: object, __: Random) -> AbstractContextManager[None]:
+def _ignores(wired: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
     """Let requests through and nothing that drives: the board goes on with what it had."""
 
     def drop(data: bytes) -> bytes | None:
         return data if len(data) == 1 else None
 
-    return _listed(place.wire.writes, drop)
+    return _listed(wired.wire.writes, drop)
 
 
-def _dark(place: Place, _: object, __: Random) -> AbstractContextManager[None]:
-    if isinstance(place.settings, CameraMotionSettings):
-        return _listed(place.chip.shows, lambda frame: frame._replace(luma=frame.luma * 0))
-    return _dark_chip(place)
+def _dark(wired: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
+    if isinstance(wired.settings, CameraMotionSettings):
+        return _listed(wired.chip.shows, lambda frame: frame._replace(luma=frame.luma * 0))
+    return _dark_chip(wired)
 
 
 @contextmanager
-def _dark_chip(place: Place) -> Iterator[None]:
-    kept = place.chip.squal, place.chip.shutter
-    place.chip.squal, place.chip.shutter = _DARK_SQUAL, _LONGEST_SHUTTER
+def _dark_chip(wired: WiredPart) -> Iterator[None]:
+    kept = wired.chip.squal, wired.chip.shutter
+    wired.chip.squal, wired.chip.shutter = _DARK_SQUAL, _LONGEST_SHUTTER
     yield
-    place.chip.squal, place.chip.shutter = kept
+    wired.chip.squal, wired.chip.shutter = kept
 
 
-def _spikes(place: Place, params: Any, _: Random) -> AbstractContextManager[None]:
-    x, y = mounted(place.settings)(params.counts, 0)
+def _spikes(wired: WiredPart, params: Any, _: Random) -> AbstractContextManager[None]:
+    x, y = mounted(wired.settings)(params.counts, 0)
     bursts = 0
 
     def spike(asked: bytes, answer: bytes) -> bytes:
@@ -241,23 +241,23 @@ def _spikes(place: Place, params: Any, _: Random) -> AbstractContextManager[None
         motion, observation = answer[1] | MOTION_BIT, answer[2]
         return answer[:1] + pack("<BBhh", motion, observation, x, y) + answer[7:]
 
-    return _listed(place.wire.answers, spike)
+    return _listed(wired.wire.answers, spike)
 
 
-def _same_picture(place: Place, _: object, __: Random) -> AbstractContextManager[None]:
+def _same_picture(wired: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
     def show(frame: Frame) -> Frame:
-        last: Frame | None = place.chip.last
+        last: Frame | None = wired.chip.last
         return frame if last is None else last._replace(t_s=frame.t_s)
 
-    return _listed(place.chip.shows, show)
+    return _listed(wired.chip.shows, show)
 
 
 @contextmanager
-def _uncalibrated(place: Place, _: object, __: Random) -> Iterator[None]:
-    kept = place.chip.calibration
-    place.chip.calibration = 0
+def _uncalibrated(wired: WiredPart, _: object, __: Random) -> Iterator[None]:
+    kept = wired.chip.calibration
+    wired.chip.calibration = 0
     yield
-    place.chip.calibration = kept
+    wired.chip.calibration = kept
 
 
 _EFFECTS: dict[str, Any] = {

@@ -18,14 +18,14 @@ from wayfarer.simhal.faults.process import TakePower, process_fault
 from wayfarer.simhal.faults.readings import TamperedPart, crashed, reading_fault
 from wayfarer.simhal.faults.wires import TamperedBuses
 from wayfarer.simhal.faults.world import world_fault
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 PUMP_S = 0.05
 PARTS = ("compass", "motion", "contact", "position", "motors")
 
 
-class Note(Protocol):
+class NoteFault(Protocol):
     """Takes what a fault did, for the log: ground truth that no field code sees."""
 
     def __call__(self, t_s: float, fault: Fault, *, begins: bool) -> None:
@@ -51,7 +51,7 @@ class Injector:
     def __init__(self, faults: Iterable[Fault], config: RoverConfig, seed: int) -> None:
         self._faults = tuple(faults)
         self._config = config
-        self._streams = Streams(seed)
+        self._streams = RandomStreams(seed)
         self._parts: dict[str, TamperedPart] = {}
         self._lasting: dict[int, ExitStack] = {}
         self.buses = TamperedBuses()
@@ -83,7 +83,7 @@ class Injector:
         fitted: dict[str, Any] = dict(self._parts)
         return replace(rover, **fitted)
 
-    def start(self, world: SimulatedWorld, take_power: TakePower, note: Note) -> None:
+    def start(self, world: SimulatedWorld, take_power: TakePower, note: NoteFault) -> None:
         """Begin what begins at once, and the rest at its time from now on."""
         self._world, self._take_power, self._note = world, take_power, note
         loop = asyncio.get_running_loop()
@@ -96,7 +96,7 @@ class Injector:
 
     def _pump(self, loop: asyncio.AbstractEventLoop) -> None:
         """Let the world go on, and chips act, even if no part asks: faults may silence all of them."""
-        self._world.chips_act()
+        self._world.tick_chips()
         self._world.advance_to(loop.time())
         if self._faults:
             loop.call_later(PUMP_S, self._pump, loop)

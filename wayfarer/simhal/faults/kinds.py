@@ -260,7 +260,7 @@ class WrongId:
 
 
 @dataclass(frozen=True, slots=True)
-class Stall:
+class LoopStall:
     """Something blocks the event loop; or the clock jumps, which looks the same."""
 
     by_s: Annotated[float, Interval(gt=0, le=3600)] = 0.5
@@ -275,7 +275,7 @@ class Undervoltage:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class FaultKind:
     """A row of the table of kinds: what it is, at which layer, to what it can happen, and its parameters."""
 
     layer: Layer
@@ -289,46 +289,46 @@ _PARTS = (*_SENSES, "motors")
 _ON_A_BUS = ("compass", "motion", "motors")
 _WORLD, _PROCESS = ("world",), ("process",)
 
-KINDS: Mapping[str, Kind] = {
-    "slip": Kind(Layer.WORLD, "the wheels lose their grip until they pull back", _WORLD),
-    "snag": Kind(Layer.WORLD, "something holds the body", _WORLD),
-    "magnetic_anomaly": Kind(Layer.WORLD, "iron nearby bends the field", _WORLD, MagneticAnomaly),
-    "motor_field": Kind(Layer.WORLD, "the motors' current bends the field", _WORLD, MotorField),
-    "slope": Kind(Layer.WORLD, "the ground tilts the body", _WORLD, Slope),
-    "shove": Kind(Layer.WORLD, "something else moves the body", _WORLD, Shove),
-    "drive": Kind(Layer.WORLD, "a side is weak, dead or wired the wrong way", _WORLD, Drive),
-    "dead_band": Kind(Layer.WORLD, "motors do not turn at a low duty", _WORLD, DeadBand),
-    "battery": Kind(Layer.WORLD, "the battery's voltage", _WORLD, Battery),
-    "silent": Kind(Layer.READING, "the part does not answer", _PARTS),
-    "frozen": Kind(Layer.READING, "the last reading again and again, with a fresh time", _SENSES),
-    "offset": Kind(Layer.READING, "a value is off", _SENSES, Offset),
-    "jumps": Kind(Layer.READING, "a value jumps now and then", _SENSES, Jumps),
-    "noisy": Kind(Layer.READING, "a value with noise", _SENSES, Noise),
-    "drifts": Kind(Layer.READING, "a value drifts away", _SENSES, Drifts),
-    "negated": Kind(Layer.READING, "a value has the wrong sign", _SENSES, Negated),
-    "becomes": Kind(Layer.READING, "a value is what it is not", _SENSES, Becomes),
-    "saturated": Kind(Layer.READING, "a value has a limit", _SENSES, Saturated),
-    "garbage": Kind(Layer.READING, "numbers that mean nothing", _SENSES, Garbage),
-    "not_a_number": Kind(Layer.READING, "a value is no number", _SENSES, NotANumber),
-    "delayed": Kind(Layer.READING, "readings come late, with their old time", _SENSES, Delayed),
-    "late_answer": Kind(Layer.READING, "the part takes its time to answer", _PARTS, LateAnswer),
-    "nack": Kind(Layer.BUS, "transfers are not acknowledged", _ON_A_BUS, Lost),
-    "hang": Kind(Layer.BUS, "a device holds the whole bus", _ON_A_BUS),
-    "flipped_bits": Kind(Layer.BUS, "answers with wrong bits", _ON_A_BUS, FlippedBits),
-    "shifted_block": Kind(Layer.BUS, "answers that are shifted", _ON_A_BUS, Shifted),
-    "wrong_id": Kind(Layer.BUS, "the part says that it is another", _ON_A_BUS, WrongId),
-    "reset": Kind(Layer.BUS, "the part loses its power, and with it its settings", _ON_A_BUS),
-    "all_00": Kind(Layer.BUS, "answers of nothing but zeros", _ON_A_BUS),
-    "all_ff": Kind(Layer.BUS, "answers of nothing but ones", _ON_A_BUS),
-    "lost_bytes": Kind(Layer.BUS, "written bytes that get lost", ("motors",), LostBytes),
-    "failsafe_off": Kind(Layer.BUS, "the board's deadman does not arm", ("motors",)),
-    "board_fault": Kind(Layer.BUS, "the board reports a drive fault", ("motors",)),
-    "ignores": Kind(Layer.BUS, "the board acknowledges commands and does not follow them", ("motors",)),
-    "dark": Kind(Layer.BUS, "nothing to be seen: a leaf on the lens, or the night", ("motion",)),
-    "spikes": Kind(Layer.BUS, "garbage that looks like motion of the ground", ("motion",), Spikes),
-    "same_picture": Kind(Layer.BUS, "the camera gives the same picture again and again", ("motion",)),
-    "uncalibrated": Kind(Layer.BUS, "the part says that its calibration is gone", ("compass",)),
-    "task_crash": Kind(Layer.PROCESS, "a bug in a driver ends its task", _PARTS),
-    "loop_stall": Kind(Layer.PROCESS, "the event loop is blocked, or the clock jumps", _PROCESS, Stall),
-    "undervoltage": Kind(Layer.PROCESS, "the computer's supply sags", _PROCESS, Undervoltage),
+KINDS: Mapping[str, FaultKind] = {
+    "slip": FaultKind(Layer.WORLD, "the wheels lose their grip until they pull back", _WORLD),
+    "snag": FaultKind(Layer.WORLD, "something holds the body", _WORLD),
+    "magnetic_anomaly": FaultKind(Layer.WORLD, "iron nearby bends the field", _WORLD, MagneticAnomaly),
+    "motor_field": FaultKind(Layer.WORLD, "the motors' current bends the field", _WORLD, MotorField),
+    "slope": FaultKind(Layer.WORLD, "the ground tilts the body", _WORLD, Slope),
+    "shove": FaultKind(Layer.WORLD, "something else moves the body", _WORLD, Shove),
+    "drive": FaultKind(Layer.WORLD, "a side is weak, dead or wired the wrong way", _WORLD, Drive),
+    "dead_band": FaultKind(Layer.WORLD, "motors do not turn at a low duty", _WORLD, DeadBand),
+    "battery": FaultKind(Layer.WORLD, "the battery's voltage", _WORLD, Battery),
+    "silent": FaultKind(Layer.READING, "the part does not answer", _PARTS),
+    "frozen": FaultKind(Layer.READING, "the last reading again and again, with a fresh time", _SENSES),
+    "offset": FaultKind(Layer.READING, "a value is off", _SENSES, Offset),
+    "jumps": FaultKind(Layer.READING, "a value jumps now and then", _SENSES, Jumps),
+    "noisy": FaultKind(Layer.READING, "a value with noise", _SENSES, Noise),
+    "drifts": FaultKind(Layer.READING, "a value drifts away", _SENSES, Drifts),
+    "negated": FaultKind(Layer.READING, "a value has the wrong sign", _SENSES, Negated),
+    "becomes": FaultKind(Layer.READING, "a value is what it is not", _SENSES, Becomes),
+    "saturated": FaultKind(Layer.READING, "a value has a limit", _SENSES, Saturated),
+    "garbage": FaultKind(Layer.READING, "numbers that mean nothing", _SENSES, Garbage),
+    "not_a_number": FaultKind(Layer.READING, "a value is no number", _SENSES, NotANumber),
+    "delayed": FaultKind(Layer.READING, "readings come late, with their old time", _SENSES, Delayed),
+    "late_answer": FaultKind(Layer.READING, "the part takes its time to answer", _PARTS, LateAnswer),
+    "nack": FaultKind(Layer.BUS, "transfers are not acknowledged", _ON_A_BUS, Lost),
+    "hang": FaultKind(Layer.BUS, "a device holds the whole bus", _ON_A_BUS),
+    "flipped_bits": FaultKind(Layer.BUS, "answers with wrong bits", _ON_A_BUS, FlippedBits),
+    "shifted_block": FaultKind(Layer.BUS, "answers that are shifted", _ON_A_BUS, Shifted),
+    "wrong_id": FaultKind(Layer.BUS, "the part says that it is another", _ON_A_BUS, WrongId),
+    "reset": FaultKind(Layer.BUS, "the part loses its power, and with it its settings", _ON_A_BUS),
+    "all_00": FaultKind(Layer.BUS, "answers of nothing but zeros", _ON_A_BUS),
+    "all_ff": FaultKind(Layer.BUS, "answers of nothing but ones", _ON_A_BUS),
+    "lost_bytes": FaultKind(Layer.BUS, "written bytes that get lost", ("motors",), LostBytes),
+    "failsafe_off": FaultKind(Layer.BUS, "the board's deadman does not arm", ("motors",)),
+    "board_fault": FaultKind(Layer.BUS, "the board reports a drive fault", ("motors",)),
+    "ignores": FaultKind(Layer.BUS, "the board acknowledges commands and does not follow them", ("motors",)),
+    "dark": FaultKind(Layer.BUS, "nothing to be seen: a leaf on the lens, or the night", ("motion",)),
+    "spikes": FaultKind(Layer.BUS, "garbage that looks like motion of the ground", ("motion",), Spikes),
+    "same_picture": FaultKind(Layer.BUS, "the camera gives the same picture again and again", ("motion",)),
+    "uncalibrated": FaultKind(Layer.BUS, "the part says that its calibration is gone", ("compass",)),
+    "task_crash": FaultKind(Layer.PROCESS, "a bug in a driver ends its task", _PARTS),
+    "loop_stall": FaultKind(Layer.PROCESS, "the event loop is blocked, or the clock jumps", _PROCESS, LoopStall),
+    "undervoltage": FaultKind(Layer.PROCESS, "the computer's supply sags", _PROCESS, Undervoltage),
 }

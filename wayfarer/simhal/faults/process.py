@@ -9,7 +9,7 @@ from math import ceil
 
 from wayfarer.daemon.host_health import POWER_EVERY_S
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.faults.kinds import Fault, Stall, Undervoltage
+from wayfarer.simhal.faults.kinds import Fault, LoopStall, Undervoltage
 
 UNDER_VOLTAGE = 0x1  # of the Raspberry Pi's get_throttled: bit 0 is now, bit 16 since boot (field.md 4)
 UNDER_VOLTAGE_SINCE_BOOT = 0x10000
@@ -19,14 +19,14 @@ TakePower = Callable[[float, int], None]
 
 def process_fault(fault: Fault, take_power: TakePower) -> AbstractContextManager[None]:
     """Return what makes a fault of this layer happen; ``take_power`` takes the computer's flags at a time."""
-    if isinstance(fault.params, Stall):
+    if isinstance(fault.params, LoopStall):
         return _loop_stall(fault.params)
     assert isinstance(fault.params, Undervoltage)
     return _undervoltage(fault.params, take_power)
 
 
 @contextmanager
-def _loop_stall(params: Stall) -> Iterator[None]:
+def _loop_stall(params: LoopStall) -> Iterator[None]:
     loop = asyncio.get_running_loop()
     assert isinstance(loop, VirtualLoop)
     loop.stall(params.by_s)

@@ -40,12 +40,12 @@ class TamperedPart:
 
     async def open(self) -> None:
         """Open the part."""
-        await self._suffer()
+        await self._apply_faults()
         await self._part.open()
 
     async def read(self) -> Any:
         """Return a reading, changed."""
-        await self._suffer()
+        await self._apply_faults()
         reading = await self._part.read()
         for change in self.changes:
             reading = change(reading) if reading is not None else None
@@ -61,12 +61,12 @@ class TamperedPart:
 
     async def health(self) -> Any:
         """Hand the question on."""
-        await self._suffer()
+        await self._apply_faults()
         return await self._part.health()
 
     async def read_back(self) -> Any:
         """Hand the question on."""
-        await self._suffer()
+        await self._apply_faults()
         return await self._part.read_back()
 
     async def stop(self) -> None:
@@ -79,7 +79,7 @@ class TamperedPart:
         if not self.silent:
             self._part.halt()
 
-    async def _suffer(self) -> None:
+    async def _apply_faults(self) -> None:
         await self._wait()
         self._refuse()
 

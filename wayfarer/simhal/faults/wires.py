@@ -18,7 +18,7 @@ Answer = Callable[[bytes, bytes], bytes]
 Write = Callable[[bytes], bytes | None]
 
 
-class Wire:
+class FaultyWire:
     """What is wrong between one chip and the bus.
 
     ``answers`` change what the chip says, ``writes`` what it hears; ``unheard`` says for each transfer whether it is
@@ -59,7 +59,7 @@ class Wire:
 class TamperedChip:
     """A chip behind a wire; speaks whichever of the three chip protocols the chip does."""
 
-    def __init__(self, chip: Any, wire: Wire) -> None:
+    def __init__(self, chip: Any, wire: FaultyWire) -> None:
         self._chip = chip
         self._wire = wire
         self._asked = b""
@@ -100,11 +100,11 @@ class TamperedI2C(FakeI2C):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self.hang = Hang(name)
-        self._wires: dict[int, Wire] = {}
+        self._wires: dict[int, FaultyWire] = {}
 
-    def wire(self, address: int) -> Wire:
+    def wire(self, address: int) -> FaultyWire:
         """Return the wire to an address."""
-        return self._wires.setdefault(address, Wire(f"{self.name}: 0x{address:02X}"))
+        return self._wires.setdefault(address, FaultyWire(f"{self.name}: 0x{address:02X}"))
 
     def chip_at(self, address: int) -> Any:
         """Return the chip at an address, behind its wire."""
@@ -138,7 +138,7 @@ class TamperedSPI(FakeSPI):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self.hang = Hang(name)
-        self.wire = Wire(name)
+        self.wire = FaultyWire(name)
 
     async def transfer(self, *pieces: bytes) -> tuple[bytes, ...]:
         """Exchange pieces with the chip."""
@@ -157,7 +157,7 @@ class TamperedSerial(FakeSerial):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self.hang = Hang(name)
-        self.wire = Wire(name)
+        self.wire = FaultyWire(name)
 
     async def write(self, data: bytes) -> None:
         """Send bytes."""
@@ -181,7 +181,7 @@ class TamperedCamera:
     def __init__(self, camera: Camera) -> None:
         self.name = camera.name
         self.hang = Hang(camera.name, FRAME_DEADLINE_S)
-        self.wire = Wire(camera.name)
+        self.wire = FaultyWire(camera.name)
         self.shows: list[Callable[[Frame], Frame]] = []
         self.last: Frame | None = None
         self._camera = camera

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 from wayfarer.simhal.faults.kinds import Battery, DeadBand, Drive, Fault, MagneticAnomaly, MotorField, Shove, Slope
-from wayfarer.simhal.world.simulated_world import UNHARMED, SimulatedWorld
+from wayfarer.simhal.world.simulated_world import NO_BODY_FAULTS, SimulatedWorld
 
 RAMP_STEP_S = 0.1
 
@@ -27,9 +27,9 @@ def _slip(world: SimulatedWorld, _: object) -> Iterator[None]:
 
 @contextmanager
 def _snag(world: SimulatedWorld, _: object) -> Iterator[None]:
-    world.harm(snagged=True)
+    world.set_faults(snagged=True)
     yield
-    world.harm(snagged=False)
+    world.set_faults(snagged=False)
 
 
 @contextmanager
@@ -81,23 +81,23 @@ def _slope(world: SimulatedWorld, params: Slope) -> Iterator[None]:
 
 @contextmanager
 def _shove(world: SimulatedWorld, params: Shove) -> Iterator[None]:
-    world.harm(shove_m_s=params.speed_m_s)
+    world.set_faults(shove_m_s=params.speed_m_s)
     yield
-    world.harm(shove_m_s=UNHARMED.shove_m_s)
+    world.set_faults(shove_m_s=NO_BODY_FAULTS.shove_m_s)
 
 
 @contextmanager
 def _drive(world: SimulatedWorld, params: Drive) -> Iterator[None]:
-    world.harm(left_gain=params.left_gain, right_gain=params.right_gain)
+    world.set_faults(left_gain=params.left_gain, right_gain=params.right_gain)
     yield
-    world.harm(left_gain=UNHARMED.left_gain, right_gain=UNHARMED.right_gain)
+    world.set_faults(left_gain=NO_BODY_FAULTS.left_gain, right_gain=NO_BODY_FAULTS.right_gain)
 
 
 @contextmanager
 def _dead_band(world: SimulatedWorld, params: DeadBand) -> Iterator[None]:
-    world.harm(dead_band=params.duty)
+    world.set_faults(dead_band=params.duty)
     yield
-    world.harm(dead_band=UNHARMED.dead_band)
+    world.set_faults(dead_band=NO_BODY_FAULTS.dead_band)
 
 
 @contextmanager

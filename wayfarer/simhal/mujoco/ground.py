@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.world.physics import Physics
 
@@ -40,7 +40,7 @@ class HeightField(NamedTuple):
         return float(self.heights_m[first[0] : last[0] + 2, first[1] : last[1] + 2].max())
 
 
-def rough_ground(roughness_m: float, streams: Streams) -> HeightField:
+def rough_ground(roughness_m: float, streams: RandomStreams) -> HeightField:
     """Return ground whose height has this standard deviation: white noise, smoothed over ``BUMP_M``."""
     half_size_m = WORLD_SIZE_M / 2.0 + MARGIN_M
     size = round(2.0 * half_size_m / CELL_M) + 1
@@ -61,7 +61,7 @@ class Mud:
     It cannot be met more often than where 99 % of the ground are mud.
     """
 
-    def __init__(self, forest: Forest, physics: Physics, width_m: float, streams: Streams) -> None:
+    def __init__(self, forest: Forest, physics: Physics, width_m: float, streams: RandomStreams) -> None:
         self._side = round(WORLD_SIZE_M / MUD_CELL_M)
         self._cells = bytearray(self._side * self._side)
         self.anywhere = False

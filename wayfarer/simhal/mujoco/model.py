@@ -21,7 +21,12 @@ from wayfarer.simhal.mujoco.ground import HeightField
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.world.collision import Obstacle
 from wayfarer.simhal.world.forest import WORLD_SIZE_M
-from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, ROTOR_SHARE_OF_WEIGHT, WHEEL_SHARE_OF_WEIGHT, Body
+from wayfarer.simhal.world.wheeled_body import (
+    ROLLING_RESISTANCE,
+    ROTOR_SHARE_OF_WEIGHT,
+    WHEEL_SHARE_OF_WEIGHT,
+    WheeledBody,
+)
 
 STEP_S = 0.004
 TREE_HEIGHT_M = 2.0
@@ -42,7 +47,7 @@ if mujoco.get_mju_user_warning() is None:
 
 
 def build(
-    body: Body, terrain: Terrain, field: HeightField | None, obstacles: list[Obstacle], step_s: float = STEP_S
+    body: WheeledBody, terrain: Terrain, field: HeightField | None, obstacles: list[Obstacle], step_s: float = STEP_S
 ) -> Any:
     """Return the compiled model: geom 0 is the ground, then come the obstacles, then the rover's body and wheels.
 
@@ -104,7 +109,7 @@ def _add_obstacles(spec: Any, obstacles: list[Obstacle], surface: dict[str, Any]
         )
 
 
-def _add_rover(spec: Any, body: Body, terrain: Terrain) -> None:
+def _add_rover(spec: Any, body: WheeledBody, terrain: Terrain) -> None:
     rover = spec.worldbody.add_body(name=ROVER)
     rover.add_freejoint()
     half_base_m, half_track_m, radius_m = body.wheels

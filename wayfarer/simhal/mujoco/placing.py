@@ -10,7 +10,7 @@ import mujoco
 
 from wayfarer.simhal.mujoco.contacts import Contacts
 from wayfarer.simhal.mujoco.ground import HeightField
-from wayfarer.simhal.world.wheeled_body import Body
+from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 PUT_DOWN_FROM_M = 0.005
 STEP_M = 0.01  # between two places that are tried
@@ -27,7 +27,7 @@ class NoRoom(RuntimeError):
 class Placing:
     """Puts a body elsewhere in its world; what it touches there are ``contacts``."""
 
-    def __init__(self, model: Any, data: Any, body: Body, field: HeightField | None, contacts: Contacts) -> None:
+    def __init__(self, model: Any, data: Any, body: WheeledBody, field: HeightField | None, contacts: Contacts) -> None:
         self._model, self._data = model, data
         self._body = body
         self._field = field

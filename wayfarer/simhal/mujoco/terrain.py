@@ -7,7 +7,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 
 
 class Terrain(NamedTuple):
@@ -38,7 +38,7 @@ class Terrains(NamedTuple):
     roughness_m: Range = Range(0.0, 0.0)
     torque_scale: Range = Range(1.0, 1.0)
 
-    def draw(self, streams: Streams) -> Terrain:
+    def draw(self, streams: RandomStreams) -> Terrain:
         """Return one trial's terrain."""
         uniform = streams.generator("world.terrain").uniform
         return Terrain(*(float(uniform(low, high)) for low, high in self))

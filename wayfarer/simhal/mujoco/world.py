@@ -1,8 +1,8 @@
 """The world in MuJoCo: the same interface as ``simhal.world.world.World``, with wheels that grip and slip.
 
 The engine takes steps of ``model.STEP_S``; every ``LOOK_EVERY`` of them the world looks round: what touches, what is
-under the wheels, and the referee. What is read in between is where the body is, never what was seen last, so that
-nothing depends on the order and the rates in which parts ask.
+under the wheels, and the outcome monitor. What is read in between is where the body is, never what was seen last, so
+that nothing depends on the order and the rates in which parts ask.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from wayfarer.simhal.mujoco.motion import Displacement, pose_of
 from wayfarer.simhal.mujoco.placing import Placing
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.unstable import refuse
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.collision import low_trunks_of, obstacles_of
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.simulated_world import (
     FULL_BATTERY_V,
+    NO_BODY_FAULTS,
     ROUNDING_S,
-    UNHARMED,
     SimulatedWorld,
     Touch,
     nobody_watches,
     nothing_acts,
     side_of,
 )
-from wayfarer.simhal.world.wheeled_body import Body
+from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 LOOK_EVERY = 5  # steps: 20 ms, well within a control tick
 SETTLES_S = 0.5  # for which a rover that is put down comes to rest on its tyres before anything counts
@@ -59,10 +59,10 @@ class MujocoWorld:
     def __init__(
         self,
         forest: Forest,
-        body: Body,
+        body: WheeledBody,
         physics: Physics,
         terrain: Terrain,
-        streams: Streams,
+        streams: RandomStreams,
         step_s: float = STEP_S,
     ) -> None:
         self.physics, self.terrain, self.body = physics, terrain, body
@@ -71,9 +71,9 @@ class MujocoWorld:
         self.field_deg = self.ground_pitch_deg = self.ground_roll_deg = 0.0
         self.battery_v = FULL_BATTERY_V
         self.deadman_at_s = inf
-        self.chips_act: Callable[[], None] = nothing_acts
+        self.tick_chips: Callable[[], None] = nothing_acts
         self.after_step: Callable[[SimulatedWorld], None] = nobody_watches
-        self.mishaps = UNHARMED
+        self.body_faults = NO_BODY_FAULTS
         self.steps, self.t_s = 0, 0.0
         self._step_s = step_s
         field = rough_ground(terrain.roughness_m, streams) if terrain.roughness_m else None
@@ -95,7 +95,7 @@ class MujocoWorld:
         self._put_down(*forest.start_m, radians(forest.heading_deg))
         self.command(0.0, 0.0)
 
-    # -- what the parts and the referee see ------------------------------------------------------------------------
+    # -- what the parts and the outcome monitor see --------------------------------------------------------------------
 
     @property
     def bump_deg(self) -> float:
@@ -138,15 +138,15 @@ class MujocoWorld:
     def command(self, left: float, right: float) -> None:
         """Set the duty of both sides, each in -1..1, from the next step on."""
         self.commanded = (left, right)
-        left, right = self.mishaps.wheels(left, right)
+        left, right = self.body_faults.wheels(left, right)
         left, right = left * self._sides[0], right * self._sides[1]
         self.data.ctrl[:] = left, left, right, right
 
-    def harm(self, **mishaps: float | bool) -> None:
+    def set_faults(self, **body_faults: float | bool) -> None:
         """Change what is wrong with the body, from the next step on."""
-        self.mishaps = replace(self.mishaps, **mishaps)  # type: ignore[arg-type]
-        self._hold(self.mishaps.snagged)
-        if not self.mishaps.shove_m_s:
+        self.body_faults = replace(self.body_faults, **body_faults)  # type: ignore[arg-type]
+        self._hold(self.body_faults.snagged)
+        if not self.body_faults.shove_m_s:
             self.data.xfrc_applied[self._rover] = 0.0
         self.command(*self.commanded)
 
@@ -203,7 +203,7 @@ class MujocoWorld:
         self._feel_slip(speed_m_s)
         if self._mud.anywhere:
             self._footing.update()
-        if self.mishaps.shove_m_s:
+        if self.body_faults.shove_m_s:
             self._shove(speed_m_s)
         if self._tilts or self.ground_pitch_deg or self.ground_roll_deg:
             self._tilt_ground()
@@ -222,7 +222,7 @@ class MujocoWorld:
 
     def _shove(self, speed_m_s: float) -> None:
         """Push the body along until it goes at the speed of the shove."""
-        force_n = shove_n(self.body.weight_kg, self.mishaps.shove_m_s, speed_m_s)
+        force_n = shove_n(self.body.weight_kg, self.body_faults.shove_m_s, speed_m_s)
         self.data.xfrc_applied[self._rover, :2] = force_n * sin(self.heading_rad), force_n * cos(self.heading_rad)
 
     def _tilt_ground(self) -> None:
@@ -245,7 +245,7 @@ class MujocoWorld:
         self.model.opt.gravity[:] = gravity_m_s2(0.0, 0.0, heading_rad)  # a slope pulls again from the next look on
         mujoco.mj_step(self.model, self.data, round(SETTLES_S / self._step_s))
         self.data.qvel[:] = 0.0
-        self._hold(self.mishaps.snagged)
+        self._hold(self.body_faults.snagged)
         self.touch, self.hangs, self._hanging_s = None, False, 0.0
         self._read_pose()
         self._displacement.start_at(self._pose)

@@ -10,8 +10,8 @@ from math import asin, atan, degrees, radians, sin
 
 from wayfarer.config.chassis import AT_A_BRANCH, STANDARD_GRAVITY_M_S2, Chassis
 from wayfarer.escape.api import Vehicle
-from wayfarer.simhal.random_streams import Streams
-from wayfarer.simhal.world.collision import Body, Map, Obstacle, low_trunks_of
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.world.collision import BodyOutline, Obstacle, ObstacleGrid, low_trunks_of
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 
@@ -28,7 +28,7 @@ class Climbing:
     into lifting the nose.
     """
 
-    def __init__(self, vehicle: Vehicle, chassis: Chassis, physics: Physics, streams: Streams) -> None:
+    def __init__(self, vehicle: Vehicle, chassis: Chassis, physics: Physics, streams: RandomStreams) -> None:
         clearance_m, weight_kg, motors_n_m = chassis.ground_clearance_m, chassis.weight_kg, chassis.motors_n_m
         if clearance_m is None or weight_kg is None or motors_n_m is None:
             raise ValueError(f"the chassis does not give {', '.join(chassis.missing(AT_A_BRANCH))}")
@@ -57,12 +57,12 @@ class Climbing:
         return self._length_m * abs(sin(radians(pitch_deg))) >= 2.0 * obstacle.radius_m
 
 
-class Underfoot:
+class GroundPitch:
     """The branches that pass under the belly: they only tilt the body, nose up, then nose down."""
 
-    def __init__(self, forest: Forest, clearance_m: float, body: Body) -> None:
+    def __init__(self, forest: Forest, clearance_m: float, body: BodyOutline) -> None:
         self._body = body
-        self._map = Map(low_trunks_of(forest, clearance_m), body.reach_m, CELL_M)
+        self._map = ObstacleGrid(low_trunks_of(forest, clearance_m), body.reach_m, CELL_M)
 
     def pitch_deg(self, x_m: float, y_m: float, sin_h: float, cos_h: float) -> float:
         """Return the pitch of a body there: a branch lifts the end that it is nearer to, by up to its thickness."""

@@ -55,7 +55,7 @@ def _axis_deg(east_m: float, north_m: float) -> float:
     return degrees(atan2(east_m, north_m)) % 180.0
 
 
-class Body:
+class BodyOutline:
     """The rover's rectangular outline and its contact test."""
 
     def __init__(self, length_m: float, width_m: float) -> None:
@@ -123,7 +123,7 @@ class Body:
         return True
 
 
-class Map:
+class ObstacleGrid:
     """Which obstacles are near a place: those whose surface is within ``near_m`` of it, and a few more.
 
     The smaller the cells of ``cell_m``, the fewer those are; that pays where obstacles are close to each other.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.drivers.buses import Frame
-from wayfarer.simhal.random_streams import Streams
+from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 TILE_PX = 512  # a power of two, so that wrapping is a mask
@@ -28,7 +28,7 @@ class GroundCamera:
     metres, and also the finest detail of the ground: finer detail would be nothing but noise.
     """
 
-    def __init__(self, world: SimulatedWorld, streams: Streams, m_per_pixel: float) -> None:
+    def __init__(self, world: SimulatedWorld, streams: RandomStreams, m_per_pixel: float) -> None:
         self._world = world
         self._px_per_m = 1.0 / m_per_pixel
         self._noise = streams.generator("camera.noise")
@@ -36,7 +36,7 @@ class GroundCamera:
 
     def render(self, t_s: float, width: int, height: int) -> Frame:
         """Return what the camera sees at a time: luma of shape (height, width)."""
-        self._world.chips_act()  # a deadman may have tripped since
+        self._world.tick_chips()  # a deadman may have tripped since
         self._world.advance_to(t_s)
         grey = self._look(width, height) + NOISE_SD * self._noise.standard_normal((height, width), dtype=np.float32)
         return Frame(t_s, np.clip(np.rint(grey), 0, 255).astype(np.uint8))

@@ -29,7 +29,7 @@ class Touch(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Mishaps:
+class BodyFaults:
     """What is wrong with the body.
 
     Each side turns ``gain`` times as fast as it is told to (0 is dead, -1 wired the wrong way), and not at all below a
@@ -49,7 +49,7 @@ class Mishaps:
         return left * self.left_gain, right * self.right_gain
 
 
-UNHARMED = Mishaps()
+NO_BODY_FAULTS = BodyFaults()
 
 
 class SimulatedWorld(Protocol):
@@ -59,8 +59,8 @@ class SimulatedWorld(Protocol):
     metres east (x) and north (y), headings radians clockwise from north, angles of the body as in ``wayfarer.hal``.
     ``forward_m``, ``reverse_m`` and ``right_m`` are how far the ground has passed under the body along its own axes
     since the beginning. ``deadman_at_s`` is when the wheels stop by themselves, for parts at device depth; chips have
-    deadmen, and ``chips_act`` lets them act. ``after_step`` is called with the world each time it has moved on. What
-    may go wrong with the world itself (``harm``, ``slipping``, ``field_deg``, ``ground_pitch_deg``,
+    deadmen, and ``tick_chips`` lets them act. ``after_step`` is called with the world each time it has moved on. What
+    may go wrong with the world itself (``set_faults``, ``slipping``, ``field_deg``, ``ground_pitch_deg``,
     ``ground_roll_deg``, ``battery_v``) is neutral unless a fault changes it.
     """
 
@@ -71,7 +71,7 @@ class SimulatedWorld(Protocol):
     ground_roll_deg: float
     battery_v: float
     deadman_at_s: float
-    chips_act: Callable[[], None]
+    tick_chips: Callable[[], None]
     after_step: Callable[[SimulatedWorld], None]
     # Read only for those who use a world.
     t_s: float
@@ -82,7 +82,7 @@ class SimulatedWorld(Protocol):
     roll_deg: float
     touch: Touch | None
     hangs: bool
-    mishaps: Mishaps
+    body_faults: BodyFaults
     commanded: tuple[float, float]
 
     @property
@@ -108,7 +108,7 @@ class SimulatedWorld(Protocol):
     def command(self, left: float, right: float) -> None:
         """Set the duty of both sides, each in -1..1, from the next step on."""
 
-    def harm(self, **mishaps: float | bool) -> None:
+    def set_faults(self, **body_faults: float | bool) -> None:
         """Change what is wrong with the body, from the next step on."""
 
     def advance_to(self, t_s: float) -> None:
@@ -131,7 +131,7 @@ def side_of(obstacle: Obstacle, x_m: float, y_m: float, heading_rad: float) -> t
 
 
 def nobody_watches(_world: SimulatedWorld) -> None:
-    """Stand in for the referee."""
+    """Stand in for the outcome monitor."""
 
 
 def nothing_acts() -> None:

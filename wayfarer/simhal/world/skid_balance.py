@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
-from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, Body
+from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, WheeledBody
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ ROUNDS, SHARE_KEPT = 60, 0.5
 CREEP_M_S = 0.001
 
 
-def balance(body: Body, friction: float, left: Array, right: Array) -> tuple[Array, Array]:
+def balance(body: WheeledBody, friction: float, left: Array, right: Array) -> tuple[Array, Array]:
     """Return the steady speed, m/s, and turn rate, rad/s clockwise, for pairs of duties of the sides."""
     a_m, b_m, radius_m = body.wheels
     weight_n = body.weight_kg * STANDARD_GRAVITY_M_S2

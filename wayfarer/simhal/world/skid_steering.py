@@ -19,7 +19,7 @@ import numpy as np
 
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.world.skid_balance import balance
-from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, Body
+from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, WheeledBody
 
 CELLS = 10  # of the table, along mean and half difference of the duties, each from 0 to 1
 SLOWEST_DUTY = 1e-3  # mean duty at which the factors of turning on the spot are taken
@@ -39,7 +39,7 @@ class SlowCurves(NamedTuple):
     resistance_m_s: float
 
     @classmethod
-    def of(cls, body: Body, friction: float) -> SlowCurves:
+    def of(cls, body: WheeledBody, friction: float) -> SlowCurves:
         """Return that of a body on ground of this friction."""
         a_m, b_m, radius_m = body.wheels
         stall_n = body.motors_n_m / radius_m
@@ -71,7 +71,7 @@ class SkidSteering:
         step_s: of the world.
     """
 
-    def __init__(self, body: Body, friction: float, track_m: float, step_s: float) -> None:
+    def __init__(self, body: WheeledBody, friction: float, track_m: float, step_s: float) -> None:
         a_m, b_m, radius_m = body.wheels
         across_m2 = a_m * a_m + b_m * b_m
         grip_m_s2 = friction * STANDARD_GRAVITY_M_S2
@@ -151,7 +151,7 @@ class SkidSteering:
 
 
 @lru_cache(maxsize=32)
-def curve_factors(body: Body, friction: float) -> Factors:
+def curve_factors(body: WheeledBody, friction: float) -> Factors:
     """Return by what speed and turn rate differ from the closed form, for duties of means and half differences 0 to 1.
 
     It takes some 20 ms, once a process; where the closed form turns hardly or not at all both are 1.

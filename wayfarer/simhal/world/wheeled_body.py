@@ -20,7 +20,7 @@ ROLLING_RESISTANCE = 0.05  # of the load: small tyres on firm soil; on leaf litt
 CLEARANCE_PER_RADIUS = 0.041 / 0.065
 
 
-class Wheels(NamedTuple):
+class WheelGeometry(NamedTuple):
     """Where the four wheels stand: half the wheelbase, half the distance between left and right, and their radius."""
 
     half_base_m: float
@@ -28,7 +28,7 @@ class Wheels(NamedTuple):
     radius_m: float
 
 
-class Body(NamedTuple):
+class WheeledBody(NamedTuple):
     """What a rover file tells of the body, all of it known.
 
     ``motors_n_m`` is the stall torque of all four motors together.
@@ -49,10 +49,10 @@ class Body(NamedTuple):
         return TYRE_WIDTH_PER_RADIUS * self.wheel_radius_m
 
     @property
-    def wheels(self) -> Wheels:
+    def wheels(self) -> WheelGeometry:
         """Where the wheels stand: their outer edges are the body's outline."""
         radius_m = self.wheel_radius_m
-        return Wheels(self.length_m / 2.0 - radius_m, (self.width_m - self.tyre_width_m) / 2.0, radius_m)
+        return WheelGeometry(self.length_m / 2.0 - radius_m, (self.width_m - self.tyre_width_m) / 2.0, radius_m)
 
     @property
     def box_half_m(self) -> tuple[float, float]:
@@ -79,7 +79,7 @@ class Body(NamedTuple):
         return self.weight_kg * ((1.0 - wheels) * box_m2 + wheels * (half_base_m**2 + half_track_m**2))
 
 
-def body_of(name: str, vehicle: Vehicle, chassis: Chassis, asked_by: str) -> Body:
+def body_of(name: str, vehicle: Vehicle, chassis: Chassis, asked_by: str) -> WheeledBody:
     """Return the body of a rover of this name; ``asked_by`` is the option that needs one.
 
     Raises:
@@ -108,6 +108,6 @@ def body_of(name: str, vehicle: Vehicle, chassis: Chassis, asked_by: str) -> Bod
             f"rover '{name}': vehicle.width_m = {vehicle.width_m:g} leaves no room between wheels of"
             f" chassis.wheel_radius_m = {radius_m:g}"
         )
-    return Body(
+    return WheeledBody(
         vehicle.length_m, vehicle.width_m, height_m, clearance_m, weight_kg, radius_m, motors_n_m, vehicle.max_speed_m_s
     )

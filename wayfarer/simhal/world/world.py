@@ -15,15 +15,15 @@ from math import ceil, copysign, cos, degrees, exp, hypot, inf, radians, sin, sq
 
 from wayfarer.config.chassis import Chassis
 from wayfarer.escape.api import Vehicle
-from wayfarer.simhal.random_streams import Streams
-from wayfarer.simhal.world.climbing import Climbing, Underfoot
-from wayfarer.simhal.world.collision import CELL_M, Body, Map, Obstacle, obstacles_of
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.world.climbing import Climbing, GroundPitch
+from wayfarer.simhal.world.collision import CELL_M, BodyOutline, Obstacle, ObstacleGrid, obstacles_of
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.simulated_world import (
     FULL_BATTERY_V,
+    NO_BODY_FAULTS,
     ROUNDING_S,
-    UNHARMED,
     SimulatedWorld,
     Touch,
     nobody_watches,
@@ -62,9 +62,9 @@ class World:
         skid: with it the wheels have the grip of a ground; without it the body goes and turns as it is told.
 
     ``deadman_at_s`` is when the wheels stop by themselves, for parts at device depth; chips have deadmen of their own,
-    and ``chips_act`` lets them act. ``after_step`` is called with the world after each step; the referee sits there.
-    What may go wrong with the world itself (``harm``, ``field_deg``, ``ground_pitch_deg``, ``ground_roll_deg``,
-    ``battery_v``) is neutral unless a fault changes it.
+    and ``tick_chips`` lets them act. ``after_step`` is called with the world after each step; the outcome monitor sits
+    there. What may go wrong with the world itself (``set_faults``, ``field_deg``, ``ground_pitch_deg``,
+    ``ground_roll_deg``, ``battery_v``) is neutral unless a fault changes it.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class World:
         forest: Forest,
         vehicle: Vehicle,
         physics: Physics,
-        streams: Streams,
+        streams: RandomStreams,
         starts_s: float = 0.0,
         chassis: Chassis | None = None,
         skid: SkidSteering | None = None,
@@ -92,21 +92,21 @@ class World:
         self.ground_pitch_deg = self.ground_roll_deg = 0.0
         self.battery_v = FULL_BATTERY_V
         self.deadman_at_s = inf
-        self.chips_act: Callable[[], None] = nothing_acts
-        self.mishaps = UNHARMED
+        self.tick_chips: Callable[[], None] = nothing_acts
+        self.body_faults = NO_BODY_FAULTS
         self.steps = 0
         self.t_s = self._starts_s = starts_s
         self._step_s = physics.step_s
         self._half_step_s = physics.step_s / 2
         self._next_step_s = starts_s + physics.step_s - ROUNDING_S
         self.after_step: Callable[[SimulatedWorld], None] = nobody_watches
-        self._body = Body(vehicle.length_m, vehicle.width_m)
+        self._body = BodyOutline(vehicle.length_m, vehicle.width_m)
         beyond_m, cell_m = (CLUTTER_BEYOND_BODY_M, CLUTTER_CELL_M) if chassis else (SEEN_BEYOND_BODY_M, CELL_M)
         self._seen_m = self._body.reach_m + beyond_m
         self._climbing = Climbing(vehicle, chassis, physics, streams) if chassis else None
         clearance_m = self._climbing.clearance_m if self._climbing else 0.0
-        self._map = Map(obstacles_of(forest, clearance_m), self._seen_m, cell_m)
-        self._underfoot = Underfoot(forest, clearance_m, self._body) if clearance_m else None
+        self._map = ObstacleGrid(obstacles_of(forest, clearance_m), self._seen_m, cell_m)
+        self._underfoot = GroundPitch(forest, clearance_m, self._body) if clearance_m else None
         self._free_m = 0.0
         self._lag = 1.0 - exp(-physics.step_s / physics.motor_lag_s)
         self._settling = exp(-physics.step_s / physics.settle_s)
@@ -120,7 +120,7 @@ class World:
         self._skid = skid
         self.command(0.0, 0.0)
 
-    def _build_rover(self, vehicle: Vehicle, streams: Streams) -> None:
+    def _build_rover(self, vehicle: Vehicle, streams: RandomStreams) -> None:
         """Make this trial's rover a little different from what the field code believes of it."""
         build = streams.generator("world.rover")
         self._full_left_m_s, self._full_right_m_s = (
@@ -141,8 +141,8 @@ class World:
     def command(self, left: float, right: float) -> None:
         """Set the duty of both sides, each in -1..1, from the next step on."""
         self.commanded = (left, right)
-        if self.mishaps is not UNHARMED:
-            left, right = self.mishaps.wheels(left, right)
+        if self.body_faults is not NO_BODY_FAULTS:
+            left, right = self.body_faults.wheels(left, right)
         self._left_target_m_s = left * self._full_left_m_s
         self._right_target_m_s = right * self._full_right_m_s
         self._pulls_back = left + right < 0.0
@@ -170,11 +170,11 @@ class World:
             return 0.0
         return self._underfoot.pitch_deg(self.x_m, self.y_m, sin(self.heading_rad), cos(self.heading_rad))
 
-    def harm(self, **mishaps: float | bool) -> None:
+    def set_faults(self, **body_faults: float | bool) -> None:
         """Change what is wrong with the body, from the next step on."""
-        self.mishaps = replace(self.mishaps, **mishaps)  # type: ignore[arg-type]
-        if self.mishaps == UNHARMED:
-            self.mishaps = UNHARMED
+        self.body_faults = replace(self.body_faults, **body_faults)  # type: ignore[arg-type]
+        if self.body_faults == NO_BODY_FAULTS:
+            self.body_faults = NO_BODY_FAULTS
         self.command(*self.commanded)
 
     def advance_to(self, t_s: float) -> None:
@@ -198,8 +198,8 @@ class World:
         self._left_m_s, self._right_m_s = left_m_s, right_m_s
         if self.slipping and not self._break_free():
             return
-        if self.mishaps is not UNHARMED:
-            left_m_s, right_m_s = self._suffer(left_m_s, right_m_s)
+        if self.body_faults is not NO_BODY_FAULTS:
+            left_m_s, right_m_s = self._apply_faults(left_m_s, right_m_s)
         if self.pitch_deg:
             self.pitch_deg = self.pitch_deg * self._settling if abs(self.pitch_deg) > LEVEL_DEG else 0.0
         forward_m = (left_m_s + right_m_s) * self._half_step_s
@@ -212,12 +212,12 @@ class World:
             if not self._move(forward_m / pieces, turn_rad / pieces):
                 return
 
-    def _suffer(self, left_m_s: float, right_m_s: float) -> tuple[float, float]:
+    def _apply_faults(self, left_m_s: float, right_m_s: float) -> tuple[float, float]:
         """Return how fast the sides really go: a snagged body not at all, a shoved one also by itself."""
-        if self.mishaps.snagged:
+        if self.body_faults.snagged:
             self._left_m_s = self._right_m_s = 0.0
             return 0.0, 0.0
-        shove_m_s = self.mishaps.shove_m_s
+        shove_m_s = self.body_faults.shove_m_s
         return left_m_s + shove_m_s, right_m_s + shove_m_s
 
     def _break_free(self) -> bool:
@@ -241,7 +241,7 @@ class World:
         free_m = self._free_m = self._free_m - length_m
         if free_m > 0.0:
             self.touch = None
-        elif (share := self._feel(dx, dy, turn_rad)) < 1.0:
+        elif (share := self._resolve_contact(dx, dy, turn_rad)) < 1.0:
             dx, dy, forward_m = dx * share, dy * share, forward_m * share
             heading_rad = self.heading_rad + turn_rad * share
         self.x_m += dx
@@ -255,14 +255,14 @@ class World:
                 self.slipping = True
         return self.touch is None
 
-    def _feel(self, dx: float, dy: float, turn_rad: float) -> float:
+    def _resolve_contact(self, dx: float, dy: float, turn_rad: float) -> float:
         """Return how much of a move is free, 1 for all of it; press against what stops it."""
         touched, self.touch = self.touch, None
         within_reach = self._measure(hypot(dx, dy) + self._body.reach_m)
         hit = self._hit(within_reach, dx, dy, turn_rad) if within_reach else None
         if hit is None:
             return 1.0
-        self._press(hit, first=touched is None)
+        self._apply_contact(hit, first=touched is None)
         return 0.0 if touched is not None else self._free_share(within_reach, dx, dy, turn_rad)
 
     def _measure(self, reach_m: float) -> list[Obstacle]:
@@ -299,7 +299,7 @@ class World:
                 share -= 0.5**halving
         return free
 
-    def _press(self, hit: Obstacle, *, first: bool) -> None:
+    def _apply_contact(self, hit: Obstacle, *, first: bool) -> None:
         """Stall at an obstacle; the body rears up on a trunk while its wheels push."""
         self.touch = Touch(hit, side_of(hit, self.x_m, self.y_m, self.heading_rad))
         if hit.axis_deg is not None:

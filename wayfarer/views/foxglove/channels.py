@@ -36,7 +36,7 @@ LATEST_S = 2.0**32 - 1.0  # in the year 2106, where the SDK's times end
 logging.getLogger("foxglove").addHandler(logging.NullHandler())
 
 
-class Moment(NamedTuple):
+class MessageTime(NamedTuple):
     """The time of a message, in the forms that the SDK wants."""
 
     time_ns: int
@@ -53,7 +53,7 @@ class SdkChannel(Protocol):
         """Send a message."""
 
 
-Make = Callable[[Record, Moment], Iterator[Any]]
+Make = Callable[[Record, MessageTime], Iterator[Any]]
 Row = list[tuple[SdkChannel, Make]]
 
 
@@ -112,15 +112,15 @@ class Channels:
             self._rows["outcome"].append((channel, partial(self._path, frame)))
             self._lasting.append((channel, partial(self._path, frame)))
 
-    def _lines(self, record: Record, at: Moment) -> Iterator[Log]:
+    def _lines(self, record: Record, at: MessageTime) -> Iterator[Log]:
         for note in self._notes.take(record):
             yield Log(timestamp=at.stamp, level=note.level, name=note.name, message=note.text)
 
-    def _longer_path(self, frame: str, record: Record, at: Moment) -> Iterator[SceneUpdate]:
+    def _longer_path(self, frame: str, record: Record, at: MessageTime) -> Iterator[SceneUpdate]:
         if self._places.drawn_anew(frame, record["t_s"]):
             yield from self._path(frame, record, at)
 
-    def _path(self, frame: str, _record: Record, at: Moment) -> Iterator[SceneUpdate]:
+    def _path(self, frame: str, _record: Record, at: MessageTime) -> Iterator[SceneUpdate]:
         if points := self._places.paths[frame].points:
             yield path_scene(at.stamp, frame, points)
 
@@ -143,28 +143,28 @@ def nanoseconds(time_s: float) -> int:
     return round(min(max(time_s, 0.0), LATEST_S) * 1e6) * 1000
 
 
-def _moment(time_s: float) -> Moment:
+def _moment(time_s: float) -> MessageTime:
     time_ns = nanoseconds(time_s)
-    return Moment(time_ns, Timestamp(*divmod(time_ns, SECOND_NS)))
+    return MessageTime(time_ns, Timestamp(*divmod(time_ns, SECOND_NS)))
 
 
-def _values(plot: Plot, record: Record, _at: Moment) -> Iterator[bytes]:
+def _values(plot: Plot, record: Record, _at: MessageTime) -> Iterator[bytes]:
     if message := plot.message(record):
         yield orjson.dumps(message)
 
 
-def _pose(tick: Record, at: Moment) -> Iterator[FrameTransform]:
+def _pose(tick: Record, at: MessageTime) -> Iterator[FrameTransform]:
     if place := tick["place"]:
         tilt_deg = tick.get("pitch_deg") or 0.0, tick.get("roll_deg") or 0.0
         yield transform(at.stamp, ROVER, place.east_m, place.north_m, orientation(place.heading_deg, *tilt_deg))
 
 
-def _true_pose(truth: Record, at: Moment) -> Iterator[FrameTransform]:
+def _true_pose(truth: Record, at: MessageTime) -> Iterator[FrameTransform]:
     rotation = orientation(truth["heading_deg"], truth["pitch_deg"], truth["roll_deg"])
     yield transform(at.stamp, TRUTH, truth["x_m"], truth["y_m"], rotation)
 
 
-def _location(fix: Record, at: Moment) -> Iterator[LocationFix]:
+def _location(fix: Record, at: MessageTime) -> Iterator[LocationFix]:
     """Give a position; its error is horizontal, and says nothing of the height."""
     unknown = LocationFixPositionCovarianceType.Unknown
     known = LocationFixPositionCovarianceType.Approximated
@@ -179,11 +179,11 @@ def _location(fix: Record, at: Moment) -> Iterator[LocationFix]:
     )
 
 
-def _forest(header: Record, at: Moment) -> Iterator[SceneUpdate]:
+def _forest(header: Record, at: MessageTime) -> Iterator[SceneUpdate]:
     if "world" in header:
         yield forest_scene(at.stamp, header["world"])
 
 
-def _bodies(header: Record, at: Moment) -> Iterator[SceneUpdate]:
+def _bodies(header: Record, at: MessageTime) -> Iterator[SceneUpdate]:
     frames = (ROVER, TRUTH) if "world" in header else (ROVER,)
     yield body_scene(at.stamp, header["config"]["vehicle"], frames)

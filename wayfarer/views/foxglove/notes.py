@@ -13,7 +13,7 @@ from wayfarer.views.text.wording import Tone, event_name, event_text, event_tone
 LEVELS: Mapping[Tone, LogLevel] = {Tone.WARNING: LogLevel.Warning, Tone.FAULT: LogLevel.Error}  # else for information
 
 
-class Note(NamedTuple):
+class LogMessage(NamedTuple):
     """One line: how severe, what kind of thing it is about, and the text."""
 
     level: LogLevel
@@ -27,22 +27,22 @@ class Notes:
     def __init__(self) -> None:
         self._anomalies: frozenset[str] = frozenset()
 
-    def take(self, record: Record) -> Iterator[Note]:
+    def take(self, record: Record) -> Iterator[LogMessage]:
         """Give the lines of one record; a tick that is not as its schema says may raise anything."""
         match record["record"]:
             case "run" if record.get("part", 1) == 1:
-                yield Note(LogLevel.Info, "run", run_text(record))
+                yield LogMessage(LogLevel.Info, "run", run_text(record))
             case "event":
                 level = LEVELS.get(event_tone(record), LogLevel.Info)
-                yield Note(level, event_name(record), event_text(record))
+                yield LogMessage(level, event_name(record), event_text(record))
             case "fault":
-                yield Note(LogLevel.Warning, "fault", fault_text(record))
+                yield LogMessage(LogLevel.Warning, "fault", fault_text(record))
             case "outcome":
-                yield Note(LogLevel.Info, "outcome", outcome_text(record))
+                yield LogMessage(LogLevel.Info, "outcome", outcome_text(record))
             case "tick":
                 yield from self._begun(record)
 
-    def _begun(self, tick: Record) -> Iterator[Note]:
+    def _begun(self, tick: Record) -> Iterator[LogMessage]:
         before, self._anomalies = self._anomalies, frozenset(tick.get("anomalies", ()))
         for name in sorted(self._anomalies - before):
-            yield Note(LogLevel.Warning, "anomaly", f"{name} in {tick.get('phase')}")
+            yield LogMessage(LogLevel.Warning, "anomaly", f"{name} in {tick.get('phase')}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from foxglove.messages import Point3
 
-from wayfarer.fieldlog.dead_reckoning import DeadReckoning, Place
+from wayfarer.fieldlog.dead_reckoning import DeadReckoning, ReckonedPose
 from wayfarer.fieldlog.reader import Record
 from wayfarer.views.foxglove.path import ThinnedPath
 from wayfarer.views.foxglove.scene import ROVER, TRUTH, point
@@ -32,7 +32,7 @@ class Places:
         """Return how far the rover went by dead reckoning."""
         return self._reckoning.path_m
 
-    def take(self, record: Record) -> Place | None:
+    def take(self, record: Record) -> ReckonedPose | None:
         """Take the next record; of a tick return the place in the map, as a simulated forest has it."""
         match record["record"]:
             case "run" if not self.header:

@@ -1,7 +1,7 @@
 """Web server of the live page, on the daemon's loop: the page at ``/`` and a WebSocket at ``/ws``.
 
 It costs the control tick little, whatever its clients do: states go out ten times a second at most, each is encoded
-once for all, and all that clients can use up is bounded (``audience.Limits``).
+once for all, and all that clients can use up is bounded (``broadcaster.ViewerLimits``).
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from wayfarer.daemon.socket.protocol import Commands, Refused
 from wayfarer.fieldlog.log import Record
 from wayfarer.views.live.access import Access
 from wayfarer.views.live.address import address_to_open, bind
-from wayfarer.views.live.audience import LIMITS, Audience, Limits, Viewer
+from wayfarer.views.live.broadcaster import LIMITS, Broadcaster, PageViewer, ViewerLimits
+from wayfarer.views.live.client_session import ClientSession
 from wayfarer.views.live.document import document
-from wayfarer.views.live.feed import Feed
-from wayfarer.views.live.talk import Talk
+from wayfarer.views.live.page_model import PageModel
 
 STATE_S = 0.1
 REST_S = 0.02  # between two floods of events
@@ -33,7 +33,7 @@ _clients.propagate = False
 
 
 class LivePage:
-    """Shows a run to browsers; implements ``daemon.viewer.Viewer``.
+    """Shows a run to browsers; implements ``daemon.viewer.PageViewer``.
 
     ``url`` is the address to open, and ``watched`` is set once somebody opens the page.
 
@@ -48,7 +48,7 @@ class LivePage:
         BadInput: the port cannot be had.
     """
 
-    def __init__(self, host: str, port: int, token: str, speed: float = 1.0, limits: Limits = LIMITS) -> None:
+    def __init__(self, host: str, port: int, token: str, speed: float = 1.0, limits: ViewerLimits = LIMITS) -> None:
         self._socket = bind(host, port)
         self.url = address_to_open(self._socket, token)
         self.watched = asyncio.Event()
@@ -57,12 +57,12 @@ class LivePage:
         self._access = Access(token)
         self._speed = speed
         self._limits = limits
-        self._feed = Feed()
-        self._audience = Audience(self._snapshot, limits)
+        self._model = PageModel()
+        self._broadcaster = Broadcaster(self._snapshot, limits)
         self._page = document()
         self._soon = asyncio.Event()
         self._turn = asyncio.Lock()
-        self._talks: dict[web.RequestHandler, Talk] = {}
+        self._sessions: dict[web.RequestHandler, ClientSession] = {}
         self._routes = {"/": self._answer_page, "/ws": self._answer_socket}
 
     def close(self) -> None:
@@ -70,13 +70,13 @@ class LivePage:
         self._socket.close()
 
     def show(self, record: Record) -> None:
-        """Take a record; see ``Viewer``."""
-        if self._feed.take(record):
+        """Take a record; see ``PageViewer``."""
+        if self._model.take(record):
             self._soon.set()
 
     @asynccontextmanager
     async def serving(self, commands: Commands) -> AsyncIterator[None]:
-        """Serve while entered; see ``Viewer``. What was shown last still goes out at the end."""
+        """Serve while entered; see ``PageViewer``. What was shown last still goes out at the end."""
         self._commands = commands
         loop = asyncio.get_running_loop()
         self._http = web.Server(self._answer, access_log=None, logger=_clients, lingering_time=0.0)
@@ -104,13 +104,13 @@ class LivePage:
             _bugs.exception("in telling viewers: the live page is not updated any more")
 
     def _tell(self) -> None:
-        news = self._feed.news()
-        if self._audience.viewers:
-            self._audience.tell(news, self._feed.state())
+        news = self._model.news()
+        if self._broadcaster.viewers:
+            self._broadcaster.tell(news, self._model.state())
 
     def _snapshot(self) -> dict[str, Any]:
         self._tell()  # what is in the snapshot must not be news afterwards
-        return self._feed.snapshot()
+        return self._model.snapshot()
 
     async def _end(self) -> None:
         """Tell how it ended, and let everybody go; each of the three has its time."""
@@ -118,10 +118,10 @@ class LivePage:
         limit_s = self._limits.end_s * self._speed
         with suppress(TimeoutError):
             async with asyncio.timeout(limit_s):
-                await asyncio.gather(*(viewer.catch_up() for viewer in self._audience.viewers))
+                await asyncio.gather(*(viewer.catch_up() for viewer in self._broadcaster.viewers))
         with suppress(TimeoutError):
             async with asyncio.timeout(limit_s):
-                await asyncio.gather(*(talk.end("the run has ended") for talk in self._talks.values()))
+                await asyncio.gather(*(session.end("the run has ended") for session in self._sessions.values()))
         for connection in self._http.connections:
             _abort(connection)
         await self._http.shutdown(limit_s)
@@ -135,7 +135,7 @@ class LivePage:
         """
         taken = [each for each in self._http.connections if each.transport and not each.transport.is_closing()]
         if len(taken) >= self._limits.connections:
-            idle = next((each for each in taken if each not in self._talks), None)
+            idle = next((each for each in taken if each not in self._sessions), None)
             if idle is None:
                 return _TurnedAway()
             _abort(idle)
@@ -145,7 +145,7 @@ class LivePage:
         return connection
 
     def _drop_idle(self, connection: web.RequestHandler) -> None:
-        if connection not in self._talks:
+        if connection not in self._sessions:
             _abort(connection)
 
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
@@ -175,22 +175,22 @@ class LivePage:
     async def _answer_socket(self, request: web.BaseRequest) -> web.StreamResponse:
         self._access.check_socket(request.remote or "", request.headers, request.cookies.get(self._cookie, ""))
         limits, speed = self._limits, self._speed
-        if len(self._talks) >= limits.viewers:
+        if len(self._sessions) >= limits.viewers:
             return _plain(503, f"{limits.viewers} viewers are connected already, which is the limit")
         socket = web.WebSocketResponse(
             timeout=limits.end_s * speed, compress=False, max_msg_size=limits.message_bytes, autoping=False
         )
-        viewer = Viewer(self._audience, socket.send_str, limits.silent_s * speed, limits.unseen)
-        talk = self._talks[request.protocol] = Talk(
+        viewer = PageViewer(self._broadcaster, socket.send_str, limits.silent_s * speed, limits.unseen)
+        session = self._sessions[request.protocol] = ClientSession(
             socket, viewer, self._commands, self._turn, self.watched, limits, speed
         )
         try:
             await _shake_hands(socket, request)
-            self._audience.viewers.add(viewer)
-            await talk.run()
+            self._broadcaster.viewers.add(viewer)
+            await session.run()
         finally:
-            self._audience.viewers.discard(viewer)
-            del self._talks[request.protocol]
+            self._broadcaster.viewers.discard(viewer)
+            del self._sessions[request.protocol]
         return socket
 
 

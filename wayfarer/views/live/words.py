@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from wayfarer.escape.api import Anomaly, Phase
-from wayfarer.escape.phases import Event
+from wayfarer.escape.phases import PhaseEvent
 from wayfarer.safety.conditions import Condition, Level
 
 PHASES: Mapping[str, str] = {
@@ -36,12 +36,12 @@ _AFTER: Mapping[str, str] = {
 }
 
 EVENTS: Mapping[str, str] = {
-    Event.ANOMALY.value: "an anomaly {during}",
-    Event.DONE.value: "{after}",
-    Event.UNWOUND.value: "the turn counter C is back at zero",
-    Event.REALIGNED.value: "the heading is the goal heading again",
-    Event.EXHAUSTED.value: "it took too long {during}",
-    Event.OVERWOUND.value: "C exceeded three turns {during} and was reset",
+    PhaseEvent.ANOMALY.value: "an anomaly {during}",
+    PhaseEvent.DONE.value: "{after}",
+    PhaseEvent.UNWOUND.value: "the turn counter C is back at zero",
+    PhaseEvent.REALIGNED.value: "the heading is the goal heading again",
+    PhaseEvent.EXHAUSTED.value: "it took too long {during}",
+    PhaseEvent.OVERWOUND.value: "C exceeded three turns {during} and was reset",
 }
 
 ANOMALIES: Mapping[str, str] = {
@@ -113,6 +113,6 @@ def because(why: str, anomalies: Iterable[str]) -> str:
     if phase not in _WHILE or event not in EVENTS:
         return why
     found = ", ".join(ANOMALIES.get(anomaly, anomaly) for anomaly in anomalies)
-    if event == Event.ANOMALY.value and found:
+    if event == PhaseEvent.ANOMALY.value and found:
         return f"{found}, {_WHILE[phase]}"
     return EVENTS[event].format(during=_WHILE[phase], after=_AFTER[phase])

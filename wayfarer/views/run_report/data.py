@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.fieldlog.reader import Damage, Record
 from wayfarer.safety.conditions import Level
-from wayfarer.views.text.account import Account
-from wayfarer.views.text.summary import Summary
+from wayfarer.views.text.run_summariser import RunSummariser
+from wayfarer.views.text.summary import RunSummary
 
 Floats = NDArray[np.float64]
 Columns = Mapping[str, Floats]
@@ -54,7 +54,7 @@ class Tick(NamedTuple):
     stretch: float
 
 
-class Truth(NamedTuple):
+class TruePose(NamedTuple):
     """Where a simulated rover really was, in the metres of its forest; ``stretch`` as in ``Tick``."""
 
     t_s: float
@@ -73,7 +73,7 @@ class Onset(NamedTuple):
     east_m: float
 
 
-class Event(NamedTuple):
+class LoggedEvent(NamedTuple):
     """An ``event`` record, its name, and where dead reckoning had the rover.
 
     ``mark`` counts the marks from 1 and is 0 for any other event.
@@ -87,7 +87,7 @@ class Event(NamedTuple):
     east_m: float
 
 
-class Fix(NamedTuple):
+class MapFix(NamedTuple):
     """A position: degrees, the horizontal error in metres, and where dead reckoning had the rover then."""
 
     t_s: float
@@ -136,14 +136,14 @@ class RunData:
     """Everything of one run that its report shows."""
 
     header: Record = field(default_factory=dict)
-    summary: Summary = field(default_factory=lambda: Account().summary())
+    summary: RunSummary = field(default_factory=lambda: RunSummariser().summary())
     damage: Damage = field(default_factory=Damage)
     ticks: Columns = field(default_factory=lambda: columns(Tick, []))
-    truth: Columns = field(default_factory=lambda: columns(Truth, []))
+    truth: Columns = field(default_factory=lambda: columns(TruePose, []))
     batteries: list[tuple[float, float]] = field(default_factory=list)
     onsets: list[Onset] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
-    fixes: list[Fix] = field(default_factory=list)
+    events: list[LoggedEvent] = field(default_factory=list)
+    fixes: list[MapFix] = field(default_factory=list)
     episodes: list[Episode] = field(default_factory=list)
     sensors: dict[str, Sensor] = field(default_factory=dict)
 
@@ -160,7 +160,7 @@ class RunData:
         return number(value)
 
 
-def columns(kind: type[Tick] | type[Truth], flat: Any) -> Columns:
+def columns(kind: type[Tick] | type[TruePose], flat: Any) -> Columns:
     """Return the columns of rows that stand one after the other."""
     names = kind._fields
     return dict(zip(names, np.array(flat, dtype=np.float64).reshape(-1, len(names)).T, strict=True))

@@ -25,7 +25,7 @@ class Label(NamedTuple):
     colour: str
 
 
-class Placed(NamedTuple):
+class PlacedLabel(NamedTuple):
     """Where a label goes: its lane counts from 0, the top; ``left_pt`` is where its text begins."""
 
     label: Label
@@ -33,14 +33,14 @@ class Placed(NamedTuple):
     left_pt: float
 
 
-def place(labels: Sequence[Label], room_pt: float, lanes: int) -> list[Placed]:
+def place(labels: Sequence[Label], room_pt: float, lanes: int) -> list[PlacedLabel]:
     """Return where labels go that find room, in the order in which they were given.
 
     A text begins at its place, or ends there where it would leave the axis on the right. What finds no free lane is
     left out.
     """
     taken: list[list[tuple[float, float]]] = [[] for _ in range(lanes)]
-    found: dict[int, Placed] = {}
+    found: dict[int, PlacedLabel] = {}
     for index in sorted(range(len(labels)), key=lambda index: labels[index].rank):
         label = labels[index]
         width_pt = text_width_pt(label.text)
@@ -49,7 +49,7 @@ def place(labels: Sequence[Label], room_pt: float, lanes: int) -> list[Placed]:
         lane = next((lane for lane in range(lanes) if _is_free(taken[lane], span)), None)
         if lane is not None:
             taken[lane].append(span)
-            found[index] = Placed(label, lane, left_pt)
+            found[index] = PlacedLabel(label, lane, left_pt)
     return [found[index] for index in sorted(found)]
 
 

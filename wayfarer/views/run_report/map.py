@@ -20,7 +20,7 @@ from wayfarer.views.run_report.drawing import BLACK, GREEN, VERMILION, WIDTH_IN
 from wayfarer.views.run_report.forest_map import END, START, STROKES
 from wayfarer.views.run_report.labels import spread
 from wayfarer.views.run_report.marks import ANOMALY_MARKS, anomaly_style
-from wayfarer.views.run_report.position import Placed
+from wayfarer.views.run_report.position import LocalFix
 from wayfarer.views.run_report.series import pieces
 
 LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN = 0.6, 1.65, 0.1, 0.5  # around the map; the legend is at the right
@@ -45,7 +45,7 @@ RECEIVER: dict[str, Any] = {"color": GREEN, "linewidth": 0.7, "marker": "+", "ma
 Point = tuple[float, float]  # metres east and north
 
 
-class Map(NamedTuple):
+class MapFrame(NamedTuple):
     """What is seen: metres east and north at the lower left, and the size in metres."""
 
     east_m: float
@@ -67,7 +67,7 @@ class Way(NamedTuple):
     stroke: Floats
 
 
-def map_around(east_m: Floats, north_m: Floats) -> Map:
+def map_around(east_m: Floats, north_m: Floats) -> MapFrame:
     """Return a map with everything on it, neither too slim nor too tall for a page."""
     if not east_m.size:
         east_m = north_m = np.zeros(1)
@@ -76,10 +76,10 @@ def map_around(east_m: Floats, north_m: Floats) -> Map:
     pad_m = 0.08 * max(wide_m, high_m, SMALLEST_M)
     width_m = max(wide_m + 2 * pad_m, (high_m + 2 * pad_m) / TALLEST, SMALLEST_M)
     height_m = max(high_m + 2 * pad_m, width_m * SLIMMEST)
-    return Map(west_m - (width_m - wide_m) / 2, south_m - (height_m - high_m) / 2, width_m, height_m)
+    return MapFrame(west_m - (width_m - wide_m) / 2, south_m - (height_m - high_m) / 2, width_m, height_m)
 
 
-def frame(shown: Map) -> tuple[Figure, Axes]:
+def frame(shown: MapFrame) -> tuple[Figure, Axes]:
     """Return a figure with the empty map in it, as wide as a page allows."""
     room_in = ROOM_IN * shown.height_m / shown.width_m
     height_in = room_in + TOP_IN + BOTTOM_IN
@@ -105,7 +105,7 @@ def broken(way: Way, stretch: Floats) -> Way:
     return Way(*(np.insert(column, at, np.nan) for column in way))
 
 
-def draw_way(axes: Axes, way: Way, shown: Map) -> None:
+def draw_way(axes: Axes, way: Way, shown: MapFrame) -> None:
     """Draw a way in the colours of its phases."""
     way = thinned(way, shown)
     for at, stroke in enumerate(STROKES):
@@ -115,7 +115,7 @@ def draw_way(axes: Axes, way: Way, shown: Map) -> None:
             axes.plot(*line, color=stroke.colour, linewidth=1.2 * stroke.width, label=stroke.text, zorder=2)
 
 
-def thinned(way: Way, shown: Map) -> Way:
+def thinned(way: Way, shown: MapFrame) -> Way:
     """Return a way without the points that nobody could tell from the one before; every change of phase is kept."""
     step_m = max(shown.width_m, shown.height_m) / STEPS
     cells = np.floor(np.stack([way.east_m, way.north_m]) / step_m)
@@ -140,7 +140,7 @@ def draw_ends(axes: Axes, way: Way, *, from_start: bool) -> None:
             axes.plot(way.east_m[at], way.north_m[at], linestyle="none", label=label, zorder=4, **style)
 
 
-def draw_arrow(axes: Axes, place_m: Point, heading_deg: float, shown: Map) -> None:
+def draw_arrow(axes: Axes, place_m: Point, heading_deg: float, shown: MapFrame) -> None:
     """Draw a compass heading at a place, for the goal that was taken there."""
     length_m, along = ARROW * min(shown.width_m, shown.height_m), radians(heading_deg)
     tip_m = (place_m[0] + length_m * sin(along), place_m[1] + length_m * cos(along))
@@ -157,7 +157,7 @@ def draw_onsets(axes: Axes, onsets: Sequence[tuple[str, Point]]) -> None:
             axes.plot(*np.array(places_m).T, zorder=3, label=kind.replace("_", " "), **anomaly_style(kind, size_pt))
 
 
-def draw_marks(axes: Axes, marks: Sequence[tuple[int, Point]], shown: Map) -> None:
+def draw_marks(axes: Axes, marks: Sequence[tuple[int, Point]], shown: MapFrame) -> None:
     """Draw a person's marks: a line from each place to a badge with the mark's number."""
     known = [(number, east_m, north_m) for number, (east_m, north_m) in marks if not isnan(east_m + north_m)]
     scale = shown.points_per_m
@@ -177,7 +177,7 @@ def draw_marks(axes: Axes, marks: Sequence[tuple[int, Point]], shown: Map) -> No
         )
 
 
-def draw_fixes(axes: Axes, fixes: Sequence[Placed]) -> None:
+def draw_fixes(axes: Axes, fixes: Sequence[LocalFix]) -> None:
     """Draw what the receiver said, with circles of its error."""
     if not fixes:
         return
@@ -194,7 +194,7 @@ def draw_fixes(axes: Axes, fixes: Sequence[Placed]) -> None:
     )
 
 
-def draw_scale(axes: Axes, shown: Map) -> None:
+def draw_scale(axes: Axes, shown: MapFrame) -> None:
     """Draw a bar of a round length at the lower left."""
     length_m = max((each for each in SCALES_M if each <= shown.width_m / 4), default=SCALES_M[0])
     x_m, y_m = shown.east_m + 0.03 * shown.width_m, shown.north_m + 0.03 * shown.width_m

@@ -10,7 +10,7 @@ import numpy as np
 
 from wayfarer.escape.api import Phase
 from wayfarer.fieldlog.fields import name, number, span
-from wayfarer.views.run_report.data import GAP_S, PHASES, Event, Floats, RunData
+from wayfarer.views.run_report.data import GAP_S, PHASES, Floats, LoggedEvent, RunData
 from wayfarer.views.run_report.drawing import BLACK, GREEN, GREY, ORANGE, SKY, VERMILION
 from wayfarer.views.run_report.forest_map import STROKES
 from wayfarer.views.text.wording import Tone, event_tone
@@ -67,27 +67,27 @@ def labelled(data: RunData) -> list[Labelled]:
     return _counted(sorted([*events, *_silences(data)]), AGAIN * data.summary.lasted_s)
 
 
-def _tells(event: Event) -> bool:
+def _tells(event: LoggedEvent) -> bool:
     """Leave out what another label or the band of holds says as well."""
     if event.name == "health":
         return event.record.get("level") != "well" and event.record.get("cause") != "operator_hold"
     return event.name not in UNLABELLED
 
 
-def _label(event: Event) -> Labelled:
+def _label(event: LoggedEvent) -> Labelled:
     trouble = is_trouble(event)
     by_hand = event_tone(event.record) is Tone.PERSON
     rank = MARK_RANK if event.mark else TROUBLE_RANK if trouble else HAND_RANK if by_hand else OTHER_RANK
     return Labelled(event.t_s, event_label(event), rank, VERMILION if trouble else BLACK)
 
 
-def is_trouble(event: Event) -> bool:
+def is_trouble(event: LoggedEvent) -> bool:
     """Return whether an event tells of something that went wrong; a hold that somebody asked for did not."""
     tone = event_tone(event.record)
     return tone in (Tone.WARNING, Tone.FAULT) and event.record.get("cause") != "operator_hold"
 
 
-def event_label(event: Event) -> str:
+def event_label(event: LoggedEvent) -> str:
     """Return an event in a few words."""
     record = event.record
     if event.mark:

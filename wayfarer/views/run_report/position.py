@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 from wayfarer.angles import wrap180
 from wayfarer.safety.mission_limits import METRES_PER_DEG
-from wayfarer.views.run_report.data import Fix
+from wayfarer.views.run_report.data import MapFix
 
 FAR_M = 10_000.0  # from the middle of all fixes: no rover walks there, a receiver that just woke up says so
 
 
-class Placed(NamedTuple):
+class LocalFix(NamedTuple):
     """A fix in metres; ``error_m`` is NaN where the receiver did not tell."""
 
     north_m: float
@@ -21,7 +21,7 @@ class Placed(NamedTuple):
     error_m: float
 
 
-def local_metres(fixes: list[Fix]) -> list[Placed]:
+def local_metres(fixes: list[MapFix]) -> list[LocalFix]:
     """Return fixes in metres north and east, where dead reckoning had the rover at the first of them.
 
     Fixes that are ``FAR_M`` from most others are left out. Nobody turns them: dead reckoning counts from magnetic
@@ -32,10 +32,12 @@ def local_metres(fixes: list[Fix]) -> list[Placed]:
         return []
     first = near[0]
     north_m, east_m = (0.0 if isnan(place_m) else place_m for place_m in (first.north_m, first.east_m))
-    return [Placed(north_m + dn_m, east_m + de_m, fix.error_m) for fix in near for dn_m, de_m in [_offset(first, fix)]]
+    return [
+        LocalFix(north_m + dn_m, east_m + de_m, fix.error_m) for fix in near for dn_m, de_m in [_offset(first, fix)]
+    ]
 
 
-def _believable(fixes: list[Fix]) -> list[Fix]:
+def _believable(fixes: list[MapFix]) -> list[MapFix]:
     if not fixes:
         return []
     first = fixes[0]
@@ -46,7 +48,7 @@ def _believable(fixes: list[Fix]) -> list[Fix]:
     return [fix for fix in fixes if max(map(abs, _offset(middle, fix))) < FAR_M]
 
 
-def _offset(origin: Fix, fix: Fix) -> tuple[float, float]:
+def _offset(origin: MapFix, fix: MapFix) -> tuple[float, float]:
     """Return metres north and east of an origin, on a plane."""
     north_m = (fix.latitude_deg - origin.latitude_deg) * METRES_PER_DEG
     east_deg = wrap180(fix.longitude_deg - origin.longitude_deg)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from wayfarer.escape.api import Phase
-from wayfarer.fieldlog.dead_reckoning import QUALITY_MIN, Place
+from wayfarer.fieldlog.dead_reckoning import QUALITY_MIN, ReckonedPose
 from wayfarer.fieldlog.fields import name, names, reckoning, sound_tick
 from wayfarer.fieldlog.reader import Damage, Record, RunReader
 from wayfarer.views.run_report.data import (
@@ -18,17 +18,17 @@ from wayfarer.views.run_report.data import (
     LEVELS,
     PHASES,
     Episode,
-    Event,
-    Fix,
+    LoggedEvent,
+    MapFix,
     Onset,
     RunData,
     Sensor,
     Tick,
-    Truth,
+    TruePose,
     columns,
     number,
 )  # fmt: skip
-from wayfarer.views.text.account import Account
+from wayfarer.views.text.run_summariser import RunSummariser
 from wayfarer.views.text.verdict import readable
 from wayfarer.views.text.wording import event_name
 
@@ -57,7 +57,7 @@ class _Reading:
             "run": self._header, "tick": self._tick, "event": self._event, "position": self._position,
             "board": self._board, "truth": self._truth,
         }  # fmt: skip
-        self._account = Account()
+        self._summariser = RunSummariser()
         self._reckoning = reckoning({})
         self._sensors: defaultdict[str, Sensor] = defaultdict(Sensor)
         self._ticks, self._truths = array("d"), array("d")
@@ -72,7 +72,7 @@ class _Reading:
 
     def take(self, record: Record) -> None:
         """Take the next record."""
-        self._account.take(record)
+        self._summariser.take(record)
         self._note_missing(record.get("n"))
         if isnan(self._first_t_s):
             self._first_t_s = float(record["t_s"])
@@ -83,8 +83,8 @@ class _Reading:
         """Return what was read."""
         self._end_episode(None)
         data = self.data
-        data.summary, data.damage = self._account.summary(), damage
-        data.ticks, data.truth = columns(Tick, self._ticks), columns(Truth, self._truths)
+        data.summary, data.damage = self._summariser.summary(), damage
+        data.ticks, data.truth = columns(Tick, self._ticks), columns(TruePose, self._truths)
         data.sensors = dict(sorted(self._sensors.items()))
         for sensor in data.sensors.values():  # one that fell silent for good has a gap up to the end
             sensor.longest_gap_s = max(sensor.longest_gap_s, data.summary.lasted_s - sensor.last_t_s)
@@ -168,7 +168,7 @@ class _Reading:
             sensor.longest_gap_s = max(sensor.longest_gap_s, gap_s)
         sensor.last_t_s = since_s
 
-    def _note_anomalies(self, since_s: float, wrong: frozenset[str], place: Place | None) -> None:
+    def _note_anomalies(self, since_s: float, wrong: frozenset[str], place: ReckonedPose | None) -> None:
         for kind in sorted(wrong - self._wrong):
             self.data.onsets.append(Onset(since_s, kind, *_metres(place)))
         self._wrong = wrong
@@ -202,7 +202,7 @@ class _Reading:
         what = event_name(record)
         self._marks += what == "mark"
         mark = self._marks if what == "mark" else 0
-        self.data.events.append(Event(since_s, what, record, mark, *_metres(self._reckoning.place)))
+        self.data.events.append(LoggedEvent(since_s, what, record, mark, *_metres(self._reckoning.place)))
         if what in ("armed", "disarmed"):
             self._end_episode(what)
         if what == "sensor_failed":
@@ -213,14 +213,14 @@ class _Reading:
         latitude_deg, longitude_deg = number(record.get("latitude_deg")), number(record.get("longitude_deg"))
         if abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0:
             place, error_m = self._reckoning.place, number(record.get("error_m"))
-            self.data.fixes.append(Fix(since_s, latitude_deg, longitude_deg, error_m, *_metres(place)))
+            self.data.fixes.append(MapFix(since_s, latitude_deg, longitude_deg, error_m, *_metres(place)))
 
     def _board(self, since_s: float, record: Record) -> None:
         if not isnan(battery_v := number(record.get("battery_v"))):
             self.data.batteries.append((since_s, battery_v))
 
     def _truth(self, since_s: float, record: Record) -> None:
-        truth = Truth(since_s, number(record.get("x_m")), number(record.get("y_m")), self._phase, self._stretch)
+        truth = TruePose(since_s, number(record.get("x_m")), number(record.get("y_m")), self._phase, self._stretch)
         if not isnan(truth.x_m + truth.y_m):
             self._truths.extend(truth)
 
@@ -231,5 +231,5 @@ def _duty(value: object) -> float:
     return duty if -1.0 <= duty <= 1.0 else 0.0
 
 
-def _metres(place: Place | None) -> tuple[float, float]:
+def _metres(place: ReckonedPose | None) -> tuple[float, float]:
     return (number(place.north_m), number(place.east_m)) if place else (nan, nan)

@@ -15,7 +15,7 @@ from wayfarer.views.run_report.data import GAP_S, Floats
 BINS = 900  # two columns of pixels, or a third of a point on paper, for each
 
 
-class Span(NamedTuple):
+class ValueSpan(NamedTuple):
     """A time in which a value stays the same."""
 
     start_s: float
@@ -68,7 +68,7 @@ def without_unknown(t_s: Floats, values: Floats) -> tuple[Floats, Floats]:
     return t_s[known], values[known]
 
 
-def spans(t_s: Floats, values: Floats, samples: int = BINS) -> list[Span]:
+def spans(t_s: Floats, values: Floats, samples: int = BINS) -> list[ValueSpan]:
     """Return the times in which a value stays the same, at most ``samples`` of them; unknown values have none.
 
     The last value is taken to hold for as long as the tick before it did.
@@ -93,13 +93,13 @@ def pieces(columns: tuple[Floats, Floats], inside: NDArray[np.bool_]) -> tuple[F
     return first, second
 
 
-def _runs(starts_s: Floats, ends_s: Floats, values: Floats) -> Iterator[Span]:
+def _runs(starts_s: Floats, ends_s: Floats, values: Floats) -> Iterator[ValueSpan]:
     """Yield a span for each run of equal values that follow each other without a gap."""
     new = (values[1:] != values[:-1]) | (starts_s[1:] > ends_s[:-1] + 1e-9)
     bounds = np.concatenate(([0], np.flatnonzero(new) + 1, [values.size]))
     for first, end in pairwise(bounds):
         if not np.isnan(values[first]):
-            yield Span(float(starts_s[first]), float(ends_s[end - 1]), float(values[first]))
+            yield ValueSpan(float(starts_s[first]), float(ends_s[end - 1]), float(values[first]))
 
 
 def _broken(t_s: Floats, values: Floats, between: NDArray[np.bool_]) -> tuple[Floats, Floats]:

@@ -8,7 +8,7 @@ from math import isnan
 
 from wayfarer.fieldlog.fields import name, span
 from wayfarer.views.run_report import page, words
-from wayfarer.views.run_report.data import Event, RunData, Sensor
+from wayfarer.views.run_report.data import LoggedEvent, RunData, Sensor
 from wayfarer.views.run_report.marks import is_trouble
 from wayfarer.views.text.wording import event_text
 
@@ -77,7 +77,7 @@ def events_list(data: RunData) -> str:
     )
 
 
-def _event(event: Event) -> str:
+def _event(event: LoggedEvent) -> str:
     if event.mark:
         return f"mark {event.mark}: {escape(name(event.record, 'text') or '')}"
     text = escape(event_text(event.record))

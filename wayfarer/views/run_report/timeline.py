@@ -14,10 +14,10 @@ from matplotlib.ticker import FixedLocator, FuncFormatter
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.drawing import GREY, WIDTH_IN
 from wayfarer.views.run_report.forest_map import STROKES
-from wayfarer.views.run_report.labels import SIZE_PT, Label, Placed, place
+from wayfarer.views.run_report.labels import SIZE_PT, Label, PlacedLabel, place
 from wayfarer.views.run_report.marks import labelled, stroke_of
 from wayfarer.views.run_report.panels import panels_of
-from wayfarer.views.run_report.series import Span, spans
+from wayfarer.views.run_report.series import ValueSpan, spans
 
 LEFT_IN, RIGHT_IN = 0.95, 1.15  # beside the panels: what they show, and their legends
 ROOM_IN = WIDTH_IN - LEFT_IN - RIGHT_IN
@@ -65,7 +65,7 @@ def _lay_out(heights_in: Sequence[float]) -> tuple[Figure, list[Axes]]:
     return figure, axes
 
 
-def _write(axes: Axes, placed: Sequence[Placed], lanes: int) -> None:
+def _write(axes: Axes, placed: Sequence[PlacedLabel], lanes: int) -> None:
     """Write the labels, each with a line down to the panels."""
     axes.set_xlim(0.0, ROOM_IN * 72.0)
     axes.set_ylim(max(lanes, 1) + BETWEEN_IN / LANE_IN, 0.0)
@@ -81,11 +81,11 @@ def _lead(axes: Axes, times_s: Sequence[float]) -> None:
     axes.vlines(times_s, 0, 1, colors=GREY, alpha=0.6, linewidths=0.4, transform=axes.get_xaxis_transform(), zorder=0.9)
 
 
-def _bands(data: RunData) -> list[Span]:
+def _bands(data: RunData) -> list[ValueSpan]:
     return spans(data.ticks["t_s"], stroke_of(data.ticks["phase"]))
 
 
-def _shade(axes: Axes, bands: Sequence[Span]) -> None:
+def _shade(axes: Axes, bands: Sequence[ValueSpan]) -> None:
     """Draw the phases behind a panel: one path for each colour, however often it comes."""
     for at, stroke in enumerate(STROKES):
         boxes = [[(a, 0.0), (a, 1.0), (b, 1.0), (b, 0.0), (a, 0.0)] for a, b, value in bands if value == at]

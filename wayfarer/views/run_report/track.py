@@ -15,7 +15,7 @@ from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.drawing import GREY, VERMILION
 from wayfarer.views.run_report.forest_map import GOAL, MARGIN_M, TREE, TRUNK, draw_forest
 from wayfarer.views.run_report.map import (
-    Map,
+    MapFrame,
     Point,
     Way,
     broken,
@@ -68,7 +68,7 @@ def track_figure(data: RunData) -> Figure:
 
 def forest_track_figure(data: RunData, forest: Forest) -> Figure:
     """Return where a simulated rover really went, and where dead reckoning had it."""
-    shown = Map(-MARGIN_M, -MARGIN_M, WORLD_SIZE_M + 2 * MARGIN_M, WORLD_SIZE_M + 2 * MARGIN_M)
+    shown = MapFrame(-MARGIN_M, -MARGIN_M, WORLD_SIZE_M + 2 * MARGIN_M, WORLD_SIZE_M + 2 * MARGIN_M)
     figure, axes = frame(shown)
     true, reckoned = _true(data), thinned(_from_true_start(data), shown)
     draw_way(axes, true, shown)

@@ -11,13 +11,13 @@ from wayfarer.fieldlog.fields import began_wall_s, local_time, name, number, spa
 from wayfarer.fieldlog.folders import run_folders, run_number
 from wayfarer.fieldlog.last_run import end_of_log
 from wayfarer.fieldlog.printable import clean
-from wayfarer.fieldlog.reader import Record, RunReader, log_parts, read_header
+from wayfarer.fieldlog.reader import Record, RunReader, log_segments, read_header
 from wayfarer.views.text.wording import marks
 
 ALIVE_S = 5.0  # a log that was written to so recently has no outcome because its run still goes on
 
 
-class Row(NamedTuple):
+class RunRow(NamedTuple):
     """One run in a few words; what its log does not tell is empty."""
 
     run: str
@@ -32,12 +32,12 @@ class Row(NamedTuple):
 
 
 SHORT = {"simulated": " (sim)", "dry run": " (dry)"}
-TITLES = Row("run", "began", "lasted", "rover", "algorithm", "m", "episodes", "outcome", "MB")
+TITLES = RunRow("run", "began", "lasted", "rover", "algorithm", "m", "episodes", "outcome", "MB")
 RIGHT = {"run", "lasted", "m", "episodes", "MB"}
 SPARED = ("size", "rover", "algorithm", "episodes")  # what a narrow terminal goes without, first to last
 
 
-def rows(logs: Path, now_wall_s: float) -> list[Row]:
+def rows(logs: Path, now_wall_s: float) -> list[RunRow]:
     """Return a row for each run, in the order of ``run_folders``.
 
     Args:
@@ -50,9 +50,9 @@ def rows(logs: Path, now_wall_s: float) -> list[Row]:
     return [_row(run, now_wall_s) for run in run_folders(logs)]
 
 
-def lines(table: Sequence[Row], width: int | None) -> list[str]:
+def lines(table: Sequence[RunRow], width: int | None) -> list[str]:
     """Return rows as lines under their titles, with as many columns as ``width`` characters hold (None: all)."""
-    shown = list(Row._fields)
+    shown = list(RunRow._fields)
     for spared in ("", *SPARED):
         shown = [column for column in shown if column != spared]
         laid_out = _laid_out(shown, [TITLES, *table])
@@ -61,28 +61,28 @@ def lines(table: Sequence[Row], width: int | None) -> list[str]:
     return laid_out
 
 
-def _laid_out(columns: Sequence[str], table: Sequence[Row]) -> list[str]:
+def _laid_out(columns: Sequence[str], table: Sequence[RunRow]) -> list[str]:
     widths = {column: max(len(getattr(row, column)) for row in table) for column in columns}
     return ["  ".join(_cell(row, column, widths[column]) for column in columns).rstrip() for row in table]
 
 
-def _cell(row: Row, column: str, width: int) -> str:
+def _cell(row: RunRow, column: str, width: int) -> str:
     text = str(getattr(row, column))
     return text.rjust(width) if getattr(TITLES, column) in RIGHT else text.ljust(width)
 
 
-def _row(run: Path, now_wall_s: float) -> Row:
+def _row(run: Path, now_wall_s: float) -> RunRow:
     title = _title(run)
     try:
-        parts = log_parts(run)
-        size_b, written_s = sum(part.stat().st_size for part in parts), parts[-1].stat().st_mtime
-        first, last = next(iter(RunReader(run)), None), _last(parts)
+        segments = log_segments(run)
+        size_b, written_s = sum(segment.stat().st_size for segment in segments), segments[-1].stat().st_mtime
+        first, last = next(iter(RunReader(run)), None), _last(segments)
     except (BadInput, OSError):
         first = None
     if first is None:
-        return Row(title, "", "", "", "", "", "", "unreadable", "")
+        return RunRow(title, "", "", "", "", "", "", "unreadable", "")
     header, end, tick = _header(run, first), last.get("any", {}), last.get("tick", {})
-    return Row(
+    return RunRow(
         title,
         _began(header, first, end),
         _lasted(first, end),
@@ -135,10 +135,10 @@ def _began(header: Record, first: Record, end: Record) -> str:
     return "clock not set" if wall_s is None else local_time(wall_s, "%Y-%m-%d %H:%M")
 
 
-def _last(parts: Sequence[Path]) -> dict[str, Record]:
+def _last(segments: Sequence[Path]) -> dict[str, Record]:
     """Return the last record of each kind, and the last of ``any``."""
     found: dict[str, Record] = {}
-    for record in reversed(end_of_log(parts)):
+    for record in reversed(end_of_log(segments)):
         found.setdefault("any", record)
         found.setdefault(record["record"], record)
     return found

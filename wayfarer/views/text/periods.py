@@ -9,7 +9,7 @@ LATE_S = 0.2  # as ``SafetySettings.tick_late_s``, where a header does not tell
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class PeriodPercentiles:
     """Median, 99th percentile and longest of the periods, seconds."""
 
     p50_s: float
@@ -37,7 +37,7 @@ class Periods:
             self._periods_s.append(t_s - before_s)
             self.late += t_s - before_s > self._late_s
 
-    def spread(self) -> Spread | None:
+    def spread(self) -> PeriodPercentiles | None:
         """Return how the periods spread; None where there is none."""
         ordered, last = sorted(self._periods_s), len(self._periods_s) - 1
-        return Spread(*(ordered[round(part * last)] for part in (0.5, 0.99, 1.0))) if ordered else None
+        return PeriodPercentiles(*(ordered[round(part * last)] for part in (0.5, 0.99, 1.0))) if ordered else None

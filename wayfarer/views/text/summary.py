@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from wayfarer.views.text.periods import Spread
-from wayfarer.views.text.whereabouts import Where
+from wayfarer.views.text.last_position import LastPosition
+from wayfarer.views.text.periods import PeriodPercentiles
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class LowBattery:
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class RunSummary:
     """What came of a run; what its log does not tell is None, or not counted: without a header ``simulated``, too.
 
     ``trial`` is the number of a simulated trial, which has virtual time and no ``began_wall_s``. Times are
@@ -60,7 +60,7 @@ class Summary:
     exhausted: Mapping[str, int]
     low_battery: LowBattery | None
     ticks: int
-    period: Spread | None
+    period: PeriodPercentiles | None
     late_ticks: int
     sensor_failures: Mapping[str, int]
     failures: Mapping[str, int]
@@ -71,4 +71,4 @@ class Summary:
     dropped: int
     reason: str | None
     text: str | None
-    where: Where
+    where: LastPosition

@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping
 
 from wayfarer.fieldlog.fields import local_time, span
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.views.text.summary import Summary
+from wayfarer.views.text.last_position import LastPosition, RangeBearing
+from wayfarer.views.text.summary import RunSummary
 from wayfarer.views.text.verdict import NO_OUTCOME
-from wayfarer.views.text.whereabouts import Offset, Where
 from wayfarer.views.text.wording import whole_deg
 
 
-def summary_text(run: str, summary: Summary, damage: Damage) -> str:
+def summary_text(run: str, summary: RunSummary, damage: Damage) -> str:
     """Return what became of a run, as lines; what there is nothing to tell of is left out."""
     sections = (
         ("run", [run, _about(summary)]),
@@ -36,7 +36,7 @@ def summary_text(run: str, summary: Summary, damage: Damage) -> str:
     )
 
 
-def _about(summary: Summary) -> str:
+def _about(summary: RunSummary) -> str:
     if summary.version is None and summary.simulated is None:
         return "unknown rover: the log does not say what ran, or whether it was simulated"
     about = [summary.rover or "unknown rover", summary.algorithm, "simulated" if summary.simulated else None]
@@ -45,13 +45,13 @@ def _about(summary: Summary) -> str:
     return ", ".join(text for text in about if text)
 
 
-def _outcome(summary: Summary) -> str:
+def _outcome(summary: RunSummary) -> str:
     if summary.reason is None:
         return NO_OUTCOME
     return f"{summary.reason}: {summary.text}" if summary.text else summary.reason
 
 
-def _where(where: Where, missing: int) -> Iterator[str]:
+def _where(where: LastPosition, missing: int) -> Iterator[str]:
     """Say where to search; the receiver first, if there is one."""
     fix = where.last_fix
     if fix is not None:
@@ -66,22 +66,22 @@ def _where(where: Where, missing: int) -> Iterator[str]:
             yield f"{Damage(missing=missing)}, so the path is only partly known"
 
 
-def _offset(offset: Offset) -> str:
+def _offset(offset: RangeBearing) -> str:
     return f"{offset.distance_m:.0f} m at bearing {whole_deg(offset.bearing_deg)} degrees"
 
 
-def _time(summary: Summary) -> Iterator[str]:
+def _time(summary: RunSummary) -> Iterator[str]:
     yield f"{span(summary.lasted_s)} in all{_began(summary)}; armed for {span(summary.armed_s)}"
     yield from (f"held for {span(held_s, 1)} by {cause}" for cause, held_s in summary.held_s.items())
 
 
-def _began(summary: Summary) -> str:
+def _began(summary: RunSummary) -> str:
     if summary.began_wall_s is not None:
         return f" from {local_time(summary.began_wall_s, '%Y-%m-%d %H:%M:%S')}"
     return "" if summary.trial is not None else " (start time unknown: the clock was not set)"
 
 
-def _way(summary: Summary) -> str:
+def _way(summary: RunSummary) -> str:
     if summary.commanded_m is None:
         return ""
     return f"{summary.commanded_m:.1f} m commanded, {summary.reckoned_m:.1f} m by dead reckoning"
@@ -92,7 +92,7 @@ def _counted(counts: Mapping[str, int]) -> str:
     return ", ".join(told)
 
 
-def _escapes(summary: Summary) -> str:
+def _escapes(summary: RunSummary) -> str:
     if not summary.ticks:
         return ""
     ran_out = _counted(summary.exhausted)
@@ -100,7 +100,7 @@ def _escapes(summary: Summary) -> str:
     return f"episodes {summary.episodes}, backed off {summary.recoveries}{ended}"
 
 
-def _battery(summary: Summary) -> str:
+def _battery(summary: RunSummary) -> str:
     lowest = summary.low_battery
     if lowest is None:
         return ""
@@ -108,21 +108,21 @@ def _battery(summary: Summary) -> str:
     return f"{lowest.battery_v:.1f} V at least, at {span(lowest.at_s)}{duty}"
 
 
-def _sensors(summary: Summary) -> dict[str, int]:
+def _sensors(summary: RunSummary) -> dict[str, int]:
     return {f"{sensor} did not answer": count for sensor, count in summary.sensor_failures.items()}
 
 
-def _by_hand(summary: Summary) -> Iterator[str]:
+def _by_hand(summary: RunSummary) -> Iterator[str]:
     asked = {"marks": len(summary.marks), "holds": summary.holds, "new goals": summary.goals}
     yield _counted(asked)
     yield from (f"{span(mark.at_s)} {mark.text}" for mark in summary.marks)
 
 
-def _clock(summary: Summary) -> str:
+def _clock(summary: RunSummary) -> str:
     return ", ".join(f"set by {step_s:+.0f} s" for step_s in summary.clock_steps_s)
 
 
-def _ticks(summary: Summary) -> str:
+def _ticks(summary: RunSummary) -> str:
     period = summary.period
     if period is None:
         return ""
@@ -130,7 +130,7 @@ def _ticks(summary: Summary) -> str:
     return f"{summary.ticks}, every {p50_ms:.1f} ms (p99 {p99_ms:.1f}, longest {max_ms:.1f}); {summary.late_ticks} late"
 
 
-def _log(summary: Summary, damage: Damage) -> str:
+def _log(summary: RunSummary, damage: Damage) -> str:
     told = [] if damage == Damage() else [str(damage)]
     if summary.dropped and damage.missing:
         told = [f"{damage}, {min(summary.dropped, damage.missing)} of them could not be written"]

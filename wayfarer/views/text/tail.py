@@ -13,7 +13,7 @@ from typing import BinaryIO
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.order import in_order
-from wayfarer.fieldlog.reader import LINE_BYTES, RunReader, log_parts, parse, refuse_newer
+from wayfarer.fieldlog.reader import LINE_BYTES, RunReader, log_segments, parse, refuse_newer
 from wayfarer.fieldlog.schema import Record, is_newer
 
 RECENT_BYTES = 65_536  # where following begins: some seconds back, however long the run is
@@ -73,9 +73,9 @@ class RunTail:
         if self._file is None:
             return
         yield from self._read(self._file)
-        while (part := self._next_part(self._file)) is not None:
+        while (segment := self._next_segment(self._file)) is not None:
             yield from self._read(self._file)  # what came between reading and looking
-            file = self._open(part)
+            file = self._open(segment)
             if file is None:
                 return
             yield from self._read(file)
@@ -86,15 +86,15 @@ class RunTail:
             self._file.close()
 
     def _begin(self) -> Iterator[Record]:
-        parts = self._parts()
-        if not parts:
+        segments = self._segments()
+        if not segments:
             return
-        file = self._open(parts[-1])
+        file = self._open(segments[-1])
         if file is None:
             return
         skipped = max(0, file.seek(0, os.SEEK_END) - RECENT_BYTES)
         file.seek(skipped)
-        if skipped or len(parts) > 1:
+        if skipped or len(segments) > 1:
             yield from self._first()
         if skipped:
             file.readline()  # only its end is there
@@ -118,35 +118,35 @@ class RunTail:
                 record = parse(line + b"\n")
                 if isinstance(record, dict):
                     if is_newer(record):
-                        refuse_newer(record, self.run, self._parts())
+                        refuse_newer(record, self.run, self._segments())
                     else:
                         yield record
 
-    def _next_part(self, file: BinaryIO) -> Path | None:
-        """Return the part of the log that follows the open one, if it has begun."""
-        for _ in range(2):  # the writer may rename a part between the list and the look at its files
-            parts = self._parts()
-            for part, following in zip(parts, [*parts[1:], None], strict=True):
-                if _is_same(part, file):
+    def _next_segment(self, file: BinaryIO) -> Path | None:
+        """Return the segment of the log that follows the open one, if it has begun."""
+        for _ in range(2):  # the writer may rename a segment between the list and the look at its files
+            segments = self._segments()
+            for segment, following in zip(segments, [*segments[1:], None], strict=True):
+                if _is_same(segment, file):
                     return following
-        return parts[-1] if parts else None  # the open one was deleted to make room: it is far behind
+        return segments[-1] if segments else None  # the open one was deleted to make room: it is far behind
 
-    def _parts(self) -> list[Path]:
+    def _segments(self) -> list[Path]:
         try:
-            return log_parts(self.run)
+            return log_segments(self.run)
         except BadInput:
             if self.run.exists() and not os.access(self.run, os.R_OK | os.X_OK):
                 raise
             return []  # not yet, or no more
 
-    def _open(self, part: Path) -> BinaryIO | None:
-        """Open a part in the place of the one before; None if the writer has renamed it since it was listed."""
+    def _open(self, segment: Path) -> BinaryIO | None:
+        """Open a segment in the place of the one before; None if the writer has renamed it since it was listed."""
         try:
-            file = part.open("rb")
+            file = segment.open("rb")
         except FileNotFoundError:
             return None
         except OSError as error:
-            raise BadInput(f"{part}: cannot be read: {error.strerror}") from None
+            raise BadInput(f"{segment}: cannot be read: {error.strerror}") from None
         self.close()
         self._file, self._rest = file, b""
         return file

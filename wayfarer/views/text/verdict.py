@@ -26,7 +26,7 @@ def readable(reader: RunReader) -> Iterator[Record]:
         raise BadInput(f"{reader.run}: nothing in this log can be read ({_lost(reader.damage) or 'it is empty'})")
 
 
-class Worth(IntEnum):
+class LogIntegrity(IntEnum):
     """How much of a log is left; the later, the worse."""
 
     WHOLE = 0
@@ -39,23 +39,23 @@ class Worth(IntEnum):
         return (0, 3, 1)[self]
 
 
-_WORDS = {Worth.WHOLE: "complete", Worth.REPAIRED: "partial", Worth.UNREADABLE: "unreadable"}
+_WORDS = {LogIntegrity.WHOLE: "complete", LogIntegrity.REPAIRED: "partial", LogIntegrity.UNREADABLE: "unreadable"}
 
 
-class Verdict(NamedTuple):
+class LogVerdict(NamedTuple):
     """What was found in one log; ``wrong`` says what is not as it should be."""
 
-    worth: Worth
+    integrity: LogIntegrity
     records: int
     wrong: tuple[str, ...]
 
     def __str__(self) -> str:
-        readable = "" if self.worth is Worth.WHOLE else "readable "
+        readable = "" if self.integrity is LogIntegrity.WHOLE else "readable "
         records = f"{self.records} {readable}record{'' if self.records == 1 else 's'}"
-        return "; ".join([f"{_WORDS[self.worth]}: {records}", *self.wrong])
+        return "; ".join([f"{_WORDS[self.integrity]}: {records}", *self.wrong])
 
 
-def judge(run: Path) -> Verdict:
+def judge(run: Path) -> LogVerdict:
     """Read a whole run and say what it is worth; one that still goes on has no outcome, and is partial at best."""
     records, ended = 0, False
     try:
@@ -64,11 +64,11 @@ def judge(run: Path) -> Verdict:
             records += 1
             ended = ended or record["record"] == "outcome"
     except BadInput as error:
-        return Verdict(Worth.UNREADABLE, records, (str(error),))
+        return LogVerdict(LogIntegrity.UNREADABLE, records, (str(error),))
     if not records:
-        return Verdict(Worth.UNREADABLE, records, (_lost(reader.damage) or "it is empty",))
+        return LogVerdict(LogIntegrity.UNREADABLE, records, (_lost(reader.damage) or "it is empty",))
     wrong = tuple(filter(None, (_lost(reader.damage), "" if ended else NO_OUTCOME)))
-    return Verdict(Worth.REPAIRED if wrong else Worth.WHOLE, records, wrong)
+    return LogVerdict(LogIntegrity.REPAIRED if wrong else LogIntegrity.WHOLE, records, wrong)
 
 
 def _lost(damage: Damage) -> str:

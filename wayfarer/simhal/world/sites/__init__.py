@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from wayfarer.simhal.world.sites.dense_obstruction import DENSE_OBSTRUCTION
 from wayfarer.simhal.world.sites.extended_maze import EXTENDED_MAZE
-from wayfarer.simhal.world.sites.field_site import Site
+from wayfarer.simhal.world.sites.field_site import FieldSite
 from wayfarer.simhal.world.sites.forest_escape import FOREST_ESCAPE
 
-SITES: Mapping[str, Site] = {site.name: site for site in (EXTENDED_MAZE, DENSE_OBSTRUCTION, FOREST_ESCAPE)}
+SITES: Mapping[str, FieldSite] = {site.name: site for site in (EXTENDED_MAZE, DENSE_OBSTRUCTION, FOREST_ESCAPE)}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import cos, pi, radians, sin, sqrt
 
 from wayfarer.simhal.world.generate import Box, Draw
-from wayfarer.simhal.world.sites.field_site import Site
-from wayfarer.simhal.world.sites.layout_builder import Ground
+from wayfarer.simhal.world.sites.field_site import FieldSite
+from wayfarer.simhal.world.sites.layout_builder import SiteLayout
 
 START_M = (25.0, 20.0)
 AHEAD_M = 5.0  # to the destination line, beyond the clutter
@@ -20,9 +20,9 @@ DIAMETER_M = (0.02, 0.14)
 TREES = 4
 
 
-def lay(draw: Draw) -> Ground:
+def lay(draw: Draw) -> SiteLayout:
     """Draw the ground of one layout."""
-    ground = Ground(START_M, AHEAD_M)
+    ground = SiteLayout(START_M, AHEAD_M)
     for number in range(FENCE):
         bearing_deg = (number + draw(0.0, 1.0)) * 360.0 / FENCE
         place_m = _away(draw(*FENCE_FROM_M), radians(bearing_deg))
@@ -48,4 +48,4 @@ def _away(distance_m: float, bearing_rad: float) -> tuple[float, float]:
     return START_M[0] + distance_m * sin(bearing_rad), START_M[1] + distance_m * cos(bearing_rad)
 
 
-DENSE_OBSTRUCTION = Site("dense-obstruction", 300.0, lay)
+DENSE_OBSTRUCTION = FieldSite("dense-obstruction", 300.0, lay)

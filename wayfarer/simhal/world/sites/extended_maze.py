@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from wayfarer.simhal.world.generate import Box, Draw
-from wayfarer.simhal.world.sites.field_site import Site
-from wayfarer.simhal.world.sites.layout_builder import Ground
+from wayfarer.simhal.world.sites.field_site import FieldSite
+from wayfarer.simhal.world.sites.layout_builder import SiteLayout
 
 START_M = (25.0, 20.0)
 AHEAD_M = 7.0  # to the destination line: MiniRover took 51 s (paper), in which it drives 15 m at most
@@ -23,9 +23,9 @@ SOUTH_M = 2.0  # behind the start there is clutter as well
 TREES = 8
 
 
-def lay(draw: Draw) -> Ground:
+def lay(draw: Draw) -> SiteLayout:
     """Draw the ground of one layout."""
-    ground = Ground(START_M, AHEAD_M)
+    ground = SiteLayout(START_M, AHEAD_M)
     for ahead_m in BARRIERS_M:
         _lay_barrier(ground, START_M[1] + ahead_m + draw(-SHIFT_M, SHIFT_M), draw)
     around = Box(START_M[0] - 5.0, START_M[1] - SOUTH_M, START_M[0] + 5.0, START_M[1] + AHEAD_M)
@@ -36,7 +36,7 @@ def lay(draw: Draw) -> Ground:
     return ground
 
 
-def _lay_barrier(ground: Ground, y_m: float, draw: Draw) -> None:
+def _lay_barrier(ground: SiteLayout, y_m: float, draw: Draw) -> None:
     """Lay branches from west to east, end to end but for gaps of which one is wide; spurs point back to the start."""
     west_m, east_m = START_M[0] - draw(*HALF_BARRIER_M), START_M[0] + draw(*HALF_BARRIER_M)
     wide_from_m = draw(west_m + BRANCH_M[0], east_m - BRANCH_M[0])
@@ -55,4 +55,4 @@ def _lay_barrier(ground: Ground, y_m: float, draw: Draw) -> None:
         ground.lay_branch(place_m, draw(-MAX_TILT_DEG, MAX_TILT_DEG), spur_m, draw(*DIAMETER_M))
 
 
-EXTENDED_MAZE = Site("extended-maze", 300.0, lay)
+EXTENDED_MAZE = FieldSite("extended-maze", 300.0, lay)

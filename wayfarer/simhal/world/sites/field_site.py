@@ -12,7 +12,7 @@ from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.generate import Draw, draw_from
 from wayfarer.simhal.world.shortest_path import shortest_path_m
-from wayfarer.simhal.world.sites.layout_builder import Ground
+from wayfarer.simhal.world.sites.layout_builder import SiteLayout
 
 SITE_STREAM = 3  # beside those of generate.py
 # Layouts are the same for both rovers of the paper: there is to be a way for the wider one of them and a hand's breadth
@@ -23,7 +23,7 @@ RECEIVER = {"driver": "gpsd"}
 
 
 @dataclass(frozen=True, slots=True)
-class Site:
+class FieldSite:
     """A site by its ``name``; ``lay`` draws the ground of one layout, which may turn out to be closed.
 
     A rover that is not out after ``time_limit_s`` counts as entrapped: the paper gives no limit for its field trials,
@@ -32,7 +32,7 @@ class Site:
 
     name: str
     time_limit_s: float
-    lay: Callable[[Draw], Ground]
+    lay: Callable[[Draw], SiteLayout]
     has_receiver: bool = False
 
     def layout(self, number: int, seed: int, vehicle: Vehicle) -> Forest:

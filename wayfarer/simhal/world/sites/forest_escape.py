@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from wayfarer.simhal.world.forest import WORLD_SIZE_M
 from wayfarer.simhal.world.generate import Box, Draw
-from wayfarer.simhal.world.sites.field_site import Site
-from wayfarer.simhal.world.sites.layout_builder import Ground
+from wayfarer.simhal.world.sites.field_site import FieldSite
+from wayfarer.simhal.world.sites.layout_builder import SiteLayout
 
 START_M = (25.0, 2.5)
 AHEAD_M = 45.0  # paper: the shortest distance to the path
@@ -16,9 +16,9 @@ SMALL, SMALL_M, SMALL_DIAMETER_M = 120, (0.4, 2.0), (0.01, 0.1)
 CLEAR_M = 0.6
 
 
-def lay(draw: Draw) -> Ground:
+def lay(draw: Draw) -> SiteLayout:
     """Draw the ground of one layout."""
-    ground = Ground(START_M, AHEAD_M)
+    ground = SiteLayout(START_M, AHEAD_M)
     for count, length_m, diameter_m in ((LARGE, LARGE_M, LARGE_DIAMETER_M), (SMALL, SMALL_M, SMALL_DIAMETER_M)):
         for _ in range(count):
             middle_m = draw(WORLD.west_m, WORLD.east_m), draw(WORLD.south_m, WORLD.north_m)
@@ -28,4 +28,4 @@ def lay(draw: Draw) -> Ground:
     return ground
 
 
-FOREST_ESCAPE = Site("forest-escape", 900.0, lay, has_receiver=True)
+FOREST_ESCAPE = FieldSite("forest-escape", 900.0, lay, has_receiver=True)

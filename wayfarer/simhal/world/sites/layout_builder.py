@@ -12,7 +12,7 @@ from wayfarer.simhal.world.generate import TREE_RADIUS_M, TRUNK_DIAMETER_M, Box,
 GOAL_HEADING_DEG = 0.0  # north, as in the abstract forests
 
 
-class Ground:
+class SiteLayout:
     """Branches and trees around a start, with a goal line ``ahead_m`` north of it. Metres, and degrees from north."""
 
     def __init__(self, start_m: tuple[float, float], ahead_m: float) -> None:

@@ -13,7 +13,7 @@ STALE_S = 0.5  # where the rover file gives no limit; PX4 and ArduPilot allow fl
 PERIODS = 4.0  # of a slow sensor, such as a receiver at 1 Hz, before it counts as late
 
 
-class Pulse:
+class SensorStatus:
     """Follows one sensor. ``rate_hz`` is what its rover file asks for, and ``stale_s`` when it counts as silent."""
 
     def __init__(self, rate_hz: float | None, stale_s: float | None) -> None:

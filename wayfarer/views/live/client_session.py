@@ -14,10 +14,10 @@ from contextlib import suppress
 import orjson
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from wayfarer.control.rate import Allowance
+from wayfarer.control.rate import RateLimiter
 from wayfarer.daemon.socket.protocol import Commands, Refused, check, perform, read_line
 from wayfarer.errors import WayfarerError
-from wayfarer.views.live.audience import Limits, TooSlow, Viewer
+from wayfarer.views.live.broadcaster import PageViewer, TooSlow, ViewerLimits
 
 VERBS = ("hold", "resume", "stop", "mark")
 STOPPING = ("hold", "stop")  # are done for every viewer, and at any rate
@@ -26,7 +26,7 @@ SHOWN = "state_t_s"  # which state the page shows; to resume needs it
 _bugs = logging.getLogger("wayfarer.views.live")
 
 
-class Talk:
+class ClientSession:
     """Speaks with one viewer.
 
     Args:
@@ -41,8 +41,8 @@ class Talk:
     """
 
     def __init__(
-        self, socket: web.WebSocketResponse, viewer: Viewer, commands: Commands, turn: asyncio.Lock,
-        watched: asyncio.Event, limits: Limits, speed: float,
+        self, socket: web.WebSocketResponse, viewer: PageViewer, commands: Commands, turn: asyncio.Lock,
+        watched: asyncio.Event, limits: ViewerLimits, speed: float,
     ) -> None:  # fmt: skip
         self._socket = socket
         self._viewer = viewer
@@ -50,7 +50,7 @@ class Talk:
         self._turn = turn
         self._watched = watched
         self._old_s = limits.old_s * speed
-        self._allowance = Allowance(limits.requests, limits.requests_hz / speed)
+        self._rate_limiter = RateLimiter(limits.requests, limits.requests_hz / speed)
 
     async def run(self) -> None:
         """Speak until the viewer goes away, or has to."""
@@ -108,7 +108,7 @@ class Talk:
         if request.do not in VERBS:
             raise Refused(f"{request.do} is not done from the page: use wayfarer {request.do} in a terminal")
         now_s = asyncio.get_running_loop().time()
-        if request.do not in STOPPING and not self._allowance.take(now_s):
+        if request.do not in STOPPING and not self._rate_limiter.take(now_s):
             raise Refused("too much was asked for at once: wait a second and ask again")
         if request.do == "resume" and not _is_new(fields.get(SHOWN), now_s, self._old_s):
             raise Refused("the page that this was pressed on was old: look again, and press it if it is still right")

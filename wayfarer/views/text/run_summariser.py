@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable
 
 from wayfarer.fieldlog.fields import began_wall_s, flag, name, names, number, reckoning, sound_tick, table, whole
 from wayfarer.fieldlog.reader import Record
+from wayfarer.views.text.last_position import PositionTracker
 from wayfarer.views.text.periods import Periods
-from wayfarer.views.text.summary import LowBattery, Mark, Summary
-from wayfarer.views.text.whereabouts import Search
+from wayfarer.views.text.summary import LowBattery, Mark, RunSummary
 
 HELD = {"hold", "fault"}  # the levels at which the gate lets no wheel turn
 # The events that tell of something that failed; ``sensor_failed`` is counted by sensor.
@@ -19,15 +19,15 @@ FAILURES = {
 }  # fmt: skip
 
 
-def summarise(records: Iterable[Record]) -> Summary:
+def summarise(records: Iterable[Record]) -> RunSummary:
     """Return the summary of a run, as far as its records go."""
-    account = Account()
+    account = RunSummariser()
     for record in records:
         account.take(record)
     return account.summary()
 
 
-class Account:
+class RunSummariser:
     """What a run's records come to."""
 
     def __init__(self) -> None:
@@ -49,13 +49,13 @@ class Account:
         self._dropped = 0
         self._periods = Periods()
         self._track = reckoning({})
-        self._search = Search()
+        self._position = PositionTracker()
         self._takers: dict[str, Callable[[Record], None]] = {
             "run": self._take_header,
             "tick": self._take_tick,
             "event": self._take_event,
             "board": self._take_board,
-            "position": self._search.fix,
+            "position": self._position.fix,
             "outcome": self._take_outcome,
         }
 
@@ -68,10 +68,10 @@ class Account:
         if taker := self._takers.get(record["record"]):
             taker(record)
 
-    def summary(self) -> Summary:
+    def summary(self) -> RunSummary:
         """Return the summary of what was taken."""
         header, counts, outcome = self._header, self._counts, self._outcome
-        return Summary(
+        return RunSummary(
             rover=name(header, "rover"),
             algorithm=name(header, "algorithm"),
             version=name(header, "version"),
@@ -102,7 +102,7 @@ class Account:
             dropped=max(self._dropped, int(number(outcome, "dropped") or 0.0)),
             reason=(name(outcome, "reason") or "unknown") if outcome else None,
             text=name(outcome, "text"),
-            where=self._search.where(self._last.get("t_s", 0.0)),
+            where=self._position.where(self._last.get("t_s", 0.0)),
         )
 
     def _take_number(self, count: int | None) -> None:
@@ -123,13 +123,13 @@ class Account:
         self._header = header
         self._track = reckoning(header)
         if (whole(header, "part") or 1) > 1:
-            self._search.begins_late()
+            self._position.begins_late()
         self._periods = Periods(number(table(table(header, "config"), "safety"), "tick_late_s"))
 
     def _take_tick(self, tick: Record) -> None:
         before, self._tick = self._tick, tick
         self._periods.take(tick["t_s"])
-        self._search.reckoned(self._track.take(sound_tick(tick)))
+        self._position.reckoned(self._track.take(sound_tick(tick)))
         travelled_m = number(tick, "travelled_m")
         self._commanded_m = self._commanded_m if travelled_m is None else travelled_m
         self._add_time(tick, before)
@@ -158,7 +158,7 @@ class Account:
         if what in {"armed", "disarmed"}:
             self._armed = what == "armed"
         if what == "armed":
-            self._search.starts()
+            self._position.starts()
         elif what == "sensor_failed":
             self._counts["sensors"][name(event, "sensor") or "unknown"] += 1
         elif what == "mark":

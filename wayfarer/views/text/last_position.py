@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from math import atan2, cos, degrees, hypot, isfinite, radians
 
 from wayfarer.angles import wrap180, wrap360
-from wayfarer.fieldlog.dead_reckoning import Place
+from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.fields import number
 from wayfarer.fieldlog.reader import Record
 from wayfarer.safety.mission_limits import METRES_PER_DEG
 
 
 @dataclass(frozen=True, slots=True)
-class Offset:
+class RangeBearing:
     """A place as people walk to it: so far from the start, in degrees clockwise from north."""
 
     distance_m: float
@@ -21,7 +21,7 @@ class Offset:
 
 
 @dataclass(frozen=True, slots=True)
-class Fix:
+class ReceiverFix:
     """A position from the receiver; ``error_m`` is None where it does not tell."""
 
     t_s: float
@@ -31,7 +31,7 @@ class Fix:
 
 
 @dataclass(frozen=True, slots=True)
-class Where:
+class LastPosition:
     """Where the rover is at the end of its log; None is not known.
 
     ``by_reckoning`` counts from where it was first armed if ``from_start``, else from where the log begins; its bearing
@@ -40,22 +40,22 @@ class Where:
     last fix was.
     """
 
-    by_reckoning: Offset | None = None
-    by_receiver: Offset | None = None
-    last_fix: Fix | None = None
+    by_reckoning: RangeBearing | None = None
+    by_receiver: RangeBearing | None = None
+    last_fix: ReceiverFix | None = None
     fix_age_s: float | None = None
     from_start: bool = True
 
 
-class Search:
+class PositionTracker:
     """Follows a run to where it ends."""
 
     def __init__(self) -> None:
-        self._start: Place | None = None
-        self._place: Place | None = None
+        self._start: ReckonedPose | None = None
+        self._place: ReckonedPose | None = None
         self._from_start: bool | None = None  # None: it was not armed yet
-        self._first_fix: Fix | None = None
-        self._last_fix: Fix | None = None
+        self._first_fix: ReceiverFix | None = None
+        self._last_fix: ReceiverFix | None = None
 
     def starts(self) -> None:
         """Note that the rover is armed: the first time, it stands where its people are."""
@@ -67,7 +67,7 @@ class Search:
         if self._from_start is None:
             self._from_start = False
 
-    def reckoned(self, place: Place | None) -> None:
+    def reckoned(self, place: ReckonedPose | None) -> None:
         """Take where dead reckoning has the rover."""
         self._place = place or self._place
 
@@ -76,25 +76,25 @@ class Search:
         latitude_deg, longitude_deg = number(position, "latitude_deg"), number(position, "longitude_deg")
         if latitude_deg is None or longitude_deg is None:
             return
-        self._last_fix = Fix(position["t_s"], latitude_deg, longitude_deg, number(position, "error_m"))
+        self._last_fix = ReceiverFix(position["t_s"], latitude_deg, longitude_deg, number(position, "error_m"))
         self._first_fix = self._first_fix or self._last_fix
 
-    def where(self, t_s: float) -> Where:
+    def where(self, t_s: float) -> LastPosition:
         """Return where the rover is at the end of the log, ``t_s``."""
         last = self._last_fix
         age_s = None if last is None else max(0.0, t_s - last.t_s)
         reckoned = self._by_reckoning()
         drove = reckoned is not None and reckoned.distance_m > 0.0
         from_start = not drove if self._from_start is None else self._from_start
-        return Where(reckoned, self._by_receiver(), last, age_s, from_start)
+        return LastPosition(reckoned, self._by_receiver(), last, age_s, from_start)
 
-    def _by_reckoning(self) -> Offset | None:
+    def _by_reckoning(self) -> RangeBearing | None:
         if self._place is None:
             return None
         start_north_m, start_east_m = (self._start.north_m, self._start.east_m) if self._start else (0.0, 0.0)
         return _offset(self._place.north_m - start_north_m, self._place.east_m - start_east_m)
 
-    def _by_receiver(self) -> Offset | None:
+    def _by_receiver(self) -> RangeBearing | None:
         first, last = self._first_fix, self._last_fix
         if first is None or last is None:
             return None
@@ -103,6 +103,6 @@ class Search:
         return _offset(north_m, east_deg * METRES_PER_DEG * cos(radians(first.latitude_deg)))
 
 
-def _offset(north_m: float, east_m: float) -> Offset | None:
+def _offset(north_m: float, east_m: float) -> RangeBearing | None:
     distance_m = hypot(north_m, east_m)
-    return Offset(distance_m, wrap360(degrees(atan2(east_m, north_m)))) if isfinite(distance_m) else None
+    return RangeBearing(distance_m, wrap360(degrees(atan2(east_m, north_m)))) if isfinite(distance_m) else None

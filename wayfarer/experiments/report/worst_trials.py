@@ -16,22 +16,22 @@ from typing import NamedTuple
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.executors import Done, TrialRunner, stream
-from wayfarer.experiments.progress_bar import Progress
-from wayfarer.experiments.rows import SUCCESSES, Row
+from wayfarer.experiments.progress_bar import ProgressDisplay
+from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.experiments.trajectory import Trace, run_traced
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec
 
 
-class Again(NamedTuple):
+class RerunTrial(NamedTuple):
     """A trial that was run again: its way, or why the way that it took this time is not the one in the table."""
 
-    row: Row
+    row: TrialRow
     trace: Trace | None
     why_not: str = ""
 
 
-def choose(by_algorithm: Mapping[str, Sequence[Row]], count: int) -> list[Row]:
+def choose(by_algorithm: Mapping[str, Sequence[TrialRow]], count: int) -> list[TrialRow]:
     """Return up to ``count`` trials worth looking at: failures first, then the longest paths.
 
     Every algorithm has its turn before one has a second. A trial of unknown path, as after a crash, is not chosen.
@@ -42,11 +42,11 @@ def choose(by_algorithm: Mapping[str, Sequence[Row]], count: int) -> list[Row]:
     return sorted(chosen, key=_worst)
 
 
-def _worst(row: Row) -> tuple[bool, float, int]:
+def _worst(row: TrialRow) -> tuple[bool, float, int]:
     return row.outcome in SUCCESSES, -(row.path_m or 0.0), row.trial
 
 
-def run_again(campaign: Campaign, rows: Sequence[Row], jobs: int, progress: Progress) -> list[Again]:
+def run_again(campaign: Campaign, rows: Sequence[TrialRow], jobs: int, progress: ProgressDisplay) -> list[RerunTrial]:
     """Run these trials of a campaign again, and return them with their ways, in the same order.
 
     Raises:
@@ -79,27 +79,27 @@ def _file(folder: Path, key: tuple[str, int]) -> Path:
     return folder / f"{key[1]}-{key[0]}"
 
 
-def _compare(row: Row, done: Done, folder: Path) -> Again:
+def _compare(row: TrialRow, done: Done, folder: Path) -> RerunTrial:
     """Return the way only where the trial came out as in the table, in every column."""
     if done.fault is not None:
-        return Again(row, None, f"cannot be run again: {done.fault.text}")
+        return RerunTrial(row, None, f"cannot be run again: {done.fault.text}")
     again = done.row._replace(ticks=None)
     if row.overturned is None:  # a table of an older version counts all kinds together
         again = again._replace(overturned=None, off_wheels=None)
     if again != row:
-        return Again(row, None, _difference(row, again))
-    return Again(row, pickle.loads(_file(folder, row.key).read_bytes()))
+        return RerunTrial(row, None, _difference(row, again))
+    return RerunTrial(row, pickle.loads(_file(folder, row.key).read_bytes()))
 
 
-def _difference(row: Row, again: Row) -> str:
+def _difference(row: TrialRow, again: TrialRow) -> str:
     """Say how two runs of a trial differ: by their ends, or by the first column that is not the same."""
     if ending(row) != ending(again):
         return f"{ending(row)} in the table, {ending(again)} now"
-    name = next(name for name in Row._fields if name != "ticks" and getattr(row, name) != getattr(again, name))
+    name = next(name for name in TrialRow._fields if name != "ticks" and getattr(row, name) != getattr(again, name))
     return f"{name} is {getattr(row, name)} in the table and {getattr(again, name)} now"
 
 
-def ending(row: Row) -> str:
+def ending(row: TrialRow) -> str:
     """Say how a trial ended, and after which path."""
     outcome = {"left_bounds": "out over another edge"}.get(row.outcome, row.outcome)
     return outcome if row.path_m is None else f"{outcome} after {row.path_m:.1f} m"

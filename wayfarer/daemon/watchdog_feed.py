@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from wayfarer.control.records import PartialLog, TickRecord
-from wayfarer.daemon.watchdog import Notifier, StallGuard
+from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier
 
 
-class Heartbeat(PartialLog):
+class WatchdogFeed(PartialLog):
     """Each tick is a beat for the guard, and the first says that the service is up."""
 
-    def __init__(self, notifier: Notifier, guard: StallGuard) -> None:
+    def __init__(self, notifier: SystemdNotifier, guard: StallGuard) -> None:
         self._notifier = notifier
         self._guard = guard
         self._ready = False

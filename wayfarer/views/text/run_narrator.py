@@ -41,7 +41,7 @@ class Line(NamedTuple):
         return f"{span(self.at_s, 2)}  {self.text}"
 
 
-class Story:
+class RunNarrator:
     """Tells a run, record by record.
 
     Args:

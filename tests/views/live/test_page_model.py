@@ -15,172 +15,172 @@ from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.hal import PositionFix, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.views.live.feed import LINES, MARKS, Feed
+from wayfarer.views.live.page_model import LINES, MARKS, PageModel
 
 
 @pytest.fixture
-def feed() -> Feed:
-    return Feed()
+def model() -> PageModel:
+    return PageModel()
 
 
-def shown(feed: Feed, **about: Any) -> FieldLog:
-    return run_log(feed.take, **about)
+def shown(model: PageModel, **about: Any) -> FieldLog:
+    return run_log(model.take, **about)
 
 
-def sensor(feed: Feed, name: str) -> dict[str, Any]:
-    found: dict[str, dict[str, Any]] = dict(feed.state()["sensors"])
+def sensor(model: PageModel, name: str) -> dict[str, Any]:
+    found: dict[str, dict[str, Any]] = dict(model.state()["sensors"])
     return found[name]
 
 
-def test_new_viewer_is_told_what_runs_and_the_forest_it_runs_in(feed: Feed) -> None:
-    shown(feed)
-    told = feed.snapshot()
+def test_new_viewer_is_told_what_runs_and_the_forest_it_runs_in(model: PageModel) -> None:
+    shown(model)
+    told = model.snapshot()
     assert (told["about"]["rover"], told["about"]["simulated"], told["about"]["length_m"]) == ("sim", True, 0.4)
     assert told["forest"]["trunks_m"] == [[33.3, 5.5, 30.9, 18.4, "left"]]
     assert told["outcome"] is None
     assert told["state"]["mode"] == "disarmed"
 
 
-def test_way_of_a_simulated_rover_is_the_true_one(feed: Feed) -> None:
-    log = shown(feed)
+def test_way_of_a_simulated_rover_is_the_true_one(model: PageModel) -> None:
+    log = shown(model)
     log.tick(tick(100.0, phase=Phase.PROBE))
     log.note("truth", 100.0, {"x_m": 25.0, "y_m": 13.0, "heading_deg": 45.0, "slipping": False, "touching": False})
-    assert feed.snapshot()["track"] == [(25.0, 13.0, "probe")]
-    assert feed.state()["place"] == (25.0, 13.0, 45.0)
+    assert model.snapshot()["track"] == [(25.0, 13.0, "probe")]
+    assert model.state()["place"] == (25.0, 13.0, 45.0)
 
 
-def test_way_of_a_real_rover_is_dead_reckoned(feed: Feed) -> None:
-    log = shown(feed, simulated=False)
+def test_way_of_a_real_rover_is_dead_reckoned(model: PageModel) -> None:
+    log = shown(model, simulated=False)
     for step in range(5):
         log.tick(tick(100.0 + step * 0.05, heading_deg=90.0, moved_m=0.1))
-    east_m, north_m, phase = feed.snapshot()["track"][-1]
+    east_m, north_m, phase = model.snapshot()["track"][-1]
     assert (east_m, north_m, phase) == (pytest.approx(0.5), pytest.approx(0.0, abs=1e-6), "follow")
-    assert feed.snapshot()["forest"] is None
+    assert model.snapshot()["forest"] is None
 
 
-def test_news_are_told_once_and_add_up_to_what_a_new_viewer_sees(feed: Feed) -> None:
-    log = shown(feed, simulated=False)
-    feed.news()
-    before = feed.snapshot()
+def test_news_are_told_once_and_add_up_to_what_a_new_viewer_sees(model: PageModel) -> None:
+    log = shown(model, simulated=False)
+    model.news()
+    before = model.snapshot()
     for step in range(8):
         anomalies = (Anomaly.IMMOBILISED,) if step == 5 else ()
         phase = Phase.BACK_OFF if step >= 5 else Phase.FOLLOW
         log.tick(tick(100.0 + step * 0.05, moved_m=0.2, phase=phase, anomalies=anomalies))
     log.event("mark", 101.0, text="hit log")
-    news, after = feed.news(), feed.snapshot()
+    news, after = model.news(), model.snapshot()
     for kind in ("track", "marks", "phases", "lines"):
         assert before[kind] + news[kind] == after[kind]
     assert len(news["track"]) == 8
-    assert feed.news() == {}
+    assert model.news() == {}
 
 
-def test_phase_is_told_in_words_with_what_began_it(feed: Feed) -> None:
-    log = shown(feed)
+def test_phase_is_told_in_words_with_what_began_it(model: PageModel) -> None:
+    log = shown(model)
     log.tick(tick(100.0))
     for t_s, why in ((100.05, "follow.anomaly"), (100.10, "back_off")):
         log.tick(tick(t_s, phase=Phase.BACK_OFF, why=why, anomalies=(Anomaly.IMMOBILISED,)))
-    state = feed.state()
+    state = model.state()
     assert (state["phase_text"], state["why_text"]) == ("Backs off", "stalled, on its way to the goal")
     assert state["anomalies"] == ["stalled"]
     assert state["counts"] == [["stalled", 1]], "an anomaly that lasts is one"
 
 
-def test_modes_and_holds_follow_the_events(feed: Feed) -> None:
-    log, modes = shown(feed), []
+def test_modes_and_holds_follow_the_events(model: PageModel) -> None:
+    log, modes = shown(model), []
     for name, details in (
         ("arming", {"start_delay_s": 0.0}), ("armed", {"goal_heading_deg": 20.0}), ("hold", {}), ("resume", {}),
         ("disarmed", {"reason": "fault: compass_lost"}),
     ):  # fmt: skip
         log.event(name, 101.0, **details)
-        modes.append((feed.state()["mode"], feed.state()["held"]))
+        modes.append((model.state()["mode"], model.state()["held"]))
     assert modes == [("arming", False), ("armed", False), ("armed", True), ("armed", False), ("disarmed", False)]
-    assert (feed.state()["goal_heading_deg"], feed.state()["why_disarmed"]) == (20.0, "fault: compass_lost")
+    assert (model.state()["goal_heading_deg"], model.state()["why_disarmed"]) == (20.0, "fault: compass_lost")
 
 
-def test_mission_counts_time_and_metres_from_arming(feed: Feed) -> None:
-    log = shown(feed)
+def test_mission_counts_time_and_metres_from_arming(model: PageModel) -> None:
+    log = shown(model)
     log.tick(tick(100.0, travelled_m=5.0))
     log.event("armed", 110.0, goal_heading_deg=0.0)
     log.tick(tick(130.0, travelled_m=12.5))
-    assert (feed.state()["mission_s"], feed.state()["mission_m"]) == (20.0, 7.5)
+    assert (model.state()["mission_s"], model.state()["mission_m"]) == (20.0, 7.5)
 
 
-def test_health_is_told_in_words(feed: Feed) -> None:
-    log = shown(feed)
+def test_health_is_told_in_words(model: PageModel) -> None:
+    log = shown(model)
     log.tick(tick(100.0, level=Level.HOLD, cause=Condition.COMPASS_STALE))
     log.board(100.0, board(11.4, "motor A: drive fault"), None)
-    state = feed.state()
+    state = model.state()
     assert (state["level_text"], state["cause_text"]) == ("Wheels held until this clears", "the compass is silent")
     assert (state["battery_v"], state["faults"]) == (11.4, ["motor A: drive fault"])
 
 
-def test_sensors_have_age_rate_and_what_they_say_of_themselves(feed: Feed) -> None:
-    log = shown(feed)
+def test_sensors_have_age_rate_and_what_they_say_of_themselves(model: PageModel) -> None:
+    log = shown(model)
     for step in range(41):
         log.tick(tick(100.0 + step * 0.05, moved_m=0.05 if step % 2 == 0 else None))
-    compass, motion = sensor(feed, "compass"), sensor(feed, "motion")
+    compass, motion = sensor(model, "compass"), sensor(model, "motion")
     assert (compass["rate_hz"], compass["wanted_hz"], compass["note"]) == (20.0, 20.0, "calibration 3 of 3")
     assert (motion["rate_hz"], motion["note"], motion["late"]) == (10.0, "quality 80%", False)
     log.tick(tick(103.0, heading_deg=None, moved_m=None))
-    assert (sensor(feed, "motion")["age_s"], sensor(feed, "motion")["late"]) == (1.0, True)
+    assert (sensor(model, "motion")["age_s"], sensor(model, "motion")["late"]) == (1.0, True)
 
 
-def test_sensor_that_has_never_spoken_is_late_and_one_that_nobody_reads_is_not_shown(feed: Feed) -> None:
-    shown(feed, parts=("compass", "contact", "motors"))
-    assert [name for name, _ in feed.state()["sensors"]] == ["compass"]
-    assert (sensor(feed, "compass")["age_s"], sensor(feed, "compass")["late"]) == (None, True)
+def test_sensor_that_has_never_spoken_is_late_and_one_that_nobody_reads_is_not_shown(model: PageModel) -> None:
+    shown(model, parts=("compass", "contact", "motors"))
+    assert [name for name, _ in model.state()["sensors"]] == ["compass"]
+    assert (sensor(model, "compass")["age_s"], sensor(model, "compass")["late"]) == (None, True)
 
 
-def test_failures_of_a_sensor_and_fixes_of_a_receiver_are_counted(feed: Feed) -> None:
-    log = shown(feed, parts=("compass", "position", "motors"))
+def test_failures_of_a_sensor_and_fixes_of_a_receiver_are_counted(model: PageModel) -> None:
+    log = shown(model, parts=("compass", "position", "motors"))
     log.event("sensor_failed", 100.0, sensor="compass", error="no answer", retry_in_s=0.05)
     log.position(PositionFix(100.5, 50.9, -1.4, 3.0))
-    assert sensor(feed, "compass")["failures"] == 1
-    assert sensor(feed, "position")["note"] == "error 3 m"
+    assert sensor(model, "compass")["failures"] == 1
+    assert sensor(model, "position")["note"] == "error 3 m"
 
 
 def test_events_are_for_at_once_and_ticks_are_not() -> None:
-    feed, at_once = Feed(), []
-    log = run_log(lambda record: at_once.append(feed.take(record)))
+    model, at_once = PageModel(), []
+    log = run_log(lambda record: at_once.append(model.take(record)))
     log.tick(tick(100.0))
     log.event("hold", 100.0)
     log.close("escaped", "out")
     assert at_once == [False, False, True, True]
 
 
-def test_end_is_news_and_stays(feed: Feed) -> None:
-    log = shown(feed)
-    feed.news()
+def test_end_is_news_and_stays(model: PageModel) -> None:
+    log = shown(model)
+    model.news()
     log.close("escaped", "the rover is out")
     ended = {"reason": "escaped", "text": "the rover is out"}
-    assert feed.news()["outcome"] == ended == feed.snapshot()["outcome"]
-    assert feed.state()["mode"] == "ended"
+    assert model.news()["outcome"] == ended == model.snapshot()["outcome"]
+    assert model.state()["mode"] == "ended"
 
 
-def test_days_of_driving_stay_bounded(feed: Feed) -> None:
-    log = shown(feed, simulated=False)
+def test_days_of_driving_stay_bounded(model: PageModel) -> None:
+    log = shown(model, simulated=False)
     for step in range(20_000):
         anomalies = (Anomaly.TOUCHED,) if step % 2 else ()
         phase = Phase.PROBE if step % 2 else Phase.FOLLOW
         log.tick(tick(100.0 + step, moved_m=0.3, anomalies=anomalies, phase=phase, why=f"{phase.value}.done"))
         if step % 50 == 0:
-            feed.news()
-    told = feed.snapshot()
+            model.news()
+    told = model.snapshot()
     assert (len(told["marks"]), len(told["lines"])) == (MARKS, LINES)
     assert len(told["track"]) <= 3000
     assert told["track"][-1][0] == pytest.approx(6000.0), "the newest place is always there"
     assert len(orjson.dumps(told)) < 250_000
 
 
-def test_viewers_get_the_whole_way_anew_when_it_is_thinned(feed: Feed) -> None:
-    log = shown(feed, simulated=False)
+def test_viewers_get_the_whole_way_anew_when_it_is_thinned(model: PageModel) -> None:
+    log = shown(model, simulated=False)
     track: list[Any] = []
     for step in range(4000):
         log.tick(tick(100.0 + step * 0.05, moved_m=0.3))
         if step % 10 == 9:
-            news = feed.news()
+            news = model.news()
             track = news["whole_track"] if "whole_track" in news else track + news.get("track", [])
-    assert track == feed.snapshot()["track"]
+    assert track == model.snapshot()["track"]
     assert len(track) < 3000
 
 
@@ -189,6 +189,6 @@ VALUES = st.none() | st.floats(allow_nan=True) | st.text(max_size=5) | st.lists(
 
 @given(memory=st.dictionaries(st.sampled_from(["counter_deg", "episodes", "side", "mine"]), VALUES, max_size=4))
 def test_whatever_an_algorithm_remembers_breaks_nothing(memory: dict[str, Any]) -> None:
-    feed = Feed()
-    shown(feed).tick(tick(100.0, memory=memory, why="made.up", wheels=WheelCommand(0.5, 0.5)))
-    assert json.loads(orjson.dumps(feed.snapshot())), "and it can be sent"
+    model = PageModel()
+    shown(model).tick(tick(100.0, memory=memory, why="made.up", wheels=WheelCommand(0.5, 0.5)))
+    assert json.loads(orjson.dumps(model.snapshot())), "and it can be sent"

@@ -10,7 +10,7 @@ from wayfarer.escape.api import Observation
 SETTLE_S = 1.0
 
 
-class Level:
+class PitchBaseline:
     """Follows the pitch of the ground; ``risen_deg`` is how far the nose is above it."""
 
     def __init__(self) -> None:

@@ -15,10 +15,10 @@ from typing import Any
 
 from wayfarer.fieldlog.fields import name, names, number, reckoning, sound_tick, span, table
 from wayfarer.fieldlog.log import Record
-from wayfarer.views.live.pulse import Pulse
+from wayfarer.views.live.sensor_status import SensorStatus
 from wayfarer.views.live.trail import Trail
 from wayfarer.views.live.words import ANOMALIES, CAUSES, PHASES, because, level_text
-from wayfarer.views.text.story import Story
+from wayfarer.views.text.run_narrator import RunNarrator
 from wayfarer.views.text.wording import Tone
 
 LINES = 200  # of the story; half an hour of a rover that drives
@@ -29,14 +29,14 @@ PHASES_KEPT = 400
 SENSORS = ("compass", "motion", "position")
 
 
-class Feed:
+class PageModel:
     """Takes the records of one run in their order.
 
     Nothing that a third party's algorithm writes into a record may break it; a value that is missing is None.
     """
 
     def __init__(self) -> None:
-        self._story = Story()
+        self._narrator = RunNarrator()
         self._trail = Trail()
         self._lines: deque[list[str]] = deque(maxlen=LINES)
         self._marks: deque[list[Any]] = deque(maxlen=MARKS)
@@ -46,7 +46,7 @@ class Feed:
         self._about: Record = {}
         self._forest: Record | None = None
         self._outcome: Record | None = None
-        self._pulses: dict[str, Pulse] = {}
+        self._sensor_statuses: dict[str, SensorStatus] = {}
         self._tick: Record = {}
         self._board: Record = {}
         self._mode, self._why_disarmed, self._held = "disarmed", "not armed since the start", False
@@ -73,7 +73,7 @@ class Feed:
         take = self._takers.get(record["record"])
         if take is not None:
             take(record)
-        for line in self._story.take(record):
+        for line in self._narrator.take(record):
             if line.tone is not Tone.QUIET:  # how things stand is shown elsewhere
                 self._tell("lines", self._lines, [span(line.at_s, 1), line.text, line.tone.value])
         return record["record"] in {"event", "outcome"}
@@ -123,7 +123,7 @@ class Feed:
             "mission_m": round(self._mission_m, 2),
             "battery_v": number(self._board, "battery_v"),
             "faults": list(self._board.get("faults", ())),
-            "sensors": [[sensor, pulse.now(self._t_s)] for sensor, pulse in self._pulses.items()],
+            "sensors": [[sensor, pulse.now(self._t_s)] for sensor, pulse in self._sensor_statuses.items()],
             "place": self._place,
         }
 
@@ -186,11 +186,13 @@ class Feed:
 
     # -- what it means -------------------------------------------------------------------------------------------
 
-    def _pulse(self, sensor: str) -> Pulse:
-        if sensor not in self._pulses:
+    def _pulse(self, sensor: str) -> SensorStatus:
+        if sensor not in self._sensor_statuses:
             rates, detector = table(self._config, "rates"), table(self._config, "detector")
-            self._pulses[sensor] = Pulse(number(rates, f"{sensor}_hz"), number(detector, f"{sensor}_stale_s"))
-        return self._pulses[sensor]
+            self._sensor_statuses[sensor] = SensorStatus(
+                number(rates, f"{sensor}_hz"), number(detector, f"{sensor}_stale_s")
+            )
+        return self._sensor_statuses[sensor]
 
     def _move(self, east_m: float, north_m: float, heading_deg: float) -> None:
         self._place = (round(east_m, 3), round(north_m, 3), round(heading_deg, 1))

@@ -18,7 +18,7 @@ import orjson
 from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ
 
 
-class Limits(NamedTuple):
+class ViewerLimits(NamedTuple):
     """What viewers may use up; seconds are the clock's."""
 
     viewers: int = 16
@@ -34,7 +34,7 @@ class Limits(NamedTuple):
     end_s: float = 0.3  # for last words: the run must have ended 2 s after it was told to
 
 
-LIMITS = Limits()
+LIMITS = ViewerLimits()
 
 Send = Callable[[str], Awaitable[None]]
 
@@ -43,7 +43,7 @@ class TooSlow(Exception):
     """A viewer has acknowledged nothing for too long."""
 
 
-class Audience:
+class Broadcaster:
     """What all viewers are told; each piece is encoded once.
 
     Args:
@@ -51,10 +51,10 @@ class Audience:
         limits: what viewers may use up.
     """
 
-    def __init__(self, snapshot: Callable[[], Any], limits: Limits) -> None:
+    def __init__(self, snapshot: Callable[[], Any], limits: ViewerLimits) -> None:
         self._snapshot = snapshot
         self._news: deque[str] = deque(maxlen=limits.news)
-        self.viewers: set[Viewer] = set()
+        self.viewers: set[PageViewer] = set()
         self.pieces = 0  # of news, so far
         self.states = 0
         self.state = ""
@@ -76,18 +76,18 @@ class Audience:
         return [_encoded(snapshot=self._snapshot())]
 
 
-class Viewer:
+class PageViewer:
     """One of the audience.
 
     Args:
-        audience: what it looks at.
+        broadcaster: what it looks at.
         send: sends it a text; waits where the connection is full.
         silent_s: how long it may acknowledge nothing, in seconds of the loop.
         unseen: how many messages may be under way.
     """
 
-    def __init__(self, audience: Audience, send: Send, silent_s: float, unseen: int) -> None:
-        self._audience = audience
+    def __init__(self, broadcaster: Broadcaster, send: Send, silent_s: float, unseen: int) -> None:
+        self._broadcaster = broadcaster
         self._send = send
         self._silent_s = silent_s
         self._unseen = unseen
@@ -112,7 +112,7 @@ class Viewer:
 
     async def catch_up(self) -> None:
         """Wait until it has acknowledged all there is."""
-        while self._states != self._audience.states or self._seen != self._sent:
+        while self._states != self._broadcaster.states or self._seen != self._sent:
             self._heard.clear()
             await self._heard.wait()
 
@@ -131,17 +131,17 @@ class Viewer:
                 self._since_s = time()
             elif time() - self._since_s > self._silent_s:
                 raise TooSlow
-            if self._sent - self._seen < self._unseen and self._states != self._audience.states:
+            if self._sent - self._seen < self._unseen and self._states != self._broadcaster.states:
                 await self._send_what_is_new()
 
     async def _send_what_is_new(self) -> None:
-        audience = self._audience
-        pieces = audience.since(self._pieces)
-        self._pieces, self._states = audience.pieces, audience.states
+        broadcaster = self._broadcaster
+        pieces = broadcaster.since(self._pieces)
+        self._pieces, self._states = broadcaster.pieces, broadcaster.states
         self._sent += 1
         try:
             async with asyncio.timeout(self._silent_s):
-                await self._send(f"[{','.join([*pieces, audience.state])}]")
+                await self._send(f"[{','.join([*pieces, broadcaster.state])}]")
         except TimeoutError:
             raise TooSlow from None
 

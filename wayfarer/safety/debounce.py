@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-class Persistent:
+class Debounce:
     """Holds back a condition until it has lasted."""
 
     __slots__ = ("_for_s", "_since_s")

@@ -9,21 +9,21 @@ from typing import Any
 import pytest
 
 from tests.virtual import virtual
-from wayfarer.views.live.audience import Audience, Limits, TooSlow, Viewer
+from wayfarer.views.live.broadcaster import Broadcaster, PageViewer, TooSlow, ViewerLimits
 
-LIMITS = Limits(news=5, unseen=3, silent_s=10.0)
+LIMITS = ViewerLimits(news=5, unseen=3, silent_s=10.0)
 SNAPSHOT = {"everything": True}
 
 
 class Browser:
     """Takes what it is sent; ``reads`` says whether it acknowledges."""
 
-    def __init__(self, audience: Audience, *, reads: bool = True, takes_s: float = 0.0) -> None:
+    def __init__(self, broadcaster: Broadcaster, *, reads: bool = True, takes_s: float = 0.0) -> None:
         self.reads = reads
         self.takes_s = takes_s
         self.messages: list[list[dict[str, Any]]] = []
-        self.viewer = Viewer(audience, self.send, LIMITS.silent_s, LIMITS.unseen)
-        audience.viewers.add(self.viewer)
+        self.viewer = PageViewer(broadcaster, self.send, LIMITS.silent_s, LIMITS.unseen)
+        broadcaster.viewers.add(self.viewer)
         self.following = asyncio.create_task(self.viewer.follow())
 
     async def send(self, text: str) -> None:
@@ -40,25 +40,25 @@ class Browser:
         await asyncio.gather(self.following, return_exceptions=True)
 
 
-async def tell(audience: Audience, count: int, every_s: float = 0.1) -> None:
+async def tell(broadcaster: Broadcaster, count: int, every_s: float = 0.1) -> None:
     """Tell a piece of news and a state each time."""
     for _ in range(count):
-        audience.tell({"number": audience.states}, {"t": audience.states})
+        broadcaster.tell({"number": broadcaster.states}, {"t": broadcaster.states})
         await asyncio.sleep(every_s)
 
 
-def new_audience() -> Audience:
-    audience = Audience(lambda: SNAPSHOT, LIMITS)
-    audience.tell({}, {"t": -1})
-    return audience
+def new_broadcaster() -> Broadcaster:
+    broadcaster = Broadcaster(lambda: SNAPSHOT, LIMITS)
+    broadcaster.tell({}, {"t": -1})
+    return broadcaster
 
 
 @virtual
 async def test_viewer_gets_everything_first_and_then_each_piece_in_order() -> None:
-    audience = new_audience()
-    browser = Browser(audience)
+    broadcaster = new_broadcaster()
+    browser = Browser(broadcaster)
     await asyncio.sleep(0.1)
-    await tell(audience, 20)
+    await tell(broadcaster, 20)
     assert browser.told("snapshot") == [SNAPSHOT]
     assert [news["number"] for news in browser.told("news")] == list(range(1, 21))
     assert browser.told("state")[-1] == {"t": 20}
@@ -67,9 +67,9 @@ async def test_viewer_gets_everything_first_and_then_each_piece_in_order() -> No
 
 @virtual
 async def test_slow_viewer_misses_states_but_no_news_and_never_gets_an_old_state() -> None:
-    audience = new_audience()
-    browser = Browser(audience, takes_s=0.35)
-    await tell(audience, 40)
+    broadcaster = new_broadcaster()
+    browser = Browser(broadcaster, takes_s=0.35)
+    await tell(broadcaster, 40)
     await asyncio.sleep(1.0)
     assert [news["number"] for news in browser.told("news")][-30:] == list(range(11, 41))
     states = [state["t"] for state in browser.told("state")]
@@ -81,9 +81,9 @@ async def test_slow_viewer_misses_states_but_no_news_and_never_gets_an_old_state
 
 @virtual
 async def test_viewer_that_lacks_too_much_gets_everything_anew() -> None:
-    audience = new_audience()
-    browser = Browser(audience, takes_s=2.0)
-    await tell(audience, 40)
+    broadcaster = new_broadcaster()
+    browser = Browser(broadcaster, takes_s=2.0)
+    await tell(broadcaster, 40)
     await asyncio.sleep(5.0)
     assert len(browser.told("snapshot")) > 1
     assert browser.told("state")[-1] == {"t": 40}
@@ -92,11 +92,11 @@ async def test_viewer_that_lacks_too_much_gets_everything_anew() -> None:
 
 @virtual
 async def test_little_is_under_way_to_a_viewer_that_acknowledges_nothing_and_it_is_let_go() -> None:
-    audience = new_audience()
-    browser, other = Browser(audience, reads=False), Browser(audience)
+    broadcaster = new_broadcaster()
+    browser, other = Browser(broadcaster, reads=False), Browser(broadcaster)
     loop = asyncio.get_running_loop()
     began_s = loop.time()
-    telling = asyncio.create_task(tell(audience, 200))
+    telling = asyncio.create_task(tell(broadcaster, 200))
     with pytest.raises(TooSlow):
         await browser.following
     assert loop.time() - began_s == pytest.approx(LIMITS.silent_s, abs=0.5)
@@ -108,28 +108,28 @@ async def test_little_is_under_way_to_a_viewer_that_acknowledges_nothing_and_it_
 
 @virtual
 async def test_viewer_whose_connection_takes_nothing_is_let_go() -> None:
-    audience = new_audience()
-    browser = Browser(audience, takes_s=1e6)
+    broadcaster = new_broadcaster()
+    browser = Browser(broadcaster, takes_s=1e6)
     with pytest.raises(TooSlow):
         await browser.following
 
 
 @virtual
 async def test_acknowledging_what_was_never_sent_gains_nothing() -> None:
-    audience = new_audience()
-    browser = Browser(audience, reads=False)
+    broadcaster = new_broadcaster()
+    browser = Browser(broadcaster, reads=False)
     for nonsense in (10**9, -1, None, "3", 1.5, True):
         browser.viewer.acknowledge(nonsense)
-    await tell(audience, 10)
+    await tell(broadcaster, 10)
     assert len(browser.messages) <= LIMITS.unseen + 1
     await browser.leave()
 
 
 @virtual
 async def test_catching_up_waits_for_the_last_word() -> None:
-    audience = new_audience()
-    browser = Browser(audience, takes_s=0.2)
-    audience.tell({"outcome": "escaped"}, {"t": 1})
+    broadcaster = new_broadcaster()
+    browser = Browser(broadcaster, takes_s=0.2)
+    broadcaster.tell({"outcome": "escaped"}, {"t": 1})
     async with asyncio.timeout(5.0):
         await browser.viewer.catch_up()
     assert browser.told("state")[-1] == {"t": 1}
