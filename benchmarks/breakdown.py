@@ -1,7 +1,7 @@
 """Where the time of a control tick goes: trials are interrupted now and then, and asked whose code runs.
 
-A sample counts for the innermost frame that belongs to a part. Time in C (asyncio's tasks, numpy) counts for whoever
-runs when it returns. The profiling clock ticks in CPU time, so that a loaded machine does not shift the shares.
+A sample counts for the innermost frame that belongs to a part. Time in C (asyncio's tasks, numpy) counts for the part
+that runs when it returns. The profiling clock ticks in CPU time, so that a loaded machine does not shift the shares.
 """
 
 from __future__ import annotations

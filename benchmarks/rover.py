@@ -1,4 +1,4 @@
-"""The real drivers: what bus depth costs, and how long the event loop stands still while a bus hangs."""
+"""The real drivers: what bus depth costs, and how long the event loop is blocked while a bus hangs."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ class HangingDevice:
 
 
 class HangingBuses(FakeBuses):
-    """Buses whose I2C blocks, behind the rover's own worker thread; the others are simulated as ever."""
+    """Buses whose I2C blocks, behind the rover's own worker thread; the others are simulated as usual."""
 
     def __init__(self, chips: FakeBuses, device: HangingDevice) -> None:
         super().__init__()

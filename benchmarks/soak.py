@@ -148,7 +148,7 @@ async def _soak(for_s: float, seed: int, folder: Path, beside: Beside | None) ->
     setup = TrialSetup(
         spec, lambda *_: Tee(FieldLog(RunFiles(logs, LOG), {"simulated": True}, wall=lambda t_s: t_s), rules)
     )
-    setup.world.after_step = partial(_carry_back, forest)  # in place of the outcome monitor, which would end the run
+    setup.world.after_step = partial(_carry_back, forest)  # in place of the outcome monitor, who would end the run
     rules.follow(setup)
     assert setup.injector is not None
     setup.injector.start(setup.world, setup.supervisor.controller.power, rules.note)

@@ -91,7 +91,7 @@ async def _alternate(url: str, for_s: float) -> list[Spell]:
 
 @asynccontextmanager
 async def _viewers(url: str, count: int) -> AsyncIterator[None]:
-    """Look on as so many pages."""
+    """Watch as so many pages."""
     async with ClientSession() as session:
         sockets = [await session.ws_connect(f"{url}ws", headers={"Origin": url.rstrip("/")}) for _ in range(count)]
         looking = [asyncio.create_task(_look(socket)) for socket in sockets]

@@ -99,7 +99,7 @@ class Trip(NamedTuple):
 
 
 def drive(forest: int, failsafe: FailSafe | None, say: Callable[[str], None] = lambda _: None) -> Trip:
-    """Drive until out of the wood, or out of time."""
+    """Drive until out of the forest, or out of time."""
     rover, planner, t_s, takeovers = TheirRover(forest), TheirPlanner(), 0.0, 0
     while t_s < TIME_S and not is_out(rover.world):
         sensed = rover.sense(t_s)
@@ -121,7 +121,7 @@ def drive(forest: int, failsafe: FailSafe | None, say: Callable[[str], None] = l
 
 
 def is_out(world: World) -> bool:
-    """Whether a rover has left the wood of 50 x 50 m."""
+    """Whether a rover has left the forest of 50 x 50 m."""
     return not (0.0 <= world.x_m <= 50.0 and 0.0 <= world.y_m <= 50.0)
 
 
@@ -132,7 +132,7 @@ def make_failsafe(forest: int) -> FailSafe:
 
 def tell(who: str, trip: Trip) -> None:
     """Say what became of a rover."""
-    fate = "out of the wood" if trip.out else f"still {50.0 - trip.north_m:.1f} m short of the edge"
+    fate = "out of the forest" if trip.out else f"still {50.0 - trip.north_m:.1f} m short of the edge"
     print(f"{who}: {fate} after {trip.time_s:.0f} s, {trip.takeovers} takeovers")
 
 

@@ -25,7 +25,7 @@ LINES = range(5, 21)  # beside imports
 # What each example prints, as regular expressions that are found in this order.
 PRINTS = {
     "algorithm_of_your_own": [r"left_hand: (escaped|left_bounds) after \d+\.\d m"],
-    "anomalies_in_a_field_log": [r"s  immobilised  at +\d+\.\d deg, follow\.anomaly", r"log: whole"],
+    "anomalies_in_a_field_log": [r"s  immobilised  at +\d+\.\d deg, follow\.anomaly", r"log: complete"],
     "campaign_at_a_site": [r"interventions", r"forest-pledge +4 ", r"paper +10 ", r"\d+ s simulated"],
     "compare_two_algorithms": [r"^forest-pledge: SPL 0", r"tight-pledge: SPL 0", r"gain of SPL in pairs: [+-]0\."],
     "driver_of_your_own": [r"^b'Z'", r"b'n\\xff\\x99\\x00'", r"b'n\\x00\\x00\\x00'$"],

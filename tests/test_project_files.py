@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.test_imports import LAYERS
 from wayfarer import __version__
 
 ROOT = Path(__file__).parents[1]
@@ -27,6 +28,18 @@ def paths_in(text: str) -> set[str]:
 @pytest.mark.parametrize("path", sorted(paths_in(text_of("CONTRIBUTING.md"))))
 def test_path_that_a_recipe_names_is_there(path: str) -> None:
     assert (ROOT / path).exists()
+
+
+@pytest.mark.parametrize("path", sorted(paths_in(text_of("ARCHITECTURE.md"))))
+def test_path_in_the_architecture_is_there(path: str) -> None:
+    assert (ROOT / path).exists() or (ROOT / "wayfarer" / path).exists()
+
+
+def test_architecture_has_the_picture_of_the_imports_in_250_lines() -> None:
+    text = text_of("ARCHITECTURE.md")
+    picture = text.partition("```\n")[2].partition("```")[0]
+    assert [line.replace(",", "").split() for line in picture.splitlines()] == LAYERS
+    assert len(text.splitlines()) <= 250
 
 
 @pytest.mark.parametrize(

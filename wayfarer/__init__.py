@@ -1,4 +1,4 @@
-"""wayfarer gets a rover out of a forest when it cannot see.
+"""wayfarer: an escape controller for ground rovers without vision.
 
 The package is laid out as the data flows: ``drivers`` (or ``simhal``) behind the protocols of ``hal``, the pure
 ``detector``, ``escape`` and ``safety``, and the ``supervisor`` that runs them. See ``ARCHITECTURE.md``.

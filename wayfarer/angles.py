@@ -1,4 +1,4 @@
-"""Angles on a compass: degrees, clockwise positive, 0 is north.
+"""Compass angles: degrees, clockwise positive, 0 is north.
 
 One place for wrap-around, because published drivers and filters get it wrong again and again (averaging 359 and 1
 gives 180).

@@ -1,4 +1,4 @@
-"""Every error that wayfarer raises on purpose, on one page.
+"""All errors that wayfarer raises on purpose.
 
 ::
 
@@ -87,7 +87,7 @@ class BadReading(DriverError):
 
 
 class NotArmed(WayfarerError):
-    """The rover was asked to arm and was not; its wheels stand still, and the text says why."""
+    """The rover was asked to arm and refused; its wheels do not turn, and the text says why."""
 
 
 class MissingPart(WayfarerError):

@@ -1,4 +1,4 @@
-"""The Driver interface: one small protocol per capability, and the readings that cross it.
+"""The driver interface: one small protocol per capability, and the types of the readings.
 
 Everything above this file (detector, escape handler, safety gate, supervisor) knows a rover only through these
 protocols; everything below it (``drivers`` for real parts, ``simhal`` for simulated ones) implements them. Field code
@@ -181,8 +181,8 @@ class DriveMotors(Driver, Protocol):
     """The left and right wheels of a skid-steered rover.
 
     ``deadman_s`` is how long after the last command the board itself stops the wheels; None where it cannot. ``open``
-    arms that deadman and verifies it as far as the board can be asked; the controller opens the motors anew at each
-    arming, because a board that lost its power for a moment has forgotten it.
+    arms that deadman and verifies it if the board can report it; the controller opens the motors again at each arming,
+    because a board that lost its power for a moment has forgotten it.
     """
 
     deadman_s: float | None
@@ -199,7 +199,7 @@ class DriveMotors(Driver, Protocol):
         """Stop both wheels. Needs no earlier state, works before ``open``, may be repeated, never raises."""
 
     def halt(self) -> None:
-        """Send a stop without waiting for it, from any thread: what is left when the event loop stands still.
+        """Send a stop without waiting for it, from any thread: it works also when the event loop is blocked.
 
         It never raises and never blocks. Where the bus hangs, the stop goes out first when it is back.
         """

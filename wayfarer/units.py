@@ -1,4 +1,4 @@
-"""Allowed ranges of configuration values, by unit.
+"""Allowed ranges of settings, by unit.
 
 A two-sided range is also what keeps NaN and infinity out, and it is quoted to the user when a value is refused.
 """

@@ -185,7 +185,7 @@ BAD = {
     "chance and choice": (["--trials", "3", "--only", "2"], "--trials draws its own faults; leave out --only"),
     "chance and file": (["--trials", "3", "--scenario", "a"], "leave out --scenario"),
     "chance and list": (["--trials", "3", "--list"], "leave out --list"),
-    "seed alone": (["--seed", "3"], "--seed is for faults by chance; say how many with --trials N"),
+    "seed alone": (["--seed", "3"], "--seed is for random faults; say how many trials with --trials N"),
     "depth alone": (["--depth", "bus"], "--depth is for faults by chance"),
     "jobs": (["--jobs", "0"], "--jobs"),
 }
@@ -275,8 +275,8 @@ def test_detector_is_measured_and_kept(tmp_path: Path, capsys: pytest.CaptureFix
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--physics", "mujoco"], "--physics is for the detector's table; add --detector, or leave it out"),
-        (["--detector", "--friction", "0.3"], "--friction is of another world; add --physics mujoco, or leave it out"),
+        (["--physics", "mujoco"], "--physics needs --detector; add that, or leave it out"),
+        (["--detector", "--friction", "0.3"], "--friction applies only to MuJoCo; add --physics mujoco, or drop it"),
     ],
 )
 def test_options_of_the_detectors_table_where_they_mean_nothing_are_refused(

@@ -64,7 +64,7 @@ def test_show_takes_the_newest_and_says_what_is_missing(run: Run, logs: Path) ->
     with (logs / SECOND / "run.jsonl").open("ab") as file:
         file.write(b'{"record":"ti')
     _, out, _ = run("show")
-    assert out.splitlines()[-2:] == ["there is no outcome: the run was cut off, or it goes on", "1 line is torn"]
+    assert out.splitlines()[-2:] == ["no outcome: the run was cut off, or is still running", "1 line is torn"]
 
 
 def test_show_tells_every_tick_when_asked_to(run: Run) -> None:
@@ -82,7 +82,7 @@ def test_summary_is_for_people_or_for_machines(run: Run) -> None:
 
 def test_check_ends_with_the_worst_of_what_it_found(run: Run, logs: Path) -> None:
     code, out, _ = run("check", 1)
-    assert (code, out) == (0, f"{FIRST}: whole, 123 records\n")
+    assert (code, out) == (0, f"{FIRST}: complete: 123 records\n")
     code, out, _ = run("check", 1, 2)
     assert (code, len(out.splitlines())) == (3, 2)
     assert "no outcome" in out
@@ -137,7 +137,7 @@ def test_export_refuses_a_name_that_says_another_format(
 def test_summary_of_a_log_without_its_header_claims_nothing(run: Run, tmp_path: Path) -> None:
     headless = write(tmp_path / "logs" / "00003-20261121T081405Z", numbered([*drive(0.0, 1.0), outcome(1.0)]))
     said = run("summary", 3)[1]
-    assert "nothing says what ran, nor whether it was simulated" in said
+    assert "the log does not say what ran, or whether it was simulated" in said
     assert said.splitlines()[-1] == "log        1 part of the log does not begin with its header"
     found = json.loads(run("summary", headless, "--json")[1])
     assert (found["simulated"], found["dry_run"], found["damage"]["headless"]) == (None, None, 1)

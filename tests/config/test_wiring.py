@@ -132,7 +132,7 @@ def test_two_chips_on_one_serial_port_are_refused(tmp_path: Path) -> None:
     said = complaint(tmp_path, SABERTOOTH.format("/dev/serial0"), BUMPER)
     assert said == (
         "key 'parts.contact.port' = '/dev/serial0': parts.motors (Sabertooth) is on it already; "
-        "each chip needs a serial port of its own (line 10)"
+        "two chips cannot share a serial port (line 10)"
     )
 
 

@@ -450,7 +450,7 @@ def test_disarming_stops_the_wheels_before_the_next_tick_and_for_good(play: Play
         assert run.wheels == STOP
         await asyncio.sleep(1.0)
         assert run.wheels == STOP
-        assert (await run.status())["why_disarmed"] == "asked for by a person"
+        assert (await run.status())["why_disarmed"] == "requested by a person"
 
     play(scene)
 
@@ -494,7 +494,7 @@ def test_hold_stops_the_wheels_at_once_and_resume_goes_on_with_the_same_mission(
 
 def test_hold_of_a_disarmed_rover_is_refused(play: Play) -> None:
     async def scene(run: Run) -> None:
-        with pytest.raises(Refused, match="stand still already"):
+        with pytest.raises(Refused, match="its wheels do not turn"):
             await run.commands.hold()
         assert not (await run.status())["held"]
 

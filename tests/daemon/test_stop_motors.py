@@ -110,7 +110,7 @@ def stop(rover_file: Path, text: str) -> str:
 def test_board_that_can_be_asked_says_that_the_wheels_stand_still(rover_file: Path) -> None:
     said = stop(rover_file, BUSES + THUNDERBORG)
     assert bench.by_i2c.commanded == STILL
-    assert said == f"{rover_file}: ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels stand still"
+    assert said == f"{rover_file}: ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels are stopped"
 
 
 def test_board_that_cannot_be_asked_is_stopped_and_nothing_is_claimed(rover_file: Path) -> None:
@@ -209,7 +209,7 @@ def test_rover_file_is_found_in_the_working_folder_and_without_a_suffix(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path(name).write_text(BUSES + THUNDERBORG, encoding="utf-8")
-    assert "stand still" in stop_motors(name)
+    assert "are stopped" in stop_motors(name)
 
 
 def test_shipped_rover_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -237,14 +237,14 @@ def test_board_that_is_driven_is_stopped_and_so_is_another_one_that_the_file_nam
     said = stop(rover_file, BUSES + SABERTOOTH)
     assert (bench.by_i2c.commanded, bench.by_serial.commanded) == (STILL, STILL)
     driven, named = said.split("; ")
-    assert driven == f"the daemon's {record}: ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels stand still"
+    assert driven == f"the daemon's {record}: ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels are stopped"
     assert named == f"{rover_file}: stop was sent to Sabertooth 128 on /dev/serial0, which cannot confirm it"
 
 
 def test_same_board_from_both_is_stopped_once(rover_file: Path, record: Path) -> None:
     said = stop(rover_file, BUSES + THUNDERBORG)
     assert said == (
-        f"the daemon's {record} and {rover_file}: ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels stand still"
+        f"the daemon's {record} and {rover_file}: ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels are stopped"
     )
 
 
@@ -280,7 +280,7 @@ def test_board_that_does_not_answer_is_told_beside_the_one_that_was_stopped(
 def test_recorded_driver_that_is_gone_is_no_success(rover_file: Path, control_socket: Path) -> None:
     DrivenRecord(control_socket).write(DrivenBoard({"driver": "no.such:Driver"}, "linux"))
     with pytest.raises(
-        WayfarerError, match=r"motors\.json: driver 'no\.such:Driver': cannot import.*stand still"
+        WayfarerError, match=r"motors\.json: driver 'no\.such:Driver': cannot import.*are stopped"
     ) as caught:
         stop(rover_file, BUSES + THUNDERBORG)
     assert caught.value.exit_code == 1
@@ -431,7 +431,7 @@ def test_daemon_is_asked_to_stop_and_what_it_still_sent_is_taken_back(
     rover_file: Path, monkeypatch: pytest.MonkeyPatch, control_socket: Path
 ) -> None:
     asked = ask_that(monkeypatch, control_socket, drive_on)
-    assert "says that the wheels stand still" in stop(rover_file, BUSES + THUNDERBORG)
+    assert "says that the wheels are stopped" in stop(rover_file, BUSES + THUNDERBORG)
     assert asked == [{"do": "stop"}]
     assert bench.by_i2c.commanded == STILL
 
@@ -484,7 +484,7 @@ def test_without_a_daemon_nothing_is_waited_for(
     if left_behind:
         ask_that(monkeypatch, control_socket, nobody)
     monkeypatch.setattr("asyncio.sleep", lambda _: pytest.fail("it waits"))
-    assert "stand still" in stop(rover_file, BUSES + THUNDERBORG)
+    assert "are stopped" in stop(rover_file, BUSES + THUNDERBORG)
 
 
 def test_real_control_socket_is_told_to_stop(rover_file: Path, control_socket: Path) -> None:
@@ -502,7 +502,7 @@ def test_real_control_socket_is_told_to_stop(rover_file: Path, control_socket: P
     thread.start()
     assert ready.wait(5.0)
     try:
-        assert "stand still" in stop(rover_file, BUSES + THUNDERBORG)
+        assert "are stopped" in stop(rover_file, BUSES + THUNDERBORG)
     finally:
         over.set()
         thread.join()
@@ -515,7 +515,7 @@ def test_real_control_socket_is_told_to_stop(rover_file: Path, control_socket: P
 @pytest.mark.parametrize(
     ("table", "code", "out", "err"),
     [
-        (THUNDERBORG, 0, "says that the wheels stand still\n", ""),
+        (THUNDERBORG, 0, "says that the wheels are stopped\n", ""),
         (THUNDERBORG + "address = 0x17\n", 1, "", "power off\n"),
         ("", 2, "", "this rover has no wheels to stop\n"),
     ],

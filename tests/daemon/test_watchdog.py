@@ -153,7 +153,7 @@ async def test_blocked_loop_has_its_wheels_stopped_again_and_again(capfd: pytest
     assert " block < " in where, "taken while it stood still, and who called"
     assert "\n" not in where
     told = capfd.readouterr().err
-    assert told.count("the event loop stands still") == 1
+    assert told.count("the event loop is blocked") == 1
     assert "in block" in told, "the stacks show what blocks"
 
 
@@ -166,7 +166,7 @@ async def test_each_stall_is_told_once(capfd: pytest.CaptureFixture[str]) -> Non
         await beat_for(guard, 0.2)
     guard.stop()
     assert len(wheels.recoveries_s) == 2
-    assert capfd.readouterr().err.count("the event loop stands still") == 2
+    assert capfd.readouterr().err.count("the event loop is blocked") == 2
 
 
 async def test_beating_loop_is_left_alone() -> None:

@@ -283,7 +283,7 @@ class DaemonMachine(RuleBasedStateMachine):
             return
         controller, told = self.daemon.controller, self.daemon.status()
         assert told["mode"] == controller.mode.value, (
-            f"the status says {told['mode']}, the controller is {controller.mode.value}"
+            f"the status says {told['mode']}, the helm is {controller.mode.value}"
         )
         assert (told["why_disarmed"] is None) == (controller.mode is not Mode.DISARMED)
         assert told["held"] == controller.held

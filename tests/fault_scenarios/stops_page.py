@@ -14,7 +14,7 @@ from typing import Any
 
 STOPPING = ("S2", "S3", "S4")
 STOPS_HEAD = (
-    "| row | fault | what happens | level | by | stood after s | bound s | tried |\n|---|---|---|---|---|---|---|---|"
+    "| row | fault | what happens | level | by | stopped after s | bound s | tried |\n|---|---|---|---|---|---|---|---|"
 )
 DETECTOR_HEAD = (
     "| anomaly | slip mean m | noise | episodes | recall | claims | precision | delay s | p95 s |\n"

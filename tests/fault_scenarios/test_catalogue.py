@@ -70,7 +70,7 @@ def test_ticks_that_are_too_far_apart_fail_a_row() -> None:
 
 def test_wheels_that_turn_on_for_too_long_fail_a_row() -> None:
     result = judge(with_expectation(SCENARIOS["port-gone"], stands_within_s=0.2), *runs_of("port-gone"))
-    assert result.problems == ("the wheels stood after 0.30 s, 0.2 s are allowed",)
+    assert result.problems == ("the wheels stopped after 0.30 s, 0.2 s are allowed",)
 
 
 def test_headings_that_wrap_change_no_decision() -> None:

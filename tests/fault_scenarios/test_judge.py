@@ -66,7 +66,7 @@ def test_level_bound_and_change_of_a_fault_that_is_met() -> None:
 
 WRONG = {
     "bound": (replace(HELD, within_s=0.1), "detected after 0."),
-    "bound of the stop": (replace(HELD, within_s=0.1), "the wheels stood after 0."),
+    "bound of the stop": (replace(HELD, within_s=0.1), "the wheels stopped after 0."),
     "level above": (replace(HELD, level=Reached.FAULT), "S2 was reached, S3 is expected; the rover said"),
     "level below": (replace(HELD, level=Reached.NOTE), "S2 was reached, S0 is expected"),
     "no level": (replace(HELD, level=Reached.NONE), "S2 was reached, - is expected"),

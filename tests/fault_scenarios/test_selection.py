@@ -59,7 +59,7 @@ def test_another_rover_leaves_out_what_it_cannot_have() -> None:
     assert [(row.name, getattr(row, "rover", None)) for row in rows] == [("loose", "minirover"), ("dark", "minirover")]
     assert [(each.name, each.row, each.skipped) for each in skipped] == [
         ("bumped", 15, "rover 'minirover' has no [parts.contact]"),
-        ("killed", 35, "it has rovers of its own"),
+        ("killed", 35, "it names its own rovers"),
     ]
 
 

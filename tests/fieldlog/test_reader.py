@@ -187,7 +187,7 @@ def test_header_is_found_in_a_later_part_where_the_first_is_damaged(tmp_path: Pa
 
 
 def test_damage_says_what_it_is() -> None:
-    assert str(Damage()) == "whole"
+    assert str(Damage()) == "complete"
     assert str(Damage(torn=2, missing=14)) == "2 lines are torn, 14 records are missing"
     assert str(Damage(nul=1, oversized=1, garbled=3, unreadable=1)) == (
         "1 line is filled with NUL bytes, 1 line is far too long, 3 lines are no records, "

@@ -73,7 +73,7 @@ def test_what_was_handed_over_before_a_sync_is_on_the_disk(tmp_path: Path, monke
 
 def test_file_that_is_there_is_never_written_over(tmp_path: Path) -> None:
     (tmp_path / "run.jsonl").write_bytes(b"precious")
-    with pytest.raises(BadInput, match="File exists: log into a folder of its own"):
+    with pytest.raises(BadInput, match="File exists: log into a separate folder"):
         Log(tmp_path)
     assert (tmp_path / "run.jsonl").read_bytes() == b"precious"
 

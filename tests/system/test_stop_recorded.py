@@ -82,7 +82,7 @@ def test_board_that_a_killed_daemon_drove_is_stopped_though_the_file_names_anoth
     print(f"{site.rover}: {time.monotonic() - began_s:.2f} s: {done.returncode} {done.stdout}{done.stderr}")
     driven, named = (done.stdout + done.stderr).split("; ", maxsplit=1)
     assert "motors.json: " in driven
-    assert ("stand still" if site.rover == "minirover" else "stop was sent to Sabertooth") in driven
+    assert ("are stopped" if site.rover == "minirover" else "stop was sent to Sabertooth") in driven
     assert str(site.config) in named
 
 

@@ -26,7 +26,7 @@ BAD_INPUT = 2
 
 ROVER = "On the rover"
 CONTROL = "To a running rover"
-AFTERWARDS = "What it did"
+AFTERWARDS = "Logs and results"
 
 EXAMPLES = """Examples:
 
@@ -51,7 +51,10 @@ app.command("stop-motors", rich_help_panel=ROVER)(rover.stop_motors)
 app.command(rich_help_panel=ROVER)(commissioning.check)
 app.command(rich_help_panel=ROVER)(commissioning.calibrate)
 app.add_typer(
-    logs.app, name="logs", rich_help_panel=AFTERWARDS, help="What a run did, or does now: list, follow, show, summary."
+    logs.app,
+    name="logs",
+    rich_help_panel=AFTERWARDS,
+    help="Read field logs: list, follow, show, summarise, check, export.",
 )
 app.command(rich_help_panel=AFTERWARDS, epilog=report.EXAMPLES)(report.report)
 app.command(rich_help_panel=AFTERWARDS, epilog=compare.EXAMPLES)(compare.compare)
@@ -100,12 +103,12 @@ def _root(
         typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
 ) -> None:
-    """Get a rover out of a forest when it cannot see."""
+    """Drive a rover out of a forest without vision: compass, tilt and stall detection only."""
 
 
 @app.command("list")
 def list_names() -> None:
-    """Show the algorithms, rovers and drivers that there are, third-party ones with where they come from."""
+    """List all algorithms, rovers and drivers, also those of installed third-party packages."""
     from rich.console import Console
 
     from wayfarer.config.registry import driver_names

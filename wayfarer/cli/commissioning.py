@@ -1,4 +1,4 @@
-"""``wayfarer check``, ``calibrate`` and ``install-service``: looking after a rover."""
+"""``wayfarer check``, ``calibrate`` and ``install-service``: commissioning of a rover."""
 
 from __future__ import annotations
 
@@ -33,10 +33,12 @@ class CalibrationStep(StrEnum):
 def check(
     *,
     config: Config = None,
-    as_json: Annotated[bool, typer.Option("--json", help="All findings, as one JSON object; no wheel turns.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print all findings as one JSON object; no wheel turns.")
+    ] = False,
     logs: Logs = None,
 ) -> None:
-    """Check every part, and with your consent that the wheels turn the right way and stop by themselves."""
+    """Check every part. If you agree, also check that the wheels turn the right way and stop by themselves."""
     from wayfarer.cli import terminal
     from wayfarer.commissioning.checks import check as look
     from wayfarer.commissioning.checks import passed
@@ -74,7 +76,7 @@ def calibrate(
     *,
     config: Config = None,
 ) -> None:
-    """Calibrate compass and flow, measure what the motors do to the heading, and how it turns on its ground."""
+    """Calibrate compass and flow sensor; measure the motors' effect on the compass, and how the rover turns."""
     from wayfarer.cli import terminal
     from wayfarer.commissioning.calibrate import STEPS
     from wayfarer.commissioning.calibrate import calibrate as guide
@@ -102,9 +104,14 @@ def calibrate(
 def install_service(
     *,
     rover: Annotated[
-        str | None, typer.Option(metavar="NAME|FILE", help="What /etc/wayfarer/rover.toml is made from, once.")
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE", help="The rover that /etc/wayfarer/rover.toml is made from, if it does not exist yet."
+        ),
     ] = None,
-    root: Annotated[Path, typer.Option(metavar="DIR", help="The system to install into, such as a card.")] = Path("/"),
+    root: Annotated[
+        Path, typer.Option(metavar="DIR", help="Root folder of the system to install into, such as a mounted SD card.")
+    ] = Path("/"),
     show: Annotated[bool, typer.Option("--print", help="Print the unit and change nothing.")] = False,
 ) -> None:
     """Install the systemd service; it starts disarmed at each boot."""

@@ -1,4 +1,4 @@
-"""``wayfarer compare``: the algorithms of one campaign, pair by pair."""
+"""``wayfarer compare``: paired comparison of the algorithms of one campaign."""
 
 from __future__ import annotations
 
@@ -23,18 +23,19 @@ wayfarer sim --algorithm forest-pledge,pledge --trials 500 --spl --out results &
 
 wayfarer compare results --against pledge
 """
-LEGEND = """gains: mean over pairs of the same forest and noise, 95 % by bootstrap of {} layouts; path: both got out
-shares: exact 95 % intervals; worst: a trial that did not get out, else the longest path"""
+LEGEND = """change: against the baseline, mean over pairs of the same forest and noise; 95 % by bootstrap of {} layouts
+path: pairs in which both escaped; a shorter path is negative
+shares: exact 95 % intervals; worst: a failed trial, else the longest path"""
 
 
 def compare(
-    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `wayfarer sim --out` has filled.")],
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `wayfarer sim --out` wrote.")],
     *,
     against: Annotated[
         str, typer.Option(metavar="ALGORITHM", help="The algorithm that the others are compared with.")
     ] = "forest-pledge",
 ) -> None:
-    """Compare the algorithms of a campaign on the same forests with the same noise: gains, with their intervals."""
+    """Compare the algorithms of a campaign in pairs (same forest, same noise), with 95 % intervals."""
     require("simulating")
     from rich.console import Console
 
@@ -86,8 +87,8 @@ def _worst(one: Comparison) -> str:
 GAINS: tuple[Column, ...] = (
     ("trials", lambda one: str(one.trials)),
     ("SPL", lambda one: "" if one.spl is None else f"{one.spl:.3f}"),
-    ("gain of SPL\n[95 %]", lambda one: _gain(one.spl_gain, 3)),
-    ("gain of path, m\n[95 %]", lambda one: _gain(one.path_gain_m, 1)),
+    ("SPL change\n[95 %]", lambda one: _gain(one.spl_gain, 3)),
+    ("path change, m\n[95 %]", lambda one: _gain(one.path_gain_m, 1)),
 )
 OUTCOMES: tuple[Column, ...] = (
     ("entrapped %\n[95 %]", lambda one: _share(one.entrapped, 2)),

@@ -1,4 +1,4 @@
-"""The verbs that are sent to a running rover over its control socket."""
+"""The commands that are sent to a running rover over its control socket."""
 
 from __future__ import annotations
 
@@ -29,8 +29,10 @@ Heading = Annotated[
 NorthOption = Annotated[North, typer.Option(help="Which north DEG counts from; true needs declination_deg.")]
 
 
-def status(*, as_json: Annotated[bool, typer.Option("--json", help="Everything, as one JSON object.")] = False) -> None:
-    """Say how the rover is."""
+def status(
+    *, as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False
+) -> None:
+    """Show rover status."""
     found = _ask("status")
     if as_json:
         import json
@@ -46,12 +48,17 @@ def status(*, as_json: Annotated[bool, typer.Option("--json", help="Everything, 
 def arm(
     heading_deg: Annotated[
         float | None,
-        typer.Argument(metavar="[DEG]", min=-360, max=360, help="Goal heading; without it where the rover looks then."),
+        typer.Argument(
+            metavar="[DEG]",
+            min=-360,
+            max=360,
+            help="Goal heading. (default: the rover's heading at the end of the start delay)",
+        ),
     ] = None,
     *,
     north: NorthOption = North.magnetic,
 ) -> None:
-    """Check everything, wait for the start delay, then drive. Step away from the rover."""
+    """Check every part, wait for the start delay, then drive. Step away from the rover."""
     keys = {} if heading_deg is None else {"heading_deg": wrap360(heading_deg), "north": north.value}
     reply = _ask("arm", **keys)
     with _as_this_version():
@@ -61,31 +68,31 @@ def arm(
 
 
 def disarm() -> None:
-    """Stop the wheels until armed anew."""
+    """Stop the wheels until the rover is re-armed."""
     _ask("disarm")
     print("disarmed")
 
 
 def hold() -> None:
-    """Stop the wheels until `wayfarer resume`; the mission goes on."""
+    """Pause: stop the wheels until `wayfarer resume`; the mission continues after that."""
     _ask("hold")
     print("held; wayfarer resume goes on")
 
 
 def resume() -> None:
-    """Go on after `wayfarer hold`."""
+    """Continue the mission after `wayfarer hold`."""
     _ask("resume")
     print("going on")
 
 
 def goal(heading_deg: Heading, *, north: NorthOption = North.magnetic) -> None:
-    """Head elsewhere."""
+    """Set a new goal heading."""
     reply = _ask("goal", heading_deg=wrap360(heading_deg), north=north.value)
     with _as_this_version():
         print(f"heading for {reply['goal_heading_deg']:g} degrees magnetic")
 
 
-def mark(words: Annotated[list[str], typer.Argument(metavar="TEXT", help="What happened, such as: hit log")]) -> None:
+def mark(words: Annotated[list[str], typer.Argument(metavar="TEXT", help="The note, such as: hit log")]) -> None:
     """Write a note into the field log."""
     _ask("mark", text=" ".join(words))
     print("noted")

@@ -1,4 +1,4 @@
-"""``wayfarer demo``: an escape to look at, by one command."""
+"""``wayfarer demo``: one simulated escape, shown in a browser."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ wayfarer demo --algorithm levy-walk --speed 20
 wayfarer demo --seed 44 --no-browser
 """
 
-# Eight episodes, the worst of which turns by 190 degrees before it is unwound, and out after 104 to 115 s whatever luck
-# the noise has (12 runs): 18 s to watch at the speed below.
+# Eight episodes, the worst of which turns by 190 degrees before it is unwound, and out after 104 to 115 s for all
+# noise seeds tried (12 runs): 18 s to watch at the speed below.
 SEED = 22
 SPEED = 6.0
 ROVER = "sim"
@@ -44,23 +44,29 @@ def _speed(value: float) -> float:
 
 def demo(
     *,
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Which forest, and which luck.")] = SEED,
-    algorithm: Annotated[str, typer.Option(metavar="NAME", help="What decides; see wayfarer list.")] = "forest-pledge",
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Random seed: forest and noise.")] = SEED,
+    algorithm: Annotated[
+        str, typer.Option(metavar="NAME", help="Escape algorithm; see wayfarer list.")
+    ] = "forest-pledge",
     speed: Annotated[
         float,
         typer.Option(
-            callback=_speed, metavar="X", help="How many times faster than real; as fast as this computer can, at most."
+            callback=_speed,
+            metavar="X",
+            help="How many times faster than real time; limited by the speed of this computer.",
         ),
     ] = SPEED,
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="Only print where the page is.")] = False,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Do not open a browser; only print the page's address.")
+    ] = False,
     live_port: Annotated[
-        int, typer.Option(min=0, max=65535, metavar="N", help="Port of the page; 0 takes one that is free.")
+        int, typer.Option(min=0, max=65535, metavar="N", help="Port of the page; 0 chooses a free one.")
     ] = PORT,
     logs: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where the run is logged. (default: a temporary folder)")
+        Path | None, typer.Option(metavar="DIR", help="Folder for the run's log. (default: a temporary folder)")
     ] = None,
 ) -> None:
-    """Watch a simulated rover escape from a forest, in a browser, a few times faster than real."""
+    """Watch a simulated rover escape from a forest, in a browser, a few times faster than real time."""
     from wayfarer.config.registry import find_algorithm
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.daemon import Service, serve
@@ -83,7 +89,7 @@ def demo(
             socket=Path(own) / "control.sock",
             simulated=True,
             dry_run=False,
-            hint="It sets out when somebody looks on",
+            hint="Starts when the page is opened",
             viewers=[AutoArm(page, page.watched)],
             loop_factory=partial(FastLoop, speed),
             time_scale=speed,

@@ -1,4 +1,4 @@
-"""The optional parts of an installation: what needs them, and how to get them. A rover's own stays small."""
+"""The optional extras of the installation: which feature needs which packages, and how to install them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wayfarer faults``: everything that goes wrong in a wood, made to happen in simulated time."""
+"""``wayfarer faults``: fault injection in virtual time, and the measurement of the anomaly detector."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ wayfarer faults --detector --trials 100
 
 wayfarer faults --detector --physics mujoco --friction 0.3 --trials 10
 """
-BY_CHANCE = "Faults by chance"
+BY_CHANCE = "Random faults"
 DETECTOR = "The detector"
 OF_CHANCE = ("seed", "depth")  # options
 
@@ -40,7 +40,9 @@ def faults(
     ] = None,
     rover: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", help="Run them on this rover, as far as it has the parts for them."),
+        typer.Option(
+            metavar="NAME|FILE", help="Run them on this rover; those that need parts it does not have are skipped."
+        ),
     ] = None,
     scenario: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Run the scenarios of this TOML file instead of the catalogue.")
@@ -49,9 +51,9 @@ def faults(
         Path | None,
         typer.Option(metavar="DIR", help="New or empty folder for results.csv, results.json and each run's field log."),
     ] = None,
-    show: Annotated[bool, typer.Option("--list", help="Show what there is to run, and run nothing.")] = False,
+    show: Annotated[bool, typer.Option("--list", help="List the scenarios, and run nothing.")] = False,
     jobs: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Processes; without it one for each core.")
+        int | None, typer.Option(min=1, metavar="N", help="Number of processes. (default: one per core)")
     ] = None,
     trials: Annotated[
         int | None,
@@ -59,31 +61,36 @@ def faults(
             min=1,
             max=1_000_000,
             metavar="N",
-            help="Run this many trials with faults and commands by chance, and look for a broken safety rule.",
+            help="Run this many trials with random faults and commands, and check the safety rules.",
             rich_help_panel=BY_CHANCE,
         ),
     ] = None,
     seed: Annotated[
         int | None,
         typer.Option(
-            min=0, metavar="N", help="Of the first trial; each further one has the next.", rich_help_panel=BY_CHANCE
+            min=0,
+            metavar="N",
+            help="Random seed of the first trial; each further trial uses the next number.",
+            rich_help_panel=BY_CHANCE,
         ),
     ] = None,
     depth: Annotated[
         DepthOption | None,
-        typer.Option(help="Simulated parts, or the real drivers over simulated chips.", rich_help_panel=BY_CHANCE),
+        typer.Option(
+            help="device: simulated parts; bus: the real drivers over simulated chips.", rich_help_panel=BY_CHANCE
+        ),
     ] = None,
     detector: Annotated[
         bool,
         typer.Option(
             "--detector",
-            help="Measure precision, recall and delay of each anomaly instead; --trials of each case, 50 without it.",
+            help="Measure precision, recall and delay of each anomaly instead; --trials of each case (50).",
             rich_help_panel=DETECTOR,
         ),
     ] = False,
     physics: Annotated[
         PhysicsOption | None,
-        typer.Option(help="What moves the body while the detector is measured.", rich_help_panel=DETECTOR),
+        typer.Option(help="Physics while the detector is measured.", rich_help_panel=DETECTOR),
     ] = None,
     friction: Annotated[
         float | None,
@@ -91,7 +98,7 @@ def faults(
             min=0.02,
             max=2.0,
             metavar="MU",
-            help="Friction of tyres on ground and bark in MuJoCo; without it 0.1, 0.15, 0.3, 0.5 and 0.8 in turn.",
+            help="Friction of tyres on ground and bark in MuJoCo. (default: 0.1, 0.15, 0.3, 0.5 and 0.8 in turn)",
             rich_help_panel=DETECTOR,
         ),
     ] = None,
@@ -101,12 +108,12 @@ def faults(
             min=0.1,
             max=20.0,
             metavar="X",
-            help="Stall torque over the rover file's chassis.motors_n_m, in MuJoCo. (default: 1)",
+            help="Stall torque divided by the rover file's chassis.motors_n_m, in MuJoCo. (default: 1)",
             rich_help_panel=DETECTOR,
         ),
     ] = None,
 ) -> None:
-    """Make each fault of the field catalogue happen to a simulated rover, and show what it does within which bound."""
+    """Inject each fault of the catalogue into a simulated rover, and check its response against a time bound."""
     given = {"only": only, "scenario": scenario, "show": show, "seed": seed, "depth": depth}
     _refuse_odd_pairs(given, by_chance=trials is not None, detector=detector)
     _refuse_without_mujoco({"physics": physics, "friction": friction, "torque_scale": torque_scale}, detector=detector)
@@ -190,9 +197,9 @@ def _refuse_without_mujoco(given: Mapping[str, object], *, detector: bool) -> No
             continue
         option = f"--{name.replace('_', '-')}"
         if not detector:
-            raise BadInput(f"{option} is for the detector's table; add --detector, or leave it out")
+            raise BadInput(f"{option} needs --detector; add that, or leave it out")
         if name != "physics" and given["physics"] is not PhysicsOption.mujoco:
-            raise BadInput(f"{option} is of another world; add --physics mujoco, or leave it out")
+            raise BadInput(f"{option} applies only to MuJoCo; add --physics mujoco, or drop it")
 
 
 def _refuse_odd_pairs(given: Mapping[str, object], *, by_chance: bool, detector: bool) -> None:
@@ -207,4 +214,4 @@ def _refuse_odd_pairs(given: Mapping[str, object], *, by_chance: bool, detector:
         if by_chance and not of_chance:
             raise BadInput(f"--trials draws its own faults; leave out {option}")
         if of_chance and not by_chance:
-            raise BadInput(f"{option} is for faults by chance; say how many with --trials N")
+            raise BadInput(f"{option} is for random faults; say how many trials with --trials N")

@@ -1,4 +1,4 @@
-"""``wayfarer logs``: what the runs of a rover were like, and how the one is that goes on."""
+"""``wayfarer logs``: list, follow, show, summarise, check and export field logs."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ wayfarer logs export 17 --format csv
 app = typer.Typer(no_args_is_help=True, epilog=EXAMPLES)
 
 Run = Annotated[
-    str | None, typer.Argument(metavar="RUN", help="Its number, or its folder or file. (default: last, the newest)")
+    str | None, typer.Argument(metavar="RUN", help="Number, folder or file of a run. (default: the newest run)")
 ]
 
 
@@ -55,12 +55,12 @@ class OutputFormat(StrEnum):
 
 @app.callback()
 def _root() -> None:
-    """Look at the logs of runs: what happened, what is happening, and where the rover is likely to be."""
+    """Read the logs of runs: what happened, what is happening, and where the rover is likely to be."""
 
 
 @app.command("list")
 def list_runs(*, logs: Logs = None) -> None:
-    """Show all runs, the newest last."""
+    """List all runs, the newest last."""
     from wayfarer.fieldlog.clock import wall_clock
     from wayfarer.views.text.listing import lines, rows
 
@@ -75,7 +75,7 @@ def list_runs(*, logs: Logs = None) -> None:
 
 @app.command()
 def follow(run: Run = None, *, logs: Logs = None) -> None:
-    """Tell what happens while it happens, run after run; with RUN until that run ends. Ctrl-C ends it."""
+    """Show events as they happen, of this run and the next ones; with RUN until that run ends. Ctrl-C ends it."""
     from wayfarer.fieldlog.folders import find_run, run_folders
     from wayfarer.views.text.run_narrator import RunNarrator
     from wayfarer.views.text.tail import follow as follow_records
@@ -110,9 +110,9 @@ def show(
     run: Run = None,
     *,
     logs: Logs = None,
-    ticks: Annotated[bool, typer.Option("--ticks", help="Every control tick.")] = False,
+    ticks: Annotated[bool, typer.Option("--ticks", help="Print every control tick.")] = False,
 ) -> None:
-    """Tell a run from its beginning."""
+    """Show all events of a run, from its beginning."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import Damage, RunReader
     from wayfarer.views.text.run_narrator import RunNarrator
@@ -135,9 +135,9 @@ def summary(
     run: Run = None,
     *,
     logs: Logs = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Everything, as one JSON object.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
 ) -> None:
-    """Say what came of a run: how far, how long, what went wrong, and where the rover is likely to be."""
+    """Summarise a run: distance, duration, anomalies, and where the rover is likely to be."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import RunReader
     from wayfarer.views.text.run_summariser import summarise
@@ -160,17 +160,17 @@ def summary(
 
 
 @app.command(
-    epilog="Exit code: 0 if every log is whole, 3 if something of one is lost, 1 if one cannot be read at all."
+    epilog="Exit code: 0 if every log is complete, 3 if records of one are lost, 1 if one cannot be read at all."
 )
 def check(
     runs: Annotated[
         list[str] | None,
-        typer.Argument(metavar="RUN", help="Their numbers, folders or files. (default: last, the newest)"),
+        typer.Argument(metavar="RUN", help="Numbers, folders or files of runs. (default: the newest run)"),
     ] = None,
     *,
     logs: Logs = None,
 ) -> None:
-    """Read logs to their ends, and say what of them is lost."""
+    """Read logs completely, and report lost or damaged records."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.views.text.verdict import judge
 
@@ -192,16 +192,17 @@ def export(
         OutputFormat | None,
         typer.Option(
             "--format",
-            help="csv: a row a tick; tsv: as the paper's code; mcap: for Foxglove. (default: as FILE ends, or csv)",
+            help="csv: one row per tick; tsv: the paper's columns; mcap: Foxglove. (default: by FILE's ending, or csv)",
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Where to; - is stdout. (default: here, named as the run)")
+        Path | None,
+        typer.Option(metavar="FILE", help="Output file; - is stdout. (default: in this folder, named as the run)"),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the file if there is one.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     logs: Logs = None,
 ) -> None:
-    """Write a run as a table, or for a viewer."""
+    """Convert a run's log to CSV, TSV or MCAP."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.views.text.export import export as export_run
     from wayfarer.views.text.export import write_table

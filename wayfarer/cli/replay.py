@@ -1,4 +1,4 @@
-"""``wayfarer replay``: a field log as a regression test."""
+"""``wayfarer replay``: recorded readings through today's code, as a regression test."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def replay(
     *,
     config: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", help="Try a rover file's settings instead of those in the log."),
+        typer.Option(metavar="NAME|FILE", help="Use the settings of this rover file instead of those in the log."),
     ] = None,
     logs: Logs = None,
 ) -> None:
-    """Put a run's readings through today's code, and say whether the same decisions come out.
+    """Run recorded readings through today's code, and compare the decisions with the log.
 
-    Exit code 0 where all do, 1 where one differs, 3 where records are missing, 2 where a run cannot be replayed.
+    Exit code: 0 if all are the same, 1 if one differs, 3 if records are missing, 2 if a run cannot be replayed.
     """
     from wayfarer.config.rover_file import load_rover
     from wayfarer.fieldlog.folders import find_run

@@ -1,4 +1,4 @@
-"""``wayfarer report``: a campaign, or a run in the field, as one HTML page with figures."""
+"""``wayfarer report``: an HTML page with figures, of a campaign, a sweep or a field run."""
 
 from __future__ import annotations
 
@@ -28,24 +28,28 @@ wayfarer report results --gallery 30 --jobs 2
 def report(
     what: Annotated[
         str,
-        typer.Argument(metavar="[RUN|DIR]", help="A run, or what `wayfarer sim` or `wayfarer sweep` has filled."),
+        typer.Argument(
+            metavar="[RUN|DIR]", help="A run, or a folder that `wayfarer sim --out` or `wayfarer sweep --out` wrote."
+        ),
     ] = "last",
     *,
     gallery: Annotated[
-        int, typer.Option(min=0, max=1000, metavar="N", help="How many trials of a campaign to run again and draw.")
+        int, typer.Option(min=0, max=1000, metavar="N", help="Number of trials of a campaign to run again and draw.")
     ] = 12,
     jobs: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Processes; without it one for each core.")
+        int | None, typer.Option(min=1, metavar="N", help="Number of processes. (default: one per core)")
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", dir_okay=False, help="The page; its figures go beside it. (default: in the folder itself)"
+            metavar="FILE",
+            dir_okay=False,
+            help="File name of the page; figures go into the same folder. (default: report.html in the run's folder)",
         ),
     ] = None,
     logs: Logs = None,
 ) -> None:
-    """Make report.html of a campaign, of a sweep, or of a run (default: the newest one); the figures as files too."""
+    """Write report.html and its figures for a run (default: the newest one), a campaign or a sweep."""
     require("a report")
     run = _run(what, log_folder(logs))
     if run is None:

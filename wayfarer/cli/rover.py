@@ -1,4 +1,4 @@
-"""``wayfarer run``, the daemon, and ``wayfarer stop-motors``, for when it is gone."""
+"""``wayfarer run`` (the daemon) and ``wayfarer stop-motors`` (stops the motors without a daemon)."""
 
 from __future__ import annotations
 
@@ -40,28 +40,35 @@ OWN_LOGS = Path("field_logs")
 Logs = Annotated[
     Path | None,
     typer.Option(
-        metavar="DIR", help=f"Where each run gets its folder. (default: {SYSTEM_LOGS} if it is yours, or ./{OWN_LOGS})"
+        metavar="DIR",
+        help=f"Folder of all runs' logs. (default: {SYSTEM_LOGS} if you may write there, else ./{OWN_LOGS})",
     ),
 ]
 Config = Annotated[
     str | None,
-    typer.Option(metavar="NAME|FILE", help=f"A shipped rover or a TOML file. (default: {ROVER_FILE})"),
+    typer.Option(
+        metavar="NAME|FILE", help=f"Name of a built-in rover, or a rover file (TOML). (default: {ROVER_FILE})"
+    ),
 ]
 
 
 def run(
     *,
     config: Config = None,
-    sim: Annotated[bool, typer.Option("--sim", help="Drive the simulated rover, in real time.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Everything but the motors.")] = False,
-    algorithm: Annotated[str, typer.Option(metavar="NAME", help="What decides; see wayfarer list.")] = "forest-pledge",
+    sim: Annotated[bool, typer.Option("--sim", help="Run on the simulated rover, in real time.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Run everything, but do not drive the motors.")] = False,
+    algorithm: Annotated[
+        str, typer.Option(metavar="NAME", help="Escape algorithm; see wayfarer list.")
+    ] = "forest-pledge",
     logs: Logs = None,
     depth: Annotated[
         DepthOption | None,
-        typer.Option(help="With --sim: simulated parts, or the real drivers over simulated chips. (default: device)"),
+        typer.Option(
+            help="With --sim: device: simulated parts; bus: the real drivers over simulated chips. (default: device)"
+        ),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, metavar="N", help="With --sim: which forest, and which luck. (default: 0)")
+        int | None, typer.Option(min=0, metavar="N", help="With --sim: random seed, for forest and noise. (default: 0)")
     ] = None,
     live: Live = False,
     live_host: LiveHost = None,
@@ -80,7 +87,7 @@ def run(
     name = chosen(config, default="sim" if sim else None)
     loaded = load_rover(name)
     folder = log_folder(logs)
-    if seed is None:  # in the wood every run has its own luck; the log's first record says which
+    if seed is None:  # a real run draws its seed; the log's first record has it
         seed = 0 if sim else SystemRandom().randrange(2**31)
     if sim:
         make_rover, close_buses = simulated(loaded, name, depth or DepthOption.device, seed)
@@ -102,7 +109,7 @@ def run(
 
 
 def stop_motors(*, config: Config = None) -> None:
-    """Stop the wheels without the daemon: those that it drives or drove, and the rover file's."""
+    """Stop the motors without the daemon: those that it drives or drove, and those of the rover file."""
     from wayfarer.daemon.stop_motors import stop_motors as stop
 
     print(stop(str(ROVER_FILE) if config is None else config))

@@ -1,4 +1,4 @@
-"""``wayfarer sim``: the rover's own code in simulated forests."""
+"""``wayfarer sim``: trials of the rover's own code in simulated forests."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ MUJOCO = "Physics mujoco"
 
 
 class SiteOption(StrEnum):
-    """The paper's field trials."""
+    """The sites of the paper's field trials."""
 
     extended_maze = "extended-maze"
     dense_obstruction = "dense-obstruction"
@@ -54,21 +54,21 @@ class SiteOption(StrEnum):
 
 
 class AnomalySource(StrEnum):
-    """How the rover notices that it is blocked."""
+    """How the rover detects that it is blocked."""
 
     motion = "motion"
     contact = "contact"
 
 
 class DepthOption(StrEnum):
-    """How far down the simulation goes."""
+    """The depth of the simulation: simulated parts, or simulated chips under the real drivers."""
 
     device = "device"
     bus = "bus"
 
 
 class GroundOption(StrEnum):
-    """What the wheels stand on in physics-light; the names of ``simhal.world.grounds``."""
+    """The ground under the wheels in physics-light; the names of ``simhal.world.grounds``."""
 
     ideal = "ideal"
     leaf_litter = "leaf-litter"
@@ -77,7 +77,7 @@ class GroundOption(StrEnum):
 
 
 class PhysicsOption(StrEnum):
-    """What moves the body."""
+    """The physics that moves the body."""
 
     light = "light"
     mujoco = "mujoco"
@@ -96,32 +96,34 @@ def sim(
         str,
         typer.Option(
             metavar="NAME[,NAME...]|paper",
-            help="What decides; 'paper' stands for the ten of the paper. A name given twice runs once.",
+            help="Escape algorithms; 'paper' means all ten of the paper. A name given twice runs once.",
         ),
     ] = "forest-pledge",
     forests: Annotated[
         str | None,
         typer.Option(
             metavar="FILE|reference",
-            help="Forests to use, in file order; 'reference' stands for the 500 of the paper's simulator. Without it "
-            "two noises on generated layouts.",
+            help="Forest file, used in file order; 'reference': the 500 of the paper's released simulator. Default: "
+            "generated layouts, each with two noise seeds.",
         ),
     ] = None,
     scenario: Annotated[
         SiteOption | None,
-        typer.Option(help="A site of the paper's field trials in place of forests: one layout a trial."),
+        typer.Option(help="A site of the paper's field trials instead of a forest; each trial has its own layout."),
     ] = None,
-    rover: Annotated[str, typer.Option(metavar="NAME|FILE", help="A shipped rover or a TOML file.")] = "sim",
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Another seed is another campaign.")] = 0,
+    rover: Annotated[
+        str, typer.Option(metavar="NAME|FILE", help="Name of a built-in rover, or a rover file (TOML).")
+    ] = "sim",
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Random seed of the campaign.")] = 0,
     jobs: Annotated[
         int | None,
-        typer.Option(min=1, metavar="N", help="Processes; without it one for each core.", rich_help_panel=RUNNING),
+        typer.Option(min=1, metavar="N", help="Number of processes. (default: one per core)", rich_help_panel=RUNNING),
     ] = None,
     cluster: Annotated[
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Run on the workers of this Dask scheduler in place of processes here.",
+            help="Run on the workers of this Dask scheduler instead of local processes.",
             rich_help_panel=RUNNING,
         ),
     ] = None,
@@ -130,22 +132,26 @@ def sim(
     ] = 10.0,
     budget_m: Annotated[
         float,
-        typer.Option(callback=_positive, metavar="M", help="Path after which a rover counts as entrapped."),
+        typer.Option(callback=_positive, metavar="M", help="Path length after which a rover counts as entrapped."),
     ] = 1000.0,
     anomaly_source: Annotated[
         AnomalySource | None,
-        typer.Option(help="Notice an obstacle by not moving, or at once by touch. (default: as the rover file says)"),
+        typer.Option(
+            help="Detect an obstacle by lack of motion, or by contact as well. (default: from the rover file)"
+        ),
     ] = None,
     depth: Annotated[
-        DepthOption, typer.Option(help="Simulated parts, or the real drivers over simulated chips; slower.")
+        DepthOption, typer.Option(help="device: simulated parts; bus: the real drivers over simulated chips (slower).")
     ] = DepthOption.device,
     physics: Annotated[
         PhysicsOption,
-        typer.Option(help="What moves the body: physics-light, or wheels that grip and slip in MuJoCo; slower."),
+        typer.Option(help="light: fast built-in physics; mujoco: rigid bodies, wheels that grip and slip (slower)."),
     ] = PhysicsOption.light,
     ground: Annotated[
         GroundOption,
-        typer.Option(help="What physics-light has under the wheels: 'ideal' turns as told, others grip and slip."),
+        typer.Option(
+            help="Ground in physics-light: on 'ideal' the rover turns as commanded, on the others wheels slip."
+        ),
     ] = GroundOption.ideal,
     friction: Annotated[
         str | None,
@@ -167,12 +173,15 @@ def sim(
         str | None,
         typer.Option(
             metavar="X|MIN:MAX",
-            help="Stall torque over the rover file's chassis.motors_n_m; 3 if that is the rated one. (default: 1)",
+            help="Stall torque over the rover file's chassis.motors_n_m; 3 if that is the rated torque. (default: 1)",
             rich_help_panel=MUJOCO,
         ),
     ] = None,
     spl: Annotated[
-        bool, typer.Option("--spl", help="Compute the shortest paths that are not known, for SPL; slower.")
+        bool,
+        typer.Option(
+            "--spl", help="Compute unknown shortest paths, for SPL (success weighted by path length); slower."
+        ),
     ] = False,
     out: Annotated[
         Path | None,
@@ -184,7 +193,7 @@ def sim(
     ] = None,
     resume: Annotated[
         bool,
-        typer.Option("--resume", help="Go on with the interrupted campaign in --out.", rich_help_panel=RUNNING),
+        typer.Option("--resume", help="Continue the interrupted campaign in --out.", rich_help_panel=RUNNING),
     ] = False,
     trial: Annotated[
         int | None,
@@ -198,7 +207,7 @@ def sim(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Film this trial, in MuJoCo: FILE.mp4, or FILE.webp; slower.",
+            help="Write a film of this trial (needs --physics mujoco): FILE.mp4 or FILE.webp; slower.",
             rich_help_panel=ONE_TRIAL,
         ),
     ] = None,
@@ -208,12 +217,12 @@ def sim(
             min=0.1,
             max=100.0,
             metavar="X",
-            help="How much faster than the trial the film runs. (default: 1)",
+            help="Speed of the film relative to the trial. (default: 1)",
             rich_help_panel=ONE_TRIAL,
         ),
     ] = None,
 ) -> None:
-    """Run the rover's own code in simulated forests, and count how often it gets out and how far it goes."""
+    """Run the rover's code in simulated forests, and print success rate and path length per algorithm."""
     _refuse_odd_pairs(out, resume, trial, log)
     if scenario and forests:
         raise BadInput("--scenario draws its own layouts; leave out --forests, or --scenario")
@@ -221,7 +230,9 @@ def sim(
     _refuse_without_mujoco(physics, terrain)
     _refuse_what_cannot_be_filmed(physics, trial, video, video_speed)
     if ground is not GroundOption.ideal and physics is PhysicsOption.mujoco:
-        raise BadInput(f"--ground {ground} is of physics-light; with --physics mujoco say --friction, or leave it out")
+        raise BadInput(
+            f"--ground {ground} belongs to physics-light; with --physics mujoco use --friction, or leave it out"
+        )
     require("simulating")
     if physics is PhysicsOption.mujoco:
         require("--physics mujoco")
@@ -269,17 +280,19 @@ def sim(
 
 def _refuse_odd_pairs(out: Path | None, resume: bool, trial: int | None, log: Path | None) -> None:
     if resume and not out:
-        raise BadInput("--resume goes on with the campaign in a folder; say which with --out DIR")
+        raise BadInput("--resume continues the campaign in a folder; name it with --out DIR")
     if log and resume:
-        raise BadInput("--log needs every trial to run anew; leave out --resume, or --log")
+        raise BadInput("--log needs every trial to run again; leave out --resume, or --log")
     if out and trial is not None:
-        raise BadInput("--trial runs one trial and prints its row; it keeps no --out, leave it out")
+        raise BadInput("--trial runs one trial and prints its row, and writes no folder; leave out --out")
 
 
 def _refuse_without_mujoco(physics: PhysicsOption, terrain: dict[str, str | None]) -> None:
     given = [name for name, text in terrain.items() if text is not None]
     if given and physics is PhysicsOption.light:
-        raise BadInput(f"--{given[0].replace('_', '-')} counts only with --physics mujoco; add that, or leave it out")
+        raise BadInput(
+            f"--{given[0].replace('_', '-')} has an effect only with --physics mujoco; add that, or leave it out"
+        )
 
 
 def _refuse_what_cannot_be_filmed(
@@ -287,16 +300,16 @@ def _refuse_what_cannot_be_filmed(
 ) -> None:
     if video is None:
         if video_speed is not None:
-            raise BadInput("--video-speed is that of a film; say where to write one with --video FILE")
+            raise BadInput("--video-speed needs a film; name its file with --video FILE")
     elif physics is PhysicsOption.light:
-        raise BadInput("--video films a world of rigid bodies; add --physics mujoco")
+        raise BadInput("--video works only with MuJoCo; add --physics mujoco")
     elif trial is None:
-        raise BadInput("--video films one trial; say which with --trial N")
+        raise BadInput("--video films one trial; choose it with --trial N")
 
 
 def _refuse_beside_cluster(jobs: int | None, trial: int | None, log: Path | None) -> None:
     if jobs is not None:
-        raise BadInput("--jobs are processes here and --cluster has workers of its own; leave one of them out")
+        raise BadInput("--jobs sets local processes, and --cluster uses remote workers; leave one of them out")
     if trial is not None:
         raise BadInput("--trial runs one trial here; leave out --cluster")
     if log is not None:

@@ -1,4 +1,4 @@
-"""``wayfarer status`` for people: a few lines, the most important first."""
+"""The text of ``wayfarer status``: a few lines, the most important first."""
 
 from __future__ import annotations
 

@@ -42,41 +42,48 @@ def sweep(
         int, typer.Option(min=1, max=1_000_000, metavar="N", help="Trials of each algorithm at each point.")
     ] = 200,
     algorithm: Annotated[
-        str, typer.Option(metavar="NAME[,NAME...]|paper", help="What decides; 'paper' stands for the ten of the paper.")
+        str, typer.Option(metavar="NAME[,NAME...]|paper", help="Escape algorithms; 'paper' means all ten of the paper.")
     ] = "forest-pledge",
     forests: Annotated[
         str | None,
         typer.Option(
             metavar="FILE|reference",
-            help="Forests to use, in file order; 'reference' stands for the 500 of the paper's simulator. Without it "
-            "two noises on generated layouts.",
+            help="Forest file, used in file order; 'reference': the 500 of the paper's released simulator. Default: "
+            "generated layouts, each with two noise seeds.",
         ),
     ] = None,
-    rover: Annotated[str, typer.Option(metavar="NAME|FILE", help="A shipped rover or a TOML file.")] = "sim",
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Another seed is another campaign.")] = 0,
+    rover: Annotated[
+        str, typer.Option(metavar="NAME|FILE", help="Name of a built-in rover, or a rover file (TOML).")
+    ] = "sim",
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Random seed of the campaign.")] = 0,
     slip_mean_m: Annotated[float, typer.Option(metavar="M", help="Mean distance between slip events.")] = 10.0,
     budget_m: Annotated[
-        float, typer.Option(metavar="M", help="Path after which a rover counts as entrapped.")
+        float, typer.Option(metavar="M", help="Path length after which a rover counts as entrapped.")
     ] = 1000.0,
     anomaly_source: Annotated[
         AnomalySource | None,
-        typer.Option(help="Notice an obstacle by not moving, or at once by touch. (default: as the rover file says)"),
+        typer.Option(
+            help="Detect an obstacle by lack of motion, or by contact as well. (default: from the rover file)"
+        ),
     ] = None,
     depth: Annotated[
-        DepthOption, typer.Option(help="Simulated parts, or the real drivers over simulated chips; slower.")
+        DepthOption, typer.Option(help="device: simulated parts; bus: the real drivers over simulated chips (slower).")
     ] = DepthOption.device,
     spl: Annotated[
-        bool, typer.Option("--spl", help="Compute the shortest paths that are not known, for SPL; slower.")
+        bool,
+        typer.Option(
+            "--spl", help="Compute unknown shortest paths, for SPL (success weighted by path length); slower."
+        ),
     ] = False,
     jobs: Annotated[
         int | None,
-        typer.Option(min=1, metavar="N", help="Processes; without it one for each core.", rich_help_panel=RUNNING),
+        typer.Option(min=1, metavar="N", help="Number of processes. (default: one per core)", rich_help_panel=RUNNING),
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the interrupted sweep in --out.", rich_help_panel=RUNNING)
+        bool, typer.Option("--resume", help="Continue the interrupted sweep in --out.", rich_help_panel=RUNNING)
     ] = False,
 ) -> None:
-    """Run the same trials at each point of a grid of settings, and see what that changes."""
+    """Run the same trials at each point of a grid of settings, and show how the results change."""
     require("sweeping")
     from wayfarer.config.rover_file import load_rover
     from wayfarer.experiments.campaign import Campaign, read_forest_file

@@ -1,4 +1,4 @@
-"""The person at the terminal, for checks and calibration: questions are asked beside the event loop, not on it."""
+"""The person at the terminal, for checks and calibration. Questions are asked in a thread, not on the event loop."""
 
 from __future__ import annotations
 
@@ -66,14 +66,14 @@ class Terminal:
         try:
             return await self._questions.call(question)
         except (typer.Abort, EOFError):
-            raise BadInput("no answer: the input has ended (Ctrl-D); begin this step anew") from None
+            raise BadInput("no answer: the input has ended (Ctrl-D); begin this step again") from None
 
 
 def with_a_person(run: Callable[[], Coroutine[Any, Any, T]]) -> T:
     """Run a coroutine that may ask questions.
 
-    A signal cancels it, so that whoever turns the wheels can stop them, and ends the process even while a question
-    waits for its answer.
+    A signal cancels it, so that the code that drives the wheels can stop them, and ends the process even while a
+    question waits for its answer.
     """
     import asyncio
 

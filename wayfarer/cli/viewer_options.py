@@ -1,4 +1,4 @@
-"""Whoever looks on while a rover drives: the live page, and Foxglove."""
+"""Options of the viewers of a running rover: the live page and Foxglove."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from wayfarer.daemon.viewer import Viewer
     from wayfarer.views.live.server import LivePage
 
-LOOKING_ON = "Looking on"
+LOOKING_ON = "Viewers"
 FOXGLOVE_PORT = 8765  # where Foxglove looks first
 
-Live = Annotated[bool, typer.Option("--live", help="Serve a live page.", rich_help_panel=LOOKING_ON)]
+Live = Annotated[bool, typer.Option("--live", help="Serve the live page.", rich_help_panel=LOOKING_ON)]
 LiveHost = Annotated[
     str | None,
     typer.Option(
         metavar="ADDRESS",
-        help=f"Where to serve it; 0.0.0.0 for telephones on the same network. (default: {HOST}, this computer only)",
+        help=f"Address to serve at; 0.0.0.0 for telephones on the same network. (default: {HOST}, this computer only)",
         rich_help_panel=LOOKING_ON,
     ),
 ]
@@ -32,7 +32,7 @@ LivePort = Annotated[
         min=0,
         max=65535,
         metavar="N",
-        help=f"Port of the page; 0 takes a free one. (default: {PORT})",
+        help=f"Port of the page; 0 chooses a free one. (default: {PORT})",
         rich_help_panel=LOOKING_ON,
     ),
 ]
@@ -50,7 +50,7 @@ FoxglovePort = Annotated[
 def viewers(
     live: bool, live_host: str | None, live_port: int | None, foxglove: bool, foxglove_port: int | None
 ) -> list[Viewer]:
-    """Return who is to look on, and say where; their ports are theirs from now on.
+    """Return the viewers of a run, and print their addresses; their ports are bound from now on.
 
     Raises:
         BadInput: a port cannot be had, or options do not go together.

@@ -1,1 +1,1 @@
-"""Getting a rover ready to drive: checks, guided calibration, and what both need of a person beside it."""
+"""Commissioning of a rover: checks, guided calibration, and their interface to the operator."""

@@ -1,4 +1,4 @@
-"""A rover on the bench or in a person's hands: turning its wheels for a moment, adding up a push, taking a heading."""
+"""Manual operation for checks and calibration: drive the wheels briefly, sum a push, take a heading."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The person beside the rover, as calibration and checks speak to one."""
+"""The interface to the operator, the person beside the rover, for calibration and checks."""
 
 from __future__ import annotations
 

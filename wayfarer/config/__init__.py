@@ -1,4 +1,4 @@
-"""Everything of rover files: reading and checking one, finding what it names, and the rover that comes out of it.
+"""Rover files: reading, validation, finding what a file names, and building the rover.
 
 ``registry.py`` needs no pydantic, so that the escape handler can be had without it.
 """

@@ -1,4 +1,4 @@
-"""What calibrating and checking found out about one rover, kept as JSON from one outing to the next.
+"""The calibration file of one rover, as JSON: results of calibration and checks.
 
 ::
 

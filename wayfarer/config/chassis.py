@@ -1,4 +1,4 @@
-"""What a rover file tells of the body that no decision needs: how it meets a branch, how its wheels grip.
+"""Chassis data of a rover file that no decision needs: how the body meets a branch, how its wheels grip.
 
 Only the simulator reads it.
 """

@@ -1,4 +1,4 @@
-"""Putting a real rover together: from its file to the bundle of drivers. Nothing is touched before it is opened."""
+"""Builds the bundle of drivers of a real rover from its file. No device is touched before it is opened."""
 
 from __future__ import annotations
 

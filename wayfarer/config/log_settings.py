@@ -1,4 +1,4 @@
-"""How much of a disk a run's log may take."""
+"""Settings of the field log: how much disk space it may use."""
 
 from __future__ import annotations
 

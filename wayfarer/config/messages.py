@@ -1,4 +1,4 @@
-"""Saying what is wrong with a rover file: the line, the key, what was found, and what is allowed."""
+"""Error messages for rover files: the line, the key, what was found, and what is allowed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finding algorithms and drivers by name: built in, from an installed package, or from ``"module:attribute"``.
+"""Finds algorithms and drivers by name: built in, from an installed package, or ``"module:attribute"``.
 
 A third party adds an algorithm with an entry point in the group ``wayfarer.algorithms`` and a driver with one in
 ``wayfarer.drivers``; no file of wayfarer is touched.

@@ -1,4 +1,4 @@
-"""Rover files: everything that makes one rover, in TOML, checked before anything moves.
+"""Rover files: the complete description of one rover in TOML, validated before anything moves.
 
 A file gives the body, and whatever differs from the defaults that stand beside the code: rates, manoeuvres, thresholds,
 each with its unit in the key's name. Unknown keys are refused by name, values outside their range with the range. The

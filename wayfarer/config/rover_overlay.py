@@ -1,4 +1,4 @@
-"""A rover with some of its settings changed: for a fault scenario, for a point of a sweep."""
+"""A rover configuration with some settings replaced: for fault scenarios and sweeps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What hangs on which wire: parts that cannot share one are told when the rover file is read.
+"""Detects conflicts between parts that use the same device or chip address, when the rover file is read.
 
 Each driver is made once over buses that only write down what it asks for. So the check holds for every driver, also a
 third party's, and for every ``buses``. A driver says by ``chip`` which chip it speaks to; without it the driver has a
@@ -109,7 +109,7 @@ def _quarrel(place: _PartAddress, other: _PartAddress) -> str | None:
     if place.chip == other.chip or place.address != other.address:
         return None
     if kind != I2C:
-        return f"key '{place.key}' = '{name}': {there} is on it already; each chip needs {kind} of its own"
+        return f"key '{place.key}' = '{name}': {there} is on it already; two chips cannot share {kind}"
     if place.address is None:  # a driver that has no key for it: its address is its own affair
         return None
     return (

@@ -1,1 +1,1 @@
-"""The loop of the rover: control tick, sensor tasks, supervisor, and how every run ends (``shutdown.py``)."""
+"""The control loop of the rover: control tick, sensor tasks, supervisor, and shutdown (``shutdown.py``)."""

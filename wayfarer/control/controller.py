@@ -1,10 +1,10 @@
-"""The controller: arming, the control tick and the mission limits. It alone commands the wheels while a run lasts.
+"""The controller: arming, the control tick and the mission limits. Only it commands the wheels during a run.
 
 A tick always goes the same way::
 
     snapshot of buffers -> detector -> escape handler -> safety gate -> motors -> one log record
 
-While the gate holds the wheels the handler is not called and its clock is paused: a manoeuvre that is bounded in time
+While the gate holds the wheels, the handler is not called and its clock is paused: a manoeuvre that is bounded in time
 goes on where it was when the hold ends.
 """
 
@@ -66,8 +66,8 @@ class Controller:
     """
 
     def __init__(
-        self, motors: WheelMotors, buffers: SensorBuffers, config: RoverConfig, detector: Detector,
-        handler: EscapeHandler, log: RunLog,
+        self, motors: WheelMotors, buffers: SensorBuffers, config: RoverConfig, detector: Detector, handler: EscapeHandler,
+        log: RunLog,
     ) -> None:  # fmt: skip
         self._motors = motors
         self._buffers = buffers
@@ -103,7 +103,8 @@ class Controller:
     def arm(self, t_s: float, goal_heading_deg: float | None) -> None:
         """Begin to arm: after the start delay the wheels may turn. See ``Arming`` for the goal heading.
 
-        The motors must have been opened anew: only that makes sure that they answer and that their deadman is on.
+        The motors must have been opened just before: only that makes sure that they answer and that their deadman is
+        on.
         """
         self._motors_failed = self.held = False
         self._entrapment.reset()
@@ -215,7 +216,7 @@ class Controller:
         )
 
     def _own_conditions(self, conditions: tuple[Condition, ...], t_s: float, dt_s: float) -> tuple[Condition, ...]:
-        """Add what the controller itself knows to what the detector found."""
+        """Add the controller's own conditions to those of the detector."""
         if dt_s > self._late_s:
             conditions += (Condition.TICK_LATE,)
         if self._motors_failed:

@@ -1,4 +1,4 @@
-"""Logs the retry counters of drivers, so that a loose wire shows long before it fails."""
+"""Logs driver retry counters, so that a loose wire shows early."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Wheels that take no old decision.
+"""Refuses outdated wheel commands: the command of a tick that began too long ago becomes a stop.
 
 A process can be suspended anywhere, also between a decision and the command that follows from it. When it is woken,
 seconds later, the command would be the first thing that it does, before the next tick finds out that time is missing.

@@ -1,4 +1,4 @@
-"""One-slot buffers between the sensor tasks, which write at their own rates, and the control tick, which reads all."""
+"""Latest values of the sensors: sensor tasks write them at their own rates, the control tick reads all at once."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class MotionBuffer:
 
 
 class SensorBuffers:
-    """The newest reading of each sensor of one rover, and the displacement that no tick has taken yet."""
+    """The buffers of one rover."""
 
     __slots__ = ("compass", "contact", "motion")
 

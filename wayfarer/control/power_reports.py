@@ -1,4 +1,4 @@
-"""Reports on power between two ticks: by the motor board, and by the computer about its own supply. Pure.
+"""Collects the reports of the motor board and of the computer's supply between two ticks. Pure.
 
 It counts, and is logged, from the beginning of the next tick, so that a replay finds it where it counted.
 """

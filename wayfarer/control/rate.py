@@ -1,4 +1,4 @@
-"""Running a task at a fixed rate, and limiting how often a client may ask for something."""
+"""Paces a task on a fixed time grid; and limits how often a request is accepted."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class Rate:
     """Wakes its task at every period from now on; what was missed is skipped, not made up for.
 
     An old sample is worth nothing, and a tick that came late must not be followed by a burst of them. The grid does not
-    drift: a late wake-up does not shift the next one, unless it was late by a whole period; then the grid begins anew.
+    drift: a late wake-up does not shift the next one, unless it was late by a whole period; then the grid restarts.
     """
 
     def __init__(self, rate_hz: float) -> None:

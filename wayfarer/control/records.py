@@ -1,4 +1,4 @@
-"""What a run tells its log, and the interface of a log."""
+"""The records that a run writes to its log, and the interface of a log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sampling sensors: each at its own rate, and again and again where it fails.
+"""Sensor tasks: each samples one sensor at its own rate, and retries after failures.
 
 A sensor that fails is asked again within one control period, then closed and opened again with growing pauses, while
 the others run on; the safety gate sees its age and holds the wheels. Any other error is a bug, and ends the run.

@@ -1,4 +1,4 @@
-"""How a run ends: the wheels first, then the parts, the log last; nothing can cut it short or hold it up."""
+"""Shutdown of a run: wheels first, then the parts, the log last. It cannot be cancelled or blocked."""
 
 from __future__ import annotations
 

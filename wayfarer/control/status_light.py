@@ -1,4 +1,4 @@
-"""What the status light says, readable at ten metres: colour and rhythm by the state of the rover. Pure.
+"""Colour and rhythm of the status light for each state of the rover, readable at ten metres. Pure.
 
 =========  =======  ========================================
 colour     rhythm   meaning
@@ -9,7 +9,7 @@ green      steady   driving
 white      slow     escaping: feeling its way around something
 yellow     steady   held, goes on by itself or by ``wayfarer resume``
 magenta    slow     battery low
-red        fast     fault: armed anew only by hand
+red        fast     fault: only a person can re-arm it
 =========  =======  ========================================
 """
 

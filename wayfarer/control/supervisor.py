@@ -86,7 +86,7 @@ class Supervisor:
     ) -> None:
         """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay.
 
-        The motor board is opened anew: one that lost its power for a moment has forgotten its deadman. Nothing has
+        The motor board is opened again: one that lost its power for a moment has forgotten its deadman. Nothing has
         changed when an error is raised.
 
         Args:
@@ -106,7 +106,7 @@ class Supervisor:
         self.controller.arm(asyncio.get_running_loop().time(), goal_heading_deg)
 
     def disarm(self, reason: str) -> None:
-        """Stop the wheels until armed anew, also if arming is only under way; the run goes on."""
+        """Stop the wheels until re-armed, also while arming is under way; the run continues."""
         self._disarms += 1
         if self.mode is not Mode.DISARMED:
             self.controller.disarm(asyncio.get_running_loop().time(), reason)
@@ -159,7 +159,7 @@ class Supervisor:
         self._log.event("opened", asyncio.get_running_loop().time(), parts=[part.name for part in self._parts])
 
     async def _open(self, part: Driver) -> None:
-        """Open a part; without light and receiver a run begins all the same."""
+        """Open a part; a run also begins without light and receiver."""
         try:
             await part.open()
         except DriverError as error:
@@ -208,7 +208,7 @@ class Supervisor:
         return controller.end
 
     async def _watch_board(self) -> None:
-        """Ask the motor board how it is, and soon again where its answer is doubtful; the controller acts on it."""
+        """Ask the motor board for its status, sooner again if the answer is doubtful; the controller acts on it."""
         rate = Rate(self._health_hz)
         while True:
             await self._ask_board()

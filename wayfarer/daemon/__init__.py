@@ -1,1 +1,1 @@
-"""The daemon, ``wayfarer run``: the supervisor of one rover, with everything that a service needs around it."""
+"""The daemon, ``wayfarer run``: the supervisor of one rover as a service, with log, socket and watchdogs."""

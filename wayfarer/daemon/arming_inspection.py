@@ -1,4 +1,4 @@
-"""Checks before arming look at what the daemon has open already: parts through their sensor tasks' buffers."""
+"""The checks before arming, on parts that the daemon has open: they read the sensor tasks' latest values."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class RunningInspection:
         self._supervisor = supervisor
 
     async def open(self, name: str) -> None:
-        """Do nothing for a part that the run has opened; the motors are opened anew, which verifies their deadman."""
+        """Do nothing for a part that the run has opened; the motors are opened again, which verifies their deadman."""
         if name == "motors":
             await self.rover.motors.open()
 

@@ -1,4 +1,4 @@
-"""What the control socket's verbs do to a running rover."""
+"""Commands of the control socket: what each does to a running rover."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from wayfarer.errors import DriverError
 from wayfarer.hal import DriveMotors
 from wayfarer.safety.conditions import Condition
 
-# Faults that arming anew cannot mend, as long as they last; the others it forgets, or finds again by itself.
+# Faults that re-arming cannot clear while they last; it clears the others, or they are detected again.
 REMEDIES: Mapping[Condition, tuple[str, str]] = {
     Condition.OVERTURNED: ("it lies on its side or roof, or its compass is mounted askew", "stand it on its wheels"),
     Condition.COMPASS_LOST: ("a loose wire, or no power", "check the compass's wires and power; wayfarer check"),
@@ -29,7 +29,7 @@ REMEDIES: Mapping[Condition, tuple[str, str]] = {
         "take the battery off the motors, check the board's wires and that no other program commands it",
     ),
     Condition.BATTERY_CRITICAL: ("the battery is almost empty", "charge it or change it"),
-    Condition.POWER_UNSTABLE: ("the computer's supply dips again and again", "give it a 5 V supply of its own"),
+    Condition.POWER_UNSTABLE: ("the computer's supply dips again and again", "give it a separate 5 V supply"),
 }
 
 OPENING_S = 3.0  # for the parts to open, right after the start, before an arming is refused; the client waits for 5 s
@@ -125,9 +125,9 @@ class RoverCommands:
         ]
 
     async def disarm(self) -> Details:
-        """Stop the wheels until armed anew; never refused."""
+        """Stop the wheels until re-armed; never refused."""
         self._motors.halt()
-        self._supervisor.disarm("asked for by a person")
+        self._supervisor.disarm("requested by a person")
         return {"mode": self._controller.mode.value}
 
     async def hold(self) -> Details:
@@ -135,7 +135,7 @@ class RoverCommands:
         self._motors.halt()
         if self._controller.mode is Mode.DISARMED:
             self._supervisor.disarm("asked to hold")  # arming may be under way
-            raise Refused("the rover is disarmed: its wheels stand still already")
+            raise Refused("the rover is disarmed: its wheels do not turn")
         self._controller.hold(_now_s(), held=True)
         return {"held": True}
 
@@ -147,7 +147,7 @@ class RoverCommands:
         return {"held": False}
 
     async def goal(self, heading_deg: float) -> Details:
-        """Head elsewhere."""
+        """Set a new goal heading."""
         if self._controller.mode is not Mode.ARMED:
             raise Refused(
                 f"the rover is {self._controller.mode.value}: give the heading when arming (wayfarer arm DEG)"
@@ -168,7 +168,7 @@ class RoverCommands:
     async def stop(self) -> Details:
         """End the run."""
         self._motors.halt()
-        self._supervisor.finish("requested", "asked for by a person")
+        self._supervisor.finish("requested", "requested by a person")
         return {"log": self._about.get("log")}
 
     def _seen(self, last: TickRecord | None) -> dict[str, Any]:

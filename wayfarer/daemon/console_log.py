@@ -1,4 +1,4 @@
-"""A run on the terminal, or in the journal: a line for each event and each change of phase, for people."""
+"""Console output of a run, for the terminal or the journal: one line for each event and change of phase."""
 
 from __future__ import annotations
 

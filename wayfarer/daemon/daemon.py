@@ -1,4 +1,4 @@
-"""Running a rover as a service: its log, its control socket, its watchdogs, and the signals that end it."""
+"""Runs a rover as a service: field log, control socket, watchdogs and signals."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Service:
 
     ``make_rover`` is called on the running loop with a function that ends the run (a simulated rover calls it when it
     has escaped), and ``close_buses`` afterwards. ``seed`` is for an algorithm that draws lots. ``hint`` says on the
-    terminal what to do with a rover that stands ready. ``viewers`` look on.
+    terminal what to do with a rover that is ready. ``viewers`` show the run.
     ``loop_factory`` makes the event loop; None is asyncio's own. ``time_scale`` is how many times faster than the clock
     the time of such a loop goes.
     """

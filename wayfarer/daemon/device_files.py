@@ -1,4 +1,4 @@
-"""Ports that a run needs and cannot have: refused before anything is opened, by the key that names them."""
+"""Checks that the ports of a run exist and are accessible, before anything is opened; names the key of a bad one."""
 
 from __future__ import annotations
 

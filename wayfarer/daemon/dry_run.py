@@ -1,4 +1,4 @@
-"""A dry run: everything on the real rover but motion."""
+"""Dry run: everything on the real rover except motion."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class DryMotors:
         return troubles_of(self._motors)
 
     async def open(self) -> None:
-        """Open the motors: their deadman is verified as ever."""
+        """Open the motors: their deadman is verified as in any run."""
         await self._motors.open()
 
     async def close(self) -> None:

@@ -1,7 +1,7 @@
-"""The computer's own health: heat, power, load, disk. A Pi that gets hot or hungry slows down unasked.
+"""Health of the computer: temperature, power, load, disk. A hot or under-powered Pi slows down.
 
-It is read in threads, because a card that hangs may hold whoever asks for its free space; the power flags have a thread
-of their own, because the rover drives more gently by them.
+It is read in threads, because a hanging card may block a call that asks for its free space; the power flags have a
+thread of their own, because the rover drives more gently by them.
 """
 
 from __future__ import annotations

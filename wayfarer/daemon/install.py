@@ -1,4 +1,4 @@
-"""Installing the systemd service: what ``wayfarer install-service`` does.
+"""Installs the systemd service: ``wayfarer install-service``.
 
 It writes two files: the unit, from the template ``systemd/wayfarer.service``, and the rover file that the service uses,
 which it never overwrites. Both appear whole or not at all, for everyone to read. On the running system (root ``/``) it

@@ -1,4 +1,4 @@
-"""One program at a time drives a rover's motors, whoever started it and whatever socket it serves.
+"""A lock on the motors' device: only one program at a time drives a rover's motors.
 
 The lock is the kernel's (flock) on the motors' own device file, so it needs no place that all users may write to, and
 ends with the process, however that ends. Motors without such a file, on GPIO pins or on buses of somebody else's, have

@@ -1,4 +1,4 @@
-"""The motors' table of a rover file, whatever else is wrong with the file.
+"""Reads the motors' table of a rover file, even if the rest of the file is broken.
 
 Only what says where the board is must be right: no other mistake may keep the wheels turning.
 """

@@ -1,4 +1,4 @@
-"""Signals: every one that would end or suspend the daemon stops the wheels first.
+"""Signal handling: every signal that would end or suspend the daemon stops the wheels first.
 
 What a signal does by default is in signal(7). Left as they are:
 

@@ -1,7 +1,7 @@
-"""Lines for the terminal or the journal, written where waiting costs nothing.
+"""Writes lines for the terminal or the journal in a thread, so that the event loop never waits for them.
 
-A stderr that nobody drains (a stalled ssh, Ctrl-S, a journal that hangs) blocks whoever writes to it, for good. So
-lines are queued, and a thread of their own writes them; what does not fit is lost, and the loss is told.
+A stderr that nobody drains (a stalled ssh, Ctrl-S, a journal that hangs) blocks every thread that writes to it, for
+good. So lines are queued, and a thread of their own writes them; what does not fit is lost, and the loss is told.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class StderrWriter:
 
 
 def _write(line: str) -> None:
-    """Write to the file itself: whoever waits inside of ``sys.stderr`` holds its lock, and then Python cannot exit."""
+    """Write to the file itself: a thread that waits in ``sys.stderr`` holds its lock, and then Python cannot exit."""
     with suppress(OSError, ValueError, AttributeError):  # nobody reads any more, or there is no stderr at all
         data = f"{line}\n".encode(errors="backslashreplace")
         while data:

@@ -1,4 +1,4 @@
-"""Stopping one motor board, of which a table of settings says where it is.
+"""Stops one motor board, given its table of settings.
 
 A daemon that is still there, and would turn the wheels again, is asked to stop. As a program (``python -m
 wayfarer.daemon.stop_board``) it takes the board as JSON: ``stop_motors`` starts it with the rights of another user.
@@ -111,7 +111,7 @@ async def _confirmed(motors: DriveMotors) -> str:
         return f"stop was sent to {motors.name}, which cannot confirm it"
     if turning != STOP:
         raise WayfarerError(f"{motors.name} was told to stop and still says {turning}: switch its power off")
-    return f"{motors.name} says that the wheels stand still"
+    return f"{motors.name} says that the wheels are stopped"
 
 
 async def _why_not_open(motors: DriveMotors) -> None:

@@ -1,4 +1,4 @@
-"""Stopping the wheels without the daemon: what is left when it has died, and the last line of its systemd unit.
+"""``wayfarer stop-motors``: stops the motors without the daemon; also systemd's ``ExecStopPost``.
 
 Stopped are the motors that a daemon drives or drove, by the record that it keeps beside its socket
 (``daemon/socket/driven.py``), and those of the rover file, which may be others by now. A stop does no harm to either.

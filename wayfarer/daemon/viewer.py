@@ -1,4 +1,4 @@
-"""Whoever looks on while the rover drives: a page in a browser, Foxglove."""
+"""Viewers of a running rover: the interface that the live page and Foxglove implement."""
 
 from __future__ import annotations
 

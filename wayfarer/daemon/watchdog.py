@@ -1,4 +1,4 @@
-"""Being watched: telling systemd that the rover is well, and stopping the wheels when the event loop stands still.
+"""Watchdogs: notifies systemd that the rover is well, and stops the wheels when the event loop is blocked.
 
 Two watchers with different jobs. systemd's watchdog is fed from the loop (``feed_watchdog``) and restarts a daemon that
 hangs, after seconds. The stall guard (``StallGuard``) is a thread that stops the wheels within a fraction of a second,
@@ -26,7 +26,7 @@ from wayfarer.safety.gate import STALL_LIMIT_S
 
 WHERE_FRAMES = 4  # the innermost ones: what blocks, and who called it
 NEVER_US = 2.0**64 - 1.0  # what systemd calls infinity
-HALT_AGAIN_S = 0.1  # a stop may be lost on the bus; it is repeated for as long as the loop stands still
+HALT_AGAIN_S = 0.1  # a stop may be lost on the bus; it is repeated for as long as the loop is blocked
 
 
 class SystemdNotifier:
@@ -86,7 +86,7 @@ async def feed_watchdog(notifier: SystemdNotifier, is_fresh: Callable[[], bool],
 
 
 class StallGuard:
-    """A thread that stops the wheels while the event loop stands still.
+    """A thread that stops the wheels while the event loop is blocked.
 
     ``start`` it on the loop when the wheels may turn, call ``beat`` at each control tick, ``stop`` it when they may
     not. After ``limit_s`` without a beat it halts the wheels, at once and every ``HALT_AGAIN_S`` until the next beat,
@@ -149,7 +149,7 @@ class StallGuard:
             self._loop.call_soon_threadsafe(self._recovered, self._beat_s - last_beat_s, where)
 
     def _tell_what_blocks(self) -> None:
-        self._lines.write(f"wayfarer: the event loop stands still for {self._limit_s:g} s; wheels stopped")
+        self._lines.write(f"wayfarer: the event loop is blocked for {self._limit_s:g} s; wheels stopped")
         with suppress(OSError):  # no file to be had; the wheels matter more
             self._lines.write(_stacks())
 

@@ -1,4 +1,4 @@
-"""Whether the compass can be believed."""
+"""Plausibility and freshness of compass readings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the bumpers say, and whether they still speak."""
+"""State and freshness of the bumpers."""
 
 from __future__ import annotations
 

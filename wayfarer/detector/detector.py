@@ -1,4 +1,4 @@
-"""The detector itself: one tick's snapshot and command in, anomalies and conditions out."""
+"""The detector: one tick's snapshot and command in, anomalies and conditions out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the rover turns as its wheels are told to: a side that is dead, weak or reversed shows in the heading.
+"""Detects a dead, weak or reversed side: compares the turn rate with the wheel commands.
 
 It is judged by what a healthy drive can do on any ground. Ground that grips holds a body back, so a turn may be any
 part of what was told, down to none; ground that is slippery lets it turn on for a while. No ground turns it further
@@ -200,15 +200,6 @@ class DriveMonitor:
             return
         self._suspect = self._suspect or (now.t_s + settings.drive_confirm_s - 1e-6, side)
 
-    def _held(self, then: Moment, now: Moment) -> bool:
-        """Tell whether the body was seen to get on by hardly anything: what holds it may turn it as well.
-
-        One side alone drives it half as far as both. Where nothing at all was seen, nobody knows.
-        """
-        told_m = (now.left_deg - then.left_deg + now.right_deg - then.right_deg) / 2 * self._m_per_deg
-        moved_m = now.ahead_m - then.ahead_m
-        return moved_m != 0.0 and self._way * moved_m < self._settings.immobilised_below * self._way * told_m
-
     def _both_push(self, now: DriveSample, side: int) -> bool:
         """Tell whether the body goes on as fast as both sides drive it, and not as fast as without the one.
 
@@ -263,7 +254,7 @@ class DriveMonitor:
         told.append((t_s, what))
         failed = len(alike) + 1 >= limit
         if failed:
-            told.clear()  # whoever arms the rover anew has seen to it
+            told.clear()  # a person who re-arms the rover has looked at it
             self._leave_window()
         self._show(t_s, Condition.DRIVE_FAILED if failed else Condition.DRIVE_ASYMMETRY)
 

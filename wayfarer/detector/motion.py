@@ -1,4 +1,4 @@
-"""What the motion sensor says of the ground, against what the wheels were told."""
+"""Compares the motion sensor with the wheel commands."""
 
 from __future__ import annotations
 

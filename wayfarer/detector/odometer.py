@@ -1,4 +1,4 @@
-"""How far the rover has come, as the motion sensor saw it, or as commanded where that cannot be believed. Pure."""
+"""Odometer: distance by the motion sensor, or by the commands where the sensor is not usable. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ground that moves although the wheels were told to stand."""
+"""Detects motion while the wheels are commanded to stop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The detector's thresholds."""
+"""Thresholds of the detector."""
 
 from __future__ import annotations
 

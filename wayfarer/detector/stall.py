@@ -1,4 +1,4 @@
-"""Driving that moves nothing, or leads nowhere.
+"""Detects stalls: wheels driven without motion, or without progress.
 
 A body gains speed no faster than the ground's grip allows, ``gain_m_s2`` at the least, so what it moved is compared
 with what it *could* have moved, not with what was commanded:

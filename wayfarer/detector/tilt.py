@@ -1,4 +1,4 @@
-"""Tilt to one of four sides, tipping over, and the rover on its back."""
+"""Detects tilt to one of four sides, tipping, and a rover on its back."""
 
 from __future__ import annotations
 

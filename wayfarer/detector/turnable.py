@@ -1,4 +1,4 @@
-"""Whether the rover can turn on the spot at all: full duty that turns nothing, again and again.
+"""Detects a rover that cannot turn on the spot: repeated full turn duty without rotation.
 
 A tree or a branch under the belly holds a body for a while; ground that grips more than the motors can overcome holds
 it everywhere. Both look alike, and trying on is no use in either.

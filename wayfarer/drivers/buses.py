@@ -1,4 +1,4 @@
-"""Buses as drivers see them.
+"""Bus protocols, as the drivers see them: I2C, SPI, serial, camera.
 
 A driver asks ``Buses`` for the bus that its settings name and awaits transfers on it. Whether behind them are a
 Raspberry Pi's device files (``linux.py``), simulated chips (``simhal.buses``) or another process is not its business.

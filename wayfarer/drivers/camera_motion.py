@@ -1,4 +1,4 @@
-"""A camera as evidence of motion, in one of two ways.
+"""A camera as motion sensor, in one of two modes.
 
 ``displacement``: the camera looks straight down. Successive pictures are registered to each other by phase correlation,
 and the shift is scaled to metres. From one picture to the next the rover may drive a third of the ground that a picture
@@ -8,8 +8,8 @@ shows, better a tenth: mount the camera high enough, or let it run faster. Turni
 moves, not which way: readings are not ``signed``. It needs two numbers from a calibration on the ground to be driven.
 
 Pictures that are black, flat or identical to the last bit say nothing, and the reading's quality is 0: a real sensor is
-never without noise. Dirt on the lens that is sharp and dark enough stands still like the ground before a stuck rover.
-Fix the exposure where the light allows: a short one also keeps the picture sharp while the rover moves.
+never without noise. Dirt on the lens that is sharp and dark enough does not move in the picture, like the ground before
+a stuck rover. Fix the exposure where the light allows: a short one also keeps the picture sharp while the rover moves.
 """
 
 from __future__ import annotations

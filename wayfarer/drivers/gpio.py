@@ -1,4 +1,4 @@
-"""GPIO pins through gpiozero: claiming them, and turning what they raise into errors of a driver.
+"""GPIO pins through gpiozero: claims pins, and converts gpiozero's errors to driver errors.
 
 gpiozero is imported when the first pin is claimed. Its pin library (lgpio) comes from the distribution.
 """

@@ -1,6 +1,6 @@
 """Motors on a plain H-bridge at the GPIO pins, through gpiozero.
 
-**Nothing stops these wheels when the computer dies.** Such a board has no timeout of its own: a process that is killed
+**Nothing stops these wheels when the computer dies.** Such a board has no timeout: a process that is killed
 with SIGKILL, or a kernel that hangs, leaves the pins as they are at that moment, and the rover drives on until somebody
 catches it. ``deadman_s`` is therefore None, and arming a rover that has no other deadman needs a permission that is
 given elsewhere, in so many words.

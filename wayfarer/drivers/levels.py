@@ -1,4 +1,4 @@
-"""From duties to the levels of a motor board, and back."""
+"""Converts duties to the levels of a motor board, and back."""
 
 from __future__ import annotations
 

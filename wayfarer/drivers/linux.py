@@ -1,4 +1,4 @@
-"""The buses of a Raspberry Pi, or of any Linux board: device files through smbus2, spidev, pyserial and picamera2.
+"""The buses of a Raspberry Pi or another Linux board: smbus2, spidev, pyserial and picamera2.
 
 Each library is imported when a bus of its kind is used for the first time.
 """

@@ -167,7 +167,7 @@ class PMW3901:
         """Return the displacement since the previous read; the first one after ``open`` says nothing: quality 0.
 
         Raises:
-            NotResponding: silence, or the chip has lost its settings; ``open`` gives them anew.
+            NotResponding: silence, or the chip has lost its settings; ``open`` writes them again.
             BadReading: a displacement that cannot be, as garbage on the bus makes it.
         """
         is_first, settings, burst = self._is_first, self._settings, await self._burst()
@@ -250,7 +250,7 @@ class PMW3901:
                 return
 
     async def _observe(self) -> None:
-        """See that the chip takes pictures: it sets the observation byte anew in each."""
+        """See that the chip takes pictures: it sets the observation byte again in each."""
         await self._write((0x15, 0x00))
         await asyncio.sleep(OBSERVE_S)
         observation = await self._read(0x15)

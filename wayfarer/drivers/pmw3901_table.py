@@ -1,4 +1,4 @@
-"""The PMW3901's start-up settings, as data: registers that the maker gives values for and no meaning.
+"""Start-up register values of the PMW3901, as published by the manufacturer without explanation.
 
 Each block is a run of writes, ``register=value`` in hex, in the order of hardware.md 2.3; ``7F`` selects a bank.
 Between the blocks stand the reads, choices and waits that ``pmw3901.py`` makes. Where the published drivers differ, the

@@ -1,8 +1,8 @@
-"""Buses over blocking devices, each behind a worker thread of its own.
+"""Buses over blocking devices, each behind its worker thread.
 
 A blocking device is opened in its thread at the first transfer, and again after every error: a USB adapter that was
 pulled out comes back as another file, and a handle that failed once tells nothing by failing again. Only the first
-opening, when no wheel turns yet, has a deadline of its own: it loads the bus's library too.
+opening, when no wheel turns yet, has a longer deadline: it loads the bus's library too.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class Threaded(Generic[D]):
         self._worker = Worker(name, deadline_s)
         self._open_deadline_s = open_deadline_s
         self._device: D | None = None
-        self._tried = False  # to open it, be it in vain
+        self._tried = False  # whether an open was attempted
 
     async def call(self, use: Callable[[D], T]) -> T:
         """Use the device in its thread.

@@ -1,4 +1,4 @@
-"""The worker thread that keeps a hanging bus from holding the event loop.
+"""Worker thread of a bus: a hanging bus does not block the event loop.
 
 Every call on a real bus blocks, for a second and more when a wire is loose, and cannot be cut short. So each bus has
 one thread, which does its transfers in turn, and each transfer has a deadline. A transfer that misses it raises

@@ -1,4 +1,4 @@
-"""What goes into an escape algorithm, what comes out, and what it must promise.
+"""The interface of an escape algorithm: its input, its output, and what it must guarantee.
 
 An algorithm is pure: no clock, no I/O, no asyncio, no global randomness. Time comes in as ``Observation.t_s``, chance
 as the ``random.Random`` it was made with. The same observations give the same decisions, on a rover, in a simulated

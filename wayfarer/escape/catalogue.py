@@ -1,4 +1,4 @@
-"""The algorithms, as rows: the ten of the paper, and those that go beyond it with the same sensors.
+"""The table of algorithms: the ten of the paper, and further ones that use the same sensors.
 
 The paper's differ in four choices and in nothing else: the side of the turn, its angle, what follows the turn, and
 whether a heading back at the goal ends the episode. The others are Forest-Pledge with tactics that remember

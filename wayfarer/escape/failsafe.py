@@ -1,4 +1,4 @@
-"""An escape handler as the fail-safe under another stack's planner: who drives, and when the wheels are given back.
+"""Fail-safe under another stack's planner: decides when an escape handler drives, and when it returns control.
 
 Pure, as all decision logic here: the other stack calls ``FailSafe.update`` once a control tick with its own compass and
 its own word on whether the rover is stuck, and gets None while its planner may drive, else what the wheels must do.
@@ -27,7 +27,7 @@ class FailSafe:
     stuck again within ``relapse_s`` has steered back to where it was freed from: its next free run is twice as long.
 
     Args:
-        handler: the algorithm at work, made by a row of the catalogue that needs no contact sensor. It begins anew at
+        handler: the algorithm at work, made by a row of the catalogue that needs no contact sensor. It restarts at
             each takeover: what the planner did with the wheels is not its to count.
         vehicle: the body; ``max_speed_m_s`` turns duties into commanded distance.
         free_run_m: the first free run, metres commanded ahead.

@@ -1,4 +1,4 @@
-"""Tactics for the rare and bad cases: circling, and a barrier without an end."""
+"""Tactics against rare bad cases: driving in circles, and a barrier without an end."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ COUNTER_MAX_DEG = 1080.0
 class AlgorithmSpec:
     """What makes one algorithm out of the common handler.
 
-    ``keeps_side`` holds the turn direction for a whole episode, as Pledge must; otherwise each anomaly chooses anew.
+    ``keeps_side`` holds the turn direction for a whole episode, as Pledge must; otherwise each anomaly chooses again.
     ``tactics`` make what may then change the plan for an anomaly, in this order.
     """
 

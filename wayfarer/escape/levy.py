@@ -1,4 +1,4 @@
-"""Heavy-tailed draws: the Lévy distribution of the paper's stochastic algorithms."""
+"""Heavy-tailed random draws: the Lévy distribution of the paper's stochastic algorithms."""
 
 from __future__ import annotations
 

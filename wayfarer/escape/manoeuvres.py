@@ -1,4 +1,4 @@
-"""The manoeuvres: one for each phase, what the wheels do in it and which event ends it."""
+"""The manoeuvres, one per phase: its wheel commands, and the event that ends it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How an escape works: every phase, every event that ends one, and what comes next.
+"""The state machine of an escape: every phase, every event that ends one, and the next phase.
 
 Theory of operation
 -------------------

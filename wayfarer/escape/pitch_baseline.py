@@ -1,4 +1,4 @@
-"""How far the nose has risen above the ground: what pushes onto a trunk rears up, what spins stays level."""
+"""Pitch relative to level ground: a rover that pushes onto a trunk pitches up, one with spinning wheels stays level."""
 
 from __future__ import annotations
 

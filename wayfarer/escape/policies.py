@@ -1,4 +1,4 @@
-"""The choices in which the ten algorithms differ: to which side to turn, how far, and how far to stride.
+"""The choices in which the ten algorithms differ: turn direction, turn angle, stride length.
 
 Each is a plain function of the observation and a ``random.Random``; an algorithm is a row of them (``catalogue``).
 Sides are signs of a turn: +1 clockwise (right), -1 counter-clockwise (left).

@@ -1,4 +1,4 @@
-"""Dead reckoning: where the rover would be if nothing moved it sideways, for short horizons only."""
+"""Dead reckoning over short distances, without lateral motion."""
 
 from __future__ import annotations
 

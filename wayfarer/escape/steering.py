@@ -1,4 +1,4 @@
-"""Holding a heading: a PID controller from heading error to turn rate (paper, section III-A)."""
+"""Heading control: a PID controller from heading error to turn rate (paper, section III-A)."""
 
 from __future__ import annotations
 

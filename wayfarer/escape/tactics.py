@@ -1,4 +1,4 @@
-"""Better plans for an anomaly, made of small tactics with a memory; ``catalogue`` composes them.
+"""Tactics: small objects with a memory that may change the plan at an anomaly; ``catalogue`` combines them.
 
 The ten algorithms of the paper answer each anomaly from what they see at that moment (``policies``). A tactic
 remembers: it is asked at each anomaly, after those choices, and may change the plan that is in the ``EscapePlan``:
@@ -38,7 +38,7 @@ class AnomalyContext(NamedTuple):
 
 
 class Tactic(Protocol):
-    """Changes plans; made anew for each handler."""
+    """Changes plans; created for each handler."""
 
     def reset(self) -> None:
         """Forget everything: a new mission begins."""

@@ -1,4 +1,4 @@
-"""Turning a skid-steered body at the rate that a manoeuvre asks for, by feedback from the compass.
+"""Turn rate control of a skid-steered body, with feedback from the compass.
 
 Tyres resist sideways. A body therefore turns only where the *turn duty* (half the difference of both sides' duties,
 clockwise positive) is more than the ground's friction takes up; that share is the *dead zone*. It depends on ground,
@@ -31,7 +31,7 @@ DEAD_ZONE_MAX = 0.9
 # Up to this rate the dead zone is made up for in proportion: a noisy compass must not throw the wheels about.
 FULL_COMPENSATION_DEG_S = 20.0
 # No wheels turn a body further in a tick than full duty on ideal ground, and so much for noise: then somebody turned it
-# while it was held, and time stood still for the logic.
+# while it was held, and the clock of the logic was paused.
 STRANGE_DEG = 10.0
 # Duty is not given for long where it turns nothing. The heading must come on by so much to count as moved: three
 # times the noise of a compass. Field catalogue, faults 29 and 58, allow 3 s, and noise may look like a move once.

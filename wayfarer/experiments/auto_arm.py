@@ -1,4 +1,4 @@
-"""Arms a simulated rover by itself, as soon as the live page is opened.
+"""Arms a simulated rover automatically when a viewer opens the page, for the demo.
 
 A real rover is never armed by this. It stands beside the simulator, where no field code can find it, and arms only a
 run whose own first record says that it is simulated.

@@ -1,6 +1,6 @@
-"""A campaign as a plan: which forest, noise and seed each of its trials gets.
+"""The plan of a campaign: which forest, noise and seed each trial gets.
 
-Everything here follows from the settings alone, so a trial is the same whoever runs it, in whatever order,
+Everything here follows from the settings alone, so a trial is the same in any process and in any order,
 and every algorithm meets the same forests with the same noise: comparisons are paired.
 """
 

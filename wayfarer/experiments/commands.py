@@ -1,4 +1,4 @@
-"""What ``wayfarer sim`` does once its options are read: all trials of a campaign, or one of them alone."""
+"""Implementation of ``wayfarer sim`` after its options are parsed: a whole campaign, or one trial."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def run_all(
     """Run a campaign, show it, print its table, and return the exit code.
 
     ``forests`` is what the campaign's forests were read from (``campaign.read_forest_file``); ``out`` keeps a copy.
-    With ``log`` each trial's full field log goes into a folder of its own there. With ``cluster``, the address of a
+    With ``log`` each trial's full field log goes into a separate folder there. With ``cluster``, the address of a
     Dask scheduler, the trials run on its workers, else in ``jobs`` processes.
 
     Raises:

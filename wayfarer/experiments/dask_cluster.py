@@ -1,6 +1,6 @@
-"""A Dask cluster as an executor: the same campaign on many machines.
+"""Executor on a Dask cluster: one campaign on many machines.
 
-Whoever runs trials must run the same wayfarer, so each worker is asked first, and again with each chunk, for workers
+All workers must run the same wayfarer, so each worker is asked first, and again with each chunk, for workers
 come and go. The campaign is sent once a worker, as a plugin that the scheduler also gives to those that come later.
 Trials are pure: what a lost worker had not finished, the scheduler gives to another one.
 """
@@ -184,7 +184,9 @@ def _refuse_another(worker: str, theirs: object) -> None:
 
 
 def _other_version(worker: str, theirs: str, ours: str) -> BadInput:
-    return BadInput(f"worker {worker} runs {theirs}, and this is {ours}: install the same there and start it anew")
+    return BadInput(
+        f"worker {worker} runs {theirs}, and this is {ours}: install the same version there and restart the worker"
+    )
 
 
 def _quieten() -> None:

@@ -1,4 +1,4 @@
-"""Why a trial ended entrapped, told from the rover's true way through it.
+"""Classifies why a trial ended entrapped, from the rover's true path.
 
 Looked at is the second half, by time, of what it drove: what went on when it had long ceased to get anywhere. The
 bounds are from no source, chosen to be plain; the figures that are held against them are told with the result.

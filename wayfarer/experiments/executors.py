@@ -1,4 +1,4 @@
-"""Who runs the trials: this process, a pool of processes, or any executor.
+"""Executors of trials: this process, a pool of processes, or any other executor.
 
 Each worker receives the campaign once, as executors of the standard library do it: by an initializer. The workers of
 a pool are spawned, so that they inherit neither threads nor locks. They are born with SIGINT blocked: Ctrl-C reaches
@@ -74,7 +74,7 @@ def field_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
 
 
 def logged_trial(logs: Path, spec: TrialSpec, _log_dir: Path | None = None) -> TrialResult:
-    """Run the real trial with its field log in a folder of its own, such as ``logs/forest-pledge-00017``."""
+    """Run the real trial with its field log in a separate folder, such as ``logs/forest-pledge-00017``."""
     return field_trial(spec, logs / f"{spec.algorithm.replace(':', '-')}-{spec.trial:05d}")
 
 

@@ -1,4 +1,4 @@
-"""Ground truth in the log of a simulated run: where the rover really is, and what happens to it."""
+"""Ground truth in the log of a simulated run: the rover's true pose and what happens to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Counts how often a person had to help the rover in a field trial, and helps it.
+"""Interventions in a field trial: puts a stuck rover free, and counts it.
 
 The paper, section IV-C: flip-overs and loss of all-wheel contact with the ground made human interventions necessary;
 after one the rover was placed near where it had been stuck, with the same orientation, and the trial went on. Here that

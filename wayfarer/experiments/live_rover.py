@@ -1,4 +1,4 @@
-"""The simulated rover of ``wayfarer run --sim``: it drives in real time, in one generated forest."""
+"""The simulated rover in real time: ``wayfarer run --sim``, in one generated forest."""
 
 from __future__ import annotations
 

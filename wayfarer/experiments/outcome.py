@@ -1,8 +1,8 @@
-"""The outcome monitor of a trial: it alone sees ground truth, and says when and how the trial ended."""
+"""Decides when and how a trial ended. Only this module sees the ground truth."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import inf
 from typing import Literal
 
@@ -10,6 +10,14 @@ from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 Outcome = Literal["escaped", "left_bounds", "entrapped", "tipped", "fault"]
+
+# What the log of the run says of each; a trial ends as "fault" by the supervisor, not here.
+ENDINGS: Mapping[Outcome, str] = {
+    "escaped": "crossed the destination line",
+    "left_bounds": "crossed another edge of the map",
+    "entrapped": "used up its path length or its time",
+    "tipped": "tipped over",
+}
 
 # A rover that is pinned covers no distance; its budget then runs out in time: four times what the whole path budget
 # takes at the cruising speed of the abstract forest, 1 m/s.
@@ -51,7 +59,7 @@ class OutcomeMonitor:
             return
         if self.outcome is None:
             self.outcome = self._judge(world)
-            self._call_off(self.outcome, "the referee's call")
+            self._call_off(self.outcome, ENDINGS[self.outcome])
 
     def _judge(self, world: SimulatedWorld) -> Outcome:
         if world.y_m >= self._goal_y_m:

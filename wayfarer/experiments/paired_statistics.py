@@ -1,4 +1,4 @@
-"""Two algorithms on the same forests with the same noise: how much better one is, and how sure that is.
+"""Paired comparison of two algorithms on the same forests and noise, with intervals.
 
 Trials are paired by (forest, noise). The noises of one layout are not independent of each other, so the bootstrap draws
 whole layouts. Entrapment is rare: its interval is exact (Clopper and Pearson, Biometrika 26, 1934), so that none in
@@ -121,7 +121,7 @@ def _gain(pairs: Sequence[tuple[TrialRow, TrialRow]], value: Callable[[TrialRow]
 
 
 def cluster_bootstrap(clusters: Sequence[Sequence[float]], resamples: int = RESAMPLES) -> Estimate:
-    """Return the mean of all values, and the 95 % percentile interval of it when whole clusters are drawn anew.
+    """Return the mean of all values, and the 95 % percentile interval of it when whole clusters are resampled.
 
     The draws are always the same, so that a table can be made again.
     """

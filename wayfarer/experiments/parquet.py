@@ -1,4 +1,4 @@
-"""Parquet files that grow row by row: what is in memory is one row group, however long the file gets.
+"""Writes Parquet files row by row; memory holds one row group, independent of the file's length.
 
 pyarrow is imported here only, and only where a file is written.
 """

@@ -1,4 +1,4 @@
-"""How a campaign shows that it is alive: a bar on a terminal, a line now and then elsewhere."""
+"""Progress of a campaign: a bar on a terminal, otherwise a line now and then."""
 
 from __future__ import annotations
 

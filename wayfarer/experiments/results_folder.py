@@ -1,4 +1,4 @@
-"""The folder of a campaign: what survives a crash, and what is there at the end.
+"""The results folder of a campaign: partial results that survive a crash, and the final files.
 
 ``campaign.json`` is written first and says whose folder this is; ``forests.jsonl`` beside it is a copy of the
 campaign's forest file, if it has one, so that its trials can be run again. While the campaign runs, each finished trial

@@ -1,4 +1,4 @@
-"""A campaign from its first trial to its last: run, keep, sum up.
+"""Runs a campaign from its first trial to its summary.
 
 One loop does it all: a finished trial is kept in the folder, then shown. SIGINT and SIGTERM only set a flag
 that the loop looks at, so that nothing is cut in the middle; a second one ends the process the usual way.

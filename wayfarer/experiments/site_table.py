@@ -1,4 +1,4 @@
-"""The table of a scenario, with the figures of the paper's field trials."""
+"""The result table of a scenario, with the figures of the paper's field trials."""
 
 from __future__ import annotations
 

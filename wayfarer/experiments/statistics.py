@@ -1,4 +1,4 @@
-"""What a campaign says of an algorithm: success with its interval, path lengths, SPL."""
+"""Statistics of a campaign per algorithm: success rate with its interval, path lengths, SPL."""
 
 from __future__ import annotations
 

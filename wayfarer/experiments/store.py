@@ -1,4 +1,4 @@
-"""The finished trials of a campaign: a file in the order of completion, read back in the order of ``trials.csv``.
+"""Store of finished trials: a file written in the order of completion, read in the order of ``trials.csv``.
 
 In memory is only where in the file the line of each trial begins, 8 bytes a trial: a million trials need hardly more
 of it than a thousand.

@@ -1,4 +1,4 @@
-"""The table at the end of a campaign, with the paper's figures where the paper has them."""
+"""The result table of a campaign, with the paper's figures."""
 
 from __future__ import annotations
 

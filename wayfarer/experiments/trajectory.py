@@ -1,4 +1,4 @@
-"""A trial run again to see where it went: the way of the rover in the world, with phases and slips.
+"""Runs a trial again to record its true path, with phases and slips.
 
 No rover knows its own position. A trace is what a log sees that looks at the simulated world beside the rover's
 records; it is thinned on the way, because an entrapped rover takes 80,000 ticks.
@@ -81,7 +81,7 @@ class TraceLog(PartialLog):
 
 
 def run_traced(spec: TrialSpec) -> tuple[TrialResult, Trace]:
-    """Run one trial, and return its result, which is the same as ever, with its trace.
+    """Run one trial, and return its result, which is the same as in the campaign, with its trace.
 
     Raises:
         MissingPart: the rover cannot give what the algorithm needs.

@@ -1,4 +1,4 @@
-"""One trial: the daemon's own supervisor on a simulated rover in one forest, watched by an outcome monitor."""
+"""One trial: the daemon's own supervisor on a simulated rover in one forest, until an outcome is decided."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class TrialResult(NamedTuple):
     torque_scale: float | None = None
 
 
-GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the controller's reason of disarming
+GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the controller's reason for disarming
 
 
 class TrialCounters(PartialLog):

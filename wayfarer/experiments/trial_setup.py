@@ -1,4 +1,4 @@
-"""What a trial runs on: a simulated rover under the daemon's own supervisor, in one forest, and an outcome monitor."""
+"""Setup of a trial: a simulated rover in one forest under the daemon's own supervisor."""
 
 from __future__ import annotations
 

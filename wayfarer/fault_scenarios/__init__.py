@@ -1,4 +1,4 @@
-"""Scenarios: faults on purpose, and whether the rover does what it must, within which time.
+"""Fault scenarios: faults are injected, and the rover's response is checked against a time bound.
 
 ``scenario.py`` is the data and its file format, ``runner.py`` runs one in virtual time, ``judge.py`` judges it. The
 field catalogue is here as scenarios too: ``catalogue``.

@@ -1,4 +1,4 @@
-"""What ``wayfarer faults`` does: runs scenarios, keeps what came of them, prints the table."""
+"""Implementation of ``wayfarer faults``: runs scenarios, stores the results, prints the table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the detector claims, held against what the world knows: precision, recall, and how late it notices.
+"""Score of the detector against ground truth: precision, recall and delay.
 
 An *episode* is a time without a gap in which an anomaly is really there; a *claim* one in which the detector says so.
 One that ended before the detector could say anything, and was not claimed, counts as none: a rover that turns away by

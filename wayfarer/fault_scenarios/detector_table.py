@@ -1,4 +1,4 @@
-"""``wayfarer faults --detector``: precision, recall and delay of every anomaly, as a table."""
+"""``wayfarer faults --detector``: a table of precision, recall and delay per anomaly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trials that measure the detector: every anomaly, at two slip means and two levels of noise.
+"""Trials that measure the detector: every anomaly, at two slip means and two noise levels.
 
 Trials in forests give what forests give: slips, trunks, trees. Slopes are injected, because the simulated ground is
 level: now and then one of up to 40 degrees to any of the four sides, below and above what counts as tilted.

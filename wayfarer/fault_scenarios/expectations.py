@@ -1,4 +1,4 @@
-"""What a scenario demands of a run besides its level: what must come, what must never, even ticks, wheels at rest."""
+"""Expectations of a scenario besides its level: required and forbidden events, even ticks, stopped wheels."""
 
 from __future__ import annotations
 
@@ -54,4 +54,4 @@ def _still_turning(expect: Expectation, monitor: RunRecorder, begun_s: float) ->
         return []
     stood_s = min((t_s for t_s, still in monitor.stood_still_s if still and t_s >= begun_s), default=inf) - begun_s
     late = stood_s > expect.stands_within_s + ROUNDING_S
-    return [f"the wheels stood after {stood_s:.2f} s, {expect.stands_within_s:g} s are allowed"] if late else []
+    return [f"the wheels stopped after {stood_s:.2f} s, {expect.stands_within_s:g} s are allowed"] if late else []

@@ -1,4 +1,4 @@
-"""What a fault changed for the field code: the first thing that it read, or was told, otherwise than without it."""
+"""Finds the first value that the field code read differently because of a fault."""
 
 from __future__ import annotations
 

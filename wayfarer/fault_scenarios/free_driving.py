@@ -1,6 +1,6 @@
-"""A programme of driving on free ground, as hard on the ground's grip as a closed loop may be.
+"""A driving programme on free ground, where every anomaly that the detector reports is false.
 
-It takes the place of an escape algorithm and heeds no anomaly: whatever the detector says on free ground is wrong,
+It takes the place of an escape algorithm and ignores anomalies: every anomaly reported on free ground is wrong,
 and must not change what is driven next. Legs are drawn one after another: headings held, arcs, turns on the spot,
 reversing, standing, and duties of any kind without feedback. The others close the loop on the turn rate that the
 compass shows, up to full duty of one side against the other, as a controller does on ground that holds the body.

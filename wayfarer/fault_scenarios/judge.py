@@ -1,4 +1,4 @@
-"""Judging a scenario: was something different for the field code, how severely did it answer, and how soon."""
+"""Judges a scenario: did the fault take effect, how severe was the response, and how long did it take."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.simhal.faults.kinds import Fault, LoopStall, Lost
 
 ROUNDING_S = 1e-6
-STOOD_ALREADY = "the wheels stood already"
+STOOD_ALREADY = "the wheels were stopped already"
 
 _LEVELS = {
     Level.NOTE: Reached.NOTE,
@@ -129,7 +129,7 @@ def _of_the_escape_logic(monitor: RunRecorder, expect: Expectation, begun_s: flo
 
 
 def _stood_s(monitor: RunRecorder, begun_s: float, from_s: float) -> float | None:
-    """Return after how long the wheels were first told to stand still from a time on; 0 if they stood all the time."""
+    """Return the delay from a time to the first stop command; 0 if the wheels were stopped all the time."""
     ticks = [(moment.t_s, moment.commanded == (0.0, 0.0)) for moment in monitor.moments]
     stood = sorted(each for each in (*ticks, *monitor.stood_still_s) if each[0] >= begun_s)
     if all(still for t_s, still in stood if t_s <= from_s):
@@ -171,7 +171,7 @@ def _late(expect: Expectation, detected_s: float | None, stood_s: float | None) 
         return
     for what, after_s, from_level in (
         ("detected", detected_s, Reached.NOTE),
-        ("the wheels stood", stood_s, Reached.HOLD),
+        ("the wheels stopped", stood_s, Reached.HOLD),
     ):
         if expect.level >= from_level and (after_s is None or after_s > expect.within_s + ROUNDING_S):
             yield f"{what} {_shown(after_s)}, {expect.within_s:g} s are allowed"

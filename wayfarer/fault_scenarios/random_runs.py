@@ -1,4 +1,4 @@
-"""Many scenarios by chance: whether any of them breaks a safety rule, and which one to look at.
+"""Runs many random scenarios, and reports those that break a safety rule.
 
 A trial is its seed: the first has the seed that was asked for, each further one the next, so that any of them can be
 run again alone. Its row is the same on any number of workers.

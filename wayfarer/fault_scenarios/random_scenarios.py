@@ -1,4 +1,4 @@
-"""Scenarios by chance: which faults, when, for how long and how bad, and what people ask for meanwhile.
+"""Random scenarios: which faults, when, how long and how severe, and operator commands meanwhile.
 
 Everything is drawn from one stream of the scenario's own seed, so the same seed is the same scenario on any machine.
 What is drawn is only what the rover can have at that depth: a fault on the wires needs a part on wires.
@@ -93,7 +93,7 @@ def draw_params(place: FaultTarget, chance: Random) -> Any:
 
 
 def _draw(name: str, hint: Any, span: float, chance: Random) -> Any:
-    """Return a value for a parameter; one without a range of its own is within ``span`` on both sides of zero."""
+    """Return a value for a parameter; one without a declared range is within ``span`` on both sides of zero."""
     if get_origin(hint) is Literal:
         return chance.choice(get_args(hint))
     low, high = _range(hint, span)

@@ -1,4 +1,4 @@
-"""What a scenario's run is judged by: everything that the field code saw, concluded and did, tick by tick."""
+"""Records everything that the field code read, concluded and did in a scenario, tick by tick."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class RunRecorder:
         self._setup: Any = None
 
     def follow(self, setup: Any) -> None:
-        """Watch a trial setup: its world and its controller."""
+        """Watch a stage: its world and its controller."""
         self._setup = setup
         watch, world = setup.world.after_step, setup.world
 

@@ -1,4 +1,4 @@
-"""What came of one row of the catalogue, or of a user's scenario, however it was tried."""
+"""The result of one scenario, of the catalogue or a user's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Running a scenario in virtual time: with its faults, and once more without, to see what they changed."""
+"""Runs a scenario in virtual time: with its faults, and again without them for comparison."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""The safety rules of every run, whatever goes wrong: watched from outside the field code, at each tick and world step.
+"""The safety rules of every run, monitored from outside the field code at each tick and world step.
 
 1. Nothing commands motion while the rover is not armed, and nothing arms it but a person.
 2. From the tick on at which a hold or a fault is concluded, or somebody disarms, nothing commands motion, and the
-   wheels stand still within the bound.
-3. A fault stays until the rover is armed anew.
+   wheels are stopped within the bound.
+3. A fault stays until the rover is re-armed.
 4. No decision sees a value that cannot be, or one that no valid reading of late gave.
 5. Every stop that the algorithm did not ask for has a reason in the log.
 
@@ -74,7 +74,7 @@ class Invariants(PartialLog):
         return self._deadman_s + PERIODS * self._period_s
 
     def follow(self, setup: Any) -> None:
-        """Watch the world and the controller of a trial setup."""
+        """Watch a stage's world and its controller."""
         self._setup = setup
         self._board = None if setup.injector is None else setup.injector.board
         self._period_s = 1.0 / setup.config.control_hz

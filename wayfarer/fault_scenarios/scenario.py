@@ -1,4 +1,4 @@
-"""A scenario as data: which rover, what goes wrong when, what people ask for meanwhile, and what is expected."""
+"""A scenario as data: the rover, the faults and their times, operator commands, and expectations."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Expectation:
 
     ``level`` is the severest level that is reached, ``causes`` the conditions or events of which one must tell it
     (none: any). It must be there ``within_s`` after the first fault begins, and at S2 and above the wheels must have
-    been told to stand still by then. ``event`` must be in the log. The run must end by one of the reasons in ``ends``.
+    been commanded to stop by then. ``event`` must be in the log. The run must end by one of the reasons in ``ends``.
     ``answer`` names events of the escape logic (``follow.anomaly``) of which one must come ``within_s``, ``never`` what
     must not come: events, conditions, answers. No two ticks may be further apart than ``ticks_within_s``. Where the
     motor board stops the wheels sooner than the rover notices anything, ``stands_within_s`` is the bound for that.

@@ -1,4 +1,4 @@
-"""Scenario files: faults of one's own in TOML, checked before anything runs.
+"""Scenario files: a user's faults in TOML, validated before anything runs.
 
 A file holds one or many ``[[scenario]]``, each with its ``[[scenario.fault]]``; ``docs/faults.md`` has one in full.
 What is wrong with a file is told in one line: file, scenario, key, what is allowed, and on which line it stands.

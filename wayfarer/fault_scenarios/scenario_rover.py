@@ -1,4 +1,4 @@
-"""The rover of a scenario: its file, what the scenario lays over it, and whether the faults can happen to it."""
+"""The rover of a scenario: its file, the scenario's changes, and whether the faults apply to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scenario as a scenario file: the inverse of ``scenario_file.py``."""
+"""Writes a scenario as a scenario file: the inverse of ``scenario_file.py``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which scenarios to run, as asked for on a command line, and which cannot be."""
+"""Selects the scenarios that a command line asks for, and names those that cannot run."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _missing_package(row: Row) -> str | None:
 def _moved(row: Row, rover: str) -> tuple[str, Row]:
     """Return why a row cannot be run on another rover (nothing where it can), and the row for it."""
     if isinstance(row, Procedure):
-        return "it has rovers of its own", row
+        return "it names its own rovers", row
     moved = replace(row, rover=rover)
     try:
         config = rover_of(moved)

@@ -1,4 +1,4 @@
-"""Making a scenario that breaks something smaller, until nothing can be left out."""
+"""Reduces a failing scenario to the smallest one that still fails."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table of what came of scenarios, for a terminal: as many columns as fit, then what was not as expected."""
+"""Prints the results of scenarios as a table that fits the terminal, then the details of failures."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from wayfarer.fault_scenarios.scenario import Reached
 from wayfarer.fault_scenarios.selection import Row
 
 LEGEND = (
-    "S0 note, S1 degrade, S2 hold, S3 fault until armed anew, S4 the board's deadman",
-    "seen: the rover said so; stood: the wheels were told to; seconds since the fault",
+    "S0 note, S1 degrade, S2 hold, S3 fault until re-armed, S4 the board's deadman",
+    "seen: reported; stopped: wheels commanded to stop; seconds since the fault",
 )
 _HOW = {
     Tried.SIMULATED: "in virtual time",
@@ -61,7 +61,7 @@ COLUMNS = (
     ResultColumn("level\ngot", lambda each: _level(each, each.reached)),
     ResultColumn("by", lambda each: each.cause, from_width=130),
     ResultColumn("seen\nafter", lambda each: _seconds(each.detected_s), right=True),
-    ResultColumn("stood\nafter", lambda each: _seconds(each.stopped_s), right=True),
+    ResultColumn("stopped\nafter", lambda each: _seconds(each.stopped_s), right=True),
     ResultColumn("bound", lambda each: _seconds(each.within_s), right=True),
     ResultColumn("verdict", _verdict),
     ResultColumn("first changed", lambda each: each.changed, from_width=190, text=True),

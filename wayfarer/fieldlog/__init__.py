@@ -1,1 +1,1 @@
-"""Field logs: a folder for each run, written beside control and read back through whatever cut it short."""
+"""Field logs: one folder per run, written without delaying control, and readable after damage."""

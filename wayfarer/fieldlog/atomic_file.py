@@ -1,4 +1,4 @@
-"""Writing a file so that it is there whole or not at all, whenever the power goes."""
+"""Atomic file writes: after a power cut the file is complete or unchanged."""
 
 from __future__ import annotations
 

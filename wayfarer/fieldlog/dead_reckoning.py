@@ -1,4 +1,4 @@
-"""Where the rover was, as far as it can know: dead reckoning over the records of a log. Pure.
+"""Dead reckoning over the records of a log. Pure.
 
 The motion sensor says how far, while it can; where it cannot tell, the wheels' commands do. The compass alone says
 which way. Good enough to draw a path and to search for a lost rover; no decision ever sees it.

@@ -1,4 +1,4 @@
-"""Telling a person that the log has trouble: what it is and what to do, once; and once that it is over."""
+"""Reports disk errors of the log to the operator: once at the beginning with advice, once at the end."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ADVICE = {
     errno.ENOTDIR: "a file stands where the folder should be",
     errno.ENOENT: "was it deleted, or is the disk not there?",
     errno.ESTALE: "a new one is begun; copy it before you edit it",
-    errno.EEXIST: "log into a folder of its own",
+    errno.EEXIST: "log into a separate folder",
     errno.EFBIG: "the disk allows no file of this size: set a smaller part_mb",
 }
 

@@ -1,4 +1,4 @@
-"""Values out of records: what is not there is missing, never an error. Pure.
+"""Lenient typed access to records: a wrong type reads as missing. Pure.
 
 The reader leaves out a record with a value that cannot be. A key may still not be there, a failing part or a third
 party's algorithm may have said anything, and a name need not be fit for a terminal.

@@ -1,4 +1,4 @@
-"""The folders of runs and the files in them: how they are named, and finding one again.
+"""Folders of runs and their files: their names, and finding one again.
 
 A folder is named by a counter, which no clock can turn back, and the time in UTC at which the run began:
 ``00017-20261121T061405Z``. The counter is the order; the time is for people, and wrong where the clock was. A person
@@ -130,7 +130,7 @@ def is_run(path: Path) -> bool:
     try:
         return (path / FILE_NAME).exists() or (path.is_dir() and bool(older_segments(path)))
     except PermissionError:
-        return True  # whoever opens it is told
+        return True  # opening it reports the error
 
 
 @contextmanager

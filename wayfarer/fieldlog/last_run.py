@@ -1,4 +1,4 @@
-"""The end of a log, read without what comes before it: an hour of log is 50 MB, and nobody waits for that."""
+"""Reads only the end of a log: an hour of log is 50 MB, too much to read at each start."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def unfinished_run(logs: Path) -> UnfinishedRun | None:
     """Return the newest run in a folder of logs if it has no outcome, or cannot be read; never raises."""
     try:
         runs = run_folders(logs)
-    except BadInput:  # whoever makes the next run there is told
+    except BadInput:  # starting the next run there reports the error
         return None
     if not runs:
         return None

@@ -1,4 +1,4 @@
-"""What a run tells its log, as records: one JSON object a line, for ``tail -F``, for ``jq`` and for ``wayfarer logs``.
+"""Records of the field log: one JSON object a line, for ``tail -F``, ``jq`` and ``wayfarer logs``.
 
 The first record says what ran (version, algorithm, the rover's whole configuration), the last how it ended; between
 them there is a record for each control tick and each event. Keys carry their units; ``t_s`` is the loop's clock and
@@ -138,7 +138,7 @@ class FieldLog:
         return self._newest
 
     def _show(self, record: Record) -> None:
-        """Show a record; who looks on must not cost the run its log."""
+        """Show a record; a failing viewer must not end the log."""
         for viewer in list(self._viewers):
             try:
                 viewer(record)

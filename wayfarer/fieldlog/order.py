@@ -1,4 +1,4 @@
-"""The order of a log's records: numbers grow, times grow, and what breaks that is left out. Pure.
+"""Checks the order of a log's records: numbers and times must grow; records that break it are left out. Pure.
 
 One line whose number or time was changed must not cost the lines after it, and a line alone does not show whether it
 is too early or the one before it was too late. So where a record does not simply go on from the one before, the next
@@ -15,8 +15,8 @@ from wayfarer.fieldlog.schema import Record
 
 WINDOW = 256  # records that are looked at together, at most
 RECORDS_A_SECOND = 3000  # more than any run writes: its ticks come at 1,000 Hz at most
-SMOOTH_S = 1.0  # from a record to the next, where nothing was lost and nothing stood still
-# A position has the time of its reading: gpsd's may be 3 s old, and older where the loop stood still meanwhile; the
+SMOOTH_S = 1.0  # from a record to the next, where no record was lost and the loop was not blocked
+# A position has the time of its reading: gpsd's may be 3 s old, and older where the loop was blocked meanwhile; the
 # catalogue's longest stall is 60 s. A header or a ``log_gap`` has the time of the record after it, which may be one.
 READ_EARLIER_S = 100.0
 NOTED_EARLIER_S = 5.0  # all else is from after the beginning of the last tick, or has the time of a fresh position

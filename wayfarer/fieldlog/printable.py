@@ -1,4 +1,4 @@
-"""Texts that are fit for a terminal, whatever was found in a log."""
+"""Makes texts from a log safe to print on a terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading a log back, through whatever cut it short: a power cut, a full disk, a card that forgets.
+"""Reads a log back despite damage: power cuts, a full disk, a failing card.
 
 What a line is worth is judged here (``parse``), for the ends of logs and following as well; only here is it counted.
 Every record that is whole, holds what its kind may hold (``schema``) and is in order (``order``) is given; what is not
@@ -57,7 +57,8 @@ class Damage:
 
     def __str__(self) -> str:
         counts = [(getattr(self, field.name), SAID[field.name]) for field in fields(self)]
-        return ", ".join(one if count == 1 else f"{count} {many}" for count, (one, many) in counts if count) or "whole"
+        told = (one if count == 1 else f"{count} {many}" for count, (one, many) in counts if count)
+        return ", ".join(told) or "complete"
 
 
 SAID = {

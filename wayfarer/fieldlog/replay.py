@@ -1,7 +1,7 @@
-"""A field log through today's code: the same readings, the same commands, and whether the same decisions come out.
+"""Replay: recorded readings and operator commands through today's code, decisions compared with the log.
 
 Everything that came from outside is taken from the log: readings, what the motors took, what people asked for, what the
-motor board said. Everything that the rover concluded is concluded again, by the controller itself: anomalies,
+motor board said. Everything that the rover concluded is computed again, by the controller itself: anomalies,
 conditions, arming, the gate's level, and what the algorithm decided. So a log is a regression test, and a question:
 what would the rover have done with another threshold?
 """

@@ -1,4 +1,4 @@
-"""The segments of one run's log: the newest is written, full ones get a number, the oldest go when there are too many.
+"""Log rotation: full files get a number, and the oldest are deleted when there are too many.
 
 The newest is always ``run.jsonl``, so that ``tail -F`` follows. It becomes ``run.00001.jsonl`` and so on, by the number
 that its header gives; the next begins with the header again, so that each can be read alone.

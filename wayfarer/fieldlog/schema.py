@@ -1,4 +1,4 @@
-"""What a record of a field log may hold: the type of each key, and the range of each number.
+"""Schema of log records: the type of each key, and the range of each number.
 
 ``field_logs/README.md`` says what the keys mean. Ranges are far wider than any run needs: a value outside of them was
 not written by a log, its bytes were changed later. What a sensor said has no range. A failing part may say anything,

@@ -1,4 +1,4 @@
-"""One file of a log. Lines are appended whole or not at all, and it is noticed when the file is taken away."""
+"""One file of a log. Lines are appended completely or not at all, and a removed file is noticed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The lines of one run's log on their way to its files; written where waiting is allowed: here, or in a thread.
+"""Writes the lines of a run's log to its files; it may block, so it runs in a thread.
 
 Nothing that a disk does raises out of here: what cannot be written is dropped and counted, a record in the log says how
 much is missing and where, and a person is told.
@@ -169,15 +169,15 @@ class RunFiles:
 
     def _segment_for(self, lines: list[bytes]) -> Segment:
         """Return the segment that takes these lines."""
-        rotation = self._rotation
-        if rotation.newest is None or not rotation.newest.fit:
-            return rotation.begin(lines[0])
-        if rotation.fills(lines):
+        segments = self._rotation
+        if segments.newest is None or not segments.newest.fit:
+            return segments.begin(lines[0])
+        if segments.fills(lines):
             self._look_for_room()
             if not self._scarce:
-                self._sync(rotation.newest)
-                rotation.rotate(lines[0])
-        return rotation.newest
+                self._sync(segments.newest)
+                segments.rotate(lines[0])
+        return segments.newest
 
     def _look_for_room(self) -> None:
         enough = self._settings.free_mb * MB * (RELIEF if self._scarce else 1.0)

@@ -1,4 +1,4 @@
-"""A thread between the event loop and the disk: a card that stalls for seconds costs a control tick nothing."""
+"""A thread between the event loop and the disk, so that a slow disk does not delay the control tick."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The start delay and the capture of the goal heading. Pure: time and readings come in as data."""
+"""Start delay and capture of the goal heading. Pure: time and readings are inputs."""
 
 from __future__ import annotations
 

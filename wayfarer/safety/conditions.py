@@ -1,4 +1,4 @@
-"""Conditions of the rover's own health, and what each demands: one table, the most severe wins.
+"""Conditions of the rover's health and the response to each: one table, the most severe wins.
 
 These are not anomalies. An anomaly (``escape.api.Anomaly``) says that the forest is in the way and is answered by a
 manoeuvre; a condition says that the rover cannot trust itself and is answered by the safety gate.
@@ -17,7 +17,7 @@ class Level(IntEnum):
     NOTE = 0  # S0: written to the log
     DEGRADE = 1  # S1: go on with less
     HOLD = 2  # S2: wheels zero, resumes when the condition clears
-    FAULT = 3  # S3: wheels zero, latched until armed anew
+    FAULT = 3  # S3: wheels zero, latched until re-armed
 
 
 class Condition(Enum):

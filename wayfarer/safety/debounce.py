@@ -1,4 +1,4 @@
-"""Debouncing: a signal counts once it has lasted for some time."""
+"""Debounce: a condition counts only after it has lasted for a given time."""
 
 from __future__ import annotations
 

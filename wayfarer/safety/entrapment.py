@@ -1,4 +1,4 @@
-"""Whether the rover still gets anywhere: what ends an escape that would go on for ever. Pure.
+"""Detects an escape without progress, which would otherwise continue forever. Pure.
 
 A rover that is caught goes round its manoeuvres without end, and each of them ends in time. What tells it from one
 that works its way out of a pocket is a *free run*: driving ahead without an anomaly, with some ground covered. A pocket
@@ -41,7 +41,7 @@ class EntrapmentSettings:
 
 
 class EntrapmentMonitor:
-    """Takes each tick of an armed rover and tells when to give up; ``reset`` begins anew."""
+    """Takes each tick of an armed rover and tells when to give up; ``reset`` starts again."""
 
     def __init__(self, settings: EntrapmentSettings, quality_min: float) -> None:
         self._settings = settings

@@ -1,7 +1,7 @@
-"""The last gate before the wheels. Pure: the supervisor asks it once a tick and obeys.
+"""The safety gate, the last stage before the wheels. Pure: the controller asks it once a tick and obeys.
 
 Whatever the decision wants, the wheels get zero unless the rover is armed and nothing demands a hold; a fault stays
-until the rover is armed anew. What passes is limited in duty and in how fast it may grow. Stopping is never limited.
+until the rover is re-armed. What passes is limited in duty and in how fast it may grow. Stopping is never limited.
 """
 
 from __future__ import annotations

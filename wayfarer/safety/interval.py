@@ -1,4 +1,4 @@
-"""The interval between two control ticks: how long it was, and what the wheels were told in it. Pure.
+"""The interval between two control ticks: its length, and the wheel commands in it. Pure.
 
 It is worked out once a tick. Detector, progress and mission all take it from here, so that none of them counts time in
 which nobody drove the wheels.

@@ -1,4 +1,4 @@
-"""The limits that end a mission normally: time, commanded distance, and radius around the start. Pure.
+"""Normal end of a mission: limits on time, commanded distance, and radius around the start. Pure.
 
 The radius is dead reckoning from commands and compass; where a receiver gives fixes, they count instead. Escape
 decisions see neither.

@@ -1,4 +1,4 @@
-"""What the motor board says of itself: battery, drive faults, duties, and what they demand. Pure: time comes as data.
+"""Conditions from the motor board's reports: battery, drive faults, duties. Pure: time is an input.
 
 A battery sags under load, so a voltage counts only once it has stayed below its limit for a while. Without limits it
 is only logged: they depend on the chemistry, and a board that cannot measure (Sabertooth) gives none.

@@ -1,4 +1,4 @@
-"""The warning before a rover that stood still drives on by itself. Pure: it takes each control tick of an armed rover.
+"""The warning before a rover that was held drives on by itself. Pure: called at each tick of an armed rover.
 
 A person may have stepped up to a rover that has stopped. A hold that the rover began by itself (a silent sensor, a late
 tick) can end at any moment, so after a long one the wheels stand for a second more, while the status light blinks as it

@@ -1,4 +1,4 @@
-"""The computer's own supply, as a Raspberry Pi's firmware sees it, and what it demands. Pure: time comes in as data.
+"""Conditions from the computer's power supply, as a Raspberry Pi's firmware reports it. Pure: time is an input.
 
 A supply that sags when the motors start resets the computer: the rover goes on with less duty while the voltage is too
 low, and holds for a while where it dips again and again.

@@ -1,4 +1,4 @@
-"""Putting a simulated rover together over one world, at either of two depths.
+"""Builds a simulated rover over one world, at device depth or at bus depth.
 
 *Device depth*: simulated parts implement the driver protocols directly; fast. *Bus depth*: the real drivers, over fake
 buses that hold register-accurate chips. Both feel the same senses, in the same quanta, and so decide the same.
@@ -39,7 +39,7 @@ Clock = Callable[[], float]
 
 
 class Depth(StrEnum):
-    """How far down the simulation goes."""
+    """The depth of the simulation: simulated parts, or simulated chips under the real drivers."""
 
     DEVICE = "device"
     BUS = "bus"

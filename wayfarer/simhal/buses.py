@@ -1,7 +1,7 @@
-"""Buses that hold simulated chips: what the real drivers get at bus depth.
+"""Simulated buses with simulated chips, for the real drivers at bus depth.
 
 A chip speaks whole transactions, as on the wire. It declares what it understands; an undeclared register, a wrong
-length, a device that is not there or two at one address are mistakes of whoever wrote the driver or the rig, and fail
+length, a device that is not there or two at one address are mistakes in the driver or in the simulated rover, and fail
 loudly. Transfers take no simulated time.
 """
 
@@ -108,11 +108,11 @@ class FakeSerial:
         self.chip: SerialChip | None = None
 
     async def write(self, data: bytes) -> None:
-        """Send bytes to whoever listens."""
+        """Send bytes to the devices on the line."""
         self.post(data)
 
     def post(self, data: bytes) -> None:
-        """Send bytes to whoever listens."""
+        """Send bytes to the devices on the line."""
         if self.chip is not None:
             self.chip.receive(data)
 

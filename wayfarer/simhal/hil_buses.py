@@ -1,4 +1,4 @@
-"""The daemon's end of the bench (``hil_server.py``): buses whose chips live in another process.
+"""Client of the hardware-in-the-loop server (``hil_server.py``): buses whose chips run in another process.
 
 A rover file with ``buses = "wayfarer.simhal.hil_buses:buses"`` gets them; ``WAYFARER_BENCH`` names the socket.
 """

@@ -1,4 +1,4 @@
-"""The rover's electronics in a process of their own: a world, and the chips of a rover file, in real time.
+"""Hardware-in-the-loop server: a world and the simulated chips of a rover file, in real time, in one process.
 
 ::
 
@@ -90,7 +90,7 @@ class HilServer(ChipWiring):
 
     Args:
         config: the rover file.
-        seed: which forest, and which luck.
+        seed: the random seed, for forest and noise.
         clock: seconds; the world's time.
 
     Raises:
@@ -238,7 +238,7 @@ def main() -> None:
     )
     parser.add_argument("--rover", required=True, help="a shipped rover or a TOML file")
     parser.add_argument("--socket", required=True, type=Path, help="where to serve its chips")
-    parser.add_argument("--seed", type=int, default=0, help="which forest, and which luck")
+    parser.add_argument("--seed", type=int, default=0, help="random seed: forest and noise")
     options = parser.parse_args()
     try:
         config = load_rover(options.rover)

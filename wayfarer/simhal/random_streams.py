@@ -1,4 +1,4 @@
-"""Random streams: one for each consumer, derived from the trial's seed and the consumer's name.
+"""Random streams: one per consumer, derived from the trial's seed and the consumer's name.
 
 A consumer that draws more, or less, or not at all changes nothing for the others.
 """

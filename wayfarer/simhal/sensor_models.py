@@ -1,4 +1,4 @@
-"""Models of the sensors: what they measure, in the units of the chips; the same at device depth and at bus depth.
+"""Sensor models: what each simulated sensor measures of the world, in chip units, for both depths.
 
 A sense is sampled once for each reading that a driver takes, so both depths draw the same chance in the same order.
 """

@@ -1,4 +1,4 @@
-"""Checks that an algorithm or a part from outside must pass; wayfarer's own pass them too.
+"""Conformance checks for third-party algorithms and parts; wayfarer's own pass them too.
 
 ::
 

@@ -1,4 +1,4 @@
-"""What an algorithm must promise, rehearsed on a made-up drive."""
+"""Conformance checks of an algorithm, on an artificial drive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a part must promise: its life cycle, its readings, and that it always stops."""
+"""Conformance checks of a part: life cycle, readings, and that it always stops."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What people see of a run: as text, as a page while it lasts or afterwards, in Foxglove. All read the same records."""
+"""Views of a run: text, HTML report, live page, Foxglove. All read the same records."""

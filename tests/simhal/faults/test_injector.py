@@ -78,7 +78,7 @@ def params_of(name: str, target: str) -> Any:
 def run(
     config: RoverConfig, fault: Fault | None, look: Callable[[TrialSetup], object]
 ) -> tuple[RunRecorder, list[object]]:
-    """Drive ahead in a clearing; look at the setup before the fault begins, and after it has ended."""
+    """Drive ahead in a clearing; look at the stage before the fault begins, and after it has ended."""
 
     async def drive() -> tuple[RunRecorder, list[object]]:
         monitor, looks, loop = RunRecorder(), [], asyncio.get_running_loop()
@@ -114,7 +114,7 @@ def run_well(rover: str) -> RunRecorder:
 
 
 def tampering(fault: Fault, config: RoverConfig) -> Callable[[TrialSetup], object]:
-    """Return what tells everything that a fault may have changed, in a setup's injection, chips and world."""
+    """Return what tells everything that a fault may have changed, in a stage's injection, chips and world."""
 
     def look(setup: TrialSetup) -> object:
         assert setup.injector is not None

@@ -89,7 +89,7 @@ def test_hold_resume_and_mark_work_from_the_keyboard(browser_page: OpenPage, dae
     page.locator("#mode", has_text=ARMED).wait_for()
     page.locator("#hold").press("Enter")
     page.locator("#mode", has_text="Held").wait_for()
-    page.locator("#health", has_text="somebody asked to hold").wait_for()
+    page.locator("#health", has_text="an operator asked to hold").wait_for()
     page.locator("#health", has_text="until Resume").wait_for()
     page.locator("#resume").press("Enter")
     page.locator("#mode", has_text=ARMED).wait_for()

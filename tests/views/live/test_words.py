@@ -22,8 +22,8 @@ def test_every_reason_is_a_whole_text_of_its_own() -> None:
 
 
 def test_anomaly_says_what_it_was() -> None:
-    assert because("probe.anomaly", ["nose_up", "touched"]) == "nose up, touches something, while feeling its way back"
-    assert because("probe.anomaly", []) == "something was wrong while feeling its way back"
+    assert because("probe.anomaly", ["nose_up", "touched"]) == "nose up, touches something, while probing"
+    assert because("probe.anomaly", []) == "an anomaly while probing"
 
 
 def test_what_a_third_party_calls_a_reason_is_told_as_it_is() -> None:
@@ -35,5 +35,5 @@ def test_what_a_third_party_calls_a_reason_is_told_as_it_is() -> None:
 def test_hold_that_a_person_asked_for_ends_with_resume_and_any_other_by_itself() -> None:
     assert level_text("hold", Condition.OPERATOR_HOLD.value) == "Wheels held until Resume"
     assert level_text("hold", Condition.COMPASS_STALE.value) == "Wheels held until this clears"
-    assert level_text("well", None) == "All well"
+    assert level_text("well", None) == "No faults"
     assert level_text("made up", None) == "made up"

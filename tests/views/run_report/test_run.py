@@ -160,7 +160,7 @@ def test_page_tells_what_ran_when_how_far_and_how_it_ended(tmp_path: Path) -> No
     text = text_of(page_of(tmp_path, HEADER, ARMED, *drive(), OUTCOME))
     for told in (
         "requested: somebody stopped it", "rover minirover", "algorithm forest-pledge", "on the rover itself",
-        "2027-01-15 08:00:00 UTC", "4.0 m by dead reckoning", "4 m from the start at bearing 0°", "00001-run: whole",
+        "2027-01-15 08:00:00 UTC", "4.0 m by dead reckoning", "4 m from the start at bearing 0°", "00001-run: complete",
         "wayfarer 0.1.0", "seed 7",
     ):  # fmt: skip
         assert told in text, told
@@ -314,11 +314,11 @@ def test_log_without_its_header_says_so(tmp_path: Path) -> None:
 
 def test_missing_records_are_told_where_it_ended(tmp_path: Path) -> None:
     ended = "from the start at bearing 0°, by dead reckoning"
-    assert "way is only partly known" not in text_of(page_of(tmp_path / "whole", HEADER, ARMED, *drive(), OUTCOME))
+    assert "path is only partly known" not in text_of(page_of(tmp_path / "whole", HEADER, ARMED, *drive(), OUTCOME))
     one = text_of(page_of(tmp_path / "one", HEADER, *without([ARMED, *drive()], 30, 31)))
-    assert f"{ended}; 1 record is missing, so its way is only partly known" in one
+    assert f"{ended}; 1 record is missing, so the path is only partly known" in one
     many = text_of(page_of(tmp_path / "many", HEADER, *without([ARMED, *drive()], 20, 60)))
-    assert f"{ended}; 40 records are missing, so its way is only partly known" in many
+    assert f"{ended}; 40 records are missing, so the path is only partly known" in many
     assert "White diamonds: records are missing there." in many
 
 

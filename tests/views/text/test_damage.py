@@ -55,7 +55,7 @@ def test_log_is_whole(tmp_path: Path) -> None:
     assert (verdict.integrity, verdict.integrity.exit_code, str(verdict)) == (
         LogIntegrity.WHOLE,
         0,
-        "whole, 23 records",
+        "complete: 23 records",
     )
 
 
@@ -201,7 +201,7 @@ def test_summary_calls_no_log_whole_that_check_does_not(tmp_path: Path, records:
 
 
 def test_one_record_is_counted_in_the_singular(tmp_path: Path) -> None:
-    assert str(judge(write(tmp_path, WHOLE[:1]))) == f"repaired, 1 record; {NO_OUTCOME}"
+    assert str(judge(write(tmp_path, WHOLE[:1]))) == f"partial: 1 readable record; {NO_OUTCOME}"
 
 
 def test_log_of_a_newer_wayfarer_is_refused_in_one_line(tmp_path: Path) -> None:
@@ -234,7 +234,7 @@ def test_log_of_which_nothing_is_left_is_unreadable(tmp_path: Path, content: byt
 
 def test_log_with_nothing_in_it_is_called_empty(tmp_path: Path) -> None:
     run = write(tmp_path, [])
-    assert str(judge(run)) == "unreadable, 0 records; it is empty"
+    assert str(judge(run)) == "unreadable: 0 readable records; it is empty"
     with pytest.raises(BadInput, match=r"can be read \(it is empty\)"):
         list(readable(RunReader(run)))
 

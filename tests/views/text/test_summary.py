@@ -165,7 +165,7 @@ def test_place_is_called_partly_known_where_records_are_missing() -> None:
     records = [HEADER, event("armed", 0.0), *drive(0.0, 10.05)]
     assert place_text(records, missing=40) == [
         "where      5 m at bearing 0 degrees magnetic from the start (dead reckoning)",
-        "           40 records are missing, so its way is only partly known",
+        "           40 records are missing, so the path is only partly known",
     ]
     assert "missing" not in summary_text("1", summarise(records), Damage())
 
@@ -232,5 +232,5 @@ def test_every_line_fits_a_terminal() -> None:
 
 def test_nothing_at_all_is_a_summary_too() -> None:
     assert summary_text("1", summarise([]), Damage()).startswith(
-        "run        1\n           unknown rover: nothing says what ran, "
+        "run        1\n           unknown rover: the log does not say what ran, "
     )

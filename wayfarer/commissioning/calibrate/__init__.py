@@ -1,4 +1,4 @@
-"""Guided calibration, ``wayfarer calibrate``: compass, motion sensor, what the motors do to the heading, and turning.
+"""Guided calibration, ``wayfarer calibrate``: compass, motion sensor, motor magnetic field, turning.
 
 What was found is kept in the calibration file (``wayfarer.config.calibration_file``) with its date and part; the
 compass keeps its own profile besides.

@@ -1,4 +1,4 @@
-"""Calibrating a camera that only sees that something changes: how much, standing still and moving.
+"""Calibration of a camera without direction: how much the image changes at rest and in motion.
 
 The numbers belong to the ground and the light of that day, so they go into the rover file, where a person sees them.
 """

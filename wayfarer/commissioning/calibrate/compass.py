@@ -1,4 +1,4 @@
-"""Calibrating the compass: turn the rover about until the part is content, store that, and prove it by quarter turns.
+"""Calibration of the compass: rotate the rover until the chip is calibrated, store that, verify with quarter turns.
 
 The part calibrates itself only while this runs. In the field that is off: near a trunk with wire in it, or under the
 motors' current, a part that goes on calibrating learns the wrong field and moves the heading (field.md 2, item 20).

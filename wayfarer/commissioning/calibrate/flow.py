@@ -1,4 +1,4 @@
-"""Calibrating the motion sensor: push the rover a known way, compare.
+"""Calibration of the motion sensor: push the rover a known distance, and compare.
 
 Published scales of the PMW3901 differ by half (hardware.md 2.6), and the lens height on a rover is a guess; one push of
 two metres corrects both. Signs and axes are not corrected but refused, with the setting to change: a sensor that is

@@ -1,4 +1,4 @@
-"""Driving a rover over free ground for a moment, with a person beside it, and noting what its senses say meanwhile.
+"""Short drives on free ground with a person beside the rover, and the sensor readings during them.
 
 Commands pass the gate of a mission (``gate.Gate``: highest duty, growth of duty), and the wheels are stopped after
 each drive whatever happens. A rover that tilts is not on free ground any more: it stops and says so.

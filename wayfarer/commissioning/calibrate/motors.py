@@ -1,4 +1,4 @@
-"""What the motors do to the heading: their current makes a field of its own, which no calibration can remove.
+"""Effect of the motors on the compass: their current makes a magnetic field that no calibration can remove.
 
 The rover stands on blocks, so its true heading stays; what the compass says while the wheels turn is the motors' doing.
 More than 10 degrees are refused (field.md 2, item 19): the cure is a mast and twisted wires, not software.
@@ -27,7 +27,7 @@ async def calibrate_motors(
 ) -> MotorsEntry | None:
     """Measure the shift of an open compass at half and full duty of open motors; None where the person declines.
 
-    Full is ``duty_max``, ``safety.duty_max`` of the rover file: more it never gets on a mission.
+    Full is ``duty_max``, ``safety.duty_max`` of the rover file: a mission never uses more.
 
     Raises:
         DriverError: one of them stopped answering; the wheels were stopped.

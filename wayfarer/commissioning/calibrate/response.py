@@ -1,4 +1,4 @@
-"""What a body does with the duty that it is given, worked out from measurements. Pure.
+"""Response of the body to wheel duty, fitted to measurements. Pure.
 
 *Turning.* Tyres of a skid-steered rover must slide sideways before it turns, so nothing turns up to some duty, its dead
 zone. Beyond that the rate grows along a straight line (Mandow 2007, and the closed form in docs/physics.md).

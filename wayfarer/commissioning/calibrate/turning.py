@@ -1,9 +1,9 @@
-"""How the rover turns and gains speed on the ground where it stands: dead zone, turn rate, arc, time to cruising speed.
+"""Calibration of turning on the ground under the rover: dead zone, turn rate, arc, time to cruising speed.
 
 On the spot the duty is raised in steps up to the highest that the rover file allows, once clockwise and once the other
 way. Arcs at cruising speed are driven ahead and back again, each with a larger difference between the sides, and so is
 a straight line, so that the rover needs little room. It is the person's to choose the ground: numbers of a smooth floor
-are of no use in a wood.
+are of no use in a forest.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What calibrating the turning tells the person: a small table, and what to do where something is wrong."""
+"""Texts of the turning calibration: a small table of results, and advice where something is wrong."""
 
 from __future__ import annotations
 

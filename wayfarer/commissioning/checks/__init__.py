@@ -1,4 +1,4 @@
-"""Checks of the rover and of the computer it carries, before it drives: ``wayfarer check``, and before each arming.
+"""Checks of the rover and its computer before driving: ``wayfarer check``, and before each arming.
 
 ::
 

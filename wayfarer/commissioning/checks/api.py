@@ -1,4 +1,4 @@
-"""What a check is: it looks at one thing and gives one finding, with the likely cause and the exact remedy.
+"""The interface of a check: it examines one thing and returns one finding, with likely cause and remedy.
 
 The same checks run twice: for a person (``wayfarer check``), who may have wired the rover a minute ago, and before each
 arming, inside the daemon. They differ in how readings are come by, which is what ``Inspection`` hides: alone, parts are

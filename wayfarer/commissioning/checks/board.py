@@ -1,4 +1,4 @@
-"""The motor board: it answers, its deadman is armed, its battery and its outputs are well. No wheel turns.
+"""Checks of the motor board: it answers, its deadman is armed, battery and outputs are in order. No wheel turns.
 
 Of a board that cannot be asked none of it is claimed.
 """

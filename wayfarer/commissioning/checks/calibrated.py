@@ -1,4 +1,4 @@
-"""Calibration: what the compass says of itself, whether its heading rests, and what the calibration file holds."""
+"""Checks of the calibration: the compass's own status, a steady heading, the calibration file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether anybody has seen the motor board's own deadman stop the wheels.
+"""Check that a person has seen the motor board's own deadman stop the wheels.
 
 A board that can be asked says at each opening whether its deadman is armed. Of one that cannot, such as a Sabertooth,
 only a person who watches the wheels can tell: ``wayfarer check`` asks one, and the answer is kept in the calibration

@@ -1,4 +1,4 @@
-"""Checks with motion: the deadman trips, each side turns the right way, the rover notices that it is stuck or pushed.
+"""Checks with motion: the deadman trips, each side turns the right way, being stuck or pushed is detected.
 
 Nothing here turns a wheel before a person has agreed that the rover stands on blocks; without a person to ask all of it
 is skipped. Each drive is a second long or less, but for the silence that the deadman must end: a board that cannot be

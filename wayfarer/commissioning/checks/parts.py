@@ -1,4 +1,4 @@
-"""The parts: each opens, answers, and says what can be true. No wheel turns.
+"""Checks of the parts: each opens, answers, and gives plausible readings. No wheel turns.
 
 A part that does not answer is one failure, not five: what else would be asked of it is skipped.
 """

@@ -1,4 +1,4 @@
-"""Inspecting a rover that nothing else uses: parts are opened when they are asked for, and read directly."""
+"""Inspection of a rover without a daemon: parts are opened when they are needed, and read directly."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHea
 
 
 class StandaloneInspection:
-    """An ``Inspection`` of its own; leaving its context stops the wheels and closes every part.
+    """An ``Inspection`` without a daemon; leaving its context stops the wheels and closes every part.
 
-    A part that failed to open is not tried again: the same failure is raised to whoever asks next.
+    A part that failed to open is not tried again: the same failure is raised at the next request.
     """
 
     def __init__(self, config: RoverConfig, rover: Rover, host: HostEnvironment) -> None:

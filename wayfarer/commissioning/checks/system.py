@@ -1,4 +1,4 @@
-"""The computer: device files and who may use them, power, disk and clock."""
+"""Checks of the computer: device files and permissions, power, disk and clock."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ async def power(inspection: Inspection) -> Finding:
         flags = int(inspection.host.path(THROTTLED).read_text(encoding="ascii"), 16)
     except (OSError, ValueError):
         return skipped(name, "this computer does not tell")
-    cause, remedy = "its supply sags, most of all when the motors start", "give it a 5 V supply of its own, thick wires"
+    cause, remedy = "its supply sags, most of all when the motors start", "give it a separate 5 V supply, thick wires"
     if flags & UNDER_VOLTAGE_NOW:
         return fail(name, f"under-voltage now (flags {flags:#x})", cause, remedy)
     if flags & SLOWED_NOW:

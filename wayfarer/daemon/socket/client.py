@@ -1,4 +1,4 @@
-"""The user's end of the control socket: one question, one answer.
+"""Client of the control socket: one request, one answer.
 
 Plain blocking sockets: a command that says ``stop`` should not first start an event loop.
 """

@@ -1,4 +1,4 @@
-"""What motors a daemon drives, in a file beside its socket: the rover file may have changed since it was read.
+"""The record of the motors that a daemon drives, in a file beside its socket.
 
 The file names code to import (``driver``, ``buses``), so it is believed only where nobody but its owner and root can
 have written it: nobody else may write to it or to its folder, and the owner is this user or root. Root believes any

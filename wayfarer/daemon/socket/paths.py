@@ -1,4 +1,4 @@
-"""Where the control socket is, and that only one daemon runs on it.
+"""Path of the control socket, and the lock that allows only one daemon on it.
 
 The daemon takes the first of these folders that it can use, the client looks through all of them in this order:
 ``$RUNTIME_DIRECTORY`` (systemd sets it for services), ``/run/wayfarer``, ``$XDG_RUNTIME_DIR/wayfarer``,

@@ -1,4 +1,4 @@
-"""What can be asked through the control socket, and what is answered: one JSON object a line, in UTF-8.
+"""Protocol of the control socket: requests and answers, one JSON object a line, in UTF-8.
 
 ::
 
@@ -49,7 +49,7 @@ class Commands(Protocol):
         """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay."""
 
     async def disarm(self) -> Details:
-        """Stop the wheels until armed anew."""
+        """Stop the wheels until the rover is re-armed."""
 
     async def hold(self) -> Details:
         """Stop the wheels until ``resume``; the mission goes on."""
@@ -58,7 +58,7 @@ class Commands(Protocol):
         """Let the wheels turn again after ``hold``."""
 
     async def goal(self, heading_deg: float) -> Details:
-        """Head elsewhere."""
+        """Set a new goal heading."""
 
     async def mark(self, text: str) -> Details:
         """Write a person's note into the log."""

@@ -1,4 +1,4 @@
-"""The daemon's end of the control socket: it serves requests beside the control tick, and never at its cost.
+"""Server of the control socket: it serves requests without delaying the control tick.
 
 Everything that a client can use up is bounded: connections, length of a line, time to finish one, time to read the
 reply. Requests are answered on the loop itself, but only one in each turn of the loop, so that a flood waits for the

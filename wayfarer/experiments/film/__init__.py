@@ -1,1 +1,1 @@
-"""A trial as a film: ``wayfarer sim --physics mujoco --video``. It is drawn after the trial and changes nothing."""
+"""Films of a trial: ``wayfarer sim --physics mujoco --video``. Drawn after the trial, without effect on it."""

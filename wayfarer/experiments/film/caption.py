@@ -1,4 +1,4 @@
-"""What is written into the picture: whose film it is, time, phase and path, and a small map with the way so far."""
+"""The caption in each picture: name of the trial, time, phase, path length, and a small map of the path so far."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a film shows of a trial: the poses that the engine gave, and what the rover was doing, at each control tick."""
+"""The data of a film: the engine's poses and the rover's phase at each control tick."""
 
 from __future__ import annotations
 

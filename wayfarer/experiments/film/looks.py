@@ -1,4 +1,4 @@
-"""How the rover looks: its box with a nose that one can tell, wheels whose treads and spokes show that they turn.
+"""Appearance of the rover: a box with a visible nose, and wheels whose rotation is visible.
 
 Sizes are those of the physics' ``WheeledBody``; what is added to that (mast, lamps, colours) is for the eye. Nothing
 here can touch anything.

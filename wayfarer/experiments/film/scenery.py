@@ -1,4 +1,4 @@
-"""The model that the film is drawn from: it has the trial's trunks, trees and ground, and is never stepped.
+"""The model that the film is drawn from: the trial's trunks, trees and ground. It is never stepped.
 
 It stands beside the model that the engine moves, so that nothing which is only looked at can touch anything.
 """
@@ -31,7 +31,7 @@ SUN_AWAY_M = 8.0
 TUFTS = 2500
 GRASS_FREE_M = 0.4
 TREE_KINDS = 3
-# Beyond the map's edges stand trees that no rover meets, so that the wood does not end there.
+# Beyond the map's edges stand trees that no rover meets, so that the forest does not end there.
 OUTSIDE_M = 18.0
 OUTSIDE_TREES = 110
 TREE = "tree"  # with which the names of all standing trees begin
@@ -44,7 +44,7 @@ UNTOUCHABLE = {"contype": 0, "conaffinity": 0}
 class Scenery:
     """What is to be seen of a trial.
 
-    ``model`` has the joints of the world's model, so that its poses fit; the rest stands still.
+    ``model`` has the joints of the world's model, so that its poses fit; the rest does not move.
     """
 
     def __init__(self, forest: Forest, world: MujocoWorld, width: int, height: int) -> None:

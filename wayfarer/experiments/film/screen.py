@@ -1,4 +1,4 @@
-"""OpenGL without a screen, and the drawing of a picture with it.
+"""OpenGL rendering without a display.
 
 Nothing else of wayfarer needs OpenGL, so it is looked for here, when a film is asked for, and not when the engine is
 imported.

@@ -1,4 +1,4 @@
-"""Bodies of triangles that the film is made of: logs, trees, grass. Each point has a place in a texture."""
+"""Triangle meshes of the film: logs, trees, grass. Each vertex has texture coordinates."""
 
 from __future__ import annotations
 

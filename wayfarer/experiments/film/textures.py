@@ -1,6 +1,6 @@
-"""Pictures that the film lays over the ground, the wood and the rover: soil, leaves, bark; all made of seeded noise.
+"""Textures of the film: soil, leaves, bark, made of seeded noise.
 
-Colours are what looks like a wood in autumn; none of this has a source, and nothing of it reaches the trial. Each
+Colours are chosen to look like a forest in autumn; none of this has a source, and nothing of it reaches the trial. Each
 picture goes on at its own edges, so that it can be laid side by side.
 """
 

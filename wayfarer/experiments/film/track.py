@@ -1,4 +1,4 @@
-"""The track behind the rover: what each tyre pressed into the ground, bar by bar, as its wheel passed."""
+"""The tyre tracks behind the rover."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A trial's footage, drawn picture by picture and written as a film."""
+"""Renders a trial's footage and writes it as a film."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class FilmFormat(NamedTuple):
     container_options: dict[str, str]
 
 
-# The one plays wherever there is a browser, the other also within a page such as README.md, at a tenth of the size.
+# MP4 plays in any browser; WebP also plays inside a page such as README.md, and is a tenth of the size.
 KINDS = {
     ".mp4": FilmFormat(DRAWN, 25, "mp4", "libx264", {"crf": "21", "preset": "medium"}, {"movflags": "faststart"}),
     ".webp": FilmFormat(

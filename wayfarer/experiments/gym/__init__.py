@@ -1,4 +1,4 @@
-"""The simulated rover as a Gymnasium environment, for people who train or compare agents; wants the extra ``gym``.
+"""The simulated rover as a Gymnasium environment, to train or compare agents (extra ``gym``).
 
 Importing this module registers it::
 

@@ -1,8 +1,8 @@
 """Bridge that hands each decision of a trial to a Gymnasium agent in another thread.
 
-An environment is called from outside, a trial runs by itself: supervisor, sensor tasks and controller on a loop of
-their own. So that both stay what they are, the trial has a thread, and the two take turns: while the agent thinks,
-virtual time stands still; while the trial runs, the agent waits. Nothing ever runs at once, so an episode is as
+An environment is called from outside, a trial runs by itself: supervisor, sensor tasks and controller on a separate
+loop. So that both stay what they are, the trial has a thread, and the two take turns: while the agent thinks, virtual
+time is paused; while the trial runs, the agent waits. The two never run at the same time, so an episode is as
 deterministic as a trial, and each decision is taken where an algorithm would take it: between the detector and the
 safety gate.
 """
@@ -72,7 +72,7 @@ class AgentBridge:
         self._answers.put(wheels)
 
     def leave(self) -> None:
-        """End the trial, wherever it is, by its own shutdown; may be repeated."""
+        """End the trial at any point, by its own shutdown; may be repeated."""
         self._answers.put(None)
         self._thread.join()
 
@@ -125,7 +125,7 @@ class _EndingCounters(TrialCounters):
 
 
 def _ending(setup: TrialSetup, log: TrialCounters) -> Ending:
-    """Return how it ended: by the outcome monitor, by the rover itself, or at a limit of the rover's mission."""
+    """Return how it ended: by the outcome monitor's word, by the rover's own, or else at a limit of the rover's mission."""
     judged = setup.outcome_monitor.outcome
     if log.why_disarmed is not None:
         outcome: Outcome = "entrapped" if log.why_disarmed == GAVE_UP else "fault"
@@ -135,7 +135,7 @@ def _ending(setup: TrialSetup, log: TrialCounters) -> Ending:
     return Ending(outcome, in_time, setup.outcome_monitor.path_m(setup.world), setup.world.t_s, log.ticks)
 
 
-_BRIDGE: ContextVar[AgentBridge] = ContextVar("bridge")
+_BRIDGE: ContextVar[AgentBridge] = ContextVar("seat")
 
-AGENT = Algorithm("agent", "agent", "whoever steps the environment", lambda *_: _BRIDGE.get(), origin=__name__)
+AGENT = Algorithm("agent", "agent", "the agent that steps the environment", lambda *_: _BRIDGE.get(), origin=__name__)
 AGENT_NAME = f"{__name__}:AGENT"

@@ -93,7 +93,7 @@ class ForestEnv(gymnasium.Env[Array, Array]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin a trial: number ``options["trial"]``, or else one that is drawn; ``info["trial"]`` says which.
 
-        It is that trial of ``wayfarer sim`` with ``--seed 0``: the same forest, the same rover, the same luck.
+        It is that trial of ``wayfarer sim`` with ``--seed 0``: the same forest, the same rover, the same noise.
 
         Raises:
             BadInput: no such trial.

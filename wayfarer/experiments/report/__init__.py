@@ -1,1 +1,1 @@
-"""Reports: what a folder of results says, as one HTML page with its figures beside it."""
+"""Reports of campaigns and sweeps: one HTML page with its figures beside it."""

@@ -1,4 +1,4 @@
-"""The report of a campaign: ``report.html`` in its folder, and the figures beside it for papers and slides."""
+"""The report of a campaign: ``report.html`` in its folder, and its figures as files."""
 
 from __future__ import annotations
 

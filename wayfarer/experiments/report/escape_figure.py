@@ -1,4 +1,4 @@
-"""Cumulative escape over distance, a panel for each group with the other groups behind it."""
+"""Figure: cumulative escapes over distance, one panel per group of algorithms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A forest seen from above, with the way of one trial through it, coloured by what the rover was doing."""
+"""Figure: a forest seen from above with the path of one trial, coloured by phase."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's three groups of algorithms, and a fourth for those that it does not know."""
+"""The paper's three groups of algorithms, and a fourth for all others."""
 
 from __future__ import annotations
 

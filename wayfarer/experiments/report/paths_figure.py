@@ -1,4 +1,4 @@
-"""The paper's figure of its simulations: path lengths and failures, by algorithm, in its groups."""
+"""Figure of the paper's simulations: path lengths and failures, by algorithm and group."""
 
 from __future__ import annotations
 

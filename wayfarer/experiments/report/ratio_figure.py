@@ -1,4 +1,4 @@
-"""How many times the shortest path an algorithm takes; a trial that did not get out takes more than any number."""
+"""Figure: path length over the shortest path; a failed trial counts as infinite."""
 
 from __future__ import annotations
 

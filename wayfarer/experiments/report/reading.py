@@ -1,4 +1,4 @@
-"""A finished campaign's folder, read back: settings, rows, and the campaign itself where it can be rebuilt."""
+"""Reads the folder of a finished campaign: settings, rows, and the campaign itself if it can be rebuilt."""
 
 from __future__ import annotations
 

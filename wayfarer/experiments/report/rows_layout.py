@@ -1,4 +1,4 @@
-"""A figure with one row an algorithm, under the names of their groups; names beside the axis cannot collide."""
+"""Layout of a figure with one row per algorithm, sorted by groups."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many have escaped by which distance, without forgetting those that never did."""
+"""Share of trials that have escaped by each distance, counting those that never did."""
 
 from __future__ import annotations
 

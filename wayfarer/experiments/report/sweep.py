@@ -1,4 +1,4 @@
-"""The report of a sweep: ``report.html`` in its folder, and the figures beside it."""
+"""The report of a sweep: ``report.html`` in its folder, and its figures as files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How each measure changes along one swept key, a curve for each algorithm with its 95 % intervals."""
+"""Figure of a sweep over one key: each measure as a curve per algorithm, with 95 % intervals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How each measure changes over two swept keys: a page of heat maps for an algorithm."""
+"""Figure of a sweep over two keys: a page of heat maps per algorithm."""
 
 from __future__ import annotations
 

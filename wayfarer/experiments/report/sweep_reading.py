@@ -1,4 +1,4 @@
-"""A finished sweep's folder, read back."""
+"""Reads the folder of a finished sweep."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table of a campaign as HTML, beside the paper's figures: the columns that ``wayfarer sim`` prints."""
+"""The table of a campaign as HTML, with the columns that ``wayfarer sim`` prints and the paper's figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the report of a campaign says in words."""
+"""Texts of a campaign's report."""
 
 from __future__ import annotations
 

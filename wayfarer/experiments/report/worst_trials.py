@@ -1,4 +1,4 @@
-"""Which trials are drawn, and where their ways come from: a trial is deterministic, so it is simply run again."""
+"""Selects the trials that a report draws, and runs them again to get their paths."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is swept, as it is written on the command line: ``KEY=FIRST:LAST:STEP`` or ``KEY=VALUE,VALUE``."""
+"""Axes of a sweep, parsed from ``KEY=FIRST:LAST:STEP`` or ``KEY=VALUE,VALUE``."""
 
 from __future__ import annotations
 

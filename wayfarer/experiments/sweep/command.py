@@ -1,4 +1,4 @@
-"""What ``wayfarer sweep`` does once its options are read: run all points, show that, print the table."""
+"""Implementation of ``wayfarer sweep`` after its options are parsed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The folder of a sweep: what survives a crash, and what is there at the end.
+"""The results folder of a sweep: partial results that survive a crash, and the final files.
 
 ``sweep.json`` is written first and says whose folder this is. While the sweep runs, each finished trial is appended to
 ``trials.partial.csv`` in the order of completion; a line that a crash cut short is dropped on resuming. At the end

@@ -1,4 +1,4 @@
-"""A sweep as a plan: a grid of points, each of which is a campaign with the same forests, noises and seeds.
+"""The plan of a sweep: a grid of points, each a campaign with the same forests, noises and seeds.
 
 What a trial meets follows from the campaign's seed and the trial's number, not from the point: points are paired.
 """

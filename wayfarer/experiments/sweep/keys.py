@@ -1,4 +1,4 @@
-"""Which keys can be swept, and laying values for them over a campaign.
+"""The keys that can be swept, and how a value for one is applied to a campaign.
 
 * a key of the rover file, by its dotted name (``escape.turn_angle_deg``), checked as the file is;
 * ``footprint_m``: ``vehicle.length_m`` and ``vehicle.width_m`` together, a square as in the paper;

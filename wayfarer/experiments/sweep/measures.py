@@ -1,4 +1,4 @@
-"""What is measured at a point of a sweep: four figures, each with its 95 % interval."""
+"""The four measures at each point of a sweep, with 95 % intervals."""
 
 from __future__ import annotations
 

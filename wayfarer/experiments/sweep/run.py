@@ -1,4 +1,4 @@
-"""A sweep from its first trial to its last, all points in one pool."""
+"""Runs a sweep: all points in one pool."""
 
 from __future__ import annotations
 

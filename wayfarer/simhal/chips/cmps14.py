@@ -1,4 +1,4 @@
-"""A CMPS14 compass on I2C, feeling the heading and tilt of the simulated world.
+"""Simulated CMPS14 compass on I2C: heading and tilt of the simulated world.
 
 Registers and commands are those of the CMPS14 data sheet, pages 2 to 4. Made up, where it is silent: the directions of
 the raw axes, the magnetometer's counts, that an early byte breaks a command, and what is forgotten without power.

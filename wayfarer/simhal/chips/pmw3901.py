@@ -1,9 +1,9 @@
-"""A PMW3901 as its registers show it: banks, start-up, motion burst (hardware.md 2.2 to 2.6).
+"""Simulated PMW3901 on SPI: banks, start-up, motion burst (hardware.md 2.2 to 2.6).
 
 It counts from the end of its start-up on: once registers 02..06 have been read after a reset and the table's last block
 has been written. Until then its counts are 0, its observation byte is not BF, and the sense is left alone; from then on
 every burst, and every read of register 02, samples the sense once. The sense knows no reset: what moved while the chip
-started anew is in the next count.
+restarted is in the next count.
 
 What the chip does not know fails: frame grab, shutdown, and any register that no published start-up table names.
 """
@@ -177,7 +177,7 @@ class PMW3901Chip:
         return 0xBF if self._running and self._clock() >= self._observed_s else 0x00
 
     def _take_motion(self) -> bytes:
-        """Return the motion byte and the counts since the last time, which begin anew."""
+        """Return the motion byte and the counts since the last call, which start again at 0."""
         x, y = self._counts() if self._running else (0, 0)
         return pack("<Bhh", 0xB0 if x or y else 0x30, x, y)
 
@@ -190,7 +190,7 @@ class PMW3901Chip:
 
 
 def orient(register: int, x: int, y: int) -> tuple[int, int]:
-    """Return what becomes of counts under register 5B: bit 7 swaps, then bit 5 inverts x and bit 6 inverts y.
+    """Return the counts as register 5B changes them: bit 7 swaps, then bit 5 inverts x and bit 6 inverts y.
 
     ``x`` and ``y`` are as under A0, which the start-up table leaves there.
     """

@@ -1,4 +1,4 @@
-"""A Sabertooth 2x12 in packetised serial mode, driving the simulated world's wheels.
+"""Simulated Sabertooth 2x12 in packetised serial mode; it drives the simulated world's wheels.
 
 Packets and commands as in the Sabertooth 2x12 User's Guide (April 2012), pages 15 to 20. Settings are stored; of them
 only the serial timeout has an effect: ramping, deadband and voltage limits do not change how the simulated motors turn.

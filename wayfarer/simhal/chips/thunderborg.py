@@ -1,4 +1,4 @@
-"""A ThunderBorg motor board on I2C, driving the simulated world's wheels.
+"""Simulated ThunderBorg motor board on I2C; it drives the simulated world's wheels.
 
 Commands, lengths and replies as in PiBorg's ThunderBorg.py. Where that is silent the chip takes the harder case: the
 LEDs show the battery at power-up, the drive fault flags are up until both motors have been driven, requests do not keep

@@ -1,1 +1,1 @@
-"""Time in the simulation: virtual, or as many times faster than the clock."""
+"""Clocks of the simulation: virtual time, and real time scaled by a factor."""

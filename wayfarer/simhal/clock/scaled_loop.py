@@ -1,4 +1,4 @@
-"""Time that runs faster than the clock, for people who watch: asyncio's own loop, with sockets and all.
+"""An asyncio loop, with sockets, whose time runs faster than the clock, for the demo.
 
 ``loop.time()`` goes on ``speed`` times as fast as the clock, from timer to timer. Where the computer is busy or slow,
 time falls behind instead of jumping, so that no timer comes late: the rover never finds that its control tick was late

@@ -1,4 +1,4 @@
-"""Faults on the wires and in the chips, below the real drivers."""
+"""Faults of buses and chips, below the real drivers."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def _wrong_id(wired: WiredPart, params: Any, _: Random) -> AbstractContextManage
 
 @contextmanager
 def _reset(wired: WiredPart, _: object, __: Random) -> Iterator[None]:
-    """Take the power away: the part is silent for as long, and begins anew after that."""
+    """Take the power away: the part is silent for as long, and restarts after that."""
     _lose_power(wired.chip)
     with ExitStack() as silence:
         if isinstance(wired.settings, CMPS14Settings | ThunderBorgSettings):

@@ -1,4 +1,4 @@
-"""A bus that a device holds, as the worker thread of a real bus makes it appear to a driver (``drivers.worker``)."""
+"""A hanging bus, as a driver sees it through the worker thread (``drivers.worker``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Beginning and ending faults at their times, in one run."""
+"""Starts and ends faults at their times in one run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faults as data: what goes wrong, where, from when to when; and every kind of fault there is.
+"""Faults as data: kind, target, begin and end; and the table of all kinds.
 
 A fault is injected at one of four layers, and the field code cannot tell that it was:
 
@@ -329,6 +329,6 @@ KINDS: Mapping[str, FaultKind] = {
     "same_picture": FaultKind(Layer.BUS, "the camera gives the same picture again and again", ("motion",)),
     "uncalibrated": FaultKind(Layer.BUS, "the part says that its calibration is gone", ("compass",)),
     "task_crash": FaultKind(Layer.PROCESS, "a bug in a driver ends its task", _PARTS),
-    "loop_stall": FaultKind(Layer.PROCESS, "the event loop stands still, or the clock jumps", _PROCESS, LoopStall),
+    "loop_stall": FaultKind(Layer.PROCESS, "the event loop is blocked, or the clock jumps", _PROCESS, LoopStall),
     "undervoltage": FaultKind(Layer.PROCESS, "the computer's supply sags", _PROCESS, Undervoltage),
 }

@@ -1,4 +1,4 @@
-"""Faults of the process that can happen in virtual time: a loop that stands still, a supply that sags."""
+"""Faults of the process that are possible in virtual time: a blocked event loop, a sagging supply."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faults of readings: what a driver hands on, whatever the part said."""
+"""Faults of readings: changes to what a driver returns."""
 
 from __future__ import annotations
 

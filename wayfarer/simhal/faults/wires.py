@@ -1,4 +1,4 @@
-"""Fake buses whose wires can be tampered with; without a fault they are ``fakebus``'s own."""
+"""Simulated buses with faults on the wires; without a fault they behave as ``simhal.buses``."""
 
 from __future__ import annotations
 

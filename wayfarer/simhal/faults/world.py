@@ -1,4 +1,4 @@
-"""Faults of the world: what happens to the body and around it."""
+"""Faults of the world: of the body and its surroundings."""
 
 from __future__ import annotations
 

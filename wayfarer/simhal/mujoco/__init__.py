@@ -1,1 +1,1 @@
-"""A world of rigid bodies: four driven wheels that grip and slip, in the engine MuJoCo (extra ``[physics]``)."""
+"""A rigid-body world in the engine MuJoCo: four driven wheels that grip and slip (extra ``physics``)."""

@@ -1,4 +1,4 @@
-"""What the rover touches, from the engine's contacts; geoms are in the order of ``model.build``."""
+"""Contacts of the rover, from the engine; geoms are in the order of ``model.build``."""
 
 from __future__ import annotations
 

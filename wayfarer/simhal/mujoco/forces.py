@@ -1,4 +1,4 @@
-"""What pulls and pushes at a body beside its own wheels, while a fault lasts: gravity on a slope, and a shove."""
+"""External forces on the body during a fault: gravity on a slope, and a shove."""
 
 from __future__ import annotations
 

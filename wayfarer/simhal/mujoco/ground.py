@@ -1,4 +1,4 @@
-"""The ground under the wheels: its height where it is rough, and where mud lies."""
+"""The ground: height field of rough ground, and mud."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bodies of a trial as a model of MuJoCo: a skid-steered rover on four driven wheels, the ground, trunks and trees.
+"""The MuJoCo model of a trial: a skid-steered rover with four driven wheels, ground, trunks and trees.
 
 All lengths are in metres; x is east, y north, z up. The rover's own axes are x ahead, y to the left, z up.
 

@@ -1,4 +1,4 @@
-"""Where a body is by the engine's state, and how far the ground has passed under its middle."""
+"""Pose of the body from the engine's state, and distance over ground at its middle."""
 
 from __future__ import annotations
 

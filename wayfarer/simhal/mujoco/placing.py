@@ -1,4 +1,4 @@
-"""Where there is room to put a rover down: on the ground, level, and clear of every obstacle."""
+"""Finds free and level places to put a rover down, clear of every obstacle."""
 
 from __future__ import annotations
 

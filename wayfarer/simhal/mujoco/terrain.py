@@ -1,4 +1,4 @@
-"""What decides a trial in MuJoCo beside its forest and its rover: fixed, or drawn for each trial."""
+"""Terrain of a trial in MuJoCo: friction, roughness, torque; fixed, or drawn for each trial."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the engine warns of is an error with its words."""
+"""Turns warnings of the engine into errors."""
 
 from __future__ import annotations
 

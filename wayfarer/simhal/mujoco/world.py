@@ -1,4 +1,4 @@
-"""The rover's world in MuJoCo: the same seam as ``simhal.world.world.World``, with wheels that grip and slip.
+"""The world in MuJoCo: the same interface as ``simhal.world.world.World``, with wheels that grip and slip.
 
 The engine takes steps of ``model.STEP_S``; every ``LOOK_EVERY`` of them the world looks round: what touches, what is
 under the wheels, and the outcome monitor. What is read in between is where the body is, never what was seen last, so

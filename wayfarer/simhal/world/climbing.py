@@ -1,4 +1,4 @@
-"""How a rover of known weight and motors meets a branch: it drives over a low one, and may climb a thicker one.
+"""Climbing: a rover of known weight and motors drives over a low branch, and may climb a thicker one.
 
 Two mishaps end a climb for a blind rover (paper, section IV-C, "due to inertia, rovers sometimes climbed onto fallen
 branches"): it turns over, or the branch is under its belly and its wheels are off the ground.

@@ -1,4 +1,4 @@
-"""Obstacles as the rover's body meets them: exact contact tests, and a map that says which obstacles are near.
+"""Collision detection: exact contact tests, and a grid that finds nearby obstacles.
 
 A trunk is a capsule around its centre line, a tree a circle (a capsule of no length). The body is a rectangle.
 """

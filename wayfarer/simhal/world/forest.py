@@ -1,4 +1,4 @@
-"""What a simulated forest is made of: fallen trunks, standing trees, a start and a goal line.
+"""Data of a simulated forest: fallen trunks, standing trees, a start and a goal line.
 
 x points east and y north, in metres; headings are degrees clockwise from north.
 """

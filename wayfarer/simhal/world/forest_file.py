@@ -1,4 +1,4 @@
-"""Files of forests: one JSON object a line, as the reference forests come (``forests.jsonl``).
+"""Forest files: one JSON object a line, in the format of the reference forests (``forests.jsonl``).
 
 Keys: ``forest``, ``noise`` (whole numbers, a pair occurs once), ``start_m`` [x, y], ``heading_deg``,
 ``goal_y_m``, ``trunk_diameter_m``, ``tree_radius_m``, ``trunks_m`` [[x0, y0, x1, y1, lean], ...], ``trees_m``

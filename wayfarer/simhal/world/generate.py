@@ -1,9 +1,9 @@
-"""Draws forests like those of the paper's abstract simulation, from a seed.
+"""Generates forests like those of the paper's abstract simulation, from a seed.
 
 Fallen branches come from recursive division: a square inside the world is cut by a branch into two regions,
 each of which is cut again until it is too small. Each branch is tilted about its middle, has one gap to pass
 through, and is cut away where the rover starts; the regions ignore the tilt, so branches cross, or end short
-of each other. Trees then stand wherever they touch nothing.
+of each other. Trees then stand at places where they touch nothing.
 
 Figures are those of the paper (section IV-A) and of its released simulator, whose square is 100 units of
 0.385 m. Only ``Generator.random`` is drawn from and every coordinate is a whole millimetre, so that a forest

@@ -1,4 +1,4 @@
-"""The ground as a camera that looks straight down sees it: what the simulated camera shows.
+"""A camera that looks straight down: generates the picture of the ground for the simulated camera.
 
 A texture with detail of all sizes, as leaves, twigs and earth have, that repeats after ``TILE_PX`` pixels: 0.8 m where
 a pixel shows 1.5 mm. From no source, chosen to be plain: grey of a shaded forest floor, and the noise of a small

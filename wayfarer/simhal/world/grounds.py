@@ -1,4 +1,4 @@
-"""The grounds that physics-light knows by name."""
+"""The named grounds of physics-light."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The numbers of the simulated world."""
+"""Parameters of the simulated world."""
 
 from __future__ import annotations
 

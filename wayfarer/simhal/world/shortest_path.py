@@ -1,4 +1,4 @@
-"""The shortest path out of a forest for a rover that sees everything: the measure of a trial's path.
+"""The shortest path out of a known forest, the reference for a trial's path length.
 
 Fast marching on a grid: obstacles grow by half the rover's width, a wave starts at the rover, and its arrival
 at the goal line gives the length of the shortest path of a point. The path stays inside the world.

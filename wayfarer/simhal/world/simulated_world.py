@@ -1,4 +1,4 @@
-"""What the simulated parts, the outcome monitor and the faults need of a world, whichever physics moves the body in it.
+"""The interface of a world, for simulated parts, faults and outcome, independent of the physics.
 
 ``world.World`` is physics-light, the default; ``mujoco.world.MujocoWorld`` has wheels that grip and slip.
 """

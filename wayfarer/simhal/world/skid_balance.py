@@ -1,4 +1,4 @@
-"""How a skid-steered body drives on steadily: where the forces of tyres and motors, and those of a curve, balance.
+"""Steady motion of a skid-steered body: the balance of tyre forces, motor forces and those of a curve.
 
 Each of the four wheels carries a quarter of the weight and slides at its foot point: along by how much its rim is
 faster than the ground, sideways because it does not steer. Coulomb friction opposes that (Pentzer 2014, wheels that

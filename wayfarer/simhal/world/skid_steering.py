@@ -1,4 +1,4 @@
-"""Skid steering on ground of a given friction, cheaply: what the light world's body does with ``--ground``.
+"""Skid steering on ground of a given friction, for physics-light with ``--ground``; fast.
 
 *Steady* driving has a closed form as long as curves are slow. A body that turns slides on all wheels; whatever its
 speed and turn rate, the moment of friction then takes the same force of each side, ``mu W a / (2 sqrt(a2 + b2))`` with

@@ -1,4 +1,4 @@
-"""The rover as a body on four driven wheels: what its file tells of it, and what that leaves to be assumed."""
+"""Parameters of the rover as a body on four driven wheels: from its file, and assumed values for the rest."""
 
 from __future__ import annotations
 

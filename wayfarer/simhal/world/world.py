@@ -1,6 +1,6 @@
-"""Physics-light, the default world: where the rover is, what it touches, how far it has gone.
+"""Physics-light, the default world: pose, contacts and distance of the rover.
 
-The world has no task of its own. A part calls ``advance_to`` with the time on the loop before it reads or commands, and
+The world has no task. A part calls ``advance_to`` with the time on the loop before it reads or commands, and
 the world takes whole steps of ``Physics.step_s`` up to there. What happens is therefore independent of the order and
 the rates in which parts are used.
 
@@ -62,8 +62,8 @@ class World:
         skid: with it the wheels have the grip of a ground; without it the body goes and turns as it is told.
 
     ``deadman_at_s`` is when the wheels stop by themselves, for parts at device depth; chips have deadmen of their own,
-    and ``tick_chips`` lets them act. ``after_step`` is called with the world after each step; the outcome
-    monitor uses it. What may go wrong with the world itself (``set_faults``, ``field_deg``, ``ground_pitch_deg``,
+    and ``tick_chips`` lets them act. ``after_step`` is called with the world after each step; the outcome monitor sits
+    there. What may go wrong with the world itself (``set_faults``, ``field_deg``, ``ground_pitch_deg``,
     ``ground_roll_deg``, ``battery_v``) is neutral unless a fault changes it.
     """
 
@@ -262,7 +262,7 @@ class World:
         hit = self._hit(within_reach, dx, dy, turn_rad) if within_reach else None
         if hit is None:
             return 1.0
-        self._apply_contact(hit, anew=touched is None)
+        self._apply_contact(hit, first=touched is None)
         return 0.0 if touched is not None else self._free_share(within_reach, dx, dy, turn_rad)
 
     def _measure(self, reach_m: float) -> list[Obstacle]:
@@ -299,7 +299,7 @@ class World:
                 share -= 0.5**halving
         return free
 
-    def _apply_contact(self, hit: Obstacle, *, anew: bool) -> None:
+    def _apply_contact(self, hit: Obstacle, *, first: bool) -> None:
         """Stall at an obstacle; the body rears up on a trunk while its wheels push."""
         self.touch = Touch(hit, side_of(hit, self.x_m, self.y_m, self.heading_rad))
         if hit.axis_deg is not None:
@@ -308,11 +308,11 @@ class World:
             if self._climbing is None:
                 self.pitch_deg = pitch_deg + duty * self.physics.climb_deg_s * self._step_s
             else:
-                self.pitch_deg = pitch_deg + self._climb(self._climbing, duty, anew=anew)
+                self.pitch_deg = pitch_deg + self._climb(self._climbing, duty, first=first)
                 self.hangs = self._climbing.is_on(hit, self.pitch_deg)
         self._left_m_s = self._right_m_s = 0.0
 
-    def _climb(self, climbing: Climbing, duty: float, *, anew: bool) -> float:
+    def _climb(self, climbing: Climbing, duty: float, *, first: bool) -> float:
         """Return by how many degrees a step of pushing lifts the nose, or from behind the tail."""
-        at_once_deg = copysign(climbing.meet((self._left_m_s + self._right_m_s) / 2.0), duty) if anew else 0.0
+        at_once_deg = copysign(climbing.meet((self._left_m_s + self._right_m_s) / 2.0), duty) if first else 0.0
         return at_once_deg + climbing.rate_deg_s(duty) * self._step_s

@@ -1,1 +1,1 @@
-"""A run in Foxglove: a log as an MCAP file, or live over a WebSocket. One table of channels serves both."""
+"""A run in Foxglove: as an MCAP file, or live over a WebSocket. One table of channels serves both."""

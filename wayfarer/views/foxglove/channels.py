@@ -1,4 +1,4 @@
-"""The channels of a run: records of a field log in, messages out; the same for an MCAP file and for live viewers."""
+"""Foxglove channels of a run: field log records in, messages out; for MCAP files and live viewers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run as it happens, in Foxglove: a WebSocket server that only shows."""
+"""A read-only Foxglove WebSocket server for a running rover."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class FoxgloveLive:
 
     The server's own threads send; a viewer that is too slow loses messages and never holds anything up. It offers
     viewers no way to say anything to the rover, and sends nothing to anybody else. A viewer's time is the rover's: in
-    the wood that clock may be hours off, and poses from a viewer's future would not be drawn.
+    the field that clock may be hours off, and poses from a viewer's future would not be drawn.
 
     Args:
-        host: the address to listen at; whoever reaches it may look on.
+        host: the address to listen at; anybody who can reach it can watch.
         port: 0 takes a free one.
 
     Raises:
@@ -47,12 +47,12 @@ class FoxgloveLive:
                 server_listener=self._viewers,
                 capabilities=[Capability.Time],
             )
-        except RuntimeError as error:  # the SDK has no error of its own for it
+        except RuntimeError as error:  # the SDK has no error class for it
             raise BadInput(_refusal(host, port, str(error))) from None
         self.url = f"ws://{f'[{host}]' if ':' in host else host}:{self._server.port}"
 
     def show(self, record: Record) -> None:
-        """Send a record to whoever looks on."""
+        """Send a record to all viewers."""
         t_s, time_s = record["t_s"], record["t_wall"]
         self._server.broadcast_time(nanoseconds(time_s))
         self._channels.take(record, time_s)

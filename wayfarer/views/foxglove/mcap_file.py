@@ -1,4 +1,4 @@
-"""A run's log as an MCAP file, for Foxglove and whatever else reads MCAP."""
+"""Converts a run's log to an MCAP file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is said in words, for the log panel: every event, every anomaly as it begins, and how the run ended. Pure."""
+"""Messages of the Foxglove log panel: events, beginnings of anomalies, the end of the run. Pure."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import hypot
 from typing import Generic, TypeVar
 
-POINTS = 1000  # at most: 20 kB a message, and drawn anew in a fraction of a millisecond
+POINTS = 1000  # at most: 20 kB a message, and redrawn in a fraction of a millisecond
 SPACING_M = 0.1  # of the first hundred metres: a quarter of a rover's length
 
 Point = TypeVar("Point")

@@ -1,4 +1,4 @@
-"""Where the rover is in the map and how it came there, as it believes and, in a simulated run, in truth. Pure."""
+"""Poses and paths on the map: by dead reckoning, and true ones of a simulated run. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The channels of plain numbers and words, for plots and tables: one table of their fields. Pure.
+"""Channels of plain numbers and words for plots and tables, from one table of fields. Pure.
 
 Each field has its unit in its name and its meaning in the channel's JSON schema. A value that is not there, is ``null``
 or has another type than the schema says is left out of its message, and a message without any value is not sent: so
@@ -15,7 +15,7 @@ from wayfarer.angles import wrap180
 from wayfarer.escape.api import Anomaly
 from wayfarer.fieldlog.reader import Record
 
-NOTHING = "none"  # a state of its own: in a strip of states, a value that is left out would look like the one before
+NOTHING = "none"  # a separate state: in a strip of states, a missing value would look like the previous one
 
 
 class Field(NamedTuple):

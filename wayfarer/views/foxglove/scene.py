@@ -1,4 +1,4 @@
-"""What the 3D panel shows: poses, forest, bodies and paths, in a map with x east and y north, metres.
+"""The scene of the 3D panel: poses, forest, bodies and paths; x east, y north, metres.
 
 A compass counts clockwise from north, a map counter-clockwise from east; a body's axes are x ahead, y left, z up
 (REP 103, the convention that Foxglove's panels follow).

@@ -1,4 +1,4 @@
-"""The live page: a run shown in a browser while it lasts, and the few things that a person may ask for there."""
+"""The live page: a running rover in a browser, with buttons to hold, resume, mark and stop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Access control of the live page: host, origin and token. Pure: a request comes in, a refusal or nothing out.
+"""Access control: host, origin and token checks. Pure: a request comes in, a refusal or nothing out.
 
 On the rover's own computer everybody may; others need the token that is in the address printed at the start. What
 remains to be kept out are web pages from elsewhere, which make the browser of somebody who may send what they like: a

@@ -1,4 +1,4 @@
-"""Where the page is: its socket, bound early, and the address to open."""
+"""Address of the live page: binds its socket early, and makes the URL to open."""
 
 from __future__ import annotations
 

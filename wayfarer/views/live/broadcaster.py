@@ -1,9 +1,9 @@
-"""Many viewers of one run, none of whom can hold up another, or the rover.
+"""Sends a run to many viewers; a slow viewer delays neither another one nor the rover.
 
 Nothing is queued for anybody. There is one short memory of news for all, and the newest state; each viewer is a place
 in that memory, and is sent what it lacks once it has acknowledged what it was sent before. So a viewer with a slow
 connection gets every piece of news but fewer states, never old ones; one that lacks more than the memory holds gets
-everything anew; and one that acknowledges nothing is dropped.
+everything again; and one that acknowledges nothing is dropped.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class ViewerLimits(NamedTuple):
     """What viewers may use up; seconds are the clock's."""
 
     viewers: int = 16
-    connections: int = 32  # viewers, and whoever is only being served the page
+    connections: int = 32  # viewers, and clients that are only being served the page
     handshake_s: float = 10.0  # from connecting to looking on
     message_bytes: int = 8_192
     news: int = 300  # half a minute at the full rate
@@ -77,10 +77,10 @@ class Broadcaster:
 
 
 class PageViewer:
-    """One viewer of the page, and how far it has got.
+    """One of the audience.
 
     Args:
-        broadcaster: where its news comes from.
+        broadcaster: what it looks at.
         send: sends it a text; waits where the connection is full.
         silent_s: how long it may acknowledge nothing, in seconds of the loop.
         unseen: how many messages may be under way.

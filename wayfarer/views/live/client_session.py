@@ -1,8 +1,8 @@
-"""One viewer's connection: it is told what is new, and may ask for a few things.
+"""One viewer's connection: sends updates, and receives a few commands.
 
 What it asks for goes the way of the control socket's requests. Arming is not among it: wheels must not start from a
 web page. Nor do they go on from a page that shows how things were: a request may have waited, in a network or for a
-daemon that stood still, until nobody looks on any more.
+blocked daemon, until the viewer has gone.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from wayfarer.errors import WayfarerError
 from wayfarer.views.live.broadcaster import PageViewer, TooSlow, ViewerLimits
 
 VERBS = ("hold", "resume", "stop", "mark")
-STOPPING = ("hold", "stop")  # are done whoever asks, and however often
+STOPPING = ("hold", "stop")  # are done for every viewer, and at any rate
 SHOWN = "state_t_s"  # which state the page shows; to resume needs it
 
 _bugs = logging.getLogger("wayfarer.views.live")

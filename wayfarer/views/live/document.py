@@ -1,4 +1,4 @@
-"""The page: one HTML file made of the files in ``page/``, and what a browser is told that it may do."""
+"""The HTML document of the live page, made of the files in ``page/``, and its security headers."""
 
 from __future__ import annotations
 

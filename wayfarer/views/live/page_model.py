@@ -1,4 +1,4 @@
-"""The state of a run as the page shows it, kept from the records: all of it for a new viewer, then what is new. Pure.
+"""The model of the page, built from log records: a full copy for a new viewer, changes for the others. Pure.
 
 Three things come out. The *snapshot* is everything that a page shows. *News* must not be missed: a piece of the way, an
 anomaly, a line about the run, the end. The *state* is how things are now; a viewer that is slow gets only the newest.
@@ -123,7 +123,7 @@ class PageModel:
             "mission_m": round(self._mission_m, 2),
             "battery_v": number(self._board, "battery_v"),
             "faults": list(self._board.get("faults", ())),
-            "sensors": [[sensor, status.now(self._t_s)] for sensor, status in self._sensor_statuses.items()],
+            "sensors": [[sensor, pulse.now(self._t_s)] for sensor, pulse in self._sensor_statuses.items()],
             "place": self._place,
         }
 

@@ -1,4 +1,4 @@
-"""The status of a sensor, from its readings: how old the last one is, and how many there are a second. Pure."""
+"""Status of a sensor from its readings: age of the last one, and rate. Pure."""
 
 from __future__ import annotations
 

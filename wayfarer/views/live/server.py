@@ -1,4 +1,4 @@
-"""The server of the live page, on the daemon's own loop: the page at ``/``, a WebSocket at ``/ws``, and nothing else.
+"""Web server of the live page, on the daemon's loop: the page at ``/`` and a WebSocket at ``/ws``.
 
 It costs the control tick little, whatever its clients do: states go out ten times a second at most, each is encoded
 once for all, and all that clients can use up is bounded (``broadcaster.ViewerLimits``).
@@ -33,9 +33,9 @@ _clients.propagate = False
 
 
 class LivePage:
-    """Shows a run to browsers; implements ``daemon.viewer.Viewer``.
+    """Shows a run to browsers; implements ``daemon.viewer.PageViewer``.
 
-    ``url`` is the address to open, and ``watched`` is set once somebody looks on.
+    ``url`` is the address to open, and ``watched`` is set once somebody opens the page.
 
     Args:
         host: the address to serve at; peers from anywhere but this computer need the token.
@@ -70,13 +70,13 @@ class LivePage:
         self._socket.close()
 
     def show(self, record: Record) -> None:
-        """Take a record; see ``daemon.viewer.Viewer``."""
+        """Take a record; see ``PageViewer``."""
         if self._model.take(record):
             self._soon.set()
 
     @asynccontextmanager
     async def serving(self, commands: Commands) -> AsyncIterator[None]:
-        """Serve while entered; see ``daemon.viewer.Viewer``. What was shown last still goes out at the end."""
+        """Serve while entered; see ``PageViewer``. What was shown last still goes out at the end."""
         self._commands = commands
         loop = asyncio.get_running_loop()
         self._http = web.Server(self._answer, access_log=None, logger=_clients, lingering_time=0.0)
@@ -101,7 +101,7 @@ class LivePage:
                 self._tell()
                 await asyncio.sleep(REST_S * self._speed)
         except Exception:
-            _bugs.exception("in telling viewers: the live page stands still from now on")
+            _bugs.exception("in telling viewers: the live page is not updated any more")
 
     def _tell(self) -> None:
         news = self._model.news()
@@ -176,7 +176,7 @@ class LivePage:
         self._access.check_socket(request.remote or "", request.headers, request.cookies.get(self._cookie, ""))
         limits, speed = self._limits, self._speed
         if len(self._sessions) >= limits.viewers:
-            return _plain(503, f"{limits.viewers} viewers look on already, which is the limit")
+            return _plain(503, f"{limits.viewers} viewers are connected already, which is the limit")
         socket = web.WebSocketResponse(
             timeout=limits.end_s * speed, compress=False, max_msg_size=limits.message_bytes, autoping=False
         )

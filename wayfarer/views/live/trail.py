@@ -1,4 +1,4 @@
-"""The way that the rover went, thinned so that hours of it fit a telephone. Pure."""
+"""The path of the rover, thinned so that hours of it fit a telephone. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page says instead of the names in the log. Pure."""
+"""Texts of the page for the names in the log. Pure."""
 
 from __future__ import annotations
 
@@ -12,40 +12,40 @@ PHASES: Mapping[str, str] = {
     Phase.FOLLOW.value: "Follows the goal heading",
     Phase.BACK_OFF.value: "Backs off",
     Phase.TURN_AWAY.value: "Turns away",
-    Phase.PROBE.value: "Feels its way back in a curve",
-    Phase.STRIDE.value: "Drives a straight piece",
-    Phase.HALT.value: "Stands still",
+    Phase.PROBE.value: "Probes: drives back in a curve",
+    Phase.STRIDE.value: "Drives straight ahead",
+    Phase.HALT.value: "Stopped",
 }
 
 _WHILE: Mapping[str, str] = {
     Phase.FOLLOW.value: "on its way to the goal",
     Phase.BACK_OFF.value: "while backing off",
     Phase.TURN_AWAY.value: "while turning away",
-    Phase.PROBE.value: "while feeling its way back",
-    Phase.STRIDE.value: "on the straight piece",
-    Phase.HALT.value: "while standing still",
+    Phase.PROBE.value: "while probing",
+    Phase.STRIDE.value: "while driving straight ahead",
+    Phase.HALT.value: "while stopped",
 }
 
 _AFTER: Mapping[str, str] = {
     Phase.FOLLOW.value: "the goal heading was followed",
-    Phase.BACK_OFF.value: "it has backed off",
-    Phase.TURN_AWAY.value: "it has turned away",
-    Phase.PROBE.value: "it has felt its way back",
-    Phase.STRIDE.value: "the straight piece is driven",
-    Phase.HALT.value: "it has stood still",
+    Phase.BACK_OFF.value: "the back-off was done",
+    Phase.TURN_AWAY.value: "the turn was done",
+    Phase.PROBE.value: "the probe was driven",
+    Phase.STRIDE.value: "the straight stretch was driven",
+    Phase.HALT.value: "it was stopped",
 }
 
 EVENTS: Mapping[str, str] = {
-    PhaseEvent.ANOMALY.value: "something was wrong {during}",
+    PhaseEvent.ANOMALY.value: "an anomaly {during}",
     PhaseEvent.DONE.value: "{after}",
-    PhaseEvent.UNWOUND.value: "every turn is unwound: C is back at zero",
-    PhaseEvent.REALIGNED.value: "the heading is back at the goal",
+    PhaseEvent.UNWOUND.value: "the turn counter C is back at zero",
+    PhaseEvent.REALIGNED.value: "the heading is the goal heading again",
     PhaseEvent.EXHAUSTED.value: "it took too long {during}",
-    PhaseEvent.OVERWOUND.value: "C was beyond three turns {during}, and is forgotten",
+    PhaseEvent.OVERWOUND.value: "C exceeded three turns {during} and was reset",
 }
 
 ANOMALIES: Mapping[str, str] = {
-    Anomaly.IMMOBILISED.value: "does not move",
+    Anomaly.IMMOBILISED.value: "stalled",
     Anomaly.NOSE_UP.value: "nose up",
     Anomaly.NOSE_DOWN.value: "nose down",
     Anomaly.RIGHT_DOWN.value: "right side down",
@@ -54,43 +54,43 @@ ANOMALIES: Mapping[str, str] = {
 }
 
 LEVELS: Mapping[str, str] = {
-    Level.WELL.name.lower(): "All well",
-    Level.NOTE.name.lower(): "Noted, drives on",
-    Level.DEGRADE.name.lower(): "Goes on with less",
+    Level.WELL.name.lower(): "No faults",
+    Level.NOTE.name.lower(): "Note: continues to drive",
+    Level.DEGRADE.name.lower(): "Degraded: drives with limits",
     Level.HOLD.name.lower(): "Wheels held until this clears",
-    Level.FAULT.name.lower(): "Fault: stands until armed anew",
+    Level.FAULT.name.lower(): "Fault: stopped until re-armed",
 }
 
 CAUSES: Mapping[str, str] = {
     Condition.COMPASS_STALE.value: "the compass is silent",
     Condition.COMPASS_LOST.value: "the compass has been silent for seconds",
-    Condition.COMPASS_IMPLAUSIBLE.value: "the compass says what cannot be",
-    Condition.COMPASS_FROZEN.value: "the heading stands still while the rover turns",
+    Condition.COMPASS_IMPLAUSIBLE.value: "compass readings are implausible",
+    Condition.COMPASS_FROZEN.value: "the heading does not change while the rover turns",
     Condition.COMPASS_UNCALIBRATED.value: "the compass has lost its calibration",
     Condition.MOTION_STALE.value: "the motion sensor is silent",
-    Condition.MOTION_UNKNOWN.value: "the motion sensor sees too little",
-    Condition.MOTION_LOST.value: "the motion sensor has seen nothing for seconds",
+    Condition.MOTION_UNKNOWN.value: "the motion sensor's picture is too poor",
+    Condition.MOTION_LOST.value: "the motion sensor's picture has been too poor for seconds",
     Condition.MOTION_GONE.value: "the motion sensor has been silent for seconds",
-    Condition.MOTION_IMPLAUSIBLE.value: "the motion sensor says what cannot be",
+    Condition.MOTION_IMPLAUSIBLE.value: "motion readings are implausible",
     Condition.CONTACT_STALE.value: "the bumper is silent",
     Condition.OVERTURNED.value: "the rover lies on its side or roof",
-    Condition.RUNAWAY.value: "the rover moves although its wheels were told to stand",
-    Condition.DRIVE_ASYMMETRY.value: "the rover turns otherwise than its wheels were told",
-    Condition.DRIVE_FAILED.value: "the rover turns again and again otherwise than its wheels were told",
-    Condition.CANNOT_TURN.value: "full duty on the spot does not turn the rover: something, or the ground, holds it",
-    Condition.ENTRAPPED.value: "the rover finds no way out of this place",
+    Condition.RUNAWAY.value: "the rover moves although its wheels are commanded to stop",
+    Condition.DRIVE_ASYMMETRY.value: "the rover does not turn as its wheels are commanded",
+    Condition.DRIVE_FAILED.value: "repeatedly, the rover did not turn as its wheels were commanded",
+    Condition.CANNOT_TURN.value: "the rover does not turn on the spot at full duty: the ground or an obstacle holds it",
+    Condition.ENTRAPPED.value: "the rover makes no progress any more",
     Condition.MOTORS_FAILED.value: "the motors did not answer",
     Condition.BOARD_FAULT.value: "the motor board reports a fault",
-    Condition.BOARD_DISAGREES.value: "the motor board applies something else than it was told",
-    Condition.BOARD_SILENT.value: "the motor board does not say how it is",
+    Condition.BOARD_DISAGREES.value: "the motor board applies other duties than commanded",
+    Condition.BOARD_SILENT.value: "the motor board does not report its status",
     Condition.BATTERY_LOW.value: "the battery is low",
     Condition.BATTERY_CRITICAL.value: "the battery is almost empty",
-    Condition.UNDERVOLTAGE.value: "the computer gets too little voltage: less duty",
-    Condition.POWER_UNSTABLE.value: "the computer's voltage dips again and again",
-    Condition.OPERATOR_HOLD.value: "somebody asked to hold",
-    Condition.RESUME_WARNING.value: "it drives on in a moment: step away",
+    Condition.UNDERVOLTAGE.value: "the computer's voltage is too low: duty is limited",
+    Condition.POWER_UNSTABLE.value: "the computer's voltage dips repeatedly",
+    Condition.OPERATOR_HOLD.value: "an operator asked to hold",
+    Condition.RESUME_WARNING.value: "the rover drives on in a moment: step away",
     Condition.TICK_LATE.value: "the control tick came late",
-    Condition.DECISION_INVALID.value: "the algorithm asked for what cannot be",
+    Condition.DECISION_INVALID.value: "the algorithm gave an invalid command",
 }
 
 

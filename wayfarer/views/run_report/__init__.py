@@ -1,1 +1,1 @@
-"""One run's log as an HTML page, with a map of the way and panels over time; matplotlib draws them."""
+"""The HTML report of one run: a map of the path, and time lines; drawn with matplotlib."""

@@ -1,4 +1,4 @@
-"""What a report needs of one run, taken from its log in a single pass: see ``run_reading``.
+"""The data of a run's report, read from its log in a single pass (``run_reading``).
 
 Times are seconds since the first record. A number that is not known is NaN, so that a line that is drawn of it has a
 gap there.

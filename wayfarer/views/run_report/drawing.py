@@ -1,4 +1,4 @@
-"""How figures look, and how one becomes a file for a paper and part of a page.
+"""Style of all figures, and their output as files and as part of a page.
 
 Text stays text, so that it can be searched, read aloud and edited. It is laid out in DejaVu Sans, which every
 matplotlib brings along and which is wide: where a browser puts another font, the text takes less room, not more.

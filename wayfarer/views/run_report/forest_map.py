@@ -1,4 +1,4 @@
-"""A forest seen from above, and the looks of a way through it: what all drawings of forests share."""
+"""Drawing of a forest seen from above and of a path through it, shared by all figures."""
 
 from __future__ import annotations
 

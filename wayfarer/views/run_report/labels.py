@@ -1,4 +1,4 @@
-"""Labels beside a time axis: where each goes, so that none lies on another."""
+"""Placement of labels beside a time axis without overlap."""
 
 from __future__ import annotations
 

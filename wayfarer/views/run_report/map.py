@@ -1,4 +1,4 @@
-"""A map of one run: its frame, and what is drawn on it. Metres east and north, north up."""
+"""The map of one run: its frame and contents. Metres east and north, north up."""
 
 from __future__ import annotations
 

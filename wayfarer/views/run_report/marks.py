@@ -1,4 +1,4 @@
-"""What the figures of one run have in common: how anomalies, phases and events look and what they are called."""
+"""Marks shared by the figures of one run: colours, symbols and names of anomalies, phases and events."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ANOMALY_MARKS = {
 LEVEL_COLOURS = {"degrade": "#F3DFA8", "hold": ORANGE, "fault": VERMILION}
 
 LONGEST = 30  # letters of a mark that stand in a figure; the list of events has all
-AGAIN = 0.04  # of the run: the same event again so soon is counted, not labelled anew
+AGAIN = 0.04  # of the run: the same event again so soon is counted, not labelled again
 UNLABELLED = {"opened", "arming", "wheels_stopped"}
 MARK_RANK, TROUBLE_RANK, HAND_RANK, OTHER_RANK = range(4)
 

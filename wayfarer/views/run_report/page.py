@@ -1,4 +1,4 @@
-"""Pieces of a page: one HTML file that needs nothing else, reads on a telephone and prints."""
+"""Building blocks of HTML pages: one self-contained file, for telephones and printing too."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def bullets(texts: Iterable[str]) -> str:
 
 
 def facts(pairs: Iterable[tuple[str, str]]) -> str:
-    """Return names and values as a list; a long value has a line of its own."""
+    """Return names and values as a list; a long value has a separate line."""
     lines = ['<dl class="facts">']
     for name, value in pairs:
         kind = ' class="long"' if len(value) > LONG else ""

@@ -1,4 +1,4 @@
-"""The panels of the time lines: each draws one thing that a run's log tells, if it tells it."""
+"""Panels of the time lines: each draws one quantity, if the log has it."""
 
 from __future__ import annotations
 

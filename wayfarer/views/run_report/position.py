@@ -1,4 +1,4 @@
-"""Position fixes on the same drawing as dead reckoning: in metres, from the place of the first fix."""
+"""Position fixes on the dead reckoning map: in metres, relative to the first fix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading a run's log for its report: once, as a stream, and through everything that may be wrong with it."""
+"""Reads a run's log for its report: once, as a stream, and despite damage."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ class _Reading:
     # -- episodes ------------------------------------------------------------------------------------------------
 
     def _follow_episode(self, since_s: float, phase: object, record: Record) -> None:
-        """Begin or end an episode. A hold interrupts it; following the goal, or being armed anew, ends it."""
+        """Begin or end an episode. A hold interrupts it; following the goal, or re-arming, ends it."""
         episode = self._episode
         if phase == Phase.FOLLOW.value:
             if episode is not None:

@@ -1,4 +1,4 @@
-"""The report of one field run: a page beside its log, and its figures as files."""
+"""Writes the report of one field run: a page beside its log, and its figures as files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Columns of numbers made ready for drawing: thinned without losing an extreme, broken where nothing is known."""
+"""Prepares columns of numbers for drawing: thins them but keeps extremes, and leaves gaps where data are missing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables of one run's report."""
+"""Tables of one run's report."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wayfarer.views.run_report.data import LoggedEvent, RunData, Sensor
 from wayfarer.views.run_report.marks import is_trouble
 from wayfarer.views.text.wording import event_text
 
-ROWS = 500  # of a table; whoever wants more reads the log
+ROWS = 500  # of a table; the log has all of them
 
 
 def anomalies_table(data: RunData) -> str:

@@ -1,4 +1,4 @@
-"""A run over time: one axis of time for everything that was measured, decided and reported."""
+"""Time lines of a run: all measurements, decisions and events over one time axis."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a run went, seen from above: by dead reckoning, and in the forest if it was simulated."""
+"""The track of a run seen from above: by dead reckoning, and in the forest if it was simulated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the report of one run says in words."""
+"""Texts of one run's report."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from wayfarer.fieldlog.printable import clean
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.track import drift_m
 
-NO_WAY = "The log has no heading, so nobody can say where the rover went."
-NO_TICKS = "There is nothing to draw over time: the log has no control ticks, or they say nothing."
-NO_FOREST = "The log is of a simulated run, but its forest or its true way is missing or cannot be read."
-NO_EPISODE = "Nothing kept the rover from following its goal."
-NO_EVENT = "Nothing was reported."
+NO_WAY = "The log has no heading, so the path of the rover is unknown."
+NO_TICKS = "No time lines: the log has no control ticks, or they hold no values."
+NO_FOREST = "The log is of a simulated run, but its forest or its true path is missing or cannot be read."
+NO_EPISODE = "There was no escape episode: the rover followed its goal all the time."
+NO_EVENT = "No events."
 LAST_GOALS = 5  # as many stand in the header
-NO_SENSOR = "No sensor spoke."
+NO_SENSOR = "The log has no sensor readings."
 
 
 def title(data: RunData) -> str:
@@ -36,10 +36,10 @@ def facts(data: RunData, folder: str) -> Iterator[tuple[str, str]]:
     yield "outcome", _outcome(data)
     yield "rover", summary.rover or "unknown"
     yield "algorithm", summary.algorithm or "unknown"
-    yield "what it was", _kind(data)
+    yield "kind", _kind(data)
     yield "began", _began(data)
     yield "duration", _duration(data)
-    yield "way", _way(data)
+    yield "distance", _way(data)
     yield "anomalies", f"{sum(summary.anomalies.values())} in {len(data.episodes)} episodes"
     yield "where it ended", _where(data)
     yield "goal", _goal(data)
@@ -64,7 +64,7 @@ def _kind(data: RunData) -> str:
 
 
 def _began(data: RunData) -> str:
-    """Return the time in UTC: the same log gives the same page wherever it is made."""
+    """Return the time in UTC: the same log gives the same page on every computer."""
     began_s = data.summary.began_wall_s
     try:
         if began_s is not None:
@@ -99,7 +99,7 @@ def _where(data: RunData) -> str:
 def _partly(data: RunData) -> str:
     missing = data.damage.missing
     records = "1 record is" if missing == 1 else f"{missing} records are"
-    return f"; {records} missing, so its way is only partly known" if missing else ""
+    return f"; {records} missing, so the path is only partly known" if missing else ""
 
 
 def _goal(data: RunData) -> str:

@@ -1,1 +1,1 @@
-"""What is done with field logs once they are written: lists, stories, summaries, verdicts and tables."""
+"""Text views of field logs: lists, events, summaries, integrity checks and tables."""

@@ -1,4 +1,4 @@
-"""Writing a run in another format."""
+"""Exports a run to another format."""
 
 from __future__ import annotations
 

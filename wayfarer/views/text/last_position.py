@@ -1,4 +1,4 @@
-"""Where to search for a rover: distance and bearing from its start, by dead reckoning and by its receiver. Pure."""
+"""The last known position of a rover: distance and bearing from its start, by dead reckoning and GPS. Pure."""
 
 from __future__ import annotations
 

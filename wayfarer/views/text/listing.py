@@ -1,4 +1,4 @@
-"""All runs of a folder, a row each, told from the two ends of each log: hundreds of them are listed in a moment."""
+"""Lists all runs of a folder, one row each, from the first and last records of each log."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def _rounded(record: Record, key: str) -> str:
 def _began(header: Record, first: Record, end: Record) -> str:
     trial = whole(header, "trial")
     if trial is not None:
-        return f"trial {trial}"  # in a time of its own
+        return f"trial {trial}"  # in virtual time
     wall_s = began_wall_s(header, first, end)
     return "clock not set" if wall_s is None else local_time(wall_s, "%Y-%m-%d %H:%M")
 

@@ -1,4 +1,4 @@
-"""How evenly the control loop ticked: the periods between ticks that follow each other in the log. Pure."""
+"""Statistics of the control period: the time between consecutive ticks in the log. Pure."""
 
 from __future__ import annotations
 

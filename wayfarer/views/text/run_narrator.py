@@ -1,4 +1,4 @@
-"""Tells a run as lines for people: what changed, what happened, and now and then how it stands. Pure."""
+"""The events of a run as lines of text, with its state now and then. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Adding up a run, record by record, into its summary. Pure."""
+"""Builds the summary of a run, record by record. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run in numbers: how far, how long, what went wrong, and where the rover is likely to be."""
+"""The summary of a run: distance, duration, anomalies, and where the rover is likely to be."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class LowBattery:
 class RunSummary:
     """What came of a run; what its log does not tell is None, or not counted: without a header ``simulated``, too.
 
-    ``trial`` is the number of a simulated trial, which has a time of its own and no ``began_wall_s``. Times are
+    ``trial`` is the number of a simulated trial, which has virtual time and no ``began_wall_s``. Times are
     seconds: ``lasted_s`` from the first record to the last, ``armed_s`` of it with wheels that may turn,
-    ``held_s`` of that with wheels that had to stand still, by cause. ``commanded_m`` is what the wheels were told and
+    ``held_s`` of that with wheels held, by cause. ``commanded_m`` is what the wheels were told and
     ``reckoned_m`` what dead reckoning saw of it, both forwards and backwards counted up.
 
     ``anomalies`` counts beginnings by kind, ``episodes`` is over all missions of the run, ``recoveries`` is how often

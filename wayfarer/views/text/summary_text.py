@@ -1,4 +1,4 @@
-"""A summary for people: a line for each thing that they ask, the most important first. Pure."""
+"""The summary of a run as text, the most important line first. Pure."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def summary_text(run: str, summary: RunSummary, damage: Damage) -> str:
         ("outcome", [_outcome(summary)]),
         ("where", list(_where(summary.where, damage.missing))),
         ("time", list(_time(summary))),
-        ("way", [_way(summary)]),
+        ("distance", [_way(summary)]),
         ("anomalies", [_counted(summary.anomalies)]),
         ("escapes", [_escapes(summary)]),
         ("battery", [_battery(summary)]),
@@ -38,7 +38,7 @@ def summary_text(run: str, summary: RunSummary, damage: Damage) -> str:
 
 def _about(summary: RunSummary) -> str:
     if summary.version is None and summary.simulated is None:
-        return "unknown rover: nothing says what ran, nor whether it was simulated"
+        return "unknown rover: the log does not say what ran, or whether it was simulated"
     about = [summary.rover or "unknown rover", summary.algorithm, "simulated" if summary.simulated else None]
     about += [None if summary.trial is None else f"trial {summary.trial}"]
     about += ["dry run" if summary.dry_run else None, f"wayfarer {summary.version}" if summary.version else None]
@@ -63,7 +63,7 @@ def _where(where: LastPosition, missing: int) -> Iterator[str]:
         origin = "the start" if where.from_start else "where the log begins"
         yield f"{_offset(where.by_reckoning)} magnetic from {origin} (dead reckoning)"
         if missing:
-            yield f"{Damage(missing=missing)}, so its way is only partly known"
+            yield f"{Damage(missing=missing)}, so the path is only partly known"
 
 
 def _offset(offset: RangeBearing) -> str:
@@ -78,7 +78,7 @@ def _time(summary: RunSummary) -> Iterator[str]:
 def _began(summary: RunSummary) -> str:
     if summary.began_wall_s is not None:
         return f" from {local_time(summary.began_wall_s, '%Y-%m-%d %H:%M:%S')}"
-    return "" if summary.trial is not None else " (nobody knows since when: the clock was not set)"
+    return "" if summary.trial is not None else " (start time unknown: the clock was not set)"
 
 
 def _way(summary: RunSummary) -> str:
@@ -138,4 +138,4 @@ def _log(summary: RunSummary, damage: Damage) -> str:
         told.append(f"{summary.dropped} records could not be written")
     if summary.reason is None:
         told.append(NO_OUTCOME)
-    return "; ".join(told) or "whole"
+    return "; ".join(told) or "complete"

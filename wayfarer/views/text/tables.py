@@ -1,9 +1,9 @@
-"""A log as a table for spreadsheets and plotting: one row a control tick, with everything that was said since the last.
+"""A log as a table for spreadsheets and plots: one row per control tick, with the events since the last one.
 
 ``csv_rows`` has flat columns with units. Columns of ``tick`` keep their names, readings are flattened
 (``compass_heading_deg``), and what other records say stands in the row of the first tick after it, under the record's
 name (``board_battery_v``, ``truth_x_m``); events are joined in ``event``. What came after the last tick has a last row
-of its own, in which the other columns are empty.
+by itself, with the other columns empty.
 
 ``tsv_rows`` has the six columns of the log that the paper's released code writes, in its formats and without a
 header: time of day, left and right duty, heading, and two of the flow sensor. Those two are empty, because this log has

@@ -1,4 +1,4 @@
-"""Following a run while it is written: into the next segment of its log, and into the next run.
+"""Follows a run while it is written: into the next file of its log, and into the next run.
 
 Files are read as they grow; nothing is locked, and the writer notices nothing. A line counts once its end is there.
 """
@@ -100,7 +100,7 @@ class RunTail:
             file.readline()  # only its end is there
 
     def _first(self) -> Iterator[Record]:
-        """Give the record that says what runs, from wherever it is."""
+        """Return the record that says what runs, at its place in the log."""
         first = next(iter(RunReader(self.run)), None)
         if first is not None:
             yield first

@@ -1,4 +1,4 @@
-"""The integrity of a log: whole, repaired by leaving out what cannot be read, or unreadable."""
+"""Integrity of a log: complete, partial (damaged records left out), or unreadable."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import NamedTuple
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import Damage, Record, RunReader
 
-NO_OUTCOME = "there is no outcome: the run was cut off, or it goes on"
+NO_OUTCOME = "no outcome: the run was cut off, or is still running"
 
 
 def readable(reader: RunReader) -> Iterator[Record]:
@@ -35,8 +35,11 @@ class LogIntegrity(IntEnum):
 
     @property
     def exit_code(self) -> int:
-        """0 for whole, 3 for repaired, 1 for unreadable: as ``mcap recover`` has it."""
+        """0 for complete, 3 for partial, 1 for unreadable: as ``mcap recover`` has it."""
         return (0, 3, 1)[self]
+
+
+_WORDS = {LogIntegrity.WHOLE: "complete", LogIntegrity.REPAIRED: "partial", LogIntegrity.UNREADABLE: "unreadable"}
 
 
 class LogVerdict(NamedTuple):
@@ -47,12 +50,13 @@ class LogVerdict(NamedTuple):
     wrong: tuple[str, ...]
 
     def __str__(self) -> str:
-        records = "1 record" if self.records == 1 else f"{self.records} records"
-        return "; ".join([f"{self.integrity.name.lower()}, {records}", *self.wrong])
+        readable = "" if self.integrity is LogIntegrity.WHOLE else "readable "
+        records = f"{self.records} {readable}record{'' if self.records == 1 else 's'}"
+        return "; ".join([f"{_WORDS[self.integrity]}: {records}", *self.wrong])
 
 
 def judge(run: Path) -> LogVerdict:
-    """Read a whole run and judge its log; one that still goes on has no outcome, and is repaired at best."""
+    """Read a whole run and say what it is worth; one that still goes on has no outcome, and is partial at best."""
     records, ended = 0, False
     try:
         reader = RunReader(run)

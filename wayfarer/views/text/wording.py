@@ -1,4 +1,4 @@
-"""How records are put into words, for one line of a terminal. Pure."""
+"""Texts for records, in one line of a terminal. Pure."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from wayfarer.fieldlog.reader import Record
 
 
 class Tone(Enum):
-    """How a line is meant, for whoever gives it a colour."""
+    """The meaning of a line, from which its colour follows."""
 
     PLAIN = "plain"
     QUIET = "quiet"  # nothing has changed

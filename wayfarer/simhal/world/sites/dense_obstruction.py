@@ -1,4 +1,4 @@
-"""Dense obstruction: the rover stands in the middle of tightly cluttered fallen branches."""
+"""Site *dense obstruction*: the rover starts in the middle of tightly cluttered fallen branches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Extended maze: large fallen branches that form barriers, with few gaps and pockets between them."""
+"""Site *extended maze*: large fallen branches that form barriers, with few gaps and pockets between them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A site: where a field trial takes place, how long it may take, and layouts of it from a seed."""
+"""A site: its time limit, and layouts generated from a seed."""
 
 from __future__ import annotations
 

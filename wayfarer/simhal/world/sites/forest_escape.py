@@ -1,4 +1,4 @@
-"""Forest escape: 45 m of woodland to a path, with GPS for the log (paper, section IV-C, forest escape challenge)."""
+"""Site *forest escape*: 45 m of woodland to a path, with GPS for the log (paper, section IV-C)."""
 
 from __future__ import annotations
 

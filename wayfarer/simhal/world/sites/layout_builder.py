@@ -1,4 +1,4 @@
-"""The ground of a site as it is laid: branches one by one, then trees where there is room."""
+"""Builds the layout of a site: branches one by one, then trees where there is room."""
 
 from __future__ import annotations
 

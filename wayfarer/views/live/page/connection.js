@@ -1,7 +1,7 @@
 // The connection to the rover: it comes back by itself, with growing pauses, and always knows how old its last word is.
 
 const PAUSES_S = [0.5, 1, 2, 4, 8];
-const HANGING_S = 10; // a connection that says nothing for so long is opened anew
+const HANGING_S = 10; // a connection that is silent for so long is opened again
 
 class Connection {
   // `take` is given each piece of a message.
@@ -36,7 +36,7 @@ class Connection {
     socket.onclose = () => this.lose();
   }
 
-  // Opens anew what has been hanging; called now and then.
+  // Reopens a connection that hangs; called regularly.
   mind() {
     const since = Math.max(this.triedAt ?? 0, this.heardAt ?? 0);
     if (this.socket && !this.ended && performance.now() - since > HANGING_S * 1000) this.lose();

@@ -98,8 +98,8 @@ function lostText(silentS) {
   const old = silentS === null ? "" : ` What you see is ${ago(silentS)} old.`;
   if (connection.isOpen) return `The rover says nothing.${old}`;
   const next = connection.pauseS > 0 ? ` Next try in ${Math.ceil(connection.pauseS)} s.` : " Trying.";
-  const anew = connection.failures > 3 ? " If wayfarer was started anew, open the address that it printed." : "";
-  return `No connection to the rover.${old}${next}${anew}`;
+  const restarted = connection.failures > 3 ? " If wayfarer was restarted, open the address that it printed." : "";
+  return `No connection to the rover.${old}${next}${restarted}`;
 }
 
 function ask(request, said) {
@@ -107,7 +107,7 @@ function ask(request, said) {
   else say("Not sent: there is no connection to the rover.");
 }
 
-// For what must not be done later, when nobody looks on: the age is taken at the press, not when it was last drawn.
+// For what must not be done later, when nobody watches: the age is taken at the press, not when it was last drawn.
 function askFresh(request, said) {
   if (isFresh()) ask(request, said);
   else say("Not sent: what the page shows is old.");

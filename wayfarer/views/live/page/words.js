@@ -3,7 +3,7 @@
 const PHASES = {
   follow: "follows the goal",
   probe: "feels its way back",
-  stride: "straight piece",
+  stride: "straight ahead",
   back_off: "backs off",
   turn_away: "turns away",
   halt: "stands",
