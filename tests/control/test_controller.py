@@ -106,7 +106,7 @@ class Wanting:
 
 
 class Bench:
-    """A controller with parts of which the test has the other end; the compass speaks each tick unless told otherwise."""
+    """A controller with parts whose other end the test has; the compass speaks each tick unless told otherwise."""
 
     def __init__(self, handler: EscapeHandler | None = None, wheels: WheelMotors | None = None, **safety: Any) -> None:
         limits = SafetySettings(**{"start_delay_s": 0.0, "settle_s": 0.2, "slew_per_s": 1000.0} | safety)

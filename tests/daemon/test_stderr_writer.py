@@ -91,7 +91,7 @@ def test_process_ends_though_its_terminal_is_stalled() -> None:
     """The thread that waits holds nothing that Python needs to exit."""
     reading, writing = os.pipe()
     os.write(writing, b"." * BYTES)
-    code = "from wayfarer.daemon.stderr_writer import StderrWriter; lines = StderrWriter(); lines.write('x'); lines.close()"
+    code = "from wayfarer.daemon.stderr_writer import StderrWriter; w = StderrWriter(); w.write('x'); w.close()"
     try:
         assert subprocess.run([sys.executable, "-c", code], stderr=writing, timeout=20.0, check=False).returncode == 0
     finally:

@@ -66,7 +66,12 @@ class Controller:
     """
 
     def __init__(
-        self, motors: WheelMotors, buffers: SensorBuffers, config: RoverConfig, detector: Detector, handler: EscapeHandler,
+        self,
+        motors: WheelMotors,
+        buffers: SensorBuffers,
+        config: RoverConfig,
+        detector: Detector,
+        handler: EscapeHandler,
         log: RunLog,
     ) -> None:  # fmt: skip
         self._motors = motors

@@ -200,6 +200,15 @@ class DriveMonitor:
             return
         self._suspect = self._suspect or (now.t_s + settings.drive_confirm_s - 1e-6, side)
 
+    def _held(self, then: DriveSample, now: DriveSample) -> bool:
+        """Tell whether the body was seen to get on by hardly anything: what holds it may turn it as well.
+
+        One side alone drives it half as far as both. Where nothing at all was seen, nobody knows.
+        """
+        told_m = (now.left_deg - then.left_deg + now.right_deg - then.right_deg) / 2 * self._m_per_deg
+        moved_m = now.ahead_m - then.ahead_m
+        return moved_m != 0.0 and self._way * moved_m < self._settings.immobilised_below * self._way * told_m
+
     def _both_push(self, now: DriveSample, side: int) -> bool:
         """Tell whether the body goes on as fast as both sides drive it, and not as fast as without the one.
 
