@@ -73,7 +73,7 @@ class Controller:
         detector: Detector,
         handler: EscapeHandler,
         log: RunLog,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._motors = motors
         self._buffers = buffers
         self._safety = config.safety

@@ -125,7 +125,7 @@ class _EndingCounters(TrialCounters):
 
 
 def _ending(setup: TrialSetup, log: TrialCounters) -> Ending:
-    """Return how it ended: as the outcome monitor says, as the rover says, or else at a limit of the rover's mission."""
+    """Return how it ended: by the outcome monitor, by the rover itself, or else at a limit of the rover's mission."""
     judged = setup.outcome_monitor.outcome
     if log.why_disarmed is not None:
         outcome: Outcome = "entrapped" if log.why_disarmed == GAVE_UP else "fault"
