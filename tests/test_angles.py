@@ -6,7 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.angles import axis_offset_deg, circular_mean, wrap180, wrap360
+from wayfarer.angles import (
+    axis_offset_deg,
+    circular_mean,
+    coordinates_deg,
+    displacement_m,
+    offset_m,
+    wrap180,
+    wrap360,
+)
+from wayfarer.hal import PositionFix
 
 ANGLES = st.floats(-1e6, 1e6)
 
@@ -64,3 +73,33 @@ def test_mean_of_nothing_is_an_error() -> None:
 def test_mean_turns_with_its_angles(angles_deg: list[float], by_deg: float) -> None:
     turned, _ = circular_mean([angle + by_deg for angle in angles_deg])
     assert wrap180(turned - circular_mean(angles_deg)[0] - by_deg) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "moved_m", "north_and_east_m"),
+    [(0, (2, 0), (2, 0)), (90, (2, 0), (0, 2)), (180, (2, 1), (-2, -1)), (270, (-2, 0), (0, 2)), (90, (0, 1), (-1, 0))],
+)
+def test_displacement_is_along_the_heading_and_to_its_right(
+    heading_deg: float, moved_m: tuple[float, float], north_and_east_m: tuple[float, float]
+) -> None:
+    assert displacement_m(heading_deg, *moved_m) == pytest.approx(north_and_east_m, abs=1e-12)
+
+
+def place(latitude_deg: float, longitude_deg: float) -> PositionFix:
+    return PositionFix(0.0, latitude_deg, longitude_deg, 3.0)
+
+
+@given(st.floats(-80.0, 80.0), st.floats(-180.0, 180.0), st.floats(-5e3, 5e3), st.floats(-5e3, 5e3))
+def test_offset_leads_back_from_coordinates_also_over_the_date_line(
+    latitude_deg: float, longitude_deg: float, north_m: float, east_m: float
+) -> None:
+    origin = place(latitude_deg, longitude_deg)
+    there = place(*coordinates_deg(origin, north_m, east_m))
+    beyond = place(there.latitude_deg, wrap180(there.longitude_deg))
+    assert offset_m(origin, there) == pytest.approx((north_m, east_m), abs=1e-6)
+    assert offset_m(origin, beyond) == pytest.approx((north_m, east_m), abs=1e-6)
+
+
+def test_offset_of_a_minute_of_arc_is_a_nautical_mile() -> None:
+    assert offset_m(place(47.0, 8.0), place(47.0 + 1 / 60, 8.0)) == pytest.approx((1852.0, 0.0), rel=0.007)
+    assert offset_m(place(60.0, 8.0), place(60.0, 8.0 - 1 / 60)) == pytest.approx((0.0, -926.0), rel=0.007)

@@ -26,7 +26,7 @@ def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
 @pytest.fixture
 def results(run: Run, tmp_path: Path) -> Path:
     folder = tmp_path / "results"
-    asked = ("--algorithm", "pledge,forest-pledge,guarded-pledge", "--trials", 6, "--jobs", 1, "--out", folder)
+    asked = ("--algorithm", "pledge,forest-pledge,retrying-pledge", "--trials", 6, "--jobs", 1, "--out", folder)
     assert run("sim", *asked)[0] == 0
     return folder
 
@@ -43,7 +43,7 @@ def test_each_algorithm_has_one_line_and_the_one_compared_with_comes_first(
     code, out, err = run("compare", results)
     assert (code, err) == (0, "")
     lines = told(out)
-    assert [line[0] for line in lines] == ["forest-pledge", "pledge", "guarded-pledge"]
+    assert [line[0] for line in lines] == ["forest-pledge", "pledge", "retrying-pledge"]
     assert [line[1] for line in lines] == ["6"] * 3
     assert "bootstrap of 3 layouts" in out, "two noises each"
 
@@ -53,17 +53,17 @@ def test_what_is_too_wide_for_the_terminal_is_told_in_two_tables(
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     _, out, _ = run("compare", results)
-    assert [line[0] for line in told(out)] == ["forest-pledge", "pledge", "guarded-pledge"] * 2
+    assert [line[0] for line in told(out)] == ["forest-pledge", "pledge", "retrying-pledge"] * 2
     assert "…" not in out
 
 
-def test_a_path_that_is_a_metre_longer_in_every_pair_is_told_as_such(
+def test_a_path_that_is_two_metres_longer_in_every_pair_is_told_as_such(
     run: Run, results: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     _, out, _ = run("compare", results, "--against", "forest-pledge")
-    line = next(line for line in out.splitlines() if "guarded-pledge" in line)
-    assert "+1.0 [+1.0, +1.0]" in line
+    line = next(line for line in out.splitlines() if "retrying-pledge" in line)
+    assert "+2.0 [+2.0, +2.0]" in line
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from wayfarer.angles import METRES_PER_DEG
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller, Mode, WheelMotors
 from wayfarer.control.latest import SensorBuffers
@@ -21,7 +22,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, CompassReading, MotorHealth, PositionFix, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.gate import SafetySettings
-from wayfarer.safety.mission_limits import FIX_FRESH_S, FIXES_BEYOND, METRES_PER_DEG
+from wayfarer.safety.mission_limits import FIX_FRESH_S, FIXES_BEYOND
 from wayfarer.safety.motor_board import BoardSettings
 
 TICK_S = 0.05

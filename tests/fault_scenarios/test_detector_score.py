@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import Anomaly
 from wayfarer.fault_scenarios.detector_score import NOTHING, Score, Timeline, TimeSpan, score
+from wayfarer.fault_scenarios.detector_table import delay_s
 from wayfarer.fault_scenarios.detector_trials import DetectorCase, measure
 
 WAITS_S = 0.4
@@ -24,6 +25,13 @@ def test_claim_within_an_episode_is_right_and_its_delay_is_counted() -> None:
     found = score([TimeSpan(1.0, 3.0)], [TimeSpan(1.3, 3.0)], WAITS_S)
     assert found[:4] == (1, 1, 1, 1)
     assert found.delays_s == pytest.approx((0.3,))
+
+
+def test_delays_are_summed_up_as_median_and_95th_percentile_within_what_was_seen() -> None:
+    some_s = tuple(n / 100 for n in range(1, 20))
+    assert delay_s(NOTHING._replace(delays_s=some_s)) == pytest.approx((0.10, 0.19))
+    assert delay_s(NOTHING._replace(delays_s=(0.2, 0.1))) == pytest.approx((0.15, 0.2))
+    assert delay_s(NOTHING._replace(delays_s=(0.1,))) is None
 
 
 def test_episode_without_a_claim_is_missed_and_a_claim_without_an_episode_wrong() -> None:

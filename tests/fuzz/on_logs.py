@@ -149,9 +149,9 @@ def _export(run: Path) -> str:
 EXPORT = Target(
     "export",
     ["wayfarer.views.text.tables", "wayfarer.views.text.export:write_table", "wayfarer.views.foxglove.mcap_file",
-     "wayfarer.views.foxglove.channels",     "wayfarer.views.foxglove.notes", "wayfarer.views.foxglove.places",
+     "wayfarer.views.foxglove.channels", "wayfarer.views.foxglove.notes", "wayfarer.views.foxglove.places",
      "wayfarer.views.foxglove.plots", "wayfarer.views.foxglove.scene",
-     "wayfarer.views.foxglove.path"],
+     "wayfarer.views.trail"],
     lambda kept: logs_of(KINDS, kept),
     lambda: _runs(_export),
 )  # fmt: skip

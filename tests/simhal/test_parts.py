@@ -5,20 +5,20 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
-from math import cos, pi, radians
+from math import pi
 from statistics import fmean, pstdev
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from wayfarer.angles import offset_m
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, Compass, ContactSensor, DriveMotors, MotionSensor, Rover, Side, WheelCommand
-from wayfarer.safety.mission_limits import METRES_PER_DEG
 from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.parts import FIX_ERROR_M, ORIGIN_DEG, SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
+from wayfarer.simhal.parts import FIX_ERROR_M, ORIGIN, SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, HeadingSensorModel
 from wayfarer.simhal.world.forest import Forest, Trunk
@@ -230,8 +230,7 @@ def test_receiver_tells_where_the_rover_is_as_well_as_receivers_do() -> None:
         receiver = SimReceiver(world, RandomStreams(0))
         await receiver.open()
         fixes = [await receiver.read() for _ in range(400)]
-        north_m = [(fix.latitude_deg - ORIGIN_DEG[0]) * METRES_PER_DEG for fix in fixes]
-        east_m = [(fix.longitude_deg - ORIGIN_DEG[1]) * METRES_PER_DEG * cos(radians(ORIGIN_DEG[0])) for fix in fixes]
+        north_m, east_m = zip(*(offset_m(ORIGIN, fix) for fix in fixes), strict=True)
         assert fmean(north_m) == pytest.approx(world.y_m, abs=4 * FIX_ERROR_M / 20)
         assert fmean(east_m) == pytest.approx(world.x_m, abs=4 * FIX_ERROR_M / 20)
         assert pstdev(north_m) == pytest.approx(FIX_ERROR_M, rel=0.2)

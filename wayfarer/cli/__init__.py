@@ -10,7 +10,7 @@ import os
 import sys
 from io import TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -106,6 +106,15 @@ def _root(
     """Drive a rover out of a forest without vision: compass, tilt and stall detection only."""
 
 
+class Described(NamedTuple):
+    """An algorithm in words."""
+
+    name: str
+    family: str
+    needs: str
+    summary: str
+
+
 @app.command("list")
 def list_names() -> None:
     """List all algorithms, rovers and drivers, also those of installed third-party packages."""
@@ -116,29 +125,31 @@ def list_names() -> None:
 
     console = Console()
     console.print(_algorithm_table())
+    console.print()
     console.print("rovers: ", ", ".join(rover_names()) or "none", highlight=False)
     console.print("drivers:", ", ".join(driver_names()) or "none", highlight=False)
 
 
 def _algorithm_table() -> Table:
-    from rich import box
-    from rich.table import Table
-
     from wayfarer.config.registry import algorithm_names
+    from wayfarer.views.text.terminal_table import Column, table
 
-    table = Table("algorithm", "family", "needs", "what it does", box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in algorithm_names():
-        table.add_row(name, *_described(name))
-    return table
+    columns: list[Column[Described]] = [
+        Column("algorithm", lambda each: each.name, left=True),
+        Column("family", lambda each: each.family, left=True),
+        Column("needs", lambda each: each.needs, left=True),
+        Column("what it does", lambda each: each.summary, left=True, wraps=True),
+    ]
+    return table(columns, map(_described, algorithm_names()))
 
 
-def _described(name: str) -> tuple[str, str, str]:
+def _described(name: str) -> Described:
     """Say what an algorithm is; a third party's that cannot be loaded must not hide the others."""
     from wayfarer.config.registry import find_algorithm
 
     try:
         found = find_algorithm(name)
     except BadInput as error:
-        return "", "", f"cannot be loaded: {error}"
+        return Described(name, "", "", f"cannot be loaded: {error}")
     origin = "" if found.origin == "wayfarer" else f" (from {found.origin})"
-    return found.family, ", ".join(sorted(found.requires)), found.summary + origin
+    return Described(name, found.family, ", ".join(sorted(found.requires)), found.summary + origin)

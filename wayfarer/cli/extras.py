@@ -17,6 +17,7 @@ class OptionalExtra(NamedTuple):
 
 NEEDS = {
     "simulating": OptionalExtra("sim", {"numpy": "numpy", "skfmm": "scikit-fmm"}),
+    "comparing": OptionalExtra("sim", {"numpy": "numpy", "scipy": "scipy"}),
     "keeping results": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
     "a cluster": OptionalExtra("cluster", {"distributed": "distributed"}),
     "sweeping": OptionalExtra("sim", {"numpy": "numpy", "skfmm": "scikit-fmm", "pyarrow": "pyarrow"}),

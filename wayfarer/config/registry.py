@@ -13,7 +13,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from wayfarer.errors import BadInput, UnknownName, WayfarerError, in_one_line
-from wayfarer.escape.catalogue import BUILT_IN, Algorithm
+from wayfarer.escape.catalogue import BUILT_IN, REMOVED, Algorithm
 
 ALGORITHM_GROUP = "wayfarer.algorithms"
 DRIVER_GROUP = "wayfarer.drivers"
@@ -44,11 +44,17 @@ def find_algorithm(name: str) -> Algorithm:
 
     Raises:
         UnknownName: nothing of that name; the text offers the nearest ones.
-        BadInput: the module cannot be imported, or what it gives is no ``Algorithm``.
+        BadInput: the name was removed, the module cannot be imported, or what it gives is no ``Algorithm``.
     """
     if name in BUILT_IN:
         return BUILT_IN[name]
-    found, origin = _find("algorithm", name, _installed(ALGORITHM_GROUP), algorithm_names())
+    installed = _installed(ALGORITHM_GROUP)
+    if name in REMOVED and name not in installed:
+        raise BadInput(
+            f"algorithm '{name}' was removed: nothing showed that it gains over forest-pledge; take tight-pledge "
+            "(docs/better-escape.md has the figures)"
+        )
+    found, origin = _find("algorithm", name, installed, algorithm_names())
     if not isinstance(found, Algorithm):
         raise BadInput(f"algorithm '{name}': {origin} is not a wayfarer.escape.catalogue.Algorithm")
     return replace(found, origin=origin)

@@ -14,19 +14,10 @@ from random import Random
 
 from wayfarer.escape import policies
 from wayfarer.escape.api import EscapeHandler, EscapeSettings, Vehicle
-from wayfarer.escape.guards import LoopGuard, SideSwitch
+from wayfarer.escape.guards import LoopGuard
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
 from wayfarer.escape.phases import PLEDGE, STRIDES
-from wayfarer.escape.tactics import (
-    ArcSchedule,
-    ConfirmWall,
-    PlanScaling,
-    RetryAhead,
-    ShortBackOff,
-    Tactic,
-    nose_level,
-    on_the_way,
-)
+from wayfarer.escape.tactics import PlanScaling, RetryAhead, ShortBackOff, Tactic, nose_level, on_the_way
 
 NOTHING: frozenset[str] = frozenset()
 CONTACT = frozenset({"contact"})
@@ -128,28 +119,11 @@ _ROWS = (
 _TIGHT = partial(PlanScaling, straight=0.5, radius=0.61)
 _BRISK = partial(PlanScaling, turn=1.33, straight=0.5, radius=1.17)
 _SHORT = partial(ShortBackOff, first=0.67, again=1.0, free_run_m=0.9)
-_CONFIRM = partial(ConfirmWall, small_turn_deg=15.0, confirms_within_m=1.3)
 
 _ROWS_BEYOND = (
-    _forest_pledge_with("guarded-pledge", "Forest-Pledge in tight arcs, strict for a while where it circles", _TIGHT),
-    _forest_pledge_with(
-        "confirmed-pledge", "Guarded Pledge that takes only a second anomaly nearby for a wall", _TIGHT, _CONFIRM
-    ),
-    _forest_pledge_with(
-        "switching-pledge",
-        "Confirmed Pledge that tries the other end of a long barrier",
-        _TIGHT,
-        _CONFIRM,
-        partial(SideSwitch, first_m=20.0, gain_m=0.4),
-    ),
-    _forest_pledge_with(
-        "scheduled-pledge",
-        "Guarded Pledge whose arcs widen where nothing is free",
-        partial(ArcSchedule, radii=(0.43, 0.61, 1.04), anomalies=4, free_run_m=2.0),
-    ),
     _forest_pledge_with(
         "retrying-pledge",
-        "Guarded Pledge, wide and brisk, that first tries straight ahead once more",
+        "Forest-Pledge, wide and brisk, that first tries straight ahead once more",
         _BRISK,
         _SHORT,
         partial(RetryAhead, free_run_m=0.9, worth=on_the_way),
@@ -174,3 +148,5 @@ CATALOGUE: Mapping[str, Algorithm] = {row.name: row for row in _ROWS}
 """The ten of the paper."""
 BEYOND_THE_PAPER: Mapping[str, Algorithm] = {row.name: row for row in _ROWS_BEYOND}
 BUILT_IN: Mapping[str, Algorithm] = {**CATALOGUE, **BEYOND_THE_PAPER}
+REMOVED = frozenset({"guarded-pledge", "confirmed-pledge", "switching-pledge", "scheduled-pledge"})
+"""Names of 0.1.0 that old logs and scripts may still have; ``docs/better-escape.md`` says why they went."""

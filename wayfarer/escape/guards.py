@@ -1,4 +1,4 @@
-"""Tactics against rare bad cases: driving in circles, and a barrier without an end."""
+"""The tactic against driving in circles."""
 
 from __future__ import annotations
 
@@ -46,36 +46,3 @@ class LoopGuard:
         if self._strict:
             self._strict -= 1
             escape_plan.resets = False
-
-
-class SideSwitch:
-    """Try a barrier's other end when an episode leads far to one side and not ahead, each time twice as far.
-
-    That is the doubling search for the end of a wall on a line: the way is bounded by a multiple of the shortest one.
-    """
-
-    def __init__(self, first_m: float, gain_m: float) -> None:
-        self._first_m, self._gain_m = first_m, gain_m
-        self.reset()
-
-    def reset(self) -> None:
-        """See ``Tactic``."""
-        self._ahead_m = self._right_m = 0.0
-        self._reach_m = self._first_m
-
-    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
-        """See ``Tactic``."""
-        if context.new_episode:
-            self._ahead_m, self._right_m, self._reach_m = context.ahead_m, context.right_m, self._first_m
-        elif context.ahead_m - self._ahead_m >= self._gain_m:
-            return
-        elif (context.right_m - self._right_m) * escape_plan.side >= self._reach_m:
-            self._reach_m *= 2.0
-            turn_round(context, escape_plan)
-
-
-def turn_round(context: AnomalyContext, escape_plan: EscapePlan) -> None:
-    """Plan to follow the same wall with the other hand: a half turn; whole turns of the counter are forgiven."""
-    escape_plan.counter_deg = context.bearing_deg
-    escape_plan.side = -escape_plan.side
-    escape_plan.turn_deg = 180.0

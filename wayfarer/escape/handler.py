@@ -157,7 +157,7 @@ class PhasedHandler:
             escape_plan.side = -self._side
 
     def _ask_tactics(self, observation: Observation, *, new_episode: bool) -> None:
-        """Let the tactics change the plan in the course; the side that they choose is the episode's."""
+        """Let the tactics change the plan in the course."""
         reckoning = self._reckoning
         context = AnomalyContext(
             new_episode,
@@ -170,4 +170,3 @@ class PhasedHandler:
         )
         for tactic in self._tactics:
             tactic.plan(context, self._escape_plan)
-        self._side = self._escape_plan.side

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, radians, sin
-
+from wayfarer.angles import displacement_m
 from wayfarer.escape.api import Anomaly, Observation, Phase
 
 # The stall detector needs so long to be sure (DetectorSettings.immobilised_s): what was commanded then was not driven.
@@ -35,6 +34,6 @@ class Reckoning:
             self._move(observation, -self._stall_m)
 
     def _move(self, observation: Observation, forward_m: float) -> None:
-        bearing = radians(observation.heading_deg - observation.goal_heading_deg)
-        self.ahead_m += forward_m * cos(bearing)
-        self.right_m += forward_m * sin(bearing)
+        ahead_m, right_m = displacement_m(observation.heading_deg - observation.goal_heading_deg, forward_m)
+        self.ahead_m += ahead_m
+        self.right_m += right_m

@@ -1,10 +1,10 @@
 """Tactics: small objects with a memory that may change the plan at an anomaly; ``catalogue`` combines them.
 
 The ten algorithms of the paper answer each anomaly from what they see at that moment (``policies``). A tactic
-remembers: it is asked at each anomaly, after those choices, and may change the plan that is in the ``EscapePlan``:
-side, turn angle, back-off, length of the straight, radius of the probe's arc, and whether a heading back at the goal
-ends the episode. It sees what any blind rover has: the compass, that something is wrong, and dead reckoning from
-commands. It cannot prolong anything: phases keep their bounds, whatever is planned.
+remembers: it is asked at each anomaly, after those choices, and may change the plan that is in the ``EscapePlan``: turn
+angle, back-off, length of the straight, radius of the probe's arc, and whether a heading back at the goal ends the
+episode. It sees what any blind rover has: the compass, that something is wrong, and dead reckoning from commands. It
+cannot prolong anything: phases keep their bounds, whatever is planned.
 
 Numbers without another source are from ``docs/better-escape.md``, found on the even layouts of the reference forests.
 """
@@ -16,7 +16,6 @@ from math import inf
 from typing import NamedTuple, Protocol
 
 from wayfarer.escape.manoeuvres import EscapePlan
-from wayfarer.escape.policies import CLOCKWISE
 
 
 class AnomalyContext(NamedTuple):
@@ -122,74 +121,3 @@ class RetryAhead:
         self._last_m = context.travelled_m
         if free and not context.blocked_turns and self._worth(context):
             escape_plan.turn_deg = 0.0
-
-
-class ConfirmWall:
-    """Answer the first anomaly after a free run with a small turn, to alternating sides; a second one is a wall.
-
-    Slips then lead to neither side on average, and a wall is still followed with one hand.
-    """
-
-    def __init__(self, small_turn_deg: float, confirms_within_m: float) -> None:
-        self._small_turn_deg, self._confirms_within_m = small_turn_deg, confirms_within_m
-        self.reset()
-
-    def reset(self) -> None:
-        """See ``Tactic``."""
-        self._last_m = -inf
-        self._next_side = -CLOCKWISE
-        self._confirmed = True
-
-    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
-        """See ``Tactic``."""
-        near = context.travelled_m - self._last_m <= self._confirms_within_m
-        self._last_m = context.travelled_m
-        if context.new_episode and not near:
-            self._confirmed = False
-            escape_plan.side, self._next_side = self._next_side, -self._next_side
-            escape_plan.turn_deg = self._small_turn_deg
-        elif not self._confirmed:
-            self._confirmed = True
-            escape_plan.side = CLOCKWISE
-
-
-class ArcSchedule:
-    """Probe in wider arcs, after longer back-offs, the longer nothing is free; test the last free heading first.
-
-    ``radii`` are the arcs' steps, as shares of the rover file's, each after ``anomalies`` without a free run of
-    ``free_run_m``; a free run goes a step back. The first anomaly of an episode is answered with the heading of the
-    longest run of the last one.
-    """
-
-    def __init__(self, radii: tuple[float, ...], anomalies: int, free_run_m: float) -> None:
-        self._radii, self._anomalies, self._free_run_m = radii, anomalies, free_run_m
-        self.reset()
-
-    def reset(self) -> None:
-        """See ``Tactic``."""
-        self._step = self._in_a_row = 0
-        self._last_m = self._longest_m = 0.0
-        self._gap_deg = 0.0
-
-    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
-        """See ``Tactic``."""
-        run_m, self._last_m = context.travelled_m - self._last_m, context.travelled_m
-        if run_m >= self._free_run_m:
-            self._step, self._in_a_row = max(self._step - 1, 0), 0
-        else:
-            self._in_a_row += 1
-            if self._in_a_row % self._anomalies == 0:
-                self._step = min(self._step + 1, len(self._radii) - 1)
-        escape_plan.radius_m *= self._radii[self._step]
-        escape_plan.back_off_m *= 1.0 + self._step
-        self._remember_gap(context, escape_plan, run_m)
-
-    def _remember_gap(self, context: AnomalyContext, escape_plan: EscapePlan, run_m: float) -> None:
-        if context.new_episode:
-            towards_deg = self._gap_deg - context.bearing_deg
-            if abs(self._gap_deg) <= 90.0 and abs(towards_deg) > escape_plan.turn_deg:
-                escape_plan.side = 1 if towards_deg > 0.0 else -1
-                escape_plan.turn_deg = abs(towards_deg)
-            self._longest_m = 0.0
-        elif run_m > self._longest_m:
-            self._longest_m, self._gap_deg = run_m, context.bearing_deg

@@ -10,35 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
+from wayfarer.experiments.statistics import Estimate
 
 RESAMPLES = 4000
 TAIL = 0.025  # on either side of a 95 % interval
-BISECTIONS = 60  # of 0..1: beyond the precision of a float
 
 PairKey = tuple[int, int]
-
-
-class Estimate(NamedTuple):
-    """A mean and its 95 % interval."""
-
-    mean: float
-    low: float
-    high: float
-
-
-class Share(NamedTuple):
-    """A share of the trials, 0..1, and its exact 95 % interval."""
-
-    share: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +29,8 @@ class Comparison:
 
     ``spl_gain`` is over all pairs whose shortest path is known, a failure counting 0; ``path_gain_m``, metres,
     negative where this one is shorter, over the pairs in which both got out. Both are None without such pairs, and for
-    the algorithm that the others are compared with. ``worst`` is a trial that did not get out, else the longest path.
+    the algorithm that the others are compared with. ``entrapped`` and ``left_bounds`` are shares of the trials, 0..1.
+    ``worst`` is a trial that did not get out, else the longest path.
     """
 
     algorithm: str
@@ -56,8 +39,8 @@ class Comparison:
     spl: float | None
     spl_gain: Estimate | None
     path_gain_m: Estimate | None
-    entrapped: Share
-    left_bounds: Share
+    entrapped: Estimate
+    left_bounds: Estimate
     worst: TrialRow
 
 
@@ -136,45 +119,18 @@ def cluster_bootstrap(clusters: Sequence[Sequence[float]], resamples: int = RESA
     return Estimate(float(sums.sum() / counts.sum()), low, high)
 
 
-def _share(rows: Sequence[TrialRow], outcome: str) -> Share:
+def _share(rows: Sequence[TrialRow], outcome: str) -> Estimate:
     count = sum(row.outcome == outcome for row in rows)
-    return Share(count / len(rows), *exact_interval(count, len(rows)))
+    return Estimate(count / len(rows), *exact_interval(count, len(rows)))
 
 
 def exact_interval(successes: int, trials: int) -> tuple[float, float]:
     """Return the exact 95 % interval of a proportion, within 0..1.
 
-    Its ends are the proportions at which so many successes, or more (for the lower one) or fewer (for the upper one),
-    have a chance of 2.5 %.
-
     Raises:
-        ValueError: no trials, or more successes than trials.
+        ValueError: more successes than trials.
     """
-    if not 0 <= successes <= trials or trials == 0:
-        raise ValueError(f"{successes} successes in {trials} trials")
-    ways = _log_ways(trials)
-    low = _bisected(lambda p: _chance(ways, p, successes, trials) < TAIL) if successes else 0.0
-    high = _bisected(lambda p: _chance(ways, p, 0, successes) > TAIL) if successes < trials else 1.0
-    return low, high
+    from scipy.stats import binomtest  # it takes a second to import, which only a comparison is to pay
 
-
-def _log_ways(trials: int) -> NDArray[np.float64]:
-    """Return the logarithms of the binomial coefficients of 0 to ``trials`` successes."""
-    drawn = np.arange(1, trials + 1)
-    return np.concatenate([[0.0], np.cumsum(np.log((trials + 1 - drawn) / drawn))])
-
-
-def _chance(log_ways: NDArray[np.float64], p: float, first: int, last: int) -> float:
-    """Return the chance of ``first`` to ``last`` successes where each trial has the chance ``p``, inside 0..1."""
-    successes = np.arange(first, last + 1)
-    failures = len(log_ways) - 1 - successes
-    return float(np.exp(log_ways[successes] + successes * math.log(p) + failures * math.log1p(-p)).sum())
-
-
-def _bisected(too_low: Callable[[float], bool]) -> float:
-    """Return the proportion at which ``too_low`` changes from true to false."""
-    low, high = 0.0, 1.0
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if too_low(middle) else (low, middle)
-    return (low + high) / 2
+    interval = binomtest(successes, trials).proportion_ci(method="exact")
+    return float(interval.low), float(interval.high)

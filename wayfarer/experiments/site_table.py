@@ -43,22 +43,22 @@ def _interventions(summary: AlgorithmSummary) -> str:
 
 
 OUTCOMES = (
-    PaperColumn("trials", lambda s: str(s.trials), lambda _: "10"),
-    PaperColumn("success %\n[95 %]", success, lambda p: number(10.0 * p.successes)),
-    PaperColumn("entrapped", lambda s: str(s.entrapped), lambda p: str(10 - p.successes)),
+    PaperColumn("trials", lambda s: str(s.trials), papers=lambda _: "10"),
+    PaperColumn("success %\n[95 %]", success, papers=lambda p: number(10.0 * p.successes)),
+    PaperColumn("entrapped", lambda s: str(s.entrapped), papers=lambda p: str(10 - p.successes)),
     PaperColumn("left\nbounds", lambda s: str(s.left_bounds)),
 )
 MEASURES = (
     PaperColumn(
         "time s\nmean ± SD",
         lambda s: mean_and_sd(s.escape_mean_s, s.escape_sd_s),
-        lambda p: mean_and_sd(p.mean_s, p.sd_s),
+        papers=lambda p: mean_and_sd(p.mean_s, p.sd_s),
     ),
     PaperColumn("median\ns", lambda s: number(s.escape_median_s)),
     PaperColumn(
         "interventions\nin ten trials",
         _interventions,
-        lambda p: number(float(p.interventions)),
+        papers=lambda p: number(float(p.interventions)),
     ),
     PaperColumn("path m\nmean ± SD", lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m)),
     PaperColumn("SPL", lambda s: number(s.spl, 3)),

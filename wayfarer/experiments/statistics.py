@@ -15,6 +15,14 @@ from wayfarer.experiments.rows import SUCCESSES, TrialRow
 Z_95 = statistics.NormalDist().inv_cdf(0.975)
 
 
+class Estimate(NamedTuple):
+    """A value and its 95 % interval, in the value's unit."""
+
+    value: float
+    low: float
+    high: float
+
+
 class SampleSpread(NamedTuple):
     """Mean, sample standard deviation and median; None where there are too few values to tell."""
 
@@ -59,6 +67,8 @@ class AlgorithmSummary:
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     """Return the 95 % score interval of a proportion, within 0..1 (E. B. Wilson, JASA 22, 1927).
+
+    Every table has it: in closed form, because ``scipy.stats`` takes a second to import.
 
     Raises:
         ValueError: no trials, or more successes than trials.

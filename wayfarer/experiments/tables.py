@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
 from wayfarer.experiments.statistics import AlgorithmSummary
+from wayfarer.views.text.terminal_table import Column, add_row, print_in_full, table
 
 
 class PaperFigures(NamedTuple):
@@ -31,11 +31,9 @@ PAPER: Mapping[str, PaperFigures] = {
 
 
 @dataclass(frozen=True, slots=True)
-class PaperColumn:
+class PaperColumn(Column[AlgorithmSummary]):
     """One column: how it reads for a summary, and for the paper's figures."""
 
-    title: str
-    ours: Callable[[AlgorithmSummary], str]
     papers: Callable[[Any], str] = lambda _: ""
 
 
@@ -63,10 +61,10 @@ def success(summary: AlgorithmSummary) -> str:
     return f"{summary.success_percent:.1f} [{low:.1f}, {high:.1f}]"
 
 
-NAME = PaperColumn("algorithm", lambda s: s.algorithm, lambda _: "  paper")
+NAME = PaperColumn("algorithm", lambda s: s.algorithm, left=True, papers=lambda _: "  paper")
 OUTCOMES = (
     PaperColumn("trials", lambda s: str(s.trials)),
-    PaperColumn("success %\n[95 %]", success, lambda p: number(p.success_percent)),
+    PaperColumn("success %\n[95 %]", success, papers=lambda p: number(p.success_percent)),
     PaperColumn("entrapped", lambda s: str(s.entrapped)),
     PaperColumn("left\nbounds", lambda s: str(s.left_bounds)),
     PaperColumn("tipped", lambda s: str(s.tipped)),
@@ -76,7 +74,7 @@ PATHS = (
     PaperColumn(
         "path m\nmean ± SD",
         lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m),
-        lambda p: mean_and_sd(p.path_mean_m, p.path_sd_m),
+        papers=lambda p: mean_and_sd(p.path_mean_m, p.path_sd_m),
     ),
     PaperColumn("median\nm", lambda s: number(s.path_median_m)),
     PaperColumn("SPL", lambda s: number(s.spl, 3)),
@@ -92,27 +90,19 @@ def print_table(console: Console, summaries: Sequence[AlgorithmSummary], layout:
     """Print one table, or where the console is too narrow for it outcomes and measures below each other."""
     faults = (FAULTS,) if any(summary.fault for summary in summaries) else ()
     outcomes = (*layout.outcomes, *faults)
-    whole = _table(summaries, (NAME, *outcomes, *layout.measures), layout.paper)
-    unbounded = console.options.update(max_width=1000)
-    fits = console.measure(whole, options=unbounded).maximum <= console.width
-    parts = [whole] if fits else _two(summaries, outcomes, layout)
-    for table in parts:
-        console.print(table)
-        console.print()
-
-
-def _two(summaries: Sequence[AlgorithmSummary], outcomes: Sequence[PaperColumn], layout: Layout) -> list[Table]:
-    return [_table(summaries, (NAME, *columns), layout.paper) for columns in (outcomes, layout.measures)]
+    whole, *parts = (
+        _table(summaries, (NAME, *columns), layout.paper)
+        for columns in ((*outcomes, *layout.measures), outcomes, layout.measures)
+    )
+    print_in_full(console, whole, parts)
 
 
 def _table(summaries: Sequence[AlgorithmSummary], columns: Sequence[PaperColumn], papers: Mapping[str, Any]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
-    for column in columns:
-        table.add_column(column.title, justify="left" if column is NAME else "right", no_wrap=True)
+    made = table(columns)
     for summary in summaries:
-        table.add_row(*(column.ours(summary) for column in columns))
+        add_row(made, (column.cell(summary) for column in columns))
         paper = papers.get(summary.algorithm)
         cells = [column.papers(paper) for column in columns] if paper else []
         if any(cells[1:]):
-            table.add_row(*cells, style="dim")
-    return table
+            add_row(made, cells, style="dim")
+    return made

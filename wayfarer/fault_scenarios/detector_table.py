@@ -6,9 +6,9 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
-from statistics import median, quantiles
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -23,20 +23,25 @@ from wayfarer.fault_scenarios.batch_progress import shown, worker_death_explaine
 from wayfarer.fault_scenarios.detector_score import NOTHING, Score
 from wayfarer.fault_scenarios.detector_trials import CELLS, DetectorCase, DetectorRunner, DetectorTask, Scores
 from wayfarer.fieldlog.atomic_file import whole_file
+from wayfarer.views.text.terminal_table import Column
+from wayfarer.views.text.terminal_table import table as terminal_table
 
 TRIALS = 50  # of each cell, where nobody says how many
 JSON_FILE = "detector.json"
-SLIP = "slip\nm"  # in MuJoCo the friction is in its place
-TITLES = (
-    "anomaly", SLIP, "\nnoise", "\nepisodes", "\nrecall", "at\nleast", "\nclaims", "preci-\nsion",
-    "at\nleast", "delay\ns", "p95\ns",
-)  # fmt: skip
 LEGEND = (
     "recall: share of episodes that were noticed; precision: share of claims that were true",
     "at least: lower end of the 95 % interval; delay: from an episode's beginning to its claim, median",
 )
 
 Measured = Mapping[DetectorCase, Scores]
+
+
+class DetectorRow(NamedTuple):
+    """How well one anomaly was noticed in the trials of one cell."""
+
+    anomaly: Anomaly
+    cell: DetectorCase
+    score: Score
 
 
 def run_detector(
@@ -85,30 +90,31 @@ def together(scores: Sequence[Scores]) -> Scores:
     return {anomaly: sum((each[anomaly] for each in scores), NOTHING) for anomaly in Anomaly}
 
 
-def rows(measured: Measured) -> Iterator[tuple[Anomaly, DetectorCase, Score]]:
+def rows(measured: Measured) -> Iterator[DetectorRow]:
     """Yield the rows of the table: contact for touches, motion for all else."""
     for anomaly in Anomaly:
         for cell, scores in measured.items():
             if (cell.source == "contact") is (anomaly is Anomaly.TOUCHED):
-                yield anomaly, cell, scores[anomaly]
+                yield DetectorRow(anomaly, cell, scores[anomaly])
 
 
 def table(measured: Measured) -> Table:
     """Return the table for a terminal."""
-    made = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     in_mujoco = any(cell.friction is not None for cell in measured)
-    for title in TITLES:
-        shown_title = "fric-\ntion" if in_mujoco and title == SLIP else title
-        made.add_column(shown_title, justify="left" if title == TITLES[0] else "right")
-    for anomaly, cell, each in rows(measured):
-        delay = delay_s(each)
-        made.add_row(
-            anomaly.value, f"{cell.slip_mean_m if cell.friction is None else cell.friction:g}", f"{cell.noise:g}x",
-            str(each.episodes),
-            *_share(each.found, each.episodes), str(each.claims), *_share(each.right, each.claims),
-            *(("-", "-") if delay is None else (f"{seconds:.2f}" for seconds in delay)),
-        )  # fmt: skip
-    return made
+    columns: list[Column[DetectorRow]] = [
+        Column("anomaly", lambda row: row.anomaly.value, left=True),
+        Column("fric-\ntion" if in_mujoco else "slip\nm", lambda row: _ground(row.cell)),
+        Column("noise", lambda row: f"{row.cell.noise:g}x"),
+        Column("episodes", lambda row: str(row.score.episodes)),
+        Column("recall", lambda row: _share(row.score.found, row.score.episodes)),
+        Column("at\nleast", lambda row: _share_at_least(row.score.found, row.score.episodes)),
+        Column("claims", lambda row: str(row.score.claims)),
+        Column("preci-\nsion", lambda row: _share(row.score.right, row.score.claims)),
+        Column("at\nleast", lambda row: _share_at_least(row.score.right, row.score.claims)),
+        Column("delay\ns", lambda row: _delay(row.score, 0)),
+        Column("p95\ns", lambda row: _delay(row.score, 1)),
+    ]
+    return terminal_table(columns, rows(measured), gap=1)
 
 
 def as_json(measured: Measured) -> list[dict[str, Any]]:
@@ -123,11 +129,23 @@ def delay_s(each: Score) -> tuple[float, float] | None:
     """Return median and 95th percentile, or None of too few."""
     if len(each.delays_s) < 2:
         return None
-    return median(each.delays_s), quantiles(each.delays_s, n=20)[-1]
+    middle, late = np.quantile(each.delays_s, (0.5, 0.95), method="weibull").tolist()
+    return middle, late
 
 
-def _share(part: int, whole: int) -> tuple[str, str]:
-    """Return a share and the lower end of its interval."""
-    if not whole:
-        return "-", "-"
-    return f"{part / whole:.3f}", f"{wilson_interval(part, whole)[0]:.3f}"
+def _ground(cell: DetectorCase) -> str:
+    return f"{cell.slip_mean_m if cell.friction is None else cell.friction:g}"
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{part / whole:.3f}" if whole else "-"
+
+
+def _share_at_least(part: int, whole: int) -> str:
+    """Return the lower end of a share's interval."""
+    return f"{wilson_interval(part, whole)[0]:.3f}" if whole else "-"
+
+
+def _delay(each: Score, which: int) -> str:
+    delay = delay_s(each)
+    return "-" if delay is None else f"{delay[which]:.2f}"

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from wayfarer.experiments.progress_bar import say
 from wayfarer.fault_scenarios.result import Result, Tried
 from wayfarer.fault_scenarios.scenario import Reached
 from wayfarer.fault_scenarios.selection import Row
+from wayfarer.views.text.terminal_table import Column, table
 
 LEGEND = (
     "S0 note, S1 degrade, S2 hold, S3 fault until re-armed, S4 the board's deadman",
@@ -27,15 +25,8 @@ _HOW = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class ResultColumn:
-    """One column; shown on terminals of at least ``from_width`` columns. One that is ``text`` may be wrapped."""
-
-    title: str
-    cell: Callable[[Result], str | Text]
-    from_width: int = 0
-    text: bool = False
-    right: bool = False
+def _number(row: int | None) -> str:
+    return "" if row is None else str(row)
 
 
 def _seconds(value: float | None) -> str:
@@ -52,19 +43,25 @@ def _verdict(result: Result) -> Text:
     return Text("ok", "green") if result.passed else Text("FAILED", "bold red")
 
 
-COLUMNS = (
-    ResultColumn("row", lambda each: "" if each.row is None else str(each.row), right=True),
-    ResultColumn("fault", lambda each: each.name),
-    ResultColumn("what happens", lambda each: each.about, from_width=150, text=True),
-    ResultColumn("asked for", lambda each: each.asked, from_width=105, text=True),
-    ResultColumn("level\nwanted", lambda each: _level(each, each.expected)),
-    ResultColumn("level\ngot", lambda each: _level(each, each.reached)),
-    ResultColumn("by", lambda each: each.cause, from_width=130),
-    ResultColumn("seen\nafter", lambda each: _seconds(each.detected_s), right=True),
-    ResultColumn("stopped\nafter", lambda each: _seconds(each.stopped_s), right=True),
-    ResultColumn("bound", lambda each: _seconds(each.within_s), right=True),
-    ResultColumn("verdict", _verdict),
-    ResultColumn("first changed", lambda each: each.changed, from_width=190, text=True),
+# With the width of the terminal from which on a column is shown.
+COLUMNS: tuple[tuple[int, Column[Result]], ...] = (
+    (0, Column("row", lambda each: _number(each.row))),
+    (0, Column("fault", lambda each: each.name, left=True)),
+    (150, Column("what happens", lambda each: each.about, left=True, wraps=True)),
+    (105, Column("asked for", lambda each: each.asked, left=True, wraps=True)),
+    (0, Column("level\nwanted", lambda each: _level(each, each.expected), left=True)),
+    (0, Column("level\ngot", lambda each: _level(each, each.reached), left=True)),
+    (130, Column("by", lambda each: each.cause, left=True)),
+    (0, Column("seen\nafter", lambda each: _seconds(each.detected_s))),
+    (0, Column("stopped\nafter", lambda each: _seconds(each.stopped_s))),
+    (0, Column("bound", lambda each: _seconds(each.within_s))),
+    (0, Column("verdict", _verdict, left=True)),
+    (190, Column("first changed", lambda each: each.changed, left=True, wraps=True)),
+)
+LISTED: tuple[Column[Row], ...] = (
+    Column("row", lambda each: _number(each.row)),
+    Column("name", lambda each: each.name, left=True),
+    Column("what happens", lambda each: each.about, left=True, wraps=True),
 )
 
 
@@ -76,7 +73,8 @@ def print_results(console: Console, results: Sequence[Result], untried: Sequence
         results: in the order of the table.
         untried: rows of the field catalogue that nothing tries.
     """
-    console.print(_table(console.width, results))
+    shown = [column for from_width, column in COLUMNS if from_width <= console.width]
+    console.print(table(shown, results))
     for line in LEGEND:
         say(console, line)
     _section(console, "Not as expected", _problems(results))
@@ -97,11 +95,7 @@ def skipped_lines(skipped: Iterable[Result]) -> Iterator[str]:
 
 def print_list(console: Console, rows: Sequence[Row]) -> None:
     """Print what there is to run."""
-    table = Table("row", "name", "what happens", box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    table.columns[0].justify, table.columns[1].no_wrap = "right", True
-    for row in rows:
-        table.add_row(Text("" if row.row is None else str(row.row)), Text(row.name), Text(row.about))
-    console.print(table)
+    console.print(table(LISTED, rows))
 
 
 def summed_up(results: Sequence[Result], untried: Sequence[int] = ()) -> Iterator[str]:
@@ -117,17 +111,6 @@ def summed_up(results: Sequence[Result], untried: Sequence[int] = ()) -> Iterato
         in_part = {each.row for each in results if each.skipped and each.row is not None} - failed
         skipped = f"; {len(in_part)} not wholly tried" if in_part else ""
         yield f"{len(rows - failed - in_part)} of {len(rows) + len(untried)} rows of the catalogue as expected{skipped}"
-
-
-def _table(width: int, results: Iterable[Result]) -> Table:
-    columns = [column for column in COLUMNS if column.from_width <= width]
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    for column in columns:
-        table.add_column(column.title, justify="right" if column.right else "left", no_wrap=not column.text)
-    for each in results:
-        cells = (column.cell(each) for column in columns)
-        table.add_row(*(cell if isinstance(cell, Text) else Text(cell) for cell in cells))
-    return table
 
 
 def _problems(results: Iterable[Result]) -> Iterator[str]:

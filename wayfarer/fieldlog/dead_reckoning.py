@@ -6,8 +6,9 @@ which way. Good enough to draw a path and to search for a lost rover; no decisio
 
 from __future__ import annotations
 
-from math import cos, radians, sin
 from typing import Any, NamedTuple
+
+from wayfarer.angles import displacement_m
 
 QUALITY_MIN = 0.2  # as ``DetectorSettings.quality_min``: below it the sensor cannot tell
 GAP_S = 1.0  # no tick is that late: records are missing, and nobody knows what the wheels did meanwhile
@@ -55,9 +56,9 @@ class DeadReckoning:
         forward_m, right_m = self._gone(tick.get("motion"), t_s)
         if heading_deg is None:
             return None
-        ahead_rad = radians(heading_deg)
-        self._north_m += forward_m * cos(ahead_rad) - right_m * sin(ahead_rad)
-        self._east_m += forward_m * sin(ahead_rad) + right_m * cos(ahead_rad)
+        north_m, east_m = displacement_m(heading_deg, forward_m, right_m)
+        self._north_m += north_m
+        self._east_m += east_m
         self.path_m += abs(forward_m)
         self.place = ReckonedPose(t_s, self._north_m, self._east_m, heading_deg)
         return self.place

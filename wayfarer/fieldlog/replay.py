@@ -25,6 +25,7 @@ from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.records import PartialLog
 from wayfarer.control.supervisor import make_detector, needs_of
 from wayfarer.errors import BadInput, DriverError
+from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.log import tick_fields
 from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.fieldlog.schema import SCHEMA
@@ -97,12 +98,11 @@ class Rerun:
 
     def __init__(self, run: Path, header: Record, config: RoverConfig | None) -> None:
         try:
-            self._make(header, config or _config_of(run, header))
+            self._make(header, _algorithm_of(run, header), config or _config_of(run, header))
         except (KeyError, TypeError, AttributeError):
             raise BadInput(f"{run} cannot be replayed: its first record does not say all that ran") from None
 
-    def _make(self, header: Record, config: RoverConfig) -> None:
-        algorithm = find_algorithm(header["algorithm"])
+    def _make(self, header: Record, algorithm: Algorithm, config: RoverConfig) -> None:
         handler = algorithm.make(config.escape, config.vehicle, Random(header["algorithm_seed"]))
         detector = make_detector(config, needs_of(algorithm, config), watches_motion="motion" in header["parts"])
         self._motors = LoggedMotors()
@@ -187,6 +187,13 @@ def compare(logged: Record, today: Mapping[str, Any]) -> DecisionDifference | No
         if logged.get(key) != today.get(key):
             return DecisionDifference(logged["t_s"], logged.get("n"), key, logged.get(key), today.get(key))
     return None
+
+
+def _algorithm_of(run: Path, header: Record) -> Algorithm:
+    try:
+        return find_algorithm(header["algorithm"])
+    except BadInput as error:
+        raise BadInput(f"{run} cannot be replayed: {error}") from None
 
 
 def _config_of(run: Path, header: Record) -> RoverConfig:

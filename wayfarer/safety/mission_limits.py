@@ -7,14 +7,14 @@ decisions see neither.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, hypot, inf, isfinite, radians, sin
+from math import hypot, inf, isfinite
 
+from wayfarer.angles import displacement_m, offset_m
 from wayfarer.hal import PositionFix
 from wayfarer.safety.gate import SafetySettings
 
 FIX_FRESH_S = 3.0  # an older fix does not count (field catalogue, fault 56)
 FIXES_BEYOND = 5  # fixes in a row, so that one that jumps ends nothing
-METRES_PER_DEG = 111_320.0  # of latitude; plenty for a limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +43,9 @@ class Mission:
     def advance(self, forward_m: float, heading_deg: float) -> None:
         """Take what was commanded since the last tick."""
         self.travelled_m += abs(forward_m)
-        heading_rad = radians(heading_deg)
-        self.north_m += forward_m * cos(heading_rad)
-        self.east_m += forward_m * sin(heading_rad)
+        north_m, east_m = displacement_m(heading_deg, forward_m)
+        self.north_m += north_m
+        self.east_m += east_m
 
     def position(self, fix: PositionFix) -> None:
         """Take a fix; the first one is the start. One that no receiver can give is none (field catalogue, fault 8)."""
@@ -54,10 +54,7 @@ class Mission:
         if self._home is None:
             self._home = fix
         self._fix_t_s = fix.t_s
-        north_m = (fix.latitude_deg - self._home.latitude_deg) * METRES_PER_DEG
-        east_deg = (fix.longitude_deg - self._home.longitude_deg + 180.0) % 360.0 - 180.0
-        east_m = east_deg * METRES_PER_DEG * cos(radians(self._home.latitude_deg))
-        self._fixes_beyond = self._fixes_beyond + 1 if hypot(north_m, east_m) >= self._radius_m else 0
+        self._fixes_beyond = self._fixes_beyond + 1 if hypot(*offset_m(self._home, fix)) >= self._radius_m else 0
 
     def end(self, t_s: float) -> RunEnd | None:
         """Return which limit is reached, or None."""

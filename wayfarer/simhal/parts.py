@@ -7,18 +7,17 @@ sides of a bumper, wheels in the steps of a motor board. None knows more of the 
 from __future__ import annotations
 
 from asyncio import get_running_loop, sleep
-from math import cos, radians
 
+from wayfarer.angles import coordinates_deg
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, PositionFix, WheelCommand
-from wayfarer.safety.mission_limits import METRES_PER_DEG
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 FLOW_QUALITY = 0.8
 DEADMAN_S = 0.3  # as forestrover.toml sets its Sabertooth's
-ORIGIN_DEG = 51.0, 0.0  # latitude and longitude of the forest's corner; nothing depends on it
 FIX_ERROR_M = 3.0  # standard deviation of each axis under trees; from no source
+ORIGIN = PositionFix(0.0, 51.0, 0.0, FIX_ERROR_M)  # the forest's corner; nothing depends on where it is
 
 
 class SimPart:
@@ -120,14 +119,8 @@ class SimReceiver(SimPart):
         t_s, world = self._time(), self._world
         world.tick_chips()
         world.advance_to(t_s)
-        latitude_deg, longitude_deg = ORIGIN_DEG
         north_m, east_m = world.y_m + self._error_m(), world.x_m + self._error_m()
-        return PositionFix(
-            t_s,
-            latitude_deg + north_m / METRES_PER_DEG,
-            longitude_deg + east_m / (METRES_PER_DEG * cos(radians(latitude_deg))),
-            FIX_ERROR_M,
-        )
+        return PositionFix(t_s, *coordinates_deg(ORIGIN, north_m, east_m), FIX_ERROR_M)
 
 
 class SimMotors(SimPart):

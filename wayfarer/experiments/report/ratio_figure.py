@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -30,9 +31,12 @@ def ratios(rows: Sequence[TrialRow]) -> list[float]:
     )
 
 
-def quantile(ascending: Sequence[float], share: float) -> float:
-    """Return the smallest value that at least this share, above 0 and up to 1, of the values does not exceed."""
-    return ascending[math.ceil(share * len(ascending) - 1e-9) - 1]
+def quantile(values: Sequence[float], share: float) -> float:
+    """Return the smallest value that at least this share, above 0 and up to 1, of the values does not exceed.
+
+    It is one of them, never between two: between a path and a failure, which is infinite, there is nothing.
+    """
+    return float(np.quantile(values, share, method="inverted_cdf"))
 
 
 def ratio_figure(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> Figure:

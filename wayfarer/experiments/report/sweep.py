@@ -10,8 +10,9 @@ from wayfarer.experiments.report import words
 from wayfarer.experiments.report.sweep_curves import curves_figure
 from wayfarer.experiments.report.sweep_maps import maps_figure
 from wayfarer.experiments.report.sweep_reading import SweepResults, read_sweep
+from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.sweep.axes import Value
-from wayfarer.experiments.sweep.measures import MEASURES, Estimate, spl_difference
+from wayfarer.experiments.sweep.measures import MEASURES, spl_difference
 from wayfarer.views.run_report import page
 from wayfarer.views.run_report.drawing import house_style, save
 

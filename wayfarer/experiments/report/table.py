@@ -35,6 +35,6 @@ def _rows(results: Results, columns: Sequence[PaperColumn]) -> Iterator[tuple[st
     for group in grouped(results.settings.algorithms):
         yield "group", [group.title, *[""] * (len(columns) - 1)]
         for name in group.algorithms:
-            yield "ours", [column.ours(results.summaries[name]) for column in columns]
+            yield "ours", [str(column.cell(results.summaries[name])) for column in columns]
             if paper := PAPER.get(name):
                 yield "paper", [column.papers(paper).strip() for column in columns]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments.commands import INTERRUPTED
@@ -16,11 +16,20 @@ from wayfarer.experiments.executors import RunTrial, field_trial
 from wayfarer.experiments.progress_bar import say, shown_progress
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.sweep.folder import SweepFolder
-from wayfarer.experiments.sweep.grid import PointTask, Sweep
-from wayfarer.experiments.sweep.measures import MEASURES, by_cell
+from wayfarer.experiments.sweep.grid import Sweep
+from wayfarer.experiments.sweep.measures import MEASURES, Measure, by_cell
 from wayfarer.experiments.sweep.run import run
+from wayfarer.views.text.terminal_table import Column, table
 
 LEGEND = "success: escaped or left the map; path: mean of the successes; the report has the 95 % intervals"
+
+
+class _Cell(NamedTuple):
+    """What one algorithm did at one point."""
+
+    point: int
+    algorithm: str
+    rows: list[TrialRow]
 
 
 def run_all(sweep: Sweep, out: Path, *, resume: bool = False, jobs: int = 1, run_trial: RunTrial = field_trial) -> int:
@@ -46,18 +55,26 @@ def run_all(sweep: Sweep, out: Path, *, resume: bool = False, jobs: int = 1, run
         say(aside, f"interrupted: {len(rows)} of {total} trials are kept in {out}; add --resume to go on")
         return INTERRUPTED
     console = Console()
-    console.print(_table(sweep, rows))
+    cells = [_Cell(point, name, found) for (point, name), found in by_cell(rows).items()]
+    cells.sort(key=lambda cell: sweep.base.algorithms.index(cell.algorithm))
+    console.print(table(list(_columns(sweep)), cells))
     say(console, LEGEND)
     say(aside, f"the results are in {out}; `wayfarer report {out}` draws them")
     return 0
 
 
-def _table(sweep: Sweep, rows: Mapping[PointTask, TrialRow]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
-    swept = [axis.key.rpartition(".")[2] for axis in sweep.axes]
-    for title in ("algorithm", *swept, *(measure.title for measure in MEASURES)):
-        table.add_column(title.replace(", ", "\n"), justify="left" if title == "algorithm" else "right", no_wrap=True)
-    for (point, name), found in sorted(by_cell(rows).items(), key=lambda cell: sweep.base.algorithms.index(cell[0][1])):
-        estimates = ["" if (e := m.of(found)) is None else f"{e.value:.{m.decimals}f}" for m in MEASURES]
-        table.add_row(name, *map(str, sweep.points[point].values), *estimates)
-    return table
+def _columns(sweep: Sweep) -> Iterator[Column[_Cell]]:
+    yield Column("algorithm", lambda cell: cell.algorithm, left=True)
+    for number, axis in enumerate(sweep.axes):
+        yield Column(axis.key.rpartition(".")[2], partial(_swept, sweep, number))
+    for measure in MEASURES:
+        yield Column(measure.title.replace(", ", "\n"), partial(_measured, measure))
+
+
+def _swept(sweep: Sweep, number: int, cell: _Cell) -> str:
+    return str(sweep.points[cell.point].values[number])
+
+
+def _measured(measure: Measure, cell: _Cell) -> str:
+    estimate = measure.of(cell.rows)
+    return "" if estimate is None else f"{estimate.value:.{measure.decimals}f}"

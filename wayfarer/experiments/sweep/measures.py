@@ -6,19 +6,10 @@ import math
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
-from wayfarer.experiments.statistics import Z_95, wilson_interval
+from wayfarer.experiments.statistics import Z_95, Estimate, wilson_interval
 from wayfarer.experiments.sweep.grid import PointTask
-
-
-class Estimate(NamedTuple):
-    """A value and its 95 % interval, in the value's unit."""
-
-    value: float
-    low: float
-    high: float
 
 
 def share(rows: Sequence[TrialRow], outcomes: Sequence[str]) -> Estimate:

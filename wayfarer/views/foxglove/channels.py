@@ -25,7 +25,16 @@ from wayfarer.fieldlog.reader import Record
 from wayfarer.views.foxglove.notes import Notes
 from wayfarer.views.foxglove.places import Places
 from wayfarer.views.foxglove.plots import PLOTS, Plot
-from wayfarer.views.foxglove.scene import ROVER, TRUTH, body_scene, forest_scene, orientation, path_scene, transform
+from wayfarer.views.foxglove.scene import (
+    ROVER,
+    TRUTH,
+    body_scene,
+    forest_scene,
+    orientation,
+    path_scene,
+    point,
+    transform,
+)
 
 # What is raised by a record that is JSON but not as its schema says: mended by hand, or of another's making.
 ODD = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
@@ -122,7 +131,7 @@ class Channels:
 
     def _path(self, frame: str, _record: Record, at: MessageTime) -> Iterator[SceneUpdate]:
         if points := self._places.paths[frame].points:
-            yield path_scene(at.stamp, frame, points)
+            yield path_scene(at.stamp, frame, [point(east_m, north_m) for east_m, north_m, _ in points])
 
 
 def _send(row: Row, record: Record, time_s: float) -> int:

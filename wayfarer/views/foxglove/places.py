@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from foxglove.messages import Point3
-
 from wayfarer.fieldlog.dead_reckoning import DeadReckoning, ReckonedPose
 from wayfarer.fieldlog.reader import Record
-from wayfarer.views.foxglove.path import ThinnedPath
-from wayfarer.views.foxglove.scene import ROVER, TRUTH, point
+from wayfarer.views.foxglove.scene import ROVER, TRUTH
+from wayfarer.views.trail import Trail
 
+PATH_POINTS = 1000  # at most: 20 kB a message, and drawn anew in a fraction of a millisecond
+PATH_SPACING_M = 0.1  # of the first hundred metres: a quarter of a rover's length
 DRAW_EVERY_S = 1.0  # a path is drawn whole each time, so that the newest message is all that a viewer needs
 
 
@@ -21,7 +21,7 @@ class Places:
 
     def __init__(self) -> None:
         self.header: Record = {}
-        self.paths: dict[str, ThinnedPath[Point3]] = {frame: ThinnedPath(point) for frame in (ROVER, TRUTH)}
+        self.paths = {frame: Trail(PATH_POINTS, PATH_SPACING_M) for frame in (ROVER, TRUTH)}
         self._reckoning = DeadReckoning({})
         self._start_m = (0.0, 0.0)
         self._drawn_s = dict.fromkeys(self.paths, float("-inf"))
@@ -63,4 +63,5 @@ class Places:
             self._reckoning = DeadReckoning(header)
 
     def _grow(self, frame: str, x_m: float, y_m: float) -> None:
-        self._grown[frame] |= self.paths[frame].take(x_m, y_m)
+        self._grown[frame] |= self.paths[frame].add(x_m, y_m)
+        self.paths[frame].thin()

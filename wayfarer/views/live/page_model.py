@@ -16,14 +16,16 @@ from typing import Any
 from wayfarer.fieldlog.fields import name, names, number, reckoning, sound_tick, span, table
 from wayfarer.fieldlog.log import Record
 from wayfarer.views.live.sensor_status import SensorStatus
-from wayfarer.views.live.trail import Trail
 from wayfarer.views.live.words import ANOMALIES, CAUSES, PHASES, because, level_text
 from wayfarer.views.text.run_narrator import RunNarrator
 from wayfarer.views.text.wording import Tone
+from wayfarer.views.trail import Trail
 
 LINES = 200  # about the run; half an hour of a rover that drives
 MARKS = 400  # anomalies that are drawn; the oldest go first
 PHASES_KEPT = 400
+TRACK_POINTS = 3000  # some 75 kB for a new viewer; 150 m at the first spacing, 1.2 km at the fourth
+TRACK_SPACING_M = 0.05  # less than the line is wide
 
 # Nobody reads a bumper that no decision uses: it appears on the page when it first speaks.
 SENSORS = ("compass", "motion", "position")
@@ -37,7 +39,7 @@ class PageModel:
 
     def __init__(self) -> None:
         self._narrator = RunNarrator()
-        self._trail = Trail()
+        self._trail = Trail(TRACK_POINTS, TRACK_SPACING_M)
         self._lines: deque[list[str]] = deque(maxlen=LINES)
         self._marks: deque[list[Any]] = deque(maxlen=MARKS)
         self._phases: deque[list[Any]] = deque(maxlen=PHASES_KEPT)
@@ -196,7 +198,7 @@ class PageModel:
 
     def _move(self, east_m: float, north_m: float, heading_deg: float) -> None:
         self._place = (round(east_m, 3), round(north_m, 3), round(heading_deg, 1))
-        if self._trail.add(east_m, north_m, name(self._tick, "phase") or ""):
+        if self._trail.add(*self._place[:2], name(self._tick, "phase") or ""):
             self._news.setdefault("track", []).append(self._trail.points[-1])
 
     def _note_anomalies(self, fresh: set[str]) -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from math import cos, isnan, radians
+from math import isnan
 from statistics import median
 from typing import NamedTuple
 
-from wayfarer.angles import wrap180
-from wayfarer.safety.mission_limits import METRES_PER_DEG
+from wayfarer.angles import offset_m, wrap180
 from wayfarer.views.run_report.data import MapFix
 
 FAR_M = 10_000.0  # from the middle of all fixes: no rover walks there, a receiver that just woke up says so
@@ -33,7 +32,7 @@ def local_metres(fixes: list[MapFix]) -> list[LocalFix]:
     first = near[0]
     north_m, east_m = (0.0 if isnan(place_m) else place_m for place_m in (first.north_m, first.east_m))
     return [
-        LocalFix(north_m + dn_m, east_m + de_m, fix.error_m) for fix in near for dn_m, de_m in [_offset(first, fix)]
+        LocalFix(north_m + dn_m, east_m + de_m, fix.error_m) for fix in near for dn_m, de_m in [offset_m(first, fix)]
     ]
 
 
@@ -45,11 +44,4 @@ def _believable(fixes: list[MapFix]) -> list[MapFix]:
         latitude_deg=median(fix.latitude_deg for fix in fixes),
         longitude_deg=first.longitude_deg + median(wrap180(fix.longitude_deg - first.longitude_deg) for fix in fixes),
     )
-    return [fix for fix in fixes if max(map(abs, _offset(middle, fix))) < FAR_M]
-
-
-def _offset(origin: MapFix, fix: MapFix) -> tuple[float, float]:
-    """Return metres north and east of an origin, on a plane."""
-    north_m = (fix.latitude_deg - origin.latitude_deg) * METRES_PER_DEG
-    east_deg = wrap180(fix.longitude_deg - origin.longitude_deg)
-    return north_m, east_deg * METRES_PER_DEG * cos(radians(origin.latitude_deg))
+    return [fix for fix in fixes if max(map(abs, offset_m(middle, fix))) < FAR_M]

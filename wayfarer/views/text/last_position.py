@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, cos, degrees, hypot, isfinite, radians
+from math import atan2, degrees, hypot, isfinite
 
-from wayfarer.angles import wrap180, wrap360
+from wayfarer.angles import offset_m, wrap360
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.fields import number
 from wayfarer.fieldlog.reader import Record
-from wayfarer.safety.mission_limits import METRES_PER_DEG
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,11 +95,7 @@ class PositionTracker:
 
     def _by_receiver(self) -> RangeBearing | None:
         first, last = self._first_fix, self._last_fix
-        if first is None or last is None:
-            return None
-        north_m = (last.latitude_deg - first.latitude_deg) * METRES_PER_DEG
-        east_deg = wrap180(last.longitude_deg - first.longitude_deg)
-        return _offset(north_m, east_deg * METRES_PER_DEG * cos(radians(first.latitude_deg)))
+        return None if first is None or last is None else _offset(*offset_m(first, last))
 
 
 def _offset(north_m: float, east_m: float) -> RangeBearing | None:

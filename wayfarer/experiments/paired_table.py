@@ -1,0 +1,54 @@
+"""The table of ``wayfarer compare``: how each algorithm differs from one of them, and how it can fail."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console
+
+from wayfarer.experiments.paired_statistics import Comparison
+from wayfarer.experiments.rows import SUCCESSES
+from wayfarer.experiments.statistics import Estimate
+from wayfarer.views.text.terminal_table import Column, print_in_full, table
+
+LEGEND = """change: against the baseline, mean over pairs of the same forest and noise; 95 % by bootstrap of {} layouts
+path: pairs in which both escaped; a shorter path is negative
+shares: exact 95 % intervals; worst: a failed trial, else the longest path"""
+
+
+def print_comparison(console: Console, algorithms: Sequence[Comparison]) -> None:
+    """Print one table, or where the console is too narrow for it gains and outcomes below each other."""
+    whole, *parts = (table((NAME, *columns), algorithms) for columns in ((*GAINS, *OUTCOMES), GAINS, OUTCOMES))
+    print_in_full(console, whole, parts)
+    console.print(LEGEND.format(algorithms[0].layouts), highlight=False, soft_wrap=True)
+
+
+def _gain(gain: Estimate | None, decimals: int) -> str:
+    if gain is None:
+        return ""
+    return f"{gain.value:+.{decimals}f} [{gain.low:+.{decimals}f}, {gain.high:+.{decimals}f}]"
+
+
+def _share(share: Estimate, decimals: int) -> str:
+    percent, low, high = (100 * part for part in share)
+    return f"{percent:.{decimals}f} [{low:.{decimals}f}, {high:.{decimals}f}]"
+
+
+def _worst(one: Comparison) -> str:
+    row = one.worst
+    what = row.outcome if row.outcome not in SUCCESSES or row.path_m is None else f"{row.path_m:.0f} m"
+    return f"{what}, {row.forest}/{row.noise}"
+
+
+NAME: Column[Comparison] = Column("algorithm", lambda one: one.algorithm, left=True)
+GAINS: tuple[Column[Comparison], ...] = (
+    Column("trials", lambda one: str(one.trials)),
+    Column("SPL", lambda one: "" if one.spl is None else f"{one.spl:.3f}"),
+    Column("SPL change\n[95 %]", lambda one: _gain(one.spl_gain, 3)),
+    Column("path change, m\n[95 %]", lambda one: _gain(one.path_gain_m, 1)),
+)
+OUTCOMES: tuple[Column[Comparison], ...] = (
+    Column("entrapped %\n[95 %]", lambda one: _share(one.entrapped, 2)),
+    Column("left bounds %\n[95 %]", lambda one: _share(one.left_bounds, 1)),
+    Column("worst\nforest/noise", _worst),
+)
