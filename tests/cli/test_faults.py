@@ -15,6 +15,7 @@ import pytest
 
 from tests.fault_scenarios import kinds_page
 from wayfarer import cli
+from wayfarer.fault_scenarios.catalogue.held_by_tests import HELD_BY_TESTS
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fieldlog.reader import RunReader
@@ -177,6 +178,25 @@ def test_list_shows_names_and_runs_nothing(capsys: pytest.CaptureFixture[str], m
     assert "board-fault" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("asked", ["35", "sigkill"])
+def test_row_that_a_test_holds_names_the_test(asked: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["faults", "--only", asked]) == 2
+    out, err = capsys.readouterr()
+    held = HELD_BY_TESTS["sigkill"]
+    assert out == ""
+    assert err == f"wayfarer: sigkill: a test in wayfarer's checkout holds it: pytest {held.file}::{held.function}\n"
+
+
+def test_row_of_a_scenario_and_a_test_runs_the_one_and_names_the_other(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["faults", "--only", "task-crash,algorithm-raises"]) == 0
+    out = capsys.readouterr().out
+    assert f"::{HELD_BY_TESTS['algorithm-raises'].function}" in "".join(out.split())
+    assert out.splitlines()[-2:] == [
+        "1 of 1 scenarios as expected: 1 in virtual time; 1 skipped",
+        "0 of 1 rows of the catalogue as expected; 1 not wholly tried",
+    ]
+
+
 BAD = {
     "no such row": (["--only", "99"], "nothing tries row 99"),
     "no such name": (["--only", "board-falt"], "did you mean board-fault"),
@@ -240,6 +260,12 @@ def test_page_has_every_kind_with_its_parameters(layer: Layer) -> None:
     section = PAGE.partition(f"### `{layer}`\n")[2].partition("\n#")[0]
     listed = [line for line in section.splitlines() if line.startswith("| `")]
     assert listed == kinds_page.rows(layer)
+
+
+def test_page_names_the_test_of_every_fault_that_a_test_holds() -> None:
+    section = PAGE.partition("## Faults that tests hold\n")[2].partition("\n#")[0]
+    assert kinds_page.HELD_HEAD in section
+    assert [line for line in section.splitlines() if line.startswith("| ") and "`" in line] == kinds_page.held()
 
 
 @pytest.mark.slow

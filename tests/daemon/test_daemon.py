@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from tests.fieldlog.disks import FailingCall
-from tests.system.faulty import FAULTY
+from tests.system.buggy_algorithms import RAISES
 from tests.views.text.records import HEADER, drive, event, numbered, write
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon import host_health
@@ -322,7 +322,7 @@ async def test_dry_run_does_everything_but_turn_the_wheels(site: Site) -> None:
 
 
 async def test_bug_ends_the_run_and_is_in_its_log(site: Site) -> None:
-    site.service = replace(site.service, algorithm=FAULTY)
+    site.service = replace(site.service, algorithm=RAISES)
     async with Running(site) as daemon:
         await site.ask("arm", heading_deg=0.0)
         with pytest.raises(ExceptionGroup) as caught:

@@ -88,6 +88,12 @@ def test_unit_starts_this_installation(root: Path, python: Path) -> None:
     assert "@" not in "".join(value for key in unit if key != "SystemCallFilter" for value in unit[key])
 
 
+def test_daemon_that_takes_too_much_memory_is_killed_and_comes_back(root: Path, python: Path) -> None:
+    unit = settings(install.unit_text(root, python))
+    assert unit["MemoryMax"] == ["50%"]
+    assert unit["Restart"] == ["on-failure"]
+
+
 def test_unit_names_only_the_groups_that_exist_there(root: Path, python: Path) -> None:
     assert settings(install.unit_text(root, python))["SupplementaryGroups"] == ["i2c spi"]
 

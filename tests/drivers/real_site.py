@@ -14,8 +14,8 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from tests.drivers.private_dev import PrivateDev, SerialLine
-from wayfarer.fault_scenarios.process_tests.hil_setup import HilSetup
-from wayfarer.fault_scenarios.process_tests.subprocesses import COMMAND_S, WAYFARER
+from tests.system.hil_setup import Site
+from tests.system.subprocesses import COMMAND_S, WAYFARER
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 BOTH = pytest.mark.parametrize("rover", ["forestrover", "minirover"], scope="module")
@@ -50,7 +50,7 @@ def install(version: str, folder: Path) -> Path:
     return folder
 
 
-class RealSite(HilSetup):
+class RealSite(Site):
     """A site whose processes see a private /dev and these libraries; the bench at its other end is the usual one.
 
     Args:

@@ -14,9 +14,9 @@ from itertools import pairwise
 import pytest
 
 from tests.drivers.real_site import BOTH, FORESTROVER, I2C, SERIAL, SPI, RealSite
+from tests.system.hil_setup import wait_for
 from tests.system.test_stop_owners import turn_wheels
-from wayfarer.fault_scenarios.process_tests.hil_setup import wait_for
-from wayfarer.fault_scenarios.process_tests.wheel_history import first_stop, spans, stop_after
+from tests.system.wheel_history import first_stop, spans, stop_after
 
 pytestmark = pytest.mark.slow
 

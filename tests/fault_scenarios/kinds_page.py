@@ -1,4 +1,4 @@
-"""The table of kinds in ``docs/faults.md``: ``python -m tests.fault_scenarios.kinds_page`` prints it again."""
+"""The tables of ``docs/faults.md``: ``python -m tests.fault_scenarios.kinds_page`` prints them again."""
 
 from __future__ import annotations
 
@@ -9,14 +9,28 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from annotated_types import Interval
 
+from wayfarer.fault_scenarios.catalogue.held_by_tests import HELD_BY_TESTS
 from wayfarer.simhal.faults.kinds import KINDS, FaultKind, Layer
 
 HEAD = "| kind | what happens | to | parameters |\n|---|---|---|---|"
+HELD_HEAD = "| row | fault | what happens | level | bound s | test |\n|---|---|---|---|---|---|"
 
 
 def rows(layer: Layer) -> list[str]:
     """The lines of a layer's table."""
     return [_row(name, kind) for name, kind in KINDS.items() if kind.layer is layer]
+
+
+def held() -> list[str]:
+    """The lines of the faults that tests hold."""
+    return [
+        f"| {each.row} | `{each.name}` | {each.about} | {each.level} | {_seconds(each.within_s)} | `{each.test}` |"
+        for each in HELD_BY_TESTS.values()
+    ]
+
+
+def _seconds(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
 
 
 def _row(name: str, kind: FaultKind) -> str:
@@ -55,3 +69,4 @@ def _value(value: Any) -> str:
 if __name__ == "__main__":
     for each_layer in Layer:
         print(f"\n### `{each_layer}`\n", HEAD, *rows(each_layer), sep="\n")
+    print("\n## Faults that tests hold\n", HELD_HEAD, *held(), sep="\n")

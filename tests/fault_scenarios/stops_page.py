@@ -1,6 +1,6 @@
 """The tables of ``docs/what-stops-the-wheels.md``.
 
-``python -m tests.fault_scenarios.stops_page RESULTS DETECTOR`` prints them anew, from what ``wayfarer faults --out
+``python -m tests.fault_scenarios.stops_page RESULTS DETECTOR`` prints them again, from what ``wayfarer faults --out
 RESULTS`` and ``wayfarer faults --detector --out DETECTOR`` kept.
 """
 
@@ -13,14 +13,11 @@ from pathlib import Path
 from typing import Any
 
 STOPPING = ("S2", "S3", "S4")
-STOPS_HEAD = (
-    "| row | fault | what happens | level | by | stopped after s | bound s | tried |\n|---|---|---|---|---|---|---|---|"
-)
+STOPS_HEAD = "| row | fault | what happens | level | by | stopped after s | bound s |\n|---|---|---|---|---|---|---|"
 DETECTOR_HEAD = (
     "| anomaly | slip mean m | noise | episodes | recall | claims | precision | delay s | p95 s |\n"
     "|---|---|---|---|---|---|---|---|---|"
 )
-OWNERS = {"virtual time": "simulated", "real daemon": "daemon", "real command": "command"}
 
 
 def stops(results: Iterable[Mapping[str, Any]]) -> Iterator[str]:
@@ -29,7 +26,7 @@ def stops(results: Iterable[Mapping[str, Any]]) -> Iterator[str]:
         if each["reached"] in STOPPING:
             yield _line(
                 str(each["row"]), f"`{each['name']}`", each["about"], each["reached"], _code(each["cause"]),
-                _seconds(each["stopped_s"]), _seconds(each["within_s"]), OWNERS[each["tried"]],
+                _seconds(each["stopped_s"]), _seconds(each["within_s"]),
             )  # fmt: skip
 
 

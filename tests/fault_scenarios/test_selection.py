@@ -10,9 +10,15 @@ import pytest
 
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.fault_scenarios.catalogue import ROWS, catalogue
-from wayfarer.fault_scenarios.result import Procedure, Result
+from wayfarer.fault_scenarios.catalogue.held_by_tests import FaultTest
 from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario
-from wayfarer.fault_scenarios.selection import Row, chosen, on_another_rover, without_missing_packages
+from wayfarer.fault_scenarios.selection import (
+    Row,
+    chosen,
+    on_another_rover,
+    without_held_by_tests,
+    without_missing_packages,
+)
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults.kinds import Fault
 
@@ -21,15 +27,12 @@ def scenario(name: str, row: int, fault: Fault) -> Scenario:
     return Scenario(name, "", Expectation(Reached.HOLD, 1.0), (fault,), row=row)
 
 
-def never() -> Result:
-    raise AssertionError("it was run")
-
-
 LOOSE = scenario("loose", 2, Fault(1.0, 1.0, "compass", "nack"))
 DARK = scenario("dark", 15, Fault(1.0, 1.0, "motion", "dark"))
 BUMPED = scenario("bumped", 15, Fault(1.0, 1.0, "contact", "silent"))
-KILLED = Procedure("killed", 35, "", never)
-ALL: list[Row] = [LOOSE, DARK, BUMPED, KILLED]
+KILLED = FaultTest("killed", 35, "it is killed", "S4 stops", Reached.DEADMAN, 0.3, "tests/test_it.py", "test_killed")
+SCENARIOS = [LOOSE, DARK, BUMPED]
+ALL: list[Row] = [*SCENARIOS, KILLED]
 
 
 @pytest.mark.parametrize(
@@ -54,18 +57,25 @@ def test_what_is_not_there_is_told_with_what_is() -> None:
         chosen(ALL, " ,")
 
 
+def test_what_a_test_holds_is_skipped_and_the_test_is_named() -> None:
+    scenarios, (skipped,) = without_held_by_tests(ALL)
+    assert scenarios == SCENARIOS
+    assert (skipped.name, skipped.row, skipped.about, skipped.asked) == ("killed", 35, "it is killed", "S4 stops")
+    assert (skipped.expected, skipped.within_s) == (Reached.DEADMAN, 0.3)
+    assert skipped.skipped == "a test in wayfarer's checkout holds it: pytest tests/test_it.py::test_killed"
+
+
 def test_another_rover_leaves_out_what_it_cannot_have() -> None:
-    rows, skipped = on_another_rover(ALL, "minirover")
-    assert [(row.name, getattr(row, "rover", None)) for row in rows] == [("loose", "minirover"), ("dark", "minirover")]
+    rows, skipped = on_another_rover(SCENARIOS, "minirover")
+    assert [(row.name, row.rover) for row in rows] == [("loose", "minirover"), ("dark", "minirover")]
     assert [(each.name, each.row, each.skipped) for each in skipped] == [
         ("bumped", 15, "rover 'minirover' has no [parts.contact]"),
-        ("killed", 35, "it names its own rovers"),
     ]
 
 
 def test_without_opencv_what_has_a_camera_at_bus_depth_is_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
     mini = [replace(each, rover="minirover") for each in (LOOSE, DARK)]
-    rows: list[Row] = [LOOSE, *mini, replace(mini[0], depth=Depth.DEVICE), KILLED]
+    rows = [LOOSE, *mini, replace(mini[0], depth=Depth.DEVICE)]
     assert without_missing_packages(rows) == (rows, [])
     monkeypatch.setitem(sys.modules, "cv2", None)  # what Python takes for "not installed"
     runnable, skipped = without_missing_packages(rows)
@@ -79,9 +89,9 @@ def test_without_opencv_what_has_a_camera_at_bus_depth_is_skipped(monkeypatch: p
 
 def test_rover_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UnknownName):
-        on_another_rover(ALL, "maxirover")
+        on_another_rover(SCENARIOS, "maxirover")
     with pytest.raises(BadInput):
-        on_another_rover(ALL, f"{tmp_path}/no.toml")
+        on_another_rover(SCENARIOS, f"{tmp_path}/no.toml")
 
 
 def test_catalogue_tries_every_row_and_names_each_scenario_once() -> None:

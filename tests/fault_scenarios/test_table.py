@@ -16,7 +16,7 @@ MET = Result(
     "compass: an older reading at +0.02 s", None, None, "", (), "the readings are used as late as they are",
 )  # fmt: skip
 MISSED = Result(
-    "undervoltage-thrice", 32, "the supply sags three times in a minute", Tried.DAEMON, "S1 + duty cap; S2",
+    "undervoltage-thrice", 32, "the supply sags three times in a minute", Tried.SIMULATED, "S1 + duty cap; S2",
     Reached.HOLD, Reached.FAULT, 21.0, "event power at +0.80 s", 120.82, 0.0, "power_unstable",
     ("S3 was reached, S2 is expected",),
 )  # fmt: skip
@@ -69,7 +69,7 @@ def test_a_remark_of_several_is_told_once() -> None:
 def test_row_is_as_expected_if_all_its_scenarios_are() -> None:
     lines = list(summed_up([MET, MET._replace(name="b", problems=("no",)), MISSED._replace(problems=())], (3,)))
     assert lines == [
-        "2 of 3 scenarios as expected: 2 in virtual time, 1 on the real daemon",
+        "2 of 3 scenarios as expected: 3 in virtual time",
         "1 of 3 rows of the catalogue as expected",
     ]
 
@@ -83,7 +83,7 @@ def test_row_that_was_skipped_is_marked_and_has_no_level(width: int) -> None:
 
 def test_what_was_skipped_is_counted_and_is_not_as_expected() -> None:
     assert list(summed_up([MET, SKIPPED, SKIPPED._replace(row=9), MISSED])) == [
-        "1 of 2 scenarios as expected: 1 in virtual time, 1 on the real daemon; 2 skipped",
+        "1 of 2 scenarios as expected: 2 in virtual time; 2 skipped",
         "0 of 3 rows of the catalogue as expected; 2 not wholly tried",
     ]
 

@@ -19,8 +19,8 @@ from collections.abc import Iterator
 from random import Random
 from typing import NamedTuple
 
-from wayfarer.fault_scenarios.process_tests.hil_setup import DEADMAN_S, HilSetup, HilSetupError, site
-from wayfarer.fault_scenarios.process_tests.wheel_history import stop_after
+from tests.system.hil_setup import DEADMAN_S, HilSetupError, Site, hil_site
+from tests.system.wheel_history import stop_after
 
 LATEST_S = 0.5  # from the board's loss of power to the kill: longer than the health poll needs to see it
 MARGIN_S = 0.05  # between the two writes of one drive command, on a busy computer
@@ -43,12 +43,12 @@ def kills(number: int, seed: int) -> Iterator[Kill]:
     """Interrupt a board's power and kill the daemon, so many times, on both rovers in turn."""
     chance = Random(seed)
     for rover in DEADMAN_S:
-        with site(rover) as where:
+        with hil_site(rover) as where:
             for _ in range(number // 2):
                 yield _kill(where, chance.uniform(0.0, LATEST_S))
 
 
-def _kill(where: HilSetup, after_s: float) -> Kill:
+def _kill(where: Site, after_s: float) -> Kill:
     daemon = where.armed()
     where.bench("power_cycle")
     time.sleep(after_s)

@@ -166,8 +166,8 @@ def suspend() -> dict[str, Any]:
 
 
 def exception() -> dict[str, Any]:
-    """Arm an algorithm that raises at its first decision."""
-    drive_simulated("--algorithm tests.system.faulty:FAULTY")
+    """Arm an algorithm that raises while it drives."""
+    drive_simulated("--algorithm tests.system.buggy_algorithms:RAISES")
     subprocess.run(["systemctl", "reset-failed", SERVICE], check=False)
     subprocess.run(["systemctl", "restart", SERVICE], check=True)
     return restart_after(lambda pid: run(WAYFARER, "arm"), 15)

@@ -14,8 +14,8 @@ import sys
 from collections.abc import Callable, Iterable
 from statistics import median
 
-from wayfarer.fault_scenarios.process_tests.hil_setup import HilSetupError
-from wayfarer.fault_scenarios.process_tests.sigkill import DaemonPhase, Kill, sweep
+from tests.system.hil_setup import HilSetupError
+from tests.system.killer import Kill, Life, sweep
 
 COLUMNS = "{:<22}{:>6}{:>9}{:>24}{:>24}{:>20}{:>6}{:>10}"
 LAST = ("torn", "problems")
@@ -43,7 +43,7 @@ def table(kills: list[Kill]) -> str:
         COLUMNS.format("", "", "", "min / median / max", "min / median / max", "median / max", "", ""),
     ]
     for rover in sorted({kill.rover for kill in kills}):
-        for life in DaemonPhase:
+        for life in Life:
             lines.append(row(f"{rover} {life}", [kill for kill in kills if (kill.rover, kill.life) == (rover, life)]))
     return "\n".join([*lines, row("all", kills)])
 

@@ -11,10 +11,9 @@ from signal import Signals
 
 import pytest
 
+from tests.system.hil_setup import PATIENCE_S, Site, hil_site, wait_for
+from tests.system.wheel_history import stop_after, told_to_turn
 from wayfarer.daemon.signals import ENDING, FAULTS, IGNORED, name_of
-from wayfarer.fault_scenarios.process_tests.hil_setup import PATIENCE_S, HilSetup, wait_for
-from wayfarer.fault_scenarios.process_tests.hil_setup import site as a_site
-from wayfarer.fault_scenarios.process_tests.wheel_history import stop_after, told_to_turn
 
 pytestmark = pytest.mark.slow
 
@@ -25,19 +24,19 @@ MARGIN_S = 0.02  # between the two writes of one drive command
 
 
 @pytest.fixture(scope="module")
-def site() -> Iterator[HilSetup]:
-    with a_site() as made:
+def site() -> Iterator[Site]:
+    with hil_site() as made:
         yield made
 
 
-def since(site: HilSetup, began_s: float) -> tuple[float, float]:
+def since(site: Site, began_s: float) -> tuple[float, float]:
     """Return when the wheels were told to turn last, and when they were stopped; what is older counts not."""
     site.stopped()
     return stop_after(site.commands(began_s - 1.0))
 
 
 @pytest.mark.parametrize("number", TRIED, ids=name_of)
-def test_signal_stops_the_wheels_first_and_is_named_in_the_outcome(site: HilSetup, number: int) -> None:
+def test_signal_stops_the_wheels_first_and_is_named_in_the_outcome(site: Site, number: int) -> None:
     daemon = site.armed()
     began_s = time.monotonic()
     daemon.send_signal(number)
@@ -49,7 +48,7 @@ def test_signal_stops_the_wheels_first_and_is_named_in_the_outcome(site: HilSetu
     assert (outcome["record"], outcome.get("text")) == ("outcome", f"ended by {name_of(number)}")
 
 
-def test_ctrl_z_stops_the_wheels_first_and_what_wakes_it_finds_it_disarmed(site: HilSetup) -> None:
+def test_ctrl_z_stops_the_wheels_first_and_what_wakes_it_finds_it_disarmed(site: Site) -> None:
     daemon = site.armed()
     began_s = time.monotonic()
     for _ in range(2):  # keys are pressed twice
@@ -66,7 +65,7 @@ def test_ctrl_z_stops_the_wheels_first_and_what_wakes_it_finds_it_disarmed(site:
     assert daemon.wait(PATIENCE_S) == 0
 
 
-def test_daemon_in_the_background_goes_on_where_its_terminal_would_suspend_it(site: HilSetup) -> None:
+def test_daemon_in_the_background_goes_on_where_its_terminal_would_suspend_it(site: Site) -> None:
     daemon = site.armed()
     for number in IGNORED:
         daemon.send_signal(number)
@@ -77,7 +76,7 @@ def test_daemon_in_the_background_goes_on_where_its_terminal_would_suspend_it(si
 
 
 @pytest.mark.parametrize("number", sorted(FAULTS), ids=name_of)
-def test_board_stops_the_wheels_of_a_daemon_that_a_fault_ends(site: HilSetup, number: Signals) -> None:
+def test_board_stops_the_wheels_of_a_daemon_that_a_fault_ends(site: Site, number: Signals) -> None:
     """As docs/what-stops-the-wheels.md says: these stay what they are."""
     daemon = site.armed()
     began_s = time.monotonic()

@@ -9,28 +9,20 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 
 import pytest
 
+from tests.system.hil_setup import PATIENCE_S, Site, rover_toml, wait_for
+from tests.system.subprocesses import WAYFARER
 from tests.system.test_stop_owners import turn_wheels
-from wayfarer.fault_scenarios.process_tests.hil_setup import PATIENCE_S, HilSetup, rover_toml, wait_for
-from wayfarer.fault_scenarios.process_tests.hil_setup import site as a_site
-from wayfarer.fault_scenarios.process_tests.subprocesses import WAYFARER
-
-pytestmark = pytest.mark.slow
 
 NOBODY = 65534
 OTHER = {"forestrover": "minirover", "minirover": "forestrover"}
 
-
-@pytest.fixture(params=sorted(OTHER))
-def site(request: pytest.FixtureRequest) -> Iterator[HilSetup]:
-    with a_site(request.param) as made:
-        yield made
+pytestmark = [pytest.mark.slow, pytest.mark.parametrize("site", sorted(OTHER), indirect=True)]
 
 
-def as_nobody(site: HilSetup) -> tuple[str, ...]:
+def as_nobody(site: Site) -> tuple[str, ...]:
     """Return the command that runs wayfarer as a user who owns the site, where an interpreter lets one."""
     if os.geteuid() != 0:
         return WAYFARER
@@ -46,7 +38,7 @@ def as_nobody(site: HilSetup) -> tuple[str, ...]:
     pytest.skip(f"user {NOBODY} cannot run wayfarer here")
 
 
-def stop_motors(site: HilSetup, program: tuple[str, ...] = WAYFARER) -> subprocess.CompletedProcess[str]:
+def stop_motors(site: Site, program: tuple[str, ...] = WAYFARER) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [*program, "stop-motors", "--config", str(site.config)],
         env=site.environment, cwd=site.folder, capture_output=True, text=True, check=False,
@@ -54,7 +46,7 @@ def stop_motors(site: HilSetup, program: tuple[str, ...] = WAYFARER) -> subproce
 
 
 @pytest.mark.parametrize("how", ["closed", "gone"])
-def test_rover_file_that_may_not_be_read_any_more_keeps_no_wheels_turning(site: HilSetup, how: str) -> None:
+def test_rover_file_that_may_not_be_read_any_more_keeps_no_wheels_turning(site: Site, how: str) -> None:
     program = as_nobody(site)
     site.armed(program=program)
     if how == "gone":
@@ -68,7 +60,7 @@ def test_rover_file_that_may_not_be_read_any_more_keeps_no_wheels_turning(site: 
     assert f"; {site.config}: cannot be read: " in done.stdout
 
 
-def test_board_that_a_killed_daemon_drove_is_stopped_though_the_file_names_another(site: HilSetup) -> None:
+def test_board_that_a_killed_daemon_drove_is_stopped_though_the_file_names_another(site: Site) -> None:
     site.armed().kill()
     site.stopped()
     site.bench("power_cycle")  # the board has forgotten its deadman
@@ -86,7 +78,7 @@ def test_board_that_a_killed_daemon_drove_is_stopped_though_the_file_names_anoth
     assert str(site.config) in named
 
 
-def test_board_that_a_suspended_daemon_drives_is_stopped_and_the_daemon_told_of(site: HilSetup) -> None:
+def test_board_that_a_suspended_daemon_drives_is_stopped_and_the_daemon_told_of(site: Site) -> None:
     site.armed().send_signal(signal.SIGSTOP)
     site.config.write_text(rover_toml(OTHER[site.rover]), encoding="utf-8")
     done = stop_motors(site)
@@ -97,7 +89,7 @@ def test_board_that_a_suspended_daemon_drives_is_stopped_and_the_daemon_told_of(
     assert not site.turning
 
 
-def test_record_is_there_while_a_daemon_runs_and_left_by_a_death_only(site: HilSetup) -> None:
+def test_record_is_there_while_a_daemon_runs_and_left_by_a_death_only(site: Site) -> None:
     record = site.folder / "motors.json"
     site.armed().kill()
     assert record.exists()

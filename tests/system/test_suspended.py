@@ -8,14 +8,14 @@ import time
 
 import pytest
 
-from wayfarer.fault_scenarios.process_tests.hil_setup import DEADMAN_S, site, wait_for
+from tests.system.hil_setup import DEADMAN_S, hil_site, wait_for
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rover", DEADMAN_S)
 @pytest.mark.parametrize("suspended_s", [1.5, 3.0])
 def test_wheels_turn_again_a_second_after_the_daemon_is_woken_or_not_at_all(rover: str, suspended_s: float) -> None:
-    with site(rover) as where:
+    with hil_site(rover) as where:
         daemon = where.armed()
         daemon.send_signal(signal.SIGSTOP)
         time.sleep(suspended_s)

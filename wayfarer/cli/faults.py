@@ -160,34 +160,42 @@ def _run(
     """Run what was asked for and return the exit code.
 
     Raises:
-        BadInput: there is no such row, scenario, file or rover.
+        BadInput: there is no such row, scenario, file or rover, or tests hold all that was asked for.
         MissingPackage: nothing of it can be run without a package that is not installed.
     """
     from rich.console import Console
 
     from wayfarer.experiments.progress_bar import say
     from wayfarer.fault_scenarios.catalogue import ROWS, catalogue
-    from wayfarer.fault_scenarios.command import run_rows
+    from wayfarer.fault_scenarios.command import run_scenarios
     from wayfarer.fault_scenarios.result import Result
     from wayfarer.fault_scenarios.scenario_file import read_scenarios
-    from wayfarer.fault_scenarios.selection import chosen, on_another_rover, without_missing_packages
+    from wayfarer.fault_scenarios.selection import (
+        chosen,
+        on_another_rover,
+        without_held_by_tests,
+        without_missing_packages,
+    )
     from wayfarer.fault_scenarios.table import print_list, skipped_lines
 
     rows = list(read_scenarios(scenario) if scenario else catalogue())
     untried = [] if scenario or only else sorted({*range(1, ROWS + 1)} - {row.row for row in rows})
     rows = chosen(rows, only) if only is not None else rows
+    scenarios, elsewhere = without_held_by_tests(rows)
     misfits: list[Result] = []
     if rover is not None:
-        rows, misfits = on_another_rover(rows, rover)
+        scenarios, misfits = on_another_rover(scenarios, rover)
     if show:
-        print_list(Console(), rows)
+        print_list(Console(), rows if rover is None else scenarios)
         return 0
-    rows, unequipped = without_missing_packages(rows)
-    if unequipped and not rows:
+    if elsewhere and not (scenarios or misfits):
+        raise BadInput("; ".join(f"{each.name}: {each.skipped}" for each in elsewhere))
+    scenarios, unequipped = without_missing_packages(scenarios)
+    if unequipped and not scenarios:
         raise MissingPackage(f"nothing can be run: {unequipped[0].skipped}")
     for line in skipped_lines(unequipped):  # at once, not after the minutes that the others take
         say(Console(stderr=True), line)
-    return run_rows(rows, jobs=jobs, out=out, skipped=[*misfits, *unequipped], untried=untried)
+    return run_scenarios(scenarios, jobs=jobs, out=out, skipped=[*elsewhere, *misfits, *unequipped], untried=untried)
 
 
 def _refuse_without_mujoco(given: Mapping[str, object], *, detector: bool) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,10 @@ from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.run_campaign import stop_on_signals
 from wayfarer.fault_scenarios.batch_progress import shown, worker_death_explained
 from wayfarer.fault_scenarios.judge import judge
-from wayfarer.fault_scenarios.result import Procedure, Result
+from wayfarer.fault_scenarios.result import Result
 from wayfarer.fault_scenarios.runner import run_scenario, run_without_faults
 from wayfarer.fault_scenarios.scenario import Scenario
-from wayfarer.fault_scenarios.selection import Row, unplayed
+from wayfarer.fault_scenarios.selection import unplayed
 from wayfarer.fault_scenarios.table import print_results
 from wayfarer.fieldlog.atomic_file import whole_file
 
@@ -49,15 +49,15 @@ class ScenarioRunner:
             return _not_run(scenario, error)
 
 
-def run_rows(
-    rows: Sequence[Row],
+def run_scenarios(
+    scenarios: Sequence[Scenario],
     *,
     jobs: int | None = None,
     out: Path | None = None,
     skipped: Sequence[Result] = (),
     untried: Sequence[int] = (),
 ) -> int:
-    """Run scenarios and procedures, print what came of them, and return the exit code: 1 if one is not as expected.
+    """Run scenarios, print what came of them, and return the exit code: 1 if one is not as expected.
 
     With ``out`` results and each scenario's field log are kept there. ``skipped`` stand among the results.
 
@@ -68,7 +68,7 @@ def run_rows(
     if out is not None:
         make_empty_folder(out, "what comes of the scenarios")
     try:
-        results = sorted([*_results(rows, jobs or cores(), out), *skipped], key=lambda each: each.row or 0)
+        results = sorted([*_results(scenarios, jobs or cores(), out), *skipped], key=lambda each: each.row or 0)
     except Stopped:
         say(Console(stderr=True), "interrupted: no results")
         return INTERRUPTED
@@ -79,32 +79,22 @@ def run_rows(
     return 1 if any(each.problems for each in results) else 0
 
 
-def _results(rows: Sequence[Row], jobs: int, out: Path | None) -> list[Result]:
-    """Return what came of each row, in their order.
+def _results(scenarios: Sequence[Scenario], jobs: int, out: Path | None) -> list[Result]:
+    """Return what came of each scenario, in their order.
 
     Raises:
         Stopped: a signal asked for it.
         WayfarerError: a worker died.
     """
     found: dict[str, Result] = {}
-    with worker_death_explained(found, "scenarios"):
-        for result in shown(_running(rows, jobs, out), len(rows), "scenarios", Console(stderr=True)):
+    with (
+        worker_death_explained(found, "scenarios"),
+        stop_on_signals() as stop,
+        closing(stream(ScenarioRunner(out), scenarios, max(1, min(jobs, len(scenarios))), stop)) as running,
+    ):
+        for result in shown(running, len(scenarios), "scenarios", Console(stderr=True)):
             found[result.name] = result
-    return [found[row.name] for row in rows]
-
-
-def _running(rows: Sequence[Row], jobs: int, out: Path | None) -> Iterator[Result]:
-    """Give results as they come: in virtual time on all cores, then what has real daemons, one after another."""
-    scenarios = [row for row in rows if isinstance(row, Scenario)]
-    with stop_on_signals() as stop:
-        jobs = max(1, min(jobs, len(scenarios)))
-        with closing(stream(ScenarioRunner(out), scenarios, jobs, stop)) as done:
-            yield from done
-        for row in rows:
-            if isinstance(row, Procedure):
-                yield row.run()
-            if stop.is_set():
-                raise Stopped
+    return [found[scenario.name] for scenario in scenarios]
 
 
 def _not_run(scenario: Scenario, error: Exception) -> Result:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -13,8 +12,7 @@ class Tried(StrEnum):
     """How a fault was tried."""
 
     SIMULATED = "virtual time"
-    DAEMON = "real daemon"
-    COMMAND = "real command"
+    TEST = "a test"
 
 
 class Result(NamedTuple):
@@ -46,12 +44,3 @@ class Result(NamedTuple):
     def passed(self) -> bool:
         """Whether it was run and all was as expected."""
         return not (self.problems or self.skipped)
-
-
-class Procedure(NamedTuple):
-    """A row that no simulated run can show: it starts processes, or runs a command. ``run`` does that."""
-
-    name: str
-    row: int
-    about: str
-    run: Callable[[], Result]

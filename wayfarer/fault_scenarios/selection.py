@@ -7,25 +7,39 @@ from dataclasses import replace
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, UnknownName
-from wayfarer.fault_scenarios.result import Procedure, Result, Tried
+from wayfarer.fault_scenarios.catalogue.held_by_tests import FaultTest
+from wayfarer.fault_scenarios.result import Result, Tried
 from wayfarer.fault_scenarios.scenario import Reached, Scenario
 from wayfarer.fault_scenarios.scenario_rover import misfit, rover_of
 from wayfarer.simhal.build_rover import missing_package
 
-Row = Scenario | Procedure
+Row = Scenario | FaultTest
 
 
 def unplayed(row: Row) -> Result:
     """Return the result of a row that was not run: nothing came of it."""
-    nothing = (Reached.NONE, None, "", None, None, "", ())
-    if isinstance(row, Procedure):
-        return Result(row.name, row.row, row.about, Tried.DAEMON, "", Reached.NONE, *nothing)
-    return Result(row.name, row.row, row.about, Tried.SIMULATED, row.asked, row.expect.level, *nothing)
+    if isinstance(row, FaultTest):
+        tried, level, within_s = Tried.TEST, row.level, row.within_s
+    else:
+        tried, level, within_s = Tried.SIMULATED, row.expect.level, None
+    return Result(
+        row.name, row.row, row.about, tried, row.asked, level, Reached.NONE, within_s, "", None, None, "", ()
+    )  # fmt: skip
 
 
-def without_missing_packages(rows: Sequence[Row]) -> tuple[list[Row], list[Result]]:
-    """Return the rows that can be run with the packages that are installed, and the others as skipped."""
-    return _sorted_out((_missing_package(row), row) for row in rows)
+def without_held_by_tests(rows: Sequence[Row]) -> tuple[list[Scenario], list[Result]]:
+    """Return the rows that simulated time can show, and the others as skipped, with the test that holds each."""
+    elsewhere = [
+        unplayed(row)._replace(skipped=f"a test in wayfarer's checkout holds it: pytest {row.test}")
+        for row in rows
+        if isinstance(row, FaultTest)
+    ]
+    return [row for row in rows if isinstance(row, Scenario)], elsewhere
+
+
+def without_missing_packages(rows: Sequence[Scenario]) -> tuple[list[Scenario], list[Result]]:
+    """Return the scenarios that can be run with the packages that are installed, and the others as skipped."""
+    return _sorted_out((missing_package(rover_of(row), row.depth), row) for row in rows)
 
 
 def chosen(rows: Sequence[Row], asked: str) -> list[Row]:
@@ -48,8 +62,8 @@ def chosen(rows: Sequence[Row], asked: str) -> list[Row]:
     return [row for row in rows if row in wanted]
 
 
-def on_another_rover(rows: Sequence[Row], rover: str) -> tuple[list[Row], list[Result]]:
-    """Return the rows for another rover, and those that it cannot have as skipped.
+def on_another_rover(rows: Sequence[Scenario], rover: str) -> tuple[list[Scenario], list[Result]]:
+    """Return the scenarios for another rover, and those that it cannot have as skipped.
 
     Raises:
         UnknownName: no shipped rover of that name.
@@ -59,9 +73,9 @@ def on_another_rover(rows: Sequence[Row], rover: str) -> tuple[list[Row], list[R
     return _sorted_out(_moved(row, rover) for row in rows)
 
 
-def _sorted_out(rows: Iterable[tuple[str | None, Row]]) -> tuple[list[Row], list[Result]]:
-    """Return the rows that nothing keeps from running, and the others with what does."""
-    fitting: list[Row] = []
+def _sorted_out(rows: Iterable[tuple[str | None, Scenario]]) -> tuple[list[Scenario], list[Result]]:
+    """Return the scenarios that nothing keeps from running, and the others with what does."""
+    fitting: list[Scenario] = []
     skipped: list[Result] = []
     for why, row in rows:
         if why:
@@ -71,15 +85,8 @@ def _sorted_out(rows: Iterable[tuple[str | None, Row]]) -> tuple[list[Row], list
     return fitting, skipped
 
 
-def _missing_package(row: Row) -> str | None:
-    """Return which package a row needs that is not installed; the processes of a procedure need none."""
-    return missing_package(rover_of(row), row.depth) if isinstance(row, Scenario) else None
-
-
-def _moved(row: Row, rover: str) -> tuple[str, Row]:
-    """Return why a row cannot be run on another rover (nothing where it can), and the row for it."""
-    if isinstance(row, Procedure):
-        return "it names its own rovers", row
+def _moved(row: Scenario, rover: str) -> tuple[str, Scenario]:
+    """Return why a scenario cannot be run on another rover (nothing where it can), and the scenario for it."""
     moved = replace(row, rover=rover)
     try:
         config = rover_of(moved)

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from wayfarer.experiments.progress_bar import say
-from wayfarer.fault_scenarios.result import Result, Tried
+from wayfarer.fault_scenarios.result import Result
 from wayfarer.fault_scenarios.scenario import Reached
 from wayfarer.fault_scenarios.selection import Row
 from wayfarer.views.text.terminal_table import Column, table
@@ -18,11 +18,6 @@ LEGEND = (
     "S0 note, S1 degrade, S2 hold, S3 fault until re-armed, S4 the board's deadman",
     "seen: reported; stopped: wheels commanded to stop; seconds since the fault",
 )
-_HOW = {
-    Tried.SIMULATED: "in virtual time",
-    Tried.DAEMON: "on the real daemon",
-    Tried.COMMAND: "by a real command",
-}
 
 
 def _number(row: int | None) -> str:
@@ -101,10 +96,9 @@ def print_list(console: Console, rows: Sequence[Row]) -> None:
 def summed_up(results: Sequence[Result], untried: Sequence[int] = ()) -> Iterator[str]:
     """Give the last lines: how many scenarios are as expected, and of how many rows all scenarios are."""
     run = [each for each in results if not each.skipped]
-    ways = Counter(each.tried for each in run)
-    how = ", ".join(f"{count} {_HOW[way]}" for way, count in ways.items())
+    how = f"{len(run)} in virtual time" if run else "none"
     skipped = f"; {len(results) - len(run)} skipped" if len(run) < len(results) else ""
-    yield f"{sum(each.passed for each in run)} of {len(run)} scenarios as expected: {how or 'none'}{skipped}"
+    yield f"{sum(each.passed for each in run)} of {len(run)} scenarios as expected: {how}{skipped}"
     rows = {each.row for each in results if each.row is not None}
     if rows:
         failed = {each.row for each in run if not each.passed}

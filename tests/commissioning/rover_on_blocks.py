@@ -40,7 +40,7 @@ T = TypeVar("T")
 class OnBlocks(RecordedWorld):
     """A world whose rover stands on blocks: its wheels turn, and move no body."""
 
-    def _move(self, forward_m: float, turn_rad: float) -> bool:  # noqa: ARG002 - as a body would take them
+    def _move(self, forward_m: float, turn_rad: float) -> bool:
         return True
 
 
@@ -100,11 +100,11 @@ class Onlooker:
     async def say(self, text: str) -> None:
         """Hear it."""
 
-    async def number(self, question: str, default: float) -> float:  # noqa: ARG002 - an answer for every question
+    async def number(self, question: str, default: float) -> float:
         """Give the number that is offered."""
         return default
 
-    async def note(self, question: str) -> str:  # noqa: ARG002 - as number
+    async def note(self, question: str) -> str:
         """Note nothing."""
         return ""
 

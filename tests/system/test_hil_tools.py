@@ -1,83 +1,19 @@
-"""Faults that take a real process, on the real daemon and the real commands; and what judges them."""
+"""What the tests of real processes measure with: wheels, logs of killed runs, and how evenly the loop ticks."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from wayfarer.errors import BadInput
-from wayfarer.fault_scenarios.catalogue import catalogue
-from wayfarer.fault_scenarios.process_tests.check_faults import flow_swapped, motor_field, side_reversed
-from wayfarer.fault_scenarios.process_tests.jitter import jitter
-from wayfarer.fault_scenarios.process_tests.log_recovery import cut_off, numbered_twice, read_back
-from wayfarer.fault_scenarios.process_tests.procedure import Observed, procedure
-from wayfarer.fault_scenarios.process_tests.rover_on_blocks import Workbench, at_workbench
-from wayfarer.fault_scenarios.process_tests.sigkill import after_death
-from wayfarer.fault_scenarios.process_tests.wheel_history import Commands, first_stop, spans, stop_after, told_to_turn
-from wayfarer.fault_scenarios.result import Procedure, Result
-from wayfarer.fault_scenarios.scenario import Reached
+from tests.system.jitter import jitter
+from tests.system.killer import after_death
+from tests.system.log_recovery import cut_off, numbered_twice, read_back
+from tests.system.wheel_history import Commands, first_stop, spans, stop_after, told_to_turn
 
-QUICK = (motor_field, flow_swapped, side_reversed)
-SLOW = [each for each in catalogue() if isinstance(each, Procedure) and each not in QUICK]
 HEADER = '{"record":"run","t_s":0.0,"schema":2}\n'
 TICKS = "".join(f'{{"record":"tick","n":{n},"t_s":{n / 20}}}\n' for n in range(1, 5))
 OUTCOME = '{"record":"outcome","n":5,"t_s":0.25,"reason":"requested"}\n'
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("row", SLOW, ids=lambda row: row.name)
-def test_fault_of_a_process_is_met(row: Procedure) -> None:
-    result = row.run()
-    print(result)
-    assert result.problems == ()
-
-
-@pytest.mark.parametrize("row", QUICK, ids=lambda row: row.name)
-def test_fault_that_a_check_must_find_is_found(row: Procedure) -> None:
-    assert row.run().problems == ()
-
-
-# -- a procedure's own judgement -------------------------------------------------------------------------------------
-
-
-def judged(expected: Reached = Reached.HOLD, within_s: float | None = 0.5, **seen: Any) -> Result:
-    @procedure("it", 1, "about", asked="S2", expected=expected, within_s=within_s, remark="always")
-    def it(found: Observed) -> None:
-        for name, value in {"changed": "something", "reached": Reached.HOLD, **seen}.items():
-            setattr(found, name, value)
-
-    return it.run()
-
-
-def test_what_is_as_expected_has_no_problem() -> None:
-    result = judged(detected_s=0.1, stopped_s=0.5, remark="measured")
-    assert result.passed
-    assert (result.reached, result.within_s, result.remark) == (Reached.HOLD, 0.5, "measured; always")
-
-
-@pytest.mark.parametrize(
-    ("seen", "said"),
-    [
-        ({"changed": ""}, "nothing shows that the fault happened"),
-        ({"reached": Reached.NONE}, "- was reached, S2 is expected"),
-        ({"reached": Reached.FAULT}, "S3 was reached, S2 is expected"),
-        ({"detected_s": 0.6}, "detected after 0.600 s, 0.5 s are allowed"),
-        ({"stopped_s": 0.51}, "the wheels stood after 0.510 s, 0.5 s are allowed"),
-    ],
-)
-def test_what_is_not_as_expected_is_a_problem(seen: dict[str, Any], said: str) -> None:
-    assert judged(**seen).problems == (said,)
-
-
-def test_procedure_that_breaks_is_a_problem_and_ends_nothing_else() -> None:
-    @procedure("it", 1, "about", asked="S2", expected=Reached.NONE)
-    def it(found: Observed) -> None:
-        found.changed = "something"
-        raise BadInput("no bench")
-
-    assert it.run().problems == ("BadInput: no bench",)
 
 
 # -- what wheels were told ---------------------------------------------------------------------------------------------
@@ -160,7 +96,7 @@ def test_runs_that_share_a_number_are_found(tmp_path: Path) -> None:
     assert numbered_twice(tmp_path) == ["2 runs have the number 2"]
 
 
-# -- ticks and wheels on blocks ----------------------------------------------------------------------------------------
+# -- ticks ----------------------------------------------------------------------------------------
 
 
 def test_jitter_is_how_far_ticks_are_from_their_period() -> None:
@@ -173,13 +109,3 @@ def test_jitter_is_how_far_ticks_are_from_their_period() -> None:
 def test_loop_that_hardly_ticks_has_no_jitter_to_speak_of() -> None:
     with pytest.raises(ValueError, match="only 3 ticks"):
         jitter([0.0, 1.0, 2.0], 0.0, 5.0)
-
-
-def test_person_beside_a_rover_that_is_well_finds_nothing_wrong() -> None:
-    async def look(bench: Workbench) -> dict[str, str]:
-        return {found.name: found.verdict.value for found in (await bench.check()).values()}
-
-    found = at_workbench(look)
-    wheels = ("deadman trips", "left wheels", "right wheels", "notices being stuck", "push")
-    assert {found[name] for name in wheels} == {"ok"}
-    assert "fail" not in found.values()

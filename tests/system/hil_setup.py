@@ -21,15 +21,16 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
+from tests.system.subprocesses import WAYFARER, command
+from tests.system.wheel_history import Commands
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import SOCKET_NAME
 from wayfarer.errors import WayfarerError
-from wayfarer.fault_scenarios.process_tests.subprocesses import WAYFARER, command
-from wayfarer.fault_scenarios.process_tests.wheel_history import Commands
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, HilConnection
 
+CHECKOUT = Path(__file__).resolve().parents[2]
 DEADMAN_S = {"minirover": 0.25, "forestrover": 0.3}  # ThunderBorg, and what forestrover.toml sets its Sabertooth to
 PATIENCE_S = 15.0
 POLL_S = 0.02
@@ -72,7 +73,7 @@ def rover_toml(rover: str) -> str:
     return 'buses = "wayfarer.simhal.hil_buses:buses"\n' + text
 
 
-class HilSetup:
+class Site:
     """A folder with a bench and, at times, a daemon.
 
     Args:
@@ -91,6 +92,7 @@ class HilSetup:
         self.config = folder / "rover.toml"
         self.config.write_text(rover_toml(rover), encoding="utf-8")
         self.environment = os.environ | {
+            "PYTHONPATH": os.pathsep.join(filter(None, (str(CHECKOUT), os.environ.get("PYTHONPATH")))),  # for ``tests``
             SOCKET_VARIABLE: str(folder / "bench"),
             "RUNTIME_DIRECTORY": str(folder),
             "STATE_DIRECTORY": str(folder),
@@ -264,7 +266,7 @@ class HilSetup:
 
 
 @contextmanager
-def site(rover: str = "forestrover", seed: int = 0) -> Iterator[HilSetup]:
+def hil_site(rover: str = "forestrover", seed: int = 0) -> Iterator[Site]:
     """Give a site in a folder of its own, and clear it away.
 
     Raises:
@@ -272,7 +274,7 @@ def site(rover: str = "forestrover", seed: int = 0) -> Iterator[HilSetup]:
     """
     folder = Path(tempfile.mkdtemp(prefix="wf-"))
     try:
-        made = HilSetup(folder, rover, seed)
+        made = Site(folder, rover, seed)
         try:
             yield made
         finally:

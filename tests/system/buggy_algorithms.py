@@ -1,6 +1,6 @@
 """Algorithms with bugs, as a third party may write them; each drives well at first.
 
-``wayfarer run --algorithm wayfarer.fault_scenarios.process_tests.buggy_algorithms:RAISES``
+``wayfarer run --algorithm tests.system.buggy_algorithms:RAISES``
 """
 
 # ruff: noqa: TID251 - a bug blocks in real time
@@ -30,7 +30,7 @@ class BuggyHandler:
         self._bug = bug
         self._decisions = 0
 
-    def decide(self, observation: Observation) -> Decision:  # noqa: ARG002 - it looks at nothing
+    def decide(self, observation: Observation) -> Decision:
         """Drive, and after a second do what it should not."""
         self._decisions += 1
         if self._decisions > WELL_FOR:
@@ -50,7 +50,7 @@ def raise_error() -> None:
     raise ZeroDivisionError(BUG)
 
 
-class LoopBlocker:
+class Block:
     """Hold up the event loop, once."""
 
     def __init__(self) -> None:
@@ -75,9 +75,9 @@ class MemoryLeak:
 
 
 def _algorithm(name: str, summary: str, bug: Callable[[], Callable[[], None]]) -> Algorithm:
-    return Algorithm(name, "test", summary, lambda settings, vehicle, rng: BuggyHandler(bug()))  # noqa: ARG005
+    return Algorithm(name, "test", summary, lambda settings, vehicle, rng: BuggyHandler(bug()))
 
 
 RAISES = _algorithm("raises", "raises while it drives", lambda: raise_error)
-BLOCKS = _algorithm("blocks", "blocks the event loop for a second while it drives", LoopBlocker)
+BLOCKS = _algorithm("blocks", "blocks the event loop for a second while it drives", Block)
 HOARDS = _algorithm("hoards", "takes memory without end while it drives", MemoryLeak)

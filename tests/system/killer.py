@@ -18,15 +18,15 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
-from wayfarer.fault_scenarios.process_tests.hil_setup import HilSetup, site, wait_for
-from wayfarer.fault_scenarios.process_tests.log_recovery import (
+from tests.system.hil_setup import Site, hil_site, wait_for
+from tests.system.log_recovery import (
     ReadBack,
     all_folders,
     cut_off,
     numbered_twice,
     read_back,
 )
-from wayfarer.fault_scenarios.process_tests.wheel_history import Commands, told_to_turn
+from tests.system.wheel_history import Commands, told_to_turn
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.writer_thread import WRITE_S, WRITES_A_SYNC
 
@@ -40,7 +40,7 @@ SYNC_S = WRITE_S * WRITES_A_SYNC
 KILLS_A_SITE = 10  # then another forest: a rover that lies in a thicket drives no more
 
 
-class DaemonPhase(StrEnum):
+class Life(StrEnum):
     """What a daemon was doing when it was killed."""
 
     STARTING = "starting"
@@ -49,7 +49,7 @@ class DaemonPhase(StrEnum):
     STOPPING = "stopping"
 
 
-LIVES = (DaemonPhase.DRIVING, DaemonPhase.STARTING, DaemonPhase.DRIVING, DaemonPhase.ARMING, DaemonPhase.STOPPING)
+LIVES = (Life.DRIVING, Life.STARTING, Life.DRIVING, Life.ARMING, Life.STOPPING)
 """What is killed in turn: twice as often what lasts longest."""
 
 
@@ -62,7 +62,7 @@ class Kill(NamedTuple):
     """
 
     rover: str
-    life: DaemonPhase
+    life: Life
     silence_s: float | None
     stopped_s: float | None
     lost_s: float | None
@@ -78,13 +78,13 @@ class Killer:
         rng: draws the instants.
     """
 
-    def __init__(self, where: HilSetup, rng: Random) -> None:
+    def __init__(self, where: Site, rng: Random) -> None:
         self._site, self._rng = where, rng
         self._still_since_s = time.monotonic()
         self._problems: list[str] = []
         self._folders: set[Path] = set()
 
-    def kill(self, life: DaemonPhase) -> Kill:
+    def kill(self, life: Life) -> Kill:
         """Kill a daemon somewhere in this part of its life.
 
         Raises:
@@ -109,22 +109,22 @@ class Killer:
 
     # -- leading a daemon to its death -----------------------------------------------------------------------------
 
-    def _lead(self, life: DaemonPhase) -> subprocess.Popen[bytes]:
+    def _lead(self, life: Life) -> subprocess.Popen[bytes]:
         """Return a daemon in this part of its life."""
         self._folders = set(all_folders(self._site.logs))
-        if life is DaemonPhase.STARTING:
+        if life is Life.STARTING:
             daemon = self._site.launch()
             time.sleep(self._rng.uniform(0.0, STARTING_S))
             return daemon
         daemon = self._up()
-        if life is DaemonPhase.ARMING:
+        if life is Life.ARMING:
             self._ask_to_arm(self._rng.uniform(0.0, ARMING_S))
             return daemon
         self._site.ask("arm", heading_deg=self._rng.uniform(0.0, 359.0))
         wait_for("the wheels turn", lambda: self._site.turning)
-        if life is DaemonPhase.STOPPING:
+        if life is Life.STOPPING:
             daemon.send_signal(signal.SIGTERM)
-        time.sleep(self._rng.uniform(0.0, STOPPING_S if life is DaemonPhase.STOPPING else DRIVING_S))
+        time.sleep(self._rng.uniform(0.0, STOPPING_S if life is Life.STOPPING else DRIVING_S))
         return daemon
 
     def _up(self) -> subprocess.Popen[bytes]:
@@ -161,10 +161,10 @@ class Killer:
 
     # -- what is left ------------------------------------------------------------------------------------------------
 
-    def _judge(self, life: DaemonPhase, died_s: float) -> Kill:
+    def _judge(self, life: Life, died_s: float) -> Kill:
         where = self._site
         time.sleep(where.deadman_s + 2 * MARGIN_S)
-        if life is DaemonPhase.STARTING:
+        if life is Life.STARTING:
             self._note_motion()
         silence_s, stopped_s = after_death(where.commands(), died_s)
         self._still_since_s = time.monotonic()
@@ -173,7 +173,7 @@ class Killer:
         wrong = {
             f"the wheels were stopped {stopped_s} s after the death": (stopped_s or 0.0) > where.deadman_s + MARGIN_S,
             f"the log ends {lost_s} s before the death": (lost_s or 0.0) > SYNC_S + BUSY_S,
-            "the log does not say that the rover was armed": life is DaemonPhase.DRIVING and not found.armed,
+            "the log does not say that the rover was armed": life is Life.DRIVING and not found.armed,
         }
         self._problems += [
             *found.problems,
@@ -214,7 +214,7 @@ def sweep(kills: int, seed: int) -> Iterator[Kill]:
 
 
 def _at_one_site(rover: str, numbers: Iterable[int], rng: Random) -> Iterator[Kill]:
-    with site(rover, seed=rng.randrange(2**31)) as where:
+    with hil_site(rover, seed=rng.randrange(2**31)) as where:
         killer, last = Killer(where, rng), None
         for number in numbers:
             if last is not None:

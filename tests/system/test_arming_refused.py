@@ -1,0 +1,60 @@
+"""What is wrong with a rover before it drives: arming is refused, for a reason that says what to do."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.system.hil_setup import UNPROVED, Site, wait_for
+from tests.system.wheel_history import told_to_turn
+from wayfarer.commissioning.checks.deadman import board_settings
+from wayfarer.config.calibration_file import FILE_NAME, Calibration, CompassEntry, DeadmanEntry, save, stamp
+from wayfarer.config.rover_file import load_rover
+from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.fieldlog.clock import wall_clock
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize("site", ["minirover"], indirect=True)
+def test_board_that_does_not_acknowledge_its_failsafe_is_not_armed(site: Site) -> None:
+    site.daemon()
+    begins_s = site.bench("inject", target="motors", kind="failsafe_off")["t_s"]
+    is_refused(site, "failsafe")
+    assert site.status()["mode"] == "disarmed"
+    assert not told_to_turn(site.commands(begins_s))
+
+
+def test_sabertooth_is_armed_only_with_a_proof_of_its_deadman(site: Site) -> None:
+    site.config.write_text(site.config.read_text("utf-8").replace(UNPROVED, ""), encoding="utf-8")
+    site.daemon()
+    is_refused(site, "nobody has seen", "wayfarer check")
+    file, proof = site.folder / FILE_NAME, board_settings(load_rover(str(site.config)))
+    seen = stamp("Sabertooth", wall_clock(0.0))
+    save(file, Calibration(deadman=DeadmanEntry(**seen, settings={**proof, "timeout_s": 0.5})))
+    is_refused(site, "timeout_s = 0.5 (now 0.3)", "wayfarer check")
+    assert not told_to_turn(site.commands())
+    save(file, Calibration(deadman=DeadmanEntry(**seen, settings=proof)))
+    site.ask("arm", heading_deg=0.0)
+    wait_for("the wheels turn", lambda: site.drives)
+
+
+def test_calibration_that_cannot_be_used_is_named(site: Site) -> None:
+    """A rover that was never calibrated may be driven."""
+    site.daemon()
+    file = site.folder / FILE_NAME
+    file.write_text('{"schema": 1, "compass": ', encoding="ascii")
+    is_refused(site, str(file), "not a calibration")
+    another = stamp("CMPS14 at 0x61 on /dev/i2c-9", wall_clock(0.0))
+    save(file, Calibration(compass=CompassEntry(**another, level=3, residual_deg=1.0)))
+    is_refused(site, "calibrated compass", "made with CMPS14 at 0x61 on /dev/i2c-9", "but this is")
+    file.unlink()
+    assert re.search("calibrated compass", "\n".join(site.ask("arm", heading_deg=0.0)["warnings"]))
+
+
+def is_refused(site: Site, *wanted: str) -> None:
+    """Arming is refused, and the reason says all of this."""
+    with pytest.raises(Refused) as refused:
+        site.ask("arm", heading_deg=0.0)
+    assert [part for part in wanted if part not in str(refused.value)] == [], refused.value

@@ -1,0 +1,61 @@
+"""Rover files that cannot be used, or that change under a daemon."""
+
+# ruff: noqa: TID251 - real processes need real time
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.system.hil_setup import Site, rover_toml, wait_for
+from tests.system.subprocesses import command
+
+pytestmark = pytest.mark.slow
+
+BAD_INPUT = 2
+CRUISE = "cruise_m_s = 0.42"
+GENTLER = "cruise_m_s = 0.21"
+HUGE_FILE_BYTES = 5_000_000
+# What stands in the file instead of the line CRUISE, and what the one line on the terminal must say besides its number.
+BAD_LINES = {
+    "unknown key": ("cruse_m_s = 0.42", ("escape.cruse_m_s", "did you mean 'cruise_m_s'")),
+    "wrong type": ('cruise_m_s = "fast"', ("escape.cruise_m_s", "a valid number")),
+    "NaN": ("cruise_m_s = nan", ("escape.cruise_m_s", "allowed is")),
+    "out of range": ("cruise_m_s = -1", ("escape.cruise_m_s", "allowed is")),
+    "huge number": ("cruise_m_s = 1e300", ("escape.cruise_m_s", "allowed is")),
+    "twice": (f"{CRUISE}\n{CRUISE}", ("Cannot overwrite a value",)),
+    "no TOML": ("cruise_m_s = = 0.42", ("not valid TOML",)),
+    "huge line": ("a" * HUGE_FILE_BYTES, ("not valid TOML",)),
+}
+
+
+@pytest.mark.parametrize(("instead", "wanted"), BAD_LINES.values(), ids=BAD_LINES)
+def test_daemon_refuses_a_bad_rover_file_in_one_line(tmp_path: Path, instead: str, wanted: tuple[str, ...]) -> None:
+    text = rover_toml("forestrover")
+    line = text[: text.index(CRUISE)].count("\n") + 1
+    config = tmp_path / "rover.toml"
+    config.write_text(text.replace(CRUISE, instead), encoding="utf-8")
+    done = command("run", "--config", config, "--logs", tmp_path)
+    said = done.stderr.strip()
+    assert done.returncode == BAD_INPUT
+    assert said.count("\n") == 0, said[:200]
+    assert [part for part in wanted if part not in said] == [], said[:200]
+    assert [int(number) for number in re.findall(r"line (\d+)", said)] in ([line], [line + 1])
+
+
+def test_rover_file_that_is_changed_counts_from_the_next_start_on(site: Site) -> None:
+    daemon = site.armed()
+    site.config.write_text(site.config.read_text("utf-8").replace(CRUISE, GENTLER), encoding="utf-8")
+    time.sleep(1.0)
+    before = site.log()[0]
+    assert before["config"]["escape"]["cruise_m_s"] == 0.42
+    assert site.status()["mode"] == "armed"
+    wait_for("it drives on", lambda: site.drives, patience_s=3.0)  # between two manoeuvres it stands for a moment
+    daemon.terminate()
+    daemon.wait()
+    site.daemon()
+    after = site.log()[0]
+    assert after["config"]["escape"]["cruise_m_s"] == 0.21
+    assert before["config_hash"] != after["config_hash"]

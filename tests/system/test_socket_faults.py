@@ -1,0 +1,154 @@
+"""The control socket of a real daemon: abused, asked for what cannot be, and wanted by a second daemon."""
+
+# ruff: noqa: TID251 - real processes need real time
+from __future__ import annotations
+
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+
+import pytest
+
+from tests.system.hil_setup import Site, wait_for
+from tests.system.jitter import jitter
+from wayfarer.daemon.socket.protocol import Refused
+
+pytestmark = pytest.mark.slow
+
+QUIET_S = ABUSE_S = 2.5
+CLIENTS = 1000
+LONG_LINE_BYTES = 1_000_000_000
+PIECE_BYTES = 1_000_000
+PAUSE_S = 0.05
+AGAIN_S = 0.01  # without it the abuse would take a core away from the bench, whose answers the ticks wait for
+JITTER_S = 0.01
+TRIES = 20
+ALREADY_RUNNING = 75  # EX_TEMPFAIL of sysexits.h
+
+
+def test_socket_that_is_abused_delays_no_tick(site: Site) -> None:
+    site.armed()
+    quiet_s = time.monotonic()
+    time.sleep(QUIET_S)
+    abuse_s = time.monotonic()
+    ends_s = abuse_s + ABUSE_S
+    counts = abuse(site, ends_s)
+    times_s = site.ticks_beyond(ends_s)
+    before, after = jitter(times_s, quiet_s, abuse_s), jitter(times_s, abuse_s, ends_s)
+    print(f"jitter of the tick, median / p95 / worst: {before} before, {after} with {counts}")
+    assert all(counts.values())
+    assert after.median_s - before.median_s < JITTER_S
+    assert asked_again_and_again(site)["mode"] == "armed"
+    assert site.drives
+
+
+def test_verbs_at_the_wrong_time_are_refused_and_change_nothing(site: Site) -> None:
+    """Disarmed, armed, and with a fault that lasts."""
+    site.daemon()
+    are_refused(site, "disarmed", "resume", "hold")
+    are_refused(site, "disarmed", "goal", heading_deg=1.0)
+    site.ask("arm", heading_deg=0.0)
+    wait_for("it is armed", lambda: site.status()["mode"] == "armed")
+    are_refused(site, "armed", "arm", "resume")
+    site.bench("silence", bus="/dev/i2c-1", address=0x60)
+    wait_for("a fault", lambda: "compass_lost" in site.status()["conditions"])
+    wait_for("it is disarmed", lambda: site.status()["mode"] == "disarmed")
+    are_refused(site, "disarmed", "arm")
+
+
+def are_refused(site: Site, mode: str, *verbs: str, **details: object) -> None:
+    for verb in verbs:
+        with pytest.raises(Refused):
+            site.ask(verb, **details)
+        assert site.status()["mode"] == mode, verb
+
+
+def test_second_daemon_leaves_the_first_alone(site: Site) -> None:
+    first = site.armed()
+    second = site.run("run", "--config", site.config, "--logs", site.logs)
+    assert second.returncode == ALREADY_RUNNING
+    assert str(first.pid) in second.stderr
+    assert site.status()["mode"] == "armed"
+    assert site.drives
+    assert len(list(site.logs.iterdir())) == 1, "the second has made a run"
+    first.kill()
+    first.wait()
+    assert site.socket.exists(), "there is no stale socket"
+    site.daemon()
+    assert site.status()["mode"] == "disarmed"
+
+
+# -- abuse -------------------------------------------------------------------------------------------------------------
+
+
+def abuse(site: Site, ends_s: float) -> dict[str, int]:
+    """Do everything at once until a time, and return how often each thing was done."""
+    counts: dict[str, int] = {}
+
+    def again_and_again(name: str, do: Callable[[socket.socket], None]) -> None:
+        counts[name] = 0
+        while time.monotonic() < ends_s:
+            with suppress(OSError), socket.socket(socket.AF_UNIX) as line:
+                line.settimeout(1.0)
+                line.connect(str(site.socket))
+                counts[name] += 1
+                do(line)
+            time.sleep(AGAIN_S)
+
+    threads = [threading.Thread(target=again_and_again, args=each) for each in ABUSES.items()]
+    threads.append(threading.Thread(target=crowd, args=(site, ends_s, counts)))
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return counts
+
+
+def garbage(line: socket.socket) -> None:
+    for _ in range(10):
+        line.sendall(os.urandom(1000) + b"\n")
+        line.recv(1000)
+        time.sleep(PAUSE_S)
+
+
+def long_line(line: socket.socket) -> None:
+    piece = b"x" * PIECE_BYTES
+    for _ in range(LONG_LINE_BYTES // PIECE_BYTES):  # it is closed long before
+        line.sendall(piece)
+
+
+def half_line(line: socket.socket) -> None:
+    line.sendall(b'{"do": "st')
+    time.sleep(0.5)
+
+
+def byte_after_byte(line: socket.socket) -> None:
+    for _ in range(20):
+        line.sendall(b" ")
+        time.sleep(PAUSE_S)
+
+
+ABUSES = {"garbage": garbage, "1 GB line": long_line, "half line": half_line, "byte after byte": byte_after_byte}
+
+
+def crowd(site: Site, ends_s: float, counts: dict[str, int]) -> None:
+    """Connect a thousand clients that say nothing, spread over the time."""
+    pause_s = (ends_s - time.monotonic()) / CLIENTS
+    with ExitStack() as stack:
+        for number in range(CLIENTS):
+            line = stack.enter_context(socket.socket(socket.AF_UNIX))
+            with suppress(OSError):
+                line.connect(str(site.socket))
+                counts["client"] = number + 1
+            time.sleep(pause_s)
+
+
+def asked_again_and_again(site: Site) -> dict[str, object]:
+    """The status as somebody gets it who is pushed aside by the crowd, and tries again."""
+    for _ in range(TRIES):
+        with suppress(Refused):
+            return site.status()
+    return site.status()
