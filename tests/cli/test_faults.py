@@ -206,7 +206,7 @@ BAD = {
     "chance and file": (["--trials", "3", "--scenario", "a"], "leave out --scenario"),
     "chance and list": (["--trials", "3", "--list"], "leave out --list"),
     "seed alone": (["--seed", "3"], "--seed is for random faults; say how many trials with --trials N"),
-    "depth alone": (["--depth", "bus"], "--depth is for faults by chance"),
+    "depth alone": (["--depth", "bus"], "--depth is for random faults"),
     "jobs": (["--jobs", "0"], "--jobs"),
 }
 

@@ -178,7 +178,7 @@ async def test_web_page_from_elsewhere_is_let_in_as_the_docs_say() -> None:
     ):
         assert (await websocket.receive_json(timeout=PATIENCE_S))["op"] == "serverInfo"
     said = (Path(__file__).parents[3] / "docs" / "foxglove.md").read_text(encoding="utf-8")
-    assert "Any web page that is open in a browser on that computer may read the track" in said
+    assert "Any web page in a browser on that computer can read the track" in said
 
 
 async def test_viewer_that_ceases_to_read_holds_up_nobody() -> None:
