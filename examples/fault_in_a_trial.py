@@ -15,8 +15,7 @@ scenario = Scenario(
     faults=(Fault(at_s=15.0, for_s=5.0, target="compass", kind="silent"),),
     for_s=25.0,
 )
-result = judge(
-    scenario, run_scenario(scenario), run_without_faults(scenario)
-)  # with the fault, and the same run without
+# With the fault, and the same run without it.
+result = judge(scenario, run_scenario(scenario), run_without_faults(scenario))
 print(f"{result.reached} by {result.cause} after {result.detected_s:.2f} s; stopped after {result.stopped_s:.2f} s")
 print("as expected" if result.passed else "\n".join(result.problems))

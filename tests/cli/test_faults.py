@@ -173,7 +173,7 @@ def test_what_needs_no_camera_runs_without_opencv(capsys: pytest.CaptureFixture[
 
 
 def test_list_shows_names_and_runs_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wayfarer.fault_scenarios.command.play", lambda *_: pytest.fail("a scenario was run"))
+    monkeypatch.setattr("wayfarer.fault_scenarios.command.run_scenario", lambda *_: pytest.fail("a scenario was run"))
     assert cli.run(["faults", "--list"]) == 0
     assert "board-fault" in capsys.readouterr().out
 
@@ -227,7 +227,7 @@ def test_an_error_inside_one_scenario_does_not_hide_the_others(
             raise ZeroDivisionError("by zero")
         return run_scenario(scenario, log_dir)
 
-    monkeypatch.setattr("wayfarer.fault_scenarios.command.play", fails_once)
+    monkeypatch.setattr("wayfarer.fault_scenarios.command.run_scenario", fails_once)
     path = scenario_file(tmp_path, LOOSE.replace("loose-plug", "broken") + LOOSE)
     assert cli.run(["faults", "--scenario", path, "--jobs", "1"]) == 1
     out = capsys.readouterr().out

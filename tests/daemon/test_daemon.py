@@ -271,9 +271,9 @@ async def test_log_of_the_run_before_that_cannot_be_read_stops_no_daemon(site: S
 # -- disk and power ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("number", "cure"), [(errno.ENOSPC, "delete old runs"), (errno.EROFS, "mount the disk")])
+@pytest.mark.parametrize(("number", "advice"), [(errno.ENOSPC, "delete old runs"), (errno.EROFS, "mount the disk")])
 async def test_disk_that_takes_no_records_lets_the_rover_drive_on_and_refuses_the_next_arming(
-    site: Site, monkeypatch: pytest.MonkeyPatch, number: int, cure: str
+    site: Site, monkeypatch: pytest.MonkeyPatch, number: int, advice: str
 ) -> None:
     async with Running(site) as daemon:
         await daemon.drives()
@@ -286,7 +286,7 @@ async def test_disk_that_takes_no_records_lets_the_rover_drive_on_and_refuses_th
         assert (await site.ask("status"))["mode"] == "armed"
         assert await site.wheels() != STOP
         await site.ask("disarm")
-        with pytest.raises(WayfarerError, match=rf"not armed: log: .*cannot be written: .*{cure}.*within a second"):
+        with pytest.raises(WayfarerError, match=rf"not armed: log: .*cannot be written: .*{advice}.*within a second"):
             await site.ask("arm", heading_deg=0.0)
         disk.failures = 0
         await asyncio.sleep(2.5)

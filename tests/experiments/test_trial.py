@@ -78,7 +78,7 @@ def test_budget_ends_a_trial() -> None:
 def test_trial_runs_the_very_supervisor_that_drives_the_rover() -> None:
     assert vars(trial_setup)["Supervisor"] is supervisor.Supervisor
     assert "Supervisor" in trial_setup.TrialSetup.__init__.__code__.co_names
-    assert "Stage" in vars(trial)["_run"].__code__.co_names
+    assert "TrialSetup" in vars(trial)["_run"].__code__.co_names
 
 
 def run_without(sensor: str, spec: TrialSpec, monkeypatch: pytest.MonkeyPatch) -> TrialResult:

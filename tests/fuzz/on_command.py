@@ -162,7 +162,7 @@ def _environment(environment: Mapping[str, str]) -> str:
 ENVIRONMENT = Target(
     "environment",
     [
-        "wayfarer.daemon.watchdog:Notifier",
+        "wayfarer.daemon.watchdog:SystemdNotifier",
         "wayfarer.daemon.watchdog:watchdog_period_s",
         "wayfarer.config.calibration_file:calibration_file",
         "wayfarer.daemon.socket.paths:known_sockets",
