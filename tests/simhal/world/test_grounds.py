@@ -89,7 +89,7 @@ def test_sweep_of_grounds_with_another_chassis_is_another_sweep(run: Run, tmp_pa
 def test_other_physics_has_a_ground_of_another_kind(run: Run) -> None:
     code, out, err = run(*SIM, "--physics", "mujoco", "--ground", "mud")
     assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "--ground mud is of physics-light; with --physics mujoco say --friction" in err
+    assert "--ground mud belongs to physics-light; with --physics mujoco use --friction" in err
 
 
 @pytest.mark.parametrize("command", [(*SIM, "--ground", "mud"), ("sweep", "ground=ideal,mud", "--out", "never")])
