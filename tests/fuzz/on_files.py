@@ -205,7 +205,7 @@ def _read_forests(path: Path) -> str:
 FOREST = Target(
     "forest",
     ["wayfarer.simhal.world.forest_file:read_forests", "wayfarer.simhal.world.forest_file:from_row",
-     "wayfarer.simhal.world.forest_file:_forests_of", "wayfarer.simhal.world.forest_file:_number",
+     "wayfarer.simhal.world.forest_file:forests_in", "wayfarer.simhal.world.forest_file:_number",
      "wayfarer.simhal.world.forest_file:_object_of", "wayfarer.simhal.world.forest:check_forest"],
     lambda kept: bytes_of([FOREST_FILE, *kept]) | st.lists(json_of(FORESTS_ROWS), max_size=3).map(
         lambda rows: b"\n".join(map(as_json, rows))

@@ -16,7 +16,7 @@ from tests.system.subprocesses import MAIN, python
 
 pytestmark = pytest.mark.slow
 
-ILL = python(f"from {broken_os.__name__} import fall_ill; fall_ill(); {MAIN}")
+ILL = python(f"from {broken_os.__name__} import patch_os; patch_os(); {MAIN}")
 QUIET_S = ILL_S = 2.5
 LOOKS_S = 0.1
 SYNC_TAKES_S = 0.5

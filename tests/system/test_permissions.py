@@ -16,14 +16,14 @@ DEVICES = {"/dev/i2c-1": "i2c", "/dev/spidev0.1": "spi", "/dev/ttyAMA0": "dialou
 LOOK = """
 import os, sys
 from pathlib import Path
-from wayfarer.commissioning.checks.api import Place
+from wayfarer.commissioning.checks.api import HostEnvironment
 from wayfarer.commissioning.checks.system import diagnose
 root, user, *devices = sys.argv[1:]
 if os.geteuid() == 0:
     os.setgroups([])
     os.setuid(int(user))
 for device in devices:
-    print(diagnose(Place(Path("logs"), Path("calibration"), (), 0.0, Path(root)), device))
+    print(diagnose(HostEnvironment(Path("logs"), Path("calibration"), (), 0.0, Path(root)), device))
 """
 
 

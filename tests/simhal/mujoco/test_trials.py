@@ -190,7 +190,7 @@ def test_light_campaign_says_nothing_of_it_and_loads_no_engine() -> None:
 
 
 REFUSED = {
-    "friction without it": (("sim", "--friction", "0.5"), "--friction has an effect only with --physics mujoco; add that"),
+    "friction without it": (("sim", "--friction", "0.5"), "has an effect only with --physics mujoco; add that"),
     "negative friction": ((*SIM, "--friction=-0.5"), "--friction -0.5: expected a number, or MIN:MAX"),
     "no friction": ((*SIM, "--friction", "0"), "from 0.02 to 2"),
     "no end of a range": ((*SIM, "--friction", "0.5:"), "--friction 0.5:: expected a number, or MIN:MAX"),
