@@ -8,7 +8,7 @@ from wayfarer.fault_scenarios.scenario import Reached
 
 
 class FaultTest(NamedTuple):
-    """A fault that a test makes happen: mostly to the real daemon, a process of its own over simulated chips.
+    """A fault that a test makes happen: mostly to the real daemon, as a process over simulated chips.
 
     ``asked`` is what the field catalogue asks for, ``level`` and ``within_s`` what the test holds the rover to.
     ``within_s`` is None where nothing is timed; where the motor board's deadman stops the wheels, it is that of the

@@ -7,7 +7,7 @@ from wayfarer.fieldlog.reader import Record
 from wayfarer.views.foxglove.scene import ROVER, TRUTH
 from wayfarer.views.trail import Trail
 
-PATH_POINTS = 1000  # at most: 20 kB a message, and drawn anew in a fraction of a millisecond
+PATH_POINTS = 1000  # at most: 20 kB a message, and drawn again in a fraction of a millisecond
 PATH_SPACING_M = 0.1  # of the first hundred metres: a quarter of a rover's length
 DRAW_EVERY_S = 1.0  # a path is drawn whole each time, so that the newest message is all that a viewer needs
 
