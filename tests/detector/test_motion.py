@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.detector.rover import FULL, MAX_SPEED_M_S, STEP_M, TICK_S, Rover, started
+from tests.detector.rover import FULL, MAX_SPEED_M_S, SETTINGS, STEP_M, TICK_S, Rover, started
 from wayfarer.detector import ALL_WELL
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import STOP, CompassReading, MotionReading, Snapshot
@@ -101,3 +101,20 @@ def test_motion_sensor_that_stays_silent_is_gone_and_one_that_sees_nothing_is_on
         last = blind.tick(quality=0.0)
     assert last.conditions == (Condition.MOTION_LOST,)
     assert silent.tick() == ALL_WELL
+
+
+def sideways(rover: Rover, right_m: float) -> bool:
+    """One tick at full duty in which nothing moves ahead; return whether the rover is called immobilised."""
+    rover.t_s += TICK_S
+    motion = MotionReading(rover.t_s, 0.0, right_m, 1.0)
+    return Anomaly.IMMOBILISED in rover.sees(Snapshot(rover.t_s, rover.detector.compass, motion, None), FULL).anomalies
+
+
+@pytest.mark.parametrize("every", [1, 3, 6])
+def test_rubbish_sideways_hides_a_stall_for_two_seconds_at_most(every: int) -> None:
+    """A sensor that says "sideways" of a rover that stands is believed, for it may skate; but not for long."""
+    rover = started()
+    rover.drive(8, moved_m=STEP_M)
+    found = [sideways(rover, 4.9 * TICK_S if n % every == 0 else 0.0) for n in range(48)]
+    assert all(found[round(SETTINGS.nowhere_s / TICK_S) :])
+    assert not all(found)
