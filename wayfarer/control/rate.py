@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
+from functools import partial
 
 # What one person asks for with a few quick presses; a script that is out of hand writes 2 records a second.
 ASKED_AT_ONCE, ASKED_HZ = 5, 2.0
@@ -16,23 +18,30 @@ class Rate:
     """
 
     def __init__(self, rate_hz: float) -> None:
-        self._loop = asyncio.get_running_loop()
+        loop = asyncio.get_running_loop()
+        self._time = loop.time
+        # The loop of the simulation has a shorter way to the same.
+        self._wake_at: Callable[[float], asyncio.Future[None]] = getattr(loop, "wake_at", partial(_wake_at, loop))
         self._period_s = 1.0 / rate_hz
-        self._start_s = self._loop.time()
+        self._start_s = loop.time()
         self._count = 0
 
     def wait(self) -> asyncio.Future[None]:
         """Return a future that is done at the next grid time; await it before asking for another."""
-        loop = self._loop
         self._count += 1
         # Counted, not added up: rounding errors must not pull apart tasks that are due at the same time.
         due_s = self._start_s + self._count * self._period_s
-        now_s = loop.time()
+        now_s = self._time()
         if due_s < now_s:
             self._start_s, self._count, due_s = now_s, 0, now_s
-        wake_up = loop.create_future()
-        loop.call_at(due_s, _wake, wake_up)
-        return wake_up
+        return self._wake_at(due_s)
+
+
+def _wake_at(loop: asyncio.AbstractEventLoop, when_s: float) -> asyncio.Future[None]:
+    """Return a future that is done at a time of the loop."""
+    wake_up: asyncio.Future[None] = loop.create_future()
+    loop.call_at(when_s, _wake, wake_up)
+    return wake_up
 
 
 def _wake(wake_up: asyncio.Future[None]) -> None:

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.stock_loop import JumpingStockLoop
+from wayfarer.control.rate import Rate
 from wayfarer.errors import NothingScheduled
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
@@ -208,6 +209,24 @@ async def cancelled_while_sleeping(note: Note) -> None:
     note(f"{task.cancelled()}")
 
 
+async def paced_tasks_of_which_one_is_cancelled(note: Note) -> None:
+    """``Rate`` has a way of its own to wake its task on the virtual loop."""
+
+    async def paced(name: str, rate_hz: float) -> None:
+        rate = Rate(rate_hz)
+        while True:
+            await rate.wait()
+            note(name)
+
+    tasks = [asyncio.ensure_future(paced(name, rate_hz)) for name, rate_hz in (("a", 7.0), ("b", 3.0))]
+    await asyncio.sleep(1.1)
+    tasks[0].cancel()
+    await asyncio.sleep(1.1)
+    tasks[1].cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
+    await asyncio.sleep(1.1)
+
+
 async def cancelled_before_it_starts(note: Note) -> None:
     task = asyncio.ensure_future(sleeper(note, "a", 1.0))
     task.cancel()
@@ -288,6 +307,7 @@ PROGRAMS: tuple[Program, ...] = (
     locks_are_fair,
     shield_outlives_cancellation,
     cancelled_while_sleeping,
+    paced_tasks_of_which_one_is_cancelled,
     cancelled_before_it_starts,
     threads,
     context_follows_the_code,

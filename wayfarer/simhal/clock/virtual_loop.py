@@ -69,7 +69,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
     def __init__(self) -> None:
         self._now_s = 0.0
         self._ready: deque[_Handle] = deque()
-        self._timers: list[_Handle] = []
+        self._timers: list[list[Any]] = []  # handles, and what ``wake_at`` makes: a future in place of the callback
         self._number = count(1).__next__
         self._running = False
         self._closed = False
@@ -129,6 +129,12 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         heappush(self._timers, handle)
         return handle
 
+    def wake_at(self, when_s: float) -> asyncio.Future[None]:
+        """Return a future that is done at a time: a timer without the cost of a callback, a context and a handle."""
+        wake_up: asyncio.Future[None] = self.create_future()
+        heappush(self._timers, [when_s, self._number(), wake_up])
+        return wake_up
+
     # -- running -------------------------------------------------------------------------------------------------
 
     def run_forever(self) -> None:
@@ -155,7 +161,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         """Run what is ready, in turn; when nothing is, jump to the next timer."""
         ready, take, jump = self._ready, self._ready.popleft, self._jump
         while not self._stopping:
-            if not ready:
+            while not ready:
                 jump()
             _, _, callback, args, context = take()
             if callback is None:
@@ -180,7 +186,11 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         now_s = timers[0][_WHEN]
         self._now_s = now_s if now_s > self._now_s else self._now_s
         while timers and timers[0][_WHEN] <= now_s:
-            self._ready.append(heappop(timers))
+            timer = heappop(timers)
+            if type(timer) is _Handle:
+                self._ready.append(timer)
+            elif not (wake_up := timer[_CALLBACK]).done():  # cancelled with its task
+                wake_up.set_result(None)
 
     def run_until_complete(self, future: Generator[Any, None, T] | Awaitable[T]) -> T:
         """Run until the future is done and return its result."""
