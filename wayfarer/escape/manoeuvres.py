@@ -118,7 +118,7 @@ class Follow(Manoeuvre):
     def event(self, observation: Observation) -> PhaseEvent | None:
         if observation.anomalies and _ahead(observation):
             return PhaseEvent.ANOMALY
-        if self._hold.stands:
+        if self._turns.stands:
             return PhaseEvent.EXHAUSTED
         if observation.t_s >= self._limit_t_s:
             return self._check_alignment(observation)
@@ -273,7 +273,7 @@ class Stride(Manoeuvre):
             return PhaseEvent.ANOMALY
         if observation.covered_m >= self._until_m:
             return PhaseEvent.DONE
-        return PhaseEvent.EXHAUSTED if self._hold.stands or self._exhausted(observation) else None
+        return PhaseEvent.EXHAUSTED if self._turns.stands or self._exhausted(observation) else None
 
     def wheels(self, observation: Observation) -> WheelCommand:
         return self._hold.wheels(observation.t_s, wrap180(self._heading_deg - observation.heading_deg))

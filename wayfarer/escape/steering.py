@@ -14,10 +14,7 @@ INTEGRAL_MAX_RAD_S = 1.5
 
 
 class HeadingHold:
-    """Drives along a heading; beyond ``pivot_beyond_deg`` of error it turns on the spot instead.
-
-    ``stands`` says that something holds the body against turning.
-    """
+    """Drives along a heading; beyond ``pivot_beyond_deg`` of error it turns on the spot instead."""
 
     def __init__(self, settings: EscapeSettings, turns: TurnController) -> None:
         self._p, self._i, self._d = settings.heading_p, settings.heading_i, settings.heading_d
@@ -32,11 +29,6 @@ class HeadingHold:
         self._integral = 0.0
         self._last_error: float | None = None
         self._last_t_s = 0.0
-
-    @property
-    def stands(self) -> bool:
-        """Tell whether the wheels have turned against each other for long without turning anything."""
-        return self._turns.stands
 
     def wheels(self, t_s: float, error_deg: float) -> WheelCommand:
         """Return the wheels for a heading error in [-180, 180), positive when the goal lies clockwise."""
