@@ -50,6 +50,14 @@ class DriveSample(NamedTuple):
     ahead_m: float
 
 
+class Suspicion(NamedTuple):
+    """When to tell of a side, which one, and whether the body hardly got on when it showed."""
+
+    tell_t_s: float
+    side: int
+    held: bool
+
+
 class DriveMonitor:
     """Compares the heading gained with the turn commanded, over a window of driving or turning one way.
 
@@ -71,7 +79,7 @@ class DriveMonitor:
         self._window: deque[DriveSample] = deque()
         self._before: deque[DriveSample] = deque(maxlen=RATE_TICKS + 1)  # the last ones before the window
         self._told: deque[tuple[float, int]] = deque()
-        self._suspect: tuple[float, int] | None = None  # when to tell, and of which side
+        self._suspect: Suspicion | None = None
         self.condition = Condition.DRIVE_ASYMMETRY
         self.until_t_s = -inf
 
@@ -125,21 +133,22 @@ class DriveMonitor:
         right_deg += right_deg_s * driven_s
         self._told_sums = left_deg, right_deg, clockwise_deg, anticlockwise_deg
 
-    def _confirm(self, t_s: float, suspect: tuple[float, int], applied: WheelCommand, *, trusted: bool) -> None:
+    def _confirm(self, t_s: float, suspect: Suspicion, applied: WheelCommand, *, trusted: bool) -> None:
         """Tell of the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.
 
         Where hardly any side but that one was told to push, the anomaly may be that side's as well: that is told, but
-        is never a fault, for a controller asks for that beside a trunk too.
+        is never a fault, for a controller asks for that beside a trunk too. Nor is what a body showed that hardly got
+        on: a healthy one on slippery ground was turned by the trunk that held it.
         """
-        at_s, side = suspect
+        at_s, side, held = suspect
         suspected, other = applied if side == LEFT else reversed(applied)
         alone = abs(other) < self._settings.immobilised_below * abs(suspected)
         if trusted and t_s < at_s:
             return
         self._suspect = None
-        if trusted:
+        if trusted and not held:
             self._tell(t_s, side, self._settings.drive_uneven_windows)
-        elif alone:
+        elif trusted or alone:
             self._show(t_s, Condition.DRIVE_ASYMMETRY)
 
     def _leave_window(self) -> None:
@@ -196,9 +205,9 @@ class DriveMonitor:
         reversed_deg = settings.reversed_share * abs(dead_deg) + settings.reversed_margin_deg
         if abs(excess_deg) - coasted_deg > reversed_deg:
             self._tell(now.t_s, REVERSED, settings.reversed_turns)
-        elif self._held(then, now):
-            return
-        self._suspect = self._suspect or (now.t_s + settings.drive_confirm_s - 1e-6, side)
+        held = self._held(then, now)
+        if self._suspect is None or (self._suspect.held and not held):
+            self._suspect = Suspicion(now.t_s + settings.drive_confirm_s - 1e-6, side, held)
 
     def _held(self, then: DriveSample, now: DriveSample) -> bool:
         """Tell whether the body was seen to get on by hardly anything: what holds it may turn it as well.
