@@ -14,13 +14,14 @@ from time import process_time
 from benchmarks.figures import Figure
 from benchmarks.stack import spec_of
 from wayfarer.config.factory import assemble
-from wayfarer.config.rover_file import load_rover, part_settings
+from wayfarer.config.rover_file import load_rover
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.drivers.threaded import ThreadedI2C
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.trial import TrialCounters, run_trial
-from wayfarer.simhal.build_rover import ChipWiring, Depth
+from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import FakeBuses, FakeI2C
+from wayfarer.simhal.chip_wiring import ChipWiring
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
@@ -67,8 +68,7 @@ async def _drive_into_a_hang() -> tuple[float, float, float]:
     world = World(generate_forest(0, 0, 0), config.vehicle, Physics(), RandomStreams(0), starts_s=loop.time())
     wiring = ChipWiring(world, RandomStreams(0), loop.time, chips)
     for part, table in config.parts.items():
-        driver, settings = part_settings(part, table)
-        wiring.chips[driver](settings)
+        wiring.attach(part, table)
     algorithm = CATALOGUE["forest-pledge"]
     handler = algorithm.make(config.escape, config.vehicle, Random(0))
     supervisor = Supervisor(assemble(config, buses), config, algorithm, handler, TrialCounters())

@@ -176,11 +176,7 @@ def test_of_the_simulator_only_what_builds_a_rover_knows_the_drivers() -> None:
         if any(within(name, "drivers") and not within(name, "drivers.buses") for name in wayfarer_modules(module))
     }
     injected = {module for module in modules_of("simhal") if within(module, "simhal.faults")}
-    assert users - injected == {
-        "wayfarer.simhal.build_rover",
-        "wayfarer.simhal.hil_server",
-        "wayfarer.simhal.hil_buses",
-    }
+    assert users - injected == {"wayfarer.simhal.built_in_chips", "wayfarer.simhal.hil_buses"}
 
 
 @pytest.mark.parametrize("module", modules_of(*PURE))

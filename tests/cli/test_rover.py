@@ -24,14 +24,14 @@ from wayfarer.config.calibration_file import (
     save,
     stamp,
 )
-from wayfarer.config.rover_file import load_rover, part_settings
+from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.daemon import Service
 from wayfarer.daemon.motors_lock import MotorsLock
 from wayfarer.daemon.socket.paths import SingleDaemon, daemon_socket
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.simhal.build_rover import ChipWiring
 from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.chip_wiring import ChipWiring
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
@@ -259,8 +259,7 @@ def buses() -> FakeBuses:
     world = World(CLEARING, config.vehicle, Physics(), RandomStreams(0), starts_s=monotonic())
     wiring = ChipWiring(world, RandomStreams(0), monotonic, chips)
     for part, table in config.parts.items():
-        driver, settings = part_settings(part, table)
-        wiring.chips[driver](settings)
+        wiring.attach(part, table)
     return chips
 
 

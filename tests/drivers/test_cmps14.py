@@ -332,7 +332,7 @@ def test_waits_while_the_part_boots() -> None:
     async def main() -> None:
         sense = Held()
         bench = Bench(sense, boot_s=0.75)
-        bench.chip.reset()
+        bench.chip.power_cycle()
         await bench.opened()
         assert asyncio.get_running_loop().time() == pytest.approx(0.8 + OPEN_S)
         assert sense.samples == 1
@@ -343,7 +343,7 @@ def test_waits_while_the_part_boots() -> None:
 def test_part_that_never_boots_is_given_up_after_a_second() -> None:
     async def main() -> None:
         bench = Bench(boot_s=60.0)
-        bench.chip.reset()
+        bench.chip.power_cycle()
         with pytest.raises(BadReading, match="no gravity"):
             await bench.opened()
         assert asyncio.get_running_loop().time() == pytest.approx(1.0)
@@ -506,7 +506,7 @@ def test_part_that_lost_power_is_not_read_as_north() -> None:
     async def main() -> None:
         bench = Bench(boot_s=0.5)
         compass = await bench.opened()
-        bench.chip.reset()
+        bench.chip.power_cycle()
         with pytest.raises(BadReading, match="no gravity"):
             await compass.read()
         await asyncio.sleep(0.5)

@@ -489,7 +489,7 @@ def test_chip_that_lost_its_settings_is_reported_and_opening_it_anew_helps() -> 
         chip = PMW3901Chip(Driven((8, 0)), time)
         flow = flow_over(chip)
         await flow.open()
-        chip.lose_power()
+        chip.power_cycle()
         with pytest.raises(NotResponding, match="has stopped"):
             await flow.read()
         await flow.close()

@@ -22,6 +22,7 @@ from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.gate import Gate
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
+from wayfarer.simhal.faults.injector import EFFECTS
 from wayfarer.simhal.faults.kinds import Fault, LateAnswer, LoopStall, Lost, NotANumber
 from wayfarer.simhal.parts import SimMotors
 
@@ -289,5 +290,5 @@ def test_error_that_nobody_awaits_counts_as_a_broken_rule(monkeypatch: Patch) ->
     def fails(*_: Any) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("wayfarer.simhal.faults.injector.reading_fault", fails)
+    monkeypatch.setitem(EFFECTS, "silent", fails)
     assert "ZeroDivisionError" in broken(NO_COMPASS)

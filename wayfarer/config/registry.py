@@ -36,7 +36,7 @@ BUILT_IN_BUSES: Mapping[str, str] = {"linux": "wayfarer.drivers.linux:LinuxBuses
 
 def algorithm_names() -> list[str]:
     """Return the names of all algorithms: built-in ones in the catalogue's order, then installed ones by name."""
-    return [*BUILT_IN, *sorted(set(_installed(ALGORITHM_GROUP)) - set(BUILT_IN))]
+    return [*BUILT_IN, *sorted(set(installed_points(ALGORITHM_GROUP)) - set(BUILT_IN))]
 
 
 def find_algorithm(name: str) -> Algorithm:
@@ -48,7 +48,7 @@ def find_algorithm(name: str) -> Algorithm:
     """
     if name in BUILT_IN:
         return BUILT_IN[name]
-    installed = _installed(ALGORITHM_GROUP)
+    installed = installed_points(ALGORITHM_GROUP)
     if name in REMOVED and name not in installed:
         raise BadInput(
             f"algorithm '{name}' was removed: nothing showed that it gains over forest-pledge; take tight-pledge "
@@ -62,7 +62,7 @@ def find_algorithm(name: str) -> Algorithm:
 
 def driver_names() -> list[str]:
     """Return the names of all drivers, built in and installed."""
-    return sorted({*BUILT_IN_DRIVERS, *_installed(DRIVER_GROUP)})
+    return sorted({*BUILT_IN_DRIVERS, *installed_points(DRIVER_GROUP)})
 
 
 def find_driver(name: str) -> Any:
@@ -73,8 +73,8 @@ def find_driver(name: str) -> Any:
         BadInput: the module cannot be imported.
     """
     if name in BUILT_IN_DRIVERS:
-        return _load_path("driver", BUILT_IN_DRIVERS[name])
-    return _find("driver", name, _installed(DRIVER_GROUP), driver_names())[0]
+        return load_path("driver", BUILT_IN_DRIVERS[name])
+    return _find("driver", name, installed_points(DRIVER_GROUP), driver_names())[0]
 
 
 def check_buses(name: str) -> str:
@@ -97,7 +97,7 @@ def make_buses(name: str) -> Any:
         BadInput: the module cannot be imported, or what it gives is no ``Buses``.
     """
     path = check_buses(name)
-    make = _load_path("buses", path)
+    make = load_path("buses", path)
     try:
         buses = make()
     except WayfarerError:
@@ -109,21 +109,26 @@ def make_buses(name: str) -> Any:
     return buses
 
 
-def _installed(group: str) -> dict[str, EntryPoint]:
+def installed_points(group: str) -> dict[str, EntryPoint]:
+    """Return the entry points of a group in installed packages, by name."""
     return {point.name: point for point in entry_points(group=group)}
 
 
 def _find(kind: str, name: str, installed: Mapping[str, EntryPoint], known: list[str]) -> tuple[Any, str]:
     if name in installed:
         point = installed[name]
-        return _load_path(kind, point.value), point.dist.name if point.dist else point.value
+        return load_path(kind, point.value), point.dist.name if point.dist else point.value
     if ":" in name:
-        return _load_path(kind, name), name
+        return load_path(kind, name), name
     raise UnknownName(kind, name, known)
 
 
-def _load_path(kind: str, path: str) -> Any:
-    """Import ``"module:attribute"``."""
+def load_path(kind: str, path: str) -> Any:
+    """Import ``"module:attribute"``.
+
+    Raises:
+        BadInput: it cannot be imported; the text names the kind of thing that was wanted.
+    """
     module_name, _, attribute = path.partition(":")
     try:
         module = importlib.import_module(module_name)

@@ -35,14 +35,12 @@ from typing import Any
 
 import orjson
 
-from wayfarer.config.rover_file import RoverConfig, load_rover, part_settings
-from wayfarer.drivers.camera_motion import CameraMotion
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.errors import BadConfig, BadInput, NotResponding
 from wayfarer.escape.api import Vehicle
-from wayfarer.simhal.build_rover import ChipWiring
 from wayfarer.simhal.buses import ChipMisuse
-from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.faults.bus import bus_fault, place_of
+from wayfarer.simhal.chip_wiring import ChipWiring
+from wayfarer.simhal.faults.bus import EFFECTS, place_of
 from wayfarer.simhal.faults.kinds import KINDS, Fault
 from wayfarer.simhal.faults.wires import TamperedBuses
 from wayfarer.simhal.hil_buses import from_hex
@@ -54,7 +52,6 @@ from wayfarer.simhal.world.world import World
 
 TICK_S = 0.01  # how late a deadman may act in real time; in the world it acts at its own
 KEPT_COMMANDS = 2000  # 50 s of two sides at 20 Hz
-_SABERTOOTH_TIMEOUT = 14  # its user's guide, page 19
 
 
 class RecordedWorld(World):
@@ -83,7 +80,7 @@ class RecordedWorld(World):
         super().command(left, right)
 
 
-class HilServer(ChipWiring):
+class HilServer:
     """All chips of one rover, in a generated forest, and what can be done to them.
 
     What has no chip (a bumper, a receiver, a light at a GPIO pin) is left out.
@@ -101,21 +98,20 @@ class HilServer(ChipWiring):
         streams = RandomStreams(seed)
         self.world = RecordedWorld(generate_forest(seed, 0, seed), config.vehicle, Physics(), streams, clock())
         self._wires = TamperedBuses()
-        super().__init__(self.world, streams, clock, self._wires)
+        self._wiring = ChipWiring(self.world, streams, clock, self._wires)
+        self._clock = clock
         self._config = config
         self._silent: set[tuple[str, int]] = set()
         self._faults = ExitStack()
         self._hangs_until_s: dict[str, float] = {}
         for part, table in config.parts.items():
-            driver, settings = part_settings(part, table)
-            if driver is CameraMotion:
+            self._wiring.attach(part, table)
+            if self._wires.cameras:
                 raise BadConfig(f"rover '{config.name}': the bench serves no camera; name another [parts.{part}]")
-            if driver in self.chips:
-                self.chips[driver](settings)
 
     def step(self) -> None:
         """Let time pass: first for the deadmen, then for the world."""
-        self.tick()
+        self._wiring.tick()
         self.world.advance_to(self._clock())
 
     async def meet(self, reader: StreamReader, writer: StreamWriter) -> None:
@@ -179,20 +175,18 @@ class HilServer(ChipWiring):
             "commands": [command for command in self.world.commands if command[0] >= since_s],
             "wheels_m_s": self.world.wheels_m_s,
             "forward_m": self.world.forward_m,
-            "deadman_armed": [
-                board.failsafe if isinstance(board, ThunderBorgChip) else bool(board.settings.get(_SABERTOOTH_TIMEOUT))
-                for board in self._boards
-            ],
+            "deadman_armed": [board.stops_by_s < inf for board in self._wiring.boards],
         }
 
     async def _do_power_cycle(self) -> dict[str, Any]:
-        for board in self._boards:
+        for board in self._wiring.boards:
             board.power_cycle()
         return {"t_s": self._clock()}
 
     async def _do_inject(self, target: str, kind: str, **params: Any) -> dict[str, Any]:
         fault = Fault(0.0, inf, target, kind, KINDS[kind].params(**params))
-        self._faults.enter_context(bus_fault(fault, place_of(fault, self._config, self._wires), Random(0)))
+        wired = place_of(fault, self._config, self._wires)
+        self._faults.enter_context(EFFECTS[kind](wired, fault.params, Random(0)))
         return {"t_s": self._clock()}
 
     async def _do_silence(self, bus: str, address: int) -> dict[str, Any]:

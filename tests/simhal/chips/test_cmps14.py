@@ -168,7 +168,7 @@ def test_configuration_is_taken(config: int, chip: CMPS14Chip, clock: Clock) -> 
 
 def test_address_changes_for_the_next_power_up(chip: CMPS14Chip, clock: Clock) -> None:
     send(chip, clock, *CHANGE_ADDRESS, 0xC2)
-    chip.reset()
+    chip.power_cycle()
     assert chip.address == 0x61
 
 
@@ -176,14 +176,14 @@ def test_stored_calibration_outlives_a_loss_of_power(chip: CMPS14Chip, clock: Cl
     chip.calibration = 0x8A
     send(chip, clock, *STORE)
     chip.calibration = 0x00
-    chip.reset()
+    chip.power_cycle()
     assert registers(chip, 0x1E, 1) == b"\x8a"
 
 
 def test_configuration_and_unstored_calibration_do_not(chip: CMPS14Chip, clock: Clock) -> None:
     send(chip, clock, *CONFIGURE, 0x93)
     chip.calibration = 0x8A
-    chip.reset()
+    chip.power_cycle()
     assert (chip.config, chip.calibration) == (0x80, CALIBRATED)
 
 
@@ -236,7 +236,7 @@ def test_a_command_may_begin_where_another_broke_off(chip: CMPS14Chip, clock: Cl
 def test_unfinished_commands_and_the_pointer_do_not_outlive_a_loss_of_power(chip: CMPS14Chip, clock: Clock) -> None:
     send(chip, clock, *STORE[:2])
     chip.write(b"\x02")
-    chip.reset()
+    chip.power_cycle()
     assert chip.read(1) == b"\x07"
     chip.calibration = 0x8A
     send(chip, clock, STORE[2])
@@ -245,7 +245,7 @@ def test_unfinished_commands_and_the_pointer_do_not_outlive_a_loss_of_power(chip
 
 def test_all_but_the_firmware_reads_zero_while_it_boots(clock: Clock) -> None:
     chip = CMPS14Chip(Held(2734), clock, boot_s=0.5)
-    chip.reset()
+    chip.power_cycle()
     assert registers(chip, 0x00, 31) == b"\x07" + bytes(30)
     clock.t_s += 0.5
     assert registers(chip, 0x02, 2) == b"\x0a\xae"

@@ -174,14 +174,14 @@ def test_observation_byte_comes_back_after_two_frames_if_the_chip_runs() -> None
     assert read(chip, 0x15) == burst(chip)[1] == 0x00
     clock.t_s += 0.002
     assert read(chip, 0x15) == burst(chip)[1] == 0xBF
-    chip.lose_power()
+    chip.power_cycle()
     assert read(chip, 0x15) == 0x00
 
 
 def test_chip_that_lost_its_power_is_back_in_bank_00() -> None:
     chip, _, _ = started()
     write(chip, 0x7F, 0x0E)
-    chip.lose_power()
+    chip.power_cycle()
     assert read(chip, 0x00) == 0x49
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from functools import cache
-from math import inf
 from random import Random
 from typing import Any
 
@@ -26,11 +25,11 @@ from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults import kinds
-from wayfarer.simhal.faults.bus import WiredPart, bus_fault, misplaced, place_of
+from wayfarer.simhal.faults.bus import WiredPart, misplaced, place_of
 from wayfarer.simhal.faults.bus_hang import Hang
-from wayfarer.simhal.faults.injector import Injector
+from wayfarer.simhal.faults.injector import EFFECTS, Injector
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
-from wayfarer.simhal.faults.readings import TamperedPart, reading_fault
+from wayfarer.simhal.faults.readings import TamperedPart
 from wayfarer.simhal.faults.wires import FaultyWire
 
 # Driving, with all that is read every so often read several times before the fault begins.
@@ -214,7 +213,7 @@ def injector_of(rover: str, fault: Fault) -> None:
 async def test_frozen_part_repeats_what_it_said_last() -> None:
     part = TamperedPart(FakeCompass())
     last = await part.read()
-    with reading_fault(Fault(0.0, inf, "compass", "frozen"), part, Random(0)):
+    with EFFECTS["frozen"](part, kinds.Nothing(), Random(0)):
         again = await part.read()
     assert again.heading_deg == last.heading_deg
     assert again.t_s > last.t_s
@@ -224,7 +223,7 @@ async def test_frozen_part_repeats_what_it_said_last() -> None:
 @virtual
 async def test_late_answer_carries_the_time_at_which_it_was_given() -> None:
     part, loop = TamperedPart(FakeCompass()), asyncio.get_running_loop()
-    with reading_fault(Fault(0.0, inf, "compass", "late_answer", kinds.LateAnswer(by_s=0.2)), part, Random(0)):
+    with EFFECTS["late_answer"](part, kinds.LateAnswer(by_s=0.2), Random(0)):
         await part.read()
     assert loop.time() == pytest.approx(0.2)
 
@@ -232,7 +231,7 @@ async def test_late_answer_carries_the_time_at_which_it_was_given() -> None:
 @virtual
 async def test_drift_begins_at_nothing_and_grows() -> None:
     part = TamperedPart(FakeCompass())
-    with reading_fault(Fault(0.0, inf, "compass", "drifts", kinds.Drifts(per_s=100.0)), part, Random(0)):
+    with EFFECTS["drifts"](part, kinds.Drifts(per_s=100.0), Random(0)):
         readings = [await part.read() for _ in range(3)]
     assert [reading.heading_deg for reading in readings] == [0.0, 101.0, 202.0]
 
@@ -240,8 +239,8 @@ async def test_drift_begins_at_nothing_and_grows() -> None:
 @virtual
 async def test_so_many_transfers_are_lost_and_no_more() -> None:
     wire = FaultyWire("a bus")
-    place = WiredPart(None, None, wire, Hang("a bus"))
-    with bus_fault(Fault(0.0, inf, "compass", "nack", kinds.Lost(most=2)), place, Random(0)):
+    place = WiredPart("", None, "", None, wire, Hang("a bus"))
+    with EFFECTS["nack"](place, kinds.Lost(most=2), Random(0)):
         for _ in range(2):
             with pytest.raises(NotResponding):
                 wire.check()

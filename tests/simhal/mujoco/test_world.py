@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from dataclasses import replace
-from math import degrees, inf
+from math import degrees
 from pathlib import Path
+from random import Random
 
 import pytest
 
 from tests.simhal.mujoco.fields import BODY, CLEARING, drive, rover_on, speed_m_s, tree_at, trunk_across
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.hal import Side
-from wayfarer.simhal.faults.kinds import KINDS, Drive, Fault, Layer, Slope
-from wayfarer.simhal.faults.world import world_fault
+from wayfarer.simhal.faults.kinds import KINDS, Drive, Layer, Nothing, Slope
+from wayfarer.simhal.faults.world import EFFECTS
 from wayfarer.simhal.mujoco.ground import MUD_FRICTION
 from wayfarer.simhal.mujoco.unstable import Unstable
 from wayfarer.simhal.mujoco.world import LOOK_EVERY, MujocoWorld
@@ -204,7 +205,7 @@ async def test_every_fault_of_the_world_begins_and_ends(kind: str) -> None:
     neutral = (world.body_faults, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v)
     drive(world, 0.5, 0.5, 1.0)
     params = {"slope": Slope(pitch_deg=10.0), "drive": Drive(left_gain=0.5)}.get(kind, KINDS[kind].params())
-    with world_fault(Fault(0.0, inf, "world", kind, params), world):
+    with EFFECTS[kind](world, params, Random(0)):
         drive(world, 0.5, 0.5, 1.0)
         lasting = (world.body_faults, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v)
         assert lasting != neutral or kind == "slip", "which the next test is about"
@@ -219,7 +220,7 @@ def test_slip_fault_makes_driving_wheels_spin_until_they_are_out_of_it() -> None
     ways_m = {}
     for slips in (False, True):
         world = rover_on(0.8)
-        fault = world_fault(Fault(0.0, inf, "world", "slip", KINDS["slip"].params()), world)
+        fault = EFFECTS["slip"](world, Nothing(), Random(0))
         with fault if slips else nullcontext():
             drive(world, 1.0, 1.0, 0.3)
             assert world.slipping is slips
@@ -241,7 +242,7 @@ def test_flow_sensor_is_at_the_middle_of_the_body() -> None:
 
 def test_slope_pulls_the_body_down_and_is_felt() -> None:
     world = rover_on(0.5)
-    with world_fault(Fault(0.0, inf, "world", "slope", Slope(pitch_deg=15.0)), world):
+    with EFFECTS["slope"](world, Slope(pitch_deg=15.0), Random(0)):
         world.advance_to(2.0)
         assert world.reverse_m > 0.2, "nose up: it rolls backwards against its motors' brake"
         _, pitch, _ = HeadingSensorModel(world, RandomStreams(0)).sample(world.t_s)

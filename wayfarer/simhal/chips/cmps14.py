@@ -42,7 +42,7 @@ class CMPS14Chip:
         sense: what it feels.
         clock: seconds on the clock of the world.
         firmware: register 0x00; before 5 there is no 16-bit pitch.
-        boot_s: for how long it reads zeros after ``reset``.
+        boot_s: for how long it reads zeros after ``power_cycle``.
 
     ``calibration`` is register 0x1E and can be set; ``profile`` is the one that is kept without power. ``config`` is
     the byte of the last configuration. ``address`` is where the part answers after its next power-up, for the bench to
@@ -62,7 +62,7 @@ class CMPS14Chip:
         self._booted_s = clock()
         self._power_up()
 
-    def reset(self) -> None:
+    def power_cycle(self) -> None:
         """Lose power for a moment: what is not stored is forgotten, and all reads zero while it boots."""
         self._power_up()
         self._booted_s = self._clock() + self.boot_s

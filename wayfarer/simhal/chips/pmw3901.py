@@ -97,9 +97,9 @@ class PMW3901Chip:
         self._factory = {**FACTORY, **(factory or {})}
         self._probes_needed = probes_needed
         self._awake_s = 0.0
-        self.lose_power()
+        self.power_cycle()
 
-    def lose_power(self) -> None:
+    def power_cycle(self) -> None:
         """Forget everything, as a reset does too."""
         self._registers = dict(self._factory)
         self._bank = self._probes = 0
@@ -143,7 +143,7 @@ class PMW3901Chip:
         self._registers[self._bank, register] = value
         match self._bank, register, value:
             case 0x00, 0x3A, 0x5A:
-                self.lose_power()
+                self.power_cycle()
                 self._awake_s = self._clock() + WAKE_S
             case 0x00, 0x15, _:
                 self._observed_s = self._clock() + TWO_FRAMES_S

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from random import Random
@@ -10,52 +10,55 @@ from struct import pack
 from typing import Any
 
 from wayfarer.config.rover_file import RoverConfig, part_settings
+from wayfarer.config.wiring import I2C, SERIAL, SPI, NotedBuses
 from wayfarer.drivers.buses import Frame
-from wayfarer.drivers.camera_motion import CameraMotionSettings
-from wayfarer.drivers.cmps14 import CMPS14Settings
-from wayfarer.drivers.pmw3901 import MOTION_BIT, PMW3901Settings
-from wayfarer.drivers.sabertooth import SabertoothSettings
-from wayfarer.drivers.thunderborg import ThunderBorgSettings
-from wayfarer.simhal.build_rover import mounted
+from wayfarer.drivers.pmw3901 import MOTION_BIT
+from wayfarer.simhal.built_in_chips import mounted
 from wayfarer.simhal.buses import FakeI2C
+from wayfarer.simhal.chip_wiring import driver_name
 from wayfarer.simhal.chips.pmw3901 import BURST
 from wayfarer.simhal.faults.bus_hang import Hang
 from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.scoped import Effect, changed, listed
 from wayfarer.simhal.faults.wires import FaultyWire, TamperedBuses
 
-_THUNDERBORG_ID, _THUNDERBORG_FAILSAFE = 153, 20
-_PMW3901_PRODUCT = 0x00
+_THUNDERBORG_FAILSAFE = 20
 _DARK_SQUAL, _LONGEST_SHUTTER = 0, 0x1FFF
 
+# What asks a part who it is, and which byte of the answer says so.
+_IDENTITY = {"cmps14": (0x00, 0), "pmw3901": (0x00, 1), "thunderborg": (153, 1)}
 
-# To what each kind can happen, by the settings of its driver.
-_ANSWERING = (CMPS14Settings, PMW3901Settings, ThunderBorgSettings)
-_CHIPS = (*_ANSWERING, SabertoothSettings)
-_FITS: dict[str, tuple[type, ...]] = {
-    "nack": (*_CHIPS, CameraMotionSettings),
-    "hang": (*_CHIPS, CameraMotionSettings),
+# To what each kind can happen: any part on such a bus, or these drivers.
+CAMERA = "a camera"
+_ANSWERING = (I2C, SPI)
+_CHIPS = (*_ANSWERING, SERIAL)
+_FITS: dict[str, tuple[str, ...]] = {
+    "nack": (*_CHIPS, CAMERA),
+    "hang": (*_CHIPS, CAMERA),
     "flipped_bits": _CHIPS,
     "shifted_block": _ANSWERING,
-    "wrong_id": _ANSWERING,
+    "wrong_id": tuple(_IDENTITY),
     "reset": _CHIPS,
     "all_00": _ANSWERING,
     "all_ff": _ANSWERING,
-    "lost_bytes": (SabertoothSettings,),
-    "failsafe_off": (ThunderBorgSettings,),
-    "board_fault": (ThunderBorgSettings,),
-    "ignores": (ThunderBorgSettings, SabertoothSettings),
-    "dark": (PMW3901Settings, CameraMotionSettings),
-    "spikes": (PMW3901Settings,),
-    "same_picture": (CameraMotionSettings,),
-    "uncalibrated": (CMPS14Settings,),
+    "lost_bytes": (SERIAL,),
+    "failsafe_off": ("thunderborg",),
+    "board_fault": ("thunderborg",),
+    "ignores": ("thunderborg", "sabertooth"),
+    "dark": ("pmw3901", "camera_motion"),
+    "spikes": ("pmw3901",),
+    "same_picture": ("camera_motion",),
+    "uncalibrated": ("cmps14",),
 }
 
 
 @dataclass(frozen=True, slots=True)
 class WiredPart:
-    """Where a part is: its chip (or camera), its wire, and the hang of its bus; ``settings`` are its driver's."""
+    """Where a part is: the kind of its bus, its chip (or camera), its wire, and the hang of its bus."""
 
+    driver: str
     settings: Any
+    bus: str
     chip: Any
     wire: FaultyWire
     hang: Hang
@@ -66,39 +69,36 @@ def misplaced(fault: Fault, config: RoverConfig) -> str | None:
     if fault.target not in config.parts:
         return f"rover '{config.name}' has no [parts.{fault.target}]"
     table = config.parts[fault.target]
-    if isinstance(part_settings(fault.target, table)[1], _FITS[fault.kind]):
+    if {driver_name(table), _bus_of(fault.target, table)[0]} & set(_FITS[fault.kind]):
         return None
     return f"rover '{config.name}': '{fault.kind}' cannot happen to driver = \"{table['driver']}\""
 
 
+def _bus_of(part: str, table: Mapping[str, Any]) -> tuple[str, str, Any]:
+    """Return the kind and name of the bus that a part is on, and the part's settings; no name where it is on none."""
+    driver, settings = part_settings(part, table)
+    noted = NotedBuses()
+    driver(settings, noted)
+    for kind, name in noted.asked:
+        if kind != I2C or hasattr(settings, "address"):
+            return kind, name, settings
+    name = getattr(settings, "camera", "")
+    return CAMERA if name else "no bus", name, settings
+
+
 def place_of(fault: Fault, config: RoverConfig, buses: TamperedBuses) -> WiredPart:
     """Return where a fault is to happen that is not ``misplaced``."""
-    settings = part_settings(fault.target, config.parts[fault.target])[1]
-    if isinstance(settings, CMPS14Settings | ThunderBorgSettings):
-        i2c = buses.i2c(settings.bus)
-        return WiredPart(settings, FakeI2C.chip_at(i2c, settings.address), i2c.wire(settings.address), i2c.hang)
-    if isinstance(settings, PMW3901Settings):
-        spi = buses.spi(settings.bus)
-        return WiredPart(settings, spi.chip, spi.wire, spi.hang)
-    if isinstance(settings, SabertoothSettings):
-        port = buses.serial(settings.port)
-        return WiredPart(settings, port.chip, port.wire, port.hang)
-    assert isinstance(settings, CameraMotionSettings)
-    camera = buses.views[settings.camera]
-    return WiredPart(settings, camera, camera.wire, camera.hang)
-
-
-def bus_fault(fault: Fault, wired: WiredPart, chance: Random) -> AbstractContextManager[None]:
-    """Return what makes a fault of this layer happen."""
-    effect: AbstractContextManager[None] = _EFFECTS[fault.kind](wired, fault.params, chance)
-    return effect
-
-
-@contextmanager
-def _listed(items: list[Any], item: Any) -> Iterator[None]:
-    items.append(item)
-    yield
-    items.remove(item)
+    table = config.parts[fault.target]
+    kind, name, settings = _bus_of(fault.target, table)
+    driver = driver_name(table)
+    if kind == I2C:
+        i2c, address = buses.i2c(name), settings.address
+        return WiredPart(driver, settings, kind, FakeI2C.chip_at(i2c, address), i2c.wire(address), i2c.hang)
+    if kind == CAMERA:
+        camera = buses.views[name]
+        return WiredPart(driver, settings, kind, camera, camera.wire, camera.hang)
+    line = buses.spi(name) if kind == SPI else buses.serial(name)
+    return WiredPart(driver, settings, kind, line.chip, line.wire, line.hang)
 
 
 def _nack(wired: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
@@ -110,7 +110,7 @@ def _nack(wired: WiredPart, params: Any, chance: Random) -> AbstractContextManag
         left -= lost
         return lost
 
-    return _listed(wired.wire.unheard, is_lost)
+    return listed(wired.wire.unheard, is_lost)
 
 
 @contextmanager
@@ -129,9 +129,9 @@ def _flipped_bits(wired: WiredPart, params: Any, chance: Random) -> AbstractCont
             wrong ^= 1 << bit
         return wrong.to_bytes(len(data), "big")
 
-    if isinstance(wired.settings, _ANSWERING):
-        return _listed(wired.wire.answers, lambda _, answer: flip(answer))
-    return _listed(wired.wire.writes, flip)
+    if wired.bus in _ANSWERING:
+        return listed(wired.wire.answers, lambda _, answer: flip(answer))
+    return listed(wired.wire.writes, flip)
 
 
 def _shifted_block(wired: WiredPart, params: Any, _: Random) -> AbstractContextManager[None]:
@@ -139,64 +139,42 @@ def _shifted_block(wired: WiredPart, params: Any, _: Random) -> AbstractContextM
         whole = int.from_bytes(answer, "big") << int(params.bits)
         return (whole & ((1 << len(answer) * 8) - 1)).to_bytes(len(answer), "big")
 
-    return _listed(wired.wire.answers, shift)
+    return listed(wired.wire.answers, shift)
 
 
-def _all(byte: int) -> Callable[..., AbstractContextManager[None]]:
-    def effect(wired: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
-        return _listed(wired.wire.answers, lambda _, answer: bytes((byte,)) * len(answer))
-
-    return effect
+def _all(byte: int) -> Effect:
+    return lambda wired, _, __: listed(wired.wire.answers, lambda _, answer: bytes((byte,)) * len(answer))
 
 
-def _wrong_id(wired: WiredPart, params: Any, _: Random) -> AbstractContextManager[None]:
-    """Change what the part says when it is asked who it is."""
+def _answering(wired: WiredPart, question: int, at: int, says: int) -> AbstractContextManager[None]:
+    """Change a byte of the answer to a question."""
 
     def lie(asked: bytes, answer: bytes) -> bytes:
-        if isinstance(wired.settings, CMPS14Settings) and asked == b"\x00":
-            return bytes((params.says,)) + answer[1:]
-        if isinstance(wired.settings, ThunderBorgSettings) and asked[:1] == bytes((_THUNDERBORG_ID,)):
-            return answer[:1] + bytes((params.says,)) + answer[2:]
-        if isinstance(wired.settings, PMW3901Settings) and asked[:1] == bytes((_PMW3901_PRODUCT,)):
-            return answer[:1] + bytes((params.says,))
-        return answer
+        return answer[:at] + bytes((says,)) + answer[at + 1 :] if asked[:1] == bytes((question,)) else answer
 
-    return _listed(wired.wire.answers, lie)
+    return listed(wired.wire.answers, lie)
 
 
 @contextmanager
 def _reset(wired: WiredPart, _: object, __: Random) -> Iterator[None]:
     """Take the power away: the part is silent for as long, and restarts after that."""
-    _lose_power(wired.chip)
+    power_cycle = getattr(wired.chip, "power_cycle", lambda: None)  # a third party's chip may have nothing to forget
+    power_cycle()
     with ExitStack() as silence:
-        if isinstance(wired.settings, CMPS14Settings | ThunderBorgSettings):
-            silence.enter_context(_listed(wired.wire.unheard, lambda: True))
+        if wired.bus == I2C:
+            silence.enter_context(listed(wired.wire.unheard, lambda: True))
         else:
-            silence.enter_context(_listed(wired.wire.writes, lambda _: None))
-            silence.enter_context(_listed(wired.wire.answers, lambda _, answer: b"\xff" * len(answer)))
+            silence.enter_context(listed(wired.wire.writes, lambda _: None))
+            silence.enter_context(listed(wired.wire.answers, lambda _, answer: b"\xff" * len(answer)))
         yield
-    _lose_power(wired.chip)
-
-
-def _lose_power(chip: Any) -> None:
-    for name in ("power_cycle", "lose_power", "reset"):
-        if hasattr(chip, name):
-            getattr(chip, name)()
-            return
+    power_cycle()
 
 
 def _lost_bytes(wired: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
     def lose(data: bytes) -> bytes:
         return bytes(byte for byte in data if chance.random() >= params.chance)
 
-    return _listed(wired.wire.writes, lose)
-
-
-def _failsafe_off(wired: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
-    def off(asked: bytes, answer: bytes) -> bytes:
-        return answer[:1] + b"\0" + answer[2:] if asked == bytes((_THUNDERBORG_FAILSAFE,)) else answer
-
-    return _listed(wired.wire.answers, off)
+    return listed(wired.wire.writes, lose)
 
 
 @contextmanager
@@ -208,25 +186,13 @@ def _board_fault(wired: WiredPart, _: object, __: Random) -> Iterator[None]:
 
 def _ignores(wired: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
     """Let requests through and nothing that drives: the board goes on with what it had."""
-
-    def drop(data: bytes) -> bytes | None:
-        return data if len(data) == 1 else None
-
-    return _listed(wired.wire.writes, drop)
+    return listed(wired.wire.writes, lambda data: data if len(data) == 1 else None)
 
 
 def _dark(wired: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
-    if isinstance(wired.settings, CameraMotionSettings):
-        return _listed(wired.chip.shows, lambda frame: frame._replace(luma=frame.luma * 0))
-    return _dark_chip(wired)
-
-
-@contextmanager
-def _dark_chip(wired: WiredPart) -> Iterator[None]:
-    kept = wired.chip.squal, wired.chip.shutter
-    wired.chip.squal, wired.chip.shutter = _DARK_SQUAL, _LONGEST_SHUTTER
-    yield
-    wired.chip.squal, wired.chip.shutter = kept
+    if wired.bus == CAMERA:
+        return listed(wired.chip.shows, lambda frame: frame._replace(luma=frame.luma * 0))
+    return changed(wired.chip, squal=_DARK_SQUAL, shutter=_LONGEST_SHUTTER)
 
 
 def _spikes(wired: WiredPart, params: Any, _: Random) -> AbstractContextManager[None]:
@@ -241,7 +207,7 @@ def _spikes(wired: WiredPart, params: Any, _: Random) -> AbstractContextManager[
         motion, observation = answer[1] | MOTION_BIT, answer[2]
         return answer[:1] + pack("<BBhh", motion, observation, x, y) + answer[7:]
 
-    return _listed(wired.wire.answers, spike)
+    return listed(wired.wire.answers, spike)
 
 
 def _same_picture(wired: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
@@ -249,32 +215,24 @@ def _same_picture(wired: WiredPart, _: object, __: Random) -> AbstractContextMan
         last: Frame | None = wired.chip.last
         return frame if last is None else last._replace(t_s=frame.t_s)
 
-    return _listed(wired.chip.shows, show)
+    return listed(wired.chip.shows, show)
 
 
-@contextmanager
-def _uncalibrated(wired: WiredPart, _: object, __: Random) -> Iterator[None]:
-    kept = wired.chip.calibration
-    wired.chip.calibration = 0
-    yield
-    wired.chip.calibration = kept
-
-
-_EFFECTS: dict[str, Any] = {
+EFFECTS: Mapping[str, Effect] = {
     "nack": _nack,
     "hang": _hang,
     "flipped_bits": _flipped_bits,
     "shifted_block": _shifted_block,
-    "wrong_id": _wrong_id,
+    "wrong_id": lambda wired, params, _: _answering(wired, *_IDENTITY[wired.driver], params.says),
     "reset": _reset,
     "all_00": _all(0x00),
     "all_ff": _all(0xFF),
     "lost_bytes": _lost_bytes,
-    "failsafe_off": _failsafe_off,
+    "failsafe_off": lambda wired, _, __: _answering(wired, _THUNDERBORG_FAILSAFE, 1, 0),
     "board_fault": _board_fault,
     "ignores": _ignores,
     "dark": _dark,
     "spikes": _spikes,
     "same_picture": _same_picture,
-    "uncalibrated": _uncalibrated,
+    "uncalibrated": lambda wired, _, __: changed(wired.chip, calibration=0),
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterable
-from contextlib import AbstractContextManager, ExitStack, suppress
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from math import inf
 from typing import Any, Protocol
@@ -12,17 +12,18 @@ from typing import Any, Protocol
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput, NotResponding
 from wayfarer.hal import Rover
-from wayfarer.simhal.faults.bus import bus_fault, misplaced, place_of
+from wayfarer.simhal.faults import bus, process, readings, world
+from wayfarer.simhal.faults.bus import misplaced, place_of
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
-from wayfarer.simhal.faults.process import TakePower, process_fault
-from wayfarer.simhal.faults.readings import TamperedPart, crashed, reading_fault
+from wayfarer.simhal.faults.process import TakePower
+from wayfarer.simhal.faults.readings import TamperedPart
 from wayfarer.simhal.faults.wires import TamperedBuses
-from wayfarer.simhal.faults.world import world_fault
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 PUMP_S = 0.05
 PARTS = ("compass", "motion", "contact", "position", "motors")
+EFFECTS = {**world.EFFECTS, **readings.EFFECTS, **bus.EFFECTS, **process.EFFECTS}
 
 
 class NoteFault(Protocol):
@@ -30,10 +31,6 @@ class NoteFault(Protocol):
 
     def __call__(self, t_s: float, fault: Fault, *, begins: bool) -> None:
         """Take the beginning of a fault, or its end."""
-
-
-class Bug(RuntimeError):
-    """What a driver with a bug raises."""
 
 
 class Injector:
@@ -114,7 +111,8 @@ class Injector:
         loop = asyncio.get_running_loop()
         self._note(loop.time(), fault, begins=True)
         stack = self._lasting[number] = ExitStack()
-        stack.enter_context(self._effect(number, fault))
+        chance = self._streams.random(f"fault.{number}")
+        stack.enter_context(EFFECTS[fault.kind](self._target(fault), fault.params, chance))
         if fault.for_s < inf:
             loop.call_later(fault.for_s, self.cease, number, fault)
 
@@ -125,16 +123,11 @@ class Injector:
             stack.close()
             self._note(asyncio.get_running_loop().time(), fault, begins=False)
 
-    def _effect(self, number: int, fault: Fault) -> AbstractContextManager[None]:
-        chance = self._streams.random(f"fault.{number}")
+    def _target(self, fault: Fault) -> Any:
         match KINDS[fault.kind].layer:
             case Layer.WORLD:
-                return world_fault(fault, self._world)
-            case Layer.READING:
-                return reading_fault(fault, self._parts[fault.target], chance)
+                return self._world
             case Layer.BUS:
-                return bus_fault(fault, place_of(fault, self._config, self.buses), chance)
-            case Layer.PROCESS if fault.kind == "task_crash":
-                return crashed(self._parts[fault.target], Bug("a bug in a driver, injected"))
+                return place_of(fault, self._config, self.buses)
             case _:
-                return process_fault(fault, self._take_power)
+                return self._parts.get(fault.target, self._take_power)

@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from math import ceil
+from random import Random
 
 from wayfarer.daemon.host_health import POWER_EVERY_S
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.faults.kinds import Fault, LoopStall, Undervoltage
+from wayfarer.simhal.faults.kinds import LoopStall, Undervoltage
+from wayfarer.simhal.faults.scoped import Effect
 
 UNDER_VOLTAGE = 0x1  # of the Raspberry Pi's get_throttled: bit 0 is now, bit 16 since boot (field.md 4)
 UNDER_VOLTAGE_SINCE_BOOT = 0x10000
 
+# Takes the computer's flags at a time: the target of these faults.
 TakePower = Callable[[float, int], None]
 
 
-def process_fault(fault: Fault, take_power: TakePower) -> AbstractContextManager[None]:
-    """Return what makes a fault of this layer happen; ``take_power`` takes the computer's flags at a time."""
-    if isinstance(fault.params, LoopStall):
-        return _loop_stall(fault.params)
-    assert isinstance(fault.params, Undervoltage)
-    return _undervoltage(fault.params, take_power)
-
-
 @contextmanager
-def _loop_stall(params: LoopStall) -> Iterator[None]:
+def _loop_stall(_: TakePower, params: LoopStall, __: Random) -> Iterator[None]:
     loop = asyncio.get_running_loop()
     assert isinstance(loop, VirtualLoop)
     loop.stall(params.by_s)
@@ -34,7 +29,7 @@ def _loop_stall(params: LoopStall) -> Iterator[None]:
 
 
 @contextmanager
-def _undervoltage(params: Undervoltage, take_power: TakePower) -> Iterator[None]:
+def _undervoltage(take_power: TakePower, params: Undervoltage, _: Random) -> Iterator[None]:
     """Have the flags go up and down, as a daemon sees them that looks once in a while."""
     loop = asyncio.get_running_loop()
     timers = []
@@ -47,3 +42,6 @@ def _undervoltage(params: Undervoltage, take_power: TakePower) -> Iterator[None]
     for timer in timers:
         timer.cancel()
     take_power(loop.time(), UNDER_VOLTAGE_SINCE_BOOT)
+
+
+EFFECTS: Mapping[str, Effect] = {"loop_stall": _loop_stall, "undervoltage": _undervoltage}

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from math import isfinite
 from random import Random
 from typing import Any
 
 from wayfarer.errors import NotResponding
-from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.scoped import Effect, added, changed, listed
 
 Change = Callable[[Any], Any]
 
 # What garbage is made of, besides any number in the range of a 16-bit register.
 _STRANGE = (float("nan"), float("inf"), float("-inf"), -1.0, 1e300, 0.0)
+
+
+class Bug(RuntimeError):
+    """What a driver with a bug raises."""
 
 
 class TamperedPart:
@@ -94,46 +98,6 @@ class TamperedPart:
             raise NotResponding(f"{self._part.name}: no answer; a fault was injected")
 
 
-def reading_fault(fault: Fault, part: TamperedPart, chance: Random) -> AbstractContextManager[None]:
-    """Return what makes a fault of this layer happen."""
-    if fault.kind == "silent":
-        return _silent(part)
-    if fault.kind == "late_answer":
-        return _late_answer(part, fault.params.by_s)
-    if fault.kind == "frozen":
-        return _changed(part, _frozen(part))
-    return _changed(part, _CHANGES[fault.kind](fault.params, chance))
-
-
-@contextmanager
-def crashed(part: TamperedPart, error: Exception) -> Iterator[None]:
-    """Have a part raise what no driver may."""
-    part.crash = error
-    yield
-    part.crash = None
-
-
-@contextmanager
-def _silent(part: TamperedPart) -> Iterator[None]:
-    part.silent += 1
-    yield
-    part.silent -= 1
-
-
-@contextmanager
-def _late_answer(part: TamperedPart, by_s: float) -> Iterator[None]:
-    part.answers_after_s += by_s
-    yield
-    part.answers_after_s -= by_s
-
-
-@contextmanager
-def _changed(part: TamperedPart, change: Change) -> Iterator[None]:
-    part.changes.append(change)
-    yield
-    part.changes.remove(change)
-
-
 def _with(reading: Any, name: str, value: float) -> Any:
     """Return a reading with another value; headings go round, as every driver has them."""
     return reading._replace(**{name: value % 360.0 if name == "heading_deg" and isfinite(value) else value})
@@ -144,8 +108,21 @@ def _frozen(part: TamperedPart) -> Change:
     return lambda reading: reading if part.last is None else part.last._replace(t_s=reading.t_s)
 
 
-def _offset(params: Any, _: Random) -> Change:
-    return lambda reading: _with(reading, params.of, getattr(reading, params.of) + params.by)
+def _value(to: Callable[[float, Any, Random], float]) -> Effect:
+    """Return what changes one value of each reading."""
+
+    def effect(part: TamperedPart, params: Any, chance: Random) -> AbstractContextManager[None]:
+        return listed(
+            part.changes,
+            lambda reading: _with(reading, params.of, to(getattr(reading, params.of), params, chance)),
+        )
+
+    return effect
+
+
+def _reading(make: Callable[[Any, Random], Change]) -> Effect:
+    """Return what changes readings as a whole."""
+    return lambda part, params, chance: listed(part.changes, make(params, chance))
 
 
 def _jumps(params: Any, _: Random) -> Change:
@@ -157,10 +134,6 @@ def _jumps(params: Any, _: Random) -> Change:
         return reading if count % params.every else _with(reading, params.of, getattr(reading, params.of) + params.by)
 
     return change
-
-
-def _noisy(params: Any, chance: Random) -> Change:
-    return lambda reading: _with(reading, params.of, getattr(reading, params.of) + chance.gauss(0.0, params.sd))
 
 
 def _drifts(params: Any, _: Random) -> Change:
@@ -175,20 +148,8 @@ def _drifts(params: Any, _: Random) -> Change:
     return change
 
 
-def _negated(params: Any, _: Random) -> Change:
-    return lambda reading: _with(reading, params.of, -getattr(reading, params.of))
-
-
 def _becomes(params: Any, _: Random) -> Change:
-    return lambda reading: reading._replace(**{params.of: params.value})
-
-
-def _not_a_number(params: Any, _: Random) -> Change:
     return lambda reading: reading._replace(**{params.of: float(params.value)})
-
-
-def _saturated(params: Any, _: Random) -> Change:
-    return lambda reading: _with(reading, params.of, max(-params.limit, min(getattr(reading, params.of), params.limit)))
 
 
 def _garbage(params: Any, chance: Random) -> Change:
@@ -218,15 +179,19 @@ def _delayed(params: Any, _: Random) -> Change:
     return change
 
 
-_CHANGES: dict[str, Callable[[Any, Random], Change]] = {
-    "offset": _offset,
-    "jumps": _jumps,
-    "noisy": _noisy,
-    "drifts": _drifts,
-    "negated": _negated,
-    "becomes": _becomes,
-    "saturated": _saturated,
-    "garbage": _garbage,
-    "not_a_number": _not_a_number,
-    "delayed": _delayed,
+EFFECTS: Mapping[str, Effect] = {
+    "silent": lambda part, _, __: added(part, silent=1),
+    "frozen": lambda part, _, __: listed(part.changes, _frozen(part)),
+    "offset": _value(lambda value, params, _: value + params.by),
+    "jumps": _reading(_jumps),
+    "noisy": _value(lambda value, params, chance: value + chance.gauss(0.0, params.sd)),
+    "drifts": _reading(_drifts),
+    "negated": _value(lambda value, _, __: -value),
+    "becomes": _reading(_becomes),
+    "saturated": _value(lambda value, params, _: max(-params.limit, min(value, params.limit))),
+    "garbage": _reading(_garbage),
+    "not_a_number": _reading(_becomes),
+    "delayed": _reading(_delayed),
+    "late_answer": lambda part, params, _: added(part, answers_after_s=params.by_s),
+    "task_crash": lambda part, _, __: changed(part, crash=Bug("a bug in a driver, injected")),
 }

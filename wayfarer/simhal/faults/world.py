@@ -3,37 +3,33 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from random import Random
 from typing import Any
 
-from wayfarer.simhal.faults.kinds import Battery, DeadBand, Drive, Fault, MagneticAnomaly, MotorField, Shove, Slope
+from wayfarer.simhal.faults.kinds import MagneticAnomaly, MotorField
+from wayfarer.simhal.faults.scoped import Effect, added, changed
 from wayfarer.simhal.world.simulated_world import NO_BODY_FAULTS, SimulatedWorld
 
 RAMP_STEP_S = 0.1
 
 
-def world_fault(fault: Fault, world: SimulatedWorld) -> AbstractContextManager[None]:
-    """Return what makes a fault of this layer happen."""
-    effect: AbstractContextManager[None] = _EFFECTS[fault.kind](world, fault.params)
-    return effect
-
-
 @contextmanager
-def _slip(world: SimulatedWorld, _: object) -> Iterator[None]:
+def _slip(world: SimulatedWorld, _: object, __: Random) -> Iterator[None]:
     world.slipping = True
     yield
 
 
 @contextmanager
-def _snag(world: SimulatedWorld, _: object) -> Iterator[None]:
-    world.set_faults(snagged=True)
+def _body(world: SimulatedWorld, **faults: float | bool) -> Iterator[None]:
+    world.set_faults(**faults)
     yield
-    world.set_faults(snagged=False)
+    world.set_faults(**{name: getattr(NO_BODY_FAULTS, name) for name in faults})
 
 
 @contextmanager
-def _magnetic_anomaly(world: SimulatedWorld, params: MagneticAnomaly) -> Iterator[None]:
+def _magnetic_anomaly(world: SimulatedWorld, params: MagneticAnomaly, _: Random) -> Iterator[None]:
     loop, steps = asyncio.get_running_loop(), max(1, round(params.ramp_s / RAMP_STEP_S))
     step_deg, done_deg = params.bias_deg / steps, 0.0
     timer: Any = None
@@ -53,7 +49,7 @@ def _magnetic_anomaly(world: SimulatedWorld, params: MagneticAnomaly) -> Iterato
 
 
 @contextmanager
-def _motor_field(world: SimulatedWorld, params: MotorField) -> Iterator[None]:
+def _motor_field(world: SimulatedWorld, params: MotorField, _: Random) -> Iterator[None]:
     """Bend the field by what the motors draw: looked at before each of the world's steps ends."""
     after_step, bent_deg = world.after_step, 0.0
 
@@ -70,52 +66,14 @@ def _motor_field(world: SimulatedWorld, params: MotorField) -> Iterator[None]:
     world.field_deg -= bent_deg
 
 
-@contextmanager
-def _slope(world: SimulatedWorld, params: Slope) -> Iterator[None]:
-    world.ground_pitch_deg += params.pitch_deg
-    world.ground_roll_deg += params.roll_deg
-    yield
-    world.ground_pitch_deg -= params.pitch_deg
-    world.ground_roll_deg -= params.roll_deg
-
-
-@contextmanager
-def _shove(world: SimulatedWorld, params: Shove) -> Iterator[None]:
-    world.set_faults(shove_m_s=params.speed_m_s)
-    yield
-    world.set_faults(shove_m_s=NO_BODY_FAULTS.shove_m_s)
-
-
-@contextmanager
-def _drive(world: SimulatedWorld, params: Drive) -> Iterator[None]:
-    world.set_faults(left_gain=params.left_gain, right_gain=params.right_gain)
-    yield
-    world.set_faults(left_gain=NO_BODY_FAULTS.left_gain, right_gain=NO_BODY_FAULTS.right_gain)
-
-
-@contextmanager
-def _dead_band(world: SimulatedWorld, params: DeadBand) -> Iterator[None]:
-    world.set_faults(dead_band=params.duty)
-    yield
-    world.set_faults(dead_band=NO_BODY_FAULTS.dead_band)
-
-
-@contextmanager
-def _battery(world: SimulatedWorld, params: Battery) -> Iterator[None]:
-    full_v = world.battery_v
-    world.battery_v = params.volts
-    yield
-    world.battery_v = full_v
-
-
-_EFFECTS: dict[str, Any] = {
+EFFECTS: Mapping[str, Effect] = {
     "slip": _slip,
-    "snag": _snag,
+    "snag": lambda world, _, __: _body(world, snagged=True),
     "magnetic_anomaly": _magnetic_anomaly,
     "motor_field": _motor_field,
-    "slope": _slope,
-    "shove": _shove,
-    "drive": _drive,
-    "dead_band": _dead_band,
-    "battery": _battery,
+    "slope": lambda world, its, _: added(world, ground_pitch_deg=its.pitch_deg, ground_roll_deg=its.roll_deg),
+    "shove": lambda world, its, _: _body(world, shove_m_s=its.speed_m_s),
+    "drive": lambda world, its, _: _body(world, left_gain=its.left_gain, right_gain=its.right_gain),
+    "dead_band": lambda world, its, _: _body(world, dead_band=its.duty),
+    "battery": lambda world, its, _: changed(world, battery_v=its.volts),
 }

@@ -1,0 +1,79 @@
+"""A third party's compass, as it would be installed beside wayfarer: a made-up part, its driver, its simulated chip."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from struct import Struct
+from typing import ClassVar
+
+from wayfarer.drivers.buses import Buses
+from wayfarer.errors import WrongPart
+from wayfarer.hal import CompassReading
+from wayfarer.simhal.buses import ChipMisuse
+from wayfarer.simhal.chip_wiring import ChipWiring, SimulatedChip
+from wayfarer.simhal.sensor_models import HeadingSensorModel
+
+WHO_AM_I, ATTITUDE, IDENTITY = 0x0F, 0x10, 0x9C
+BLOCK = Struct(">Hhh")  # heading, pitch, roll in tenths of a degree
+STARTS_S = 0.2
+
+
+@dataclass(frozen=True)
+class Settings:
+    bus: str = "/dev/i2c-1"
+    address: int = 0x1E
+
+
+class XC9:
+    part: ClassVar[str] = "compass"
+    name = "XC9"
+    Settings = Settings
+
+    def __init__(self, settings: Settings, buses: Buses) -> None:
+        self._bus, self._address = buses.i2c(settings.bus), settings.address
+
+    async def open(self) -> None:
+        (identity,) = await self._bus.write_then_read(self._address, bytes((WHO_AM_I,)), 1)
+        if identity != IDENTITY:
+            raise WrongPart(self.name, "an XC9", f"identity {identity:02X}")
+        await self.read()
+        await asyncio.sleep(STARTS_S)
+
+    async def read(self) -> CompassReading:
+        block = await self._bus.write_then_read(self._address, bytes((ATTITUDE,)), BLOCK.size)
+        heading, pitch, roll = BLOCK.unpack(block)
+        return CompassReading(asyncio.get_running_loop().time(), heading / 10.0, pitch / 10.0, roll / 10.0, 3)
+
+    async def close(self) -> None:
+        pass
+
+
+class LooseXC9(XC9):
+    """As in a file beside the rover file: it names its chip itself."""
+
+    simulated_chip: ClassVar[str] = "tests.simhal.third_party_compass:XC9_CHIP"
+
+
+class XC9Chip:
+    def __init__(self, wiring: ChipWiring) -> None:
+        self._sample = HeadingSensorModel(wiring.world, wiring.streams).sample
+        self._clock = wiring.sense_clock
+        self._asked = b""
+
+    def write(self, data: bytes) -> None:
+        self._asked = data
+
+    def read(self, count: int) -> bytes:
+        if (self._asked, count) == (bytes((WHO_AM_I,)), 1):
+            return bytes((IDENTITY,))
+        if (self._asked, count) == (bytes((ATTITUDE,)), BLOCK.size):
+            return BLOCK.pack(*self._sample(self._clock()))
+        raise ChipMisuse(f"XC9: read of {count} bytes after {self._asked.hex()}")
+
+
+def attach(settings: Settings, wiring: ChipWiring) -> None:
+    wiring.buses.i2c(settings.bus).attach(settings.address, XC9Chip(wiring))
+
+
+XC9_CHIP = SimulatedChip(attach, lambda _: {"opens_s": STARTS_S})

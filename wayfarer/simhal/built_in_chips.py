@@ -1,0 +1,104 @@
+"""The simulated chips of the built-in drivers: which chip, with which settings, on which bus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from wayfarer.drivers import cmps14, pmw3901, sabertooth, thunderborg
+from wayfarer.drivers.camera_motion import CameraMotionSettings
+from wayfarer.drivers.cmps14 import CMPS14Settings
+from wayfarer.drivers.pmw3901 import PMW3901Settings
+from wayfarer.drivers.sabertooth import SabertoothSettings
+from wayfarer.drivers.thunderborg import ThunderBorgSettings
+from wayfarer.simhal.chip_wiring import ChipWiring, SimulatedChip
+from wayfarer.simhal.chips.cmps14 import CMPS14Chip
+from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
+from wayfarer.simhal.chips.sabertooth import SabertoothChip
+from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import FlowSensorModel, HeadingSensorModel
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
+
+GROUND_M_PER_PIXEL = 0.0015  # of the simulated camera, where the rover file gives none
+
+
+class MountedCompass(HeadingSensorModel):
+    """What a compass feels that is mounted as the rover file says: the driver's settings, undone."""
+
+    def __init__(self, world: SimulatedWorld, streams: RandomStreams, settings: CMPS14Settings) -> None:
+        super().__init__(world, streams)
+        self._settings = settings
+
+    def sample(self, t_s: float) -> tuple[int, int, int]:
+        """Return heading, pitch and roll in the part's own frame, in tenths of a degree."""
+        heading, pitch, roll = super().sample(t_s)
+        settings = self._settings
+        pitch = -pitch if settings.reverse_pitch else pitch
+        roll = -roll if settings.reverse_roll else roll
+        if settings.swap_pitch_roll:
+            pitch, roll = roll, pitch
+        return (heading - round(settings.heading_offset_deg * 10.0)) % 3600, pitch, roll
+
+
+def mounted(settings: PMW3901Settings) -> Callable[[int, int], tuple[int, int]]:
+    """Return the flow chip's x and y for a displacement forward and right, mounted as the rover file says."""
+
+    def turned(forward: int, right: int) -> tuple[int, int]:
+        counts = {}
+        for axis, along in ((settings.forward, forward), (settings.right, right)):
+            counts[axis[1]] = along if axis[0] == "+" else -along
+        return counts["x"], counts["y"]
+
+    return turned
+
+
+def _attach_cmps14(settings: CMPS14Settings, wiring: ChipWiring) -> None:
+    chip = CMPS14Chip(MountedCompass(wiring.world, wiring.streams, settings), wiring.sense_clock)
+    wiring.buses.i2c(settings.bus).attach(settings.address, chip)
+
+
+def _attach_pmw3901(settings: PMW3901Settings, wiring: ChipWiring) -> None:
+    sense = FlowSensorModel(wiring.world, wiring.streams, settings.m_per_count)
+    wiring.buses.spi(settings.bus).chip = PMW3901Chip(sense, wiring.sense_clock, mounting=mounted(settings))
+
+
+def _attach_camera(settings: CameraMotionSettings, wiring: ChipWiring) -> None:
+    from wayfarer.simhal.world.ground_camera import GroundCamera
+
+    m_per_pixel = settings.m_per_pixel or GROUND_M_PER_PIXEL
+    wiring.buses.cameras[settings.camera] = GroundCamera(wiring.world, wiring.streams, m_per_pixel).render
+
+
+def _attach_thunderborg(settings: ThunderBorgSettings, wiring: ChipWiring) -> None:
+    chip = ThunderBorgChip(wiring.world, wiring.clock, left=settings.left, **_motors(settings, thunderborg.FULL_LEVEL))
+    wiring.boards.append(chip)
+    wiring.buses.i2c(settings.bus).attach(settings.address, chip)
+
+
+def _attach_sabertooth(settings: SabertoothSettings, wiring: ChipWiring) -> None:
+    motors = _motors(settings, sabertooth.FULL_LEVEL)
+    chip = SabertoothChip(wiring.world, wiring.clock, address=settings.address, left=settings.left, **motors)
+    wiring.boards.append(chip)
+    wiring.buses.serial(settings.port).chip = chip
+
+
+def _motors(settings: ThunderBorgSettings | SabertoothSettings, full_level: int) -> dict[str, Any]:
+    """Return what both motor boards take; the steps of duty reach up to the highest that the driver allows."""
+    return {
+        "full_level": full_level * settings.duty_limit,
+        "reverse_left": settings.reverse_left,
+        "reverse_right": settings.reverse_right,
+    }
+
+
+CMPS14 = SimulatedChip(_attach_cmps14, lambda _: {"opens_s": cmps14.OPEN_S})
+PMW3901 = SimulatedChip(
+    _attach_pmw3901, lambda settings: {"m_per_count": settings.m_per_count, "opens_s": pmw3901.OPEN_S}
+)
+CAMERA = SimulatedChip(_attach_camera)
+SABERTOOTH = SimulatedChip(_attach_sabertooth, lambda settings: {"steps": sabertooth.FULL_LEVEL * settings.duty_limit})
+THUNDERBORG = SimulatedChip(
+    _attach_thunderborg, lambda settings: {"steps": thunderborg.FULL_LEVEL * settings.duty_limit}
+)
+ON_THE_MOTOR_BOARD = SimulatedChip(lambda _settings, _wiring: None)
