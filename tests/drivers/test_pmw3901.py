@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from tests.simhal.chips.test_pmw3901 import Driven
+from tests.simhal.chips.bench import Driven
 from wayfarer.drivers.pmw3901 import FRAME_S, PMW3901, Axis, Burst, PMW3901Settings, contradiction, decode, quality
 from wayfarer.drivers.pmw3901_table import trim
 from wayfarer.errors import BadReading, NotResponding, WrongPart

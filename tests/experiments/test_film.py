@@ -13,7 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.conftest import Run
-from tests.simhal.mujoco.fields import A_M, B_M, BODY, CLEARING, RADIUS_M, drive, rover_on
+from tests.simhal.clearing import CLEARING
+from tests.simhal.mujoco.fields import A_M, B_M, BODY, RADIUS_M, drive, rover_on
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.film import screen, textures, video

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.simhal.clearing import CLEARING
+from tests.virtual import virtual
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.drivers.cmps14 import CMPS14
 from wayfarer.drivers.pmw3901 import PMW3901
@@ -19,7 +20,7 @@ from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.drivers.thunderborg import ThunderBorg
 from wayfarer.errors import BadConfig, NotResponding
 from wayfarer.experiments.campaign import Campaign, Task, read_forest_file
-from wayfarer.experiments.trial import TrialResult, run_trial
+from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import (
     STOP,
@@ -33,7 +34,6 @@ from wayfarer.hal import (
     WheelCommand,
 )
 from wayfarer.simhal.build_rover import Depth, build
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.parts import SimCompass, SimFlow, SimMotors
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest, Trunk
@@ -41,21 +41,8 @@ from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
-FENCED = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (Trunk(20.0, 15.0, 30.0, 16.0, "across"),), ())
+FENCED = replace(CLEARING, trunks=(Trunk(20.0, 15.0, 30.0, 16.0, "across"),))
 AHEAD = WheelCommand(0.5, 0.5)
-
-
-def at_both_depths(spec: TrialSpec) -> tuple[TrialResult, TrialResult]:
-    return run_trial(spec), run_trial(replace(spec, depth=Depth.BUS))
-
-
-def in_virtual_time(main: Callable[[], Awaitable[Any]]) -> Any:
-    async def run() -> Any:
-        return await main()
-
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(run())
 
 
 def rover_in(forest: Forest, config: RoverConfig, depth: Depth, seed: int = 3) -> tuple[World, Rover]:
@@ -68,38 +55,34 @@ def rover_in(forest: Forest, config: RoverConfig, depth: Depth, seed: int = 3) -
 # -- whole trials ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("algorithm", ["forest-pledge", "cv-pledge"])
-@pytest.mark.parametrize(("layout", "noise", "seed"), [(1, 0, 0), (7, 1, 3), (12, 0, 9), (20, 1, 4)])
-def test_trial_is_the_same_at_both_depths(algorithm: str, layout: int, noise: int, seed: int) -> None:
-    forest = generate_forest(layout, noise, seed)
-    spec = TrialSpec(0, algorithm, forest, seed, load_rover("sim"), budget_m=120.0)
-    device, bus = at_both_depths(spec)
-    assert bus == device
+def specs() -> Iterator[TrialSpec]:
+    for layout, noise, seed in ((1, 0, 0), (7, 1, 3), (12, 0, 9), (20, 1, 4)):
+        for algorithm in ("forest-pledge", "cv-pledge"):
+            forest = generate_forest(layout, noise, seed)
+            yield TrialSpec(0, algorithm, forest, seed, load_rover("sim"), budget_m=120.0)
+    # Another height of the sensor, other speeds, a start delay.
+    yield TrialSpec(0, "forest-pledge", generate_forest(7, 1, 3), 3, load_rover("forestrover"), budget_m=60.0)
+    forests = read_forest_file("reference")
+    campaign = Campaign(("forest-pledge",), 500, load_rover("sim"), forests=forests, budget_m=100.0)
+    for trial in (0, 123, 421):
+        yield campaign.spec(Task("forest-pledge", trial), campaign.make_forest(trial))
+
+
+@pytest.mark.parametrize(
+    "spec", list(specs()), ids=lambda spec: f"{spec.rover.name}-{spec.algorithm}-{spec.forest.forest}"
+)
+def test_trial_is_the_same_at_both_depths(spec: TrialSpec) -> None:
+    device = run_trial(spec)
+    assert run_trial(replace(spec, depth=Depth.BUS)) == device
     assert device.outcome != "fault"
     assert device.anomalies > 0
+    assert device.path_m > 20.0
 
 
 def test_trials_of_other_seeds_differ() -> None:
     """The test above compares something that a rover's senses decide."""
-    spec = TrialSpec(0, "forest-pledge", generate_forest(1, 0, 0), 0, load_rover("sim"), budget_m=120.0)
+    spec = next(specs())
     assert run_trial(spec).path_m != run_trial(replace(spec, seed=1)).path_m
-
-
-def test_forestrover_is_the_same_at_both_depths() -> None:
-    """Another height of the sensor, other speeds, a start delay."""
-    spec = TrialSpec(0, "forest-pledge", generate_forest(7, 1, 3), 3, load_rover("forestrover"), budget_m=60.0)
-    device, bus = at_both_depths(spec)
-    assert bus == device
-    assert device.anomalies > 0
-
-
-@pytest.mark.parametrize("trial", [0, 123, 421])
-def test_reference_forests_are_the_same_at_both_depths(trial: int) -> None:
-    forests = read_forest_file("reference")
-    campaign = Campaign(("forest-pledge",), 500, load_rover("sim"), forests=forests, budget_m=100.0)
-    device, bus = at_both_depths(campaign.spec(Task("forest-pledge", trial), campaign.make_forest(trial)))
-    assert bus == device
-    assert device.path_m > 20.0
 
 
 def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
@@ -146,25 +129,20 @@ def test_minirover_with_its_camera_and_board_runs_a_trial_to_its_end() -> None:
 Readings = list[tuple[CompassReading, MotionReading, ContactReading]]
 
 
-def readings_of(depth: Depth, config: RoverConfig) -> Readings:
+@virtual
+async def readings_of(depth: Depth, config: RoverConfig) -> Readings:
     """What all sensors say during the same drive: ahead into a trunk, backwards, and a turn."""
-
-    async def main() -> Readings:
-        _, rover = rover_in(FENCED, config, depth)
-        assert rover.motion is not None
-        assert rover.contact is not None
-        for part in rover.parts.values():
-            await part.open()
-        said: Readings = []
-        for command in (AHEAD, WheelCommand(-0.4, -0.5), WheelCommand(0.3, -0.3), STOP):
-            for _ in range(90):
-                await rover.motors.drive(command)
-                await asyncio.sleep(0.05)
-                said.append((await rover.compass.read(), await rover.motion.read(), await rover.contact.read()))
-        return said
-
-    readings: Readings = in_virtual_time(main)
-    return readings
+    _, rover = rover_in(FENCED, config, depth)
+    assert rover.motion is not None
+    assert rover.contact is not None
+    assert await opens(rover)
+    said: Readings = []
+    for command in (AHEAD, WheelCommand(-0.4, -0.5), WheelCommand(0.3, -0.3), STOP):
+        for _ in range(90):
+            await rover.motors.drive(command)
+            await asyncio.sleep(0.05)
+            said.append((await rover.compass.read(), await rover.motion.read(), await rover.contact.read()))
+    return said
 
 
 def test_every_sensor_says_the_same_at_both_depths() -> None:
@@ -185,14 +163,11 @@ def test_every_sensor_says_the_same_at_both_depths() -> None:
 
 @pytest.mark.parametrize("wanted", [0.5, 0.501, -0.333, 1.0, -1.0, 0.003, 0.0])
 def test_motors_apply_the_same_steps_at_both_depths(wanted: float) -> None:
-    def applied(depth: Depth, name: str) -> tuple[WheelCommand, tuple[float, ...]]:
-        async def main() -> tuple[WheelCommand, tuple[float, ...]]:
-            world, rover = rover_in(CLEARING, load_rover(name), depth)
-            await rover.motors.open()
-            return await rover.motors.drive(WheelCommand(wanted, -wanted)), world.commanded
-
-        result: tuple[WheelCommand, tuple[float, ...]] = in_virtual_time(main)
-        return result
+    @virtual
+    async def applied(depth: Depth, name: str) -> tuple[WheelCommand, tuple[float, ...]]:
+        world, rover = rover_in(CLEARING, load_rover(name), depth)
+        await rover.motors.open()
+        return await rover.motors.drive(WheelCommand(wanted, -wanted)), world.commanded
 
     for name in ("sim", "minirover"):
         told, turning = applied(Depth.DEVICE, name)
@@ -273,40 +248,38 @@ async def opens(rover: Rover) -> bool:
 
 
 @pytest.mark.parametrize(("name", "deadman_s"), [("forestrover", 0.3), ("minirover", 0.25)])
-def test_wheels_stop_by_the_board_alone_when_the_control_task_stalls(name: str, deadman_s: float) -> None:
+@virtual
+async def test_wheels_stop_by_the_board_alone_when_the_control_task_stalls(name: str, deadman_s: float) -> None:
     """Only the compass is read; nobody speaks to the motors any more."""
-
-    async def main() -> None:
-        time = asyncio.get_running_loop().time
-        world, rover = rover_in(CLEARING, load_rover(name), Depth.BUS)
-        assert await opens(rover)
-        assert rover.motors.deadman_s == deadman_s
-        for _ in range(40):
-            await rover.motors.drive(AHEAD)
-            await asyncio.sleep(0.05)
-        stalled_s = time() - 0.05  # the last command
-        await asyncio.sleep(0.02)  # off the grid of steps, where rounding errors decide
-        turning: dict[float, bool] = {}
-        for _ in range(40):
-            await rover.compass.read()
-            turning[time() - stalled_s] = world.commanded != STOP
-            await asyncio.sleep(0.05)
-        assert {after_s for after_s, turns in turning.items() if turns} == {
-            after_s for after_s in turning if after_s < deadman_s
-        }
-        stands_at_m = world.path_m
-        assert stands_at_m > 0.5
-        await asyncio.sleep(10.0)
+    time = asyncio.get_running_loop().time
+    world, rover = rover_in(CLEARING, load_rover(name), Depth.BUS)
+    assert await opens(rover)
+    assert rover.motors.deadman_s == deadman_s
+    for _ in range(40):
+        await rover.motors.drive(AHEAD)
+        await asyncio.sleep(0.05)
+    stalled_s = time() - 0.05  # the last command
+    await asyncio.sleep(0.02)  # off the grid of steps, where rounding errors decide
+    turning: dict[float, bool] = {}
+    for _ in range(40):
         await rover.compass.read()
-        assert world.path_m == pytest.approx(stands_at_m, abs=1e-6)
-
-    in_virtual_time(main)
+        turning[time() - stalled_s] = world.commanded != STOP
+        await asyncio.sleep(0.05)
+    assert {after_s for after_s, turns in turning.items() if turns} == {
+        after_s for after_s in turning if after_s < deadman_s
+    }
+    stands_at_m = world.path_m
+    assert stands_at_m > 0.5
+    await asyncio.sleep(10.0)
+    await rover.compass.read()
+    assert world.path_m == pytest.approx(stands_at_m, abs=1e-6)
 
 
 @pytest.mark.parametrize("sensor", ["compass", "motion"])
 def test_deadman_acts_at_its_own_time_even_if_nobody_looks_until_much_later(sensor: str) -> None:
     """Physics must not go on driving to the moment at which something speaks again."""
 
+    @virtual
     async def path_m(silent_s: float) -> float:
         world, rover = rover_in(CLEARING, load_rover("sim"), Depth.BUS)
         assert await opens(rover)
@@ -315,21 +288,19 @@ def test_deadman_acts_at_its_own_time_even_if_nobody_looks_until_much_later(sens
         await rover.parts[sensor].read()  # type: ignore[attr-defined]
         return world.path_m
 
-    soon_m, late_m = (in_virtual_time(partial(path_m, silent_s)) for silent_s in (2.0, 60.0))
+    soon_m, late_m = (path_m(silent_s) for silent_s in (2.0, 60.0))
     assert late_m == pytest.approx(soon_m, abs=1e-3)
     assert 0.2 < late_m < 1.4 * (0.3 + 0.1), "at most full speed for the timeout and the motors' lag"
 
 
-def test_driving_again_after_the_deadman_drives() -> None:
-    async def main() -> None:
-        world, rover = rover_in(CLEARING, load_rover("sim"), Depth.BUS)
-        assert await opens(rover)
-        await rover.motors.drive(AHEAD)
-        await asyncio.sleep(5.0)
-        await rover.compass.read()
-        assert world.commanded == STOP
-        applied = await rover.motors.drive(AHEAD)
-        assert world.commanded == pytest.approx(tuple(applied))
-        assert applied.left > 0.4
-
-    in_virtual_time(main)
+@virtual
+async def test_driving_again_after_the_deadman_drives() -> None:
+    world, rover = rover_in(CLEARING, load_rover("sim"), Depth.BUS)
+    assert await opens(rover)
+    await rover.motors.drive(AHEAD)
+    await asyncio.sleep(5.0)
+    await rover.compass.read()
+    assert world.commanded == STOP
+    applied = await rover.motors.drive(AHEAD)
+    assert world.commanded == pytest.approx(tuple(applied))
+    assert applied.left > 0.4

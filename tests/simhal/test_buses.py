@@ -7,24 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.simhal.chips.bench import Driven
+from tests.simhal.clearing import steady_world
 from wayfarer.drivers.buses import Frame
 from wayfarer.errors import NotResponding
-from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.buses import ChipMisuse, FakeBuses, FakeI2C, FakeSerial, FakeSPI
-from wayfarer.simhal.chips.cmps14 import CMPS14Chip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.sensor_models import FlowSensorModel, HeadingSensorModel
-from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.physics import Physics
-from wayfarer.simhal.world.world import World
-
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
-
-
-def world() -> World:
-    return World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(0))
 
 
 class Echo:
@@ -103,15 +92,11 @@ async def test_serial_line_without_a_listener_takes_everything_and_tells_nothing
 
 
 async def test_transfer_that_a_chip_does_not_declare_fails_loudly_through_the_bus() -> None:
-    bench, buses = world(), FakeBuses()
-    i2c, spi = buses.i2c("/dev/i2c-1"), buses.spi("/dev/spidev0.1")
-    i2c.attach(0x60, CMPS14Chip(HeadingSensorModel(bench, RandomStreams(0)), lambda: 0.0))
-    i2c.attach(0x15, ThunderBorgChip(bench, lambda: 0.0))
-    spi.chip = PMW3901Chip(FlowSensorModel(bench, RandomStreams(0)), lambda: 0.0)
+    i2c, spi = FakeI2C("i2c"), FakeSPI("spi")
+    i2c.attach(0x15, ThunderBorgChip(steady_world(), lambda: 0.0))
+    spi.chip = PMW3901Chip(Driven(), lambda: 0.0)
     undeclared: list[Any] = [
-        i2c.write(0x60, b""),
         i2c.write(0x15, bytes((99, 1))),
-        i2c.write(0x15, bytes((8, 1, 2))),
         i2c.write_then_read(0x15, bytes((153,)), 3),
         spi.transfer(b""),
     ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from math import pi
 from statistics import fmean, pstdev
@@ -12,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.simhal.clearing import CLEARING, STEADY, VEHICLE, steady_world
+from tests.virtual import virtual
 from wayfarer.angles import offset_m
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, Compass, ContactSensor, DriveMotors, MotionSensor, Rover, Side, WheelCommand
 from wayfarer.simhal.build_rover import device_depth
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.parts import FIX_ERROR_M, ORIGIN, SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, HeadingSensorModel
@@ -25,23 +24,8 @@ from wayfarer.simhal.world.forest import Forest, Trunk
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
-ROVER = Vehicle(0.4, 0.4, 0.5, 1.4)
-BARE = RoverConfig(name="bare", vehicle=ROVER)  # without parts: all that is simulated
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+BARE = RoverConfig(name="bare", vehicle=VEHICLE)  # without parts: all that is simulated
 FENCED = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (Trunk(20.0, 13.0, 30.0, 15.0, "across"),), ((25.0, 11.0),))
-STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
-
-
-def world_in(forest: Forest) -> World:
-    return World(forest, ROVER, STEADY, RandomStreams(0))
-
-
-def run(main: Callable[[], Awaitable[None]]) -> None:
-    async def run_main() -> None:
-        await main()
-
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        runner.run(run_main())
 
 
 async def drive(motors: SimMotors, left: float, right: float, seconds_s: float) -> None:
@@ -52,7 +36,7 @@ async def drive(motors: SimMotors, left: float, right: float, seconds_s: float) 
 
 
 def test_rig_gives_every_part_that_the_field_code_may_ask_for() -> None:
-    rover = device_depth(world_in(CLEARING), RandomStreams(0), BARE)
+    rover = device_depth(steady_world(), RandomStreams(0), BARE)
     assert isinstance(rover.compass, Compass)
     assert isinstance(rover.motors, DriveMotors)
     assert isinstance(rover.motion, MotionSensor)
@@ -62,131 +46,120 @@ def test_rig_gives_every_part_that_the_field_code_may_ask_for() -> None:
 
 @settings(deadline=None)
 @given(heading_deg=st.one_of(st.floats(359.9, 360, exclude_max=True), st.floats(0, 359.999)))
-def test_bearing_is_quantised_and_never_360(heading_deg: float) -> None:
-    async def main() -> None:
-        world = world_in(CLEARING)
-        world.heading_rad = heading_deg * pi / 180 + 4 * pi
-        compass = SimCompass(world, RandomStreams(0))
-        await compass.open()
-        for _ in range(50):
-            reading = await compass.read()
-            assert 0.0 <= reading.heading_deg < 360.0
-            assert all(value == round(value, 1) for value in (reading.heading_deg, reading.pitch_deg, reading.roll_deg))
-            error_deg = (reading.heading_deg - heading_deg + 180.0) % 360.0 - 180.0
-            assert abs(error_deg) < 6 * STEADY.compass_noise_deg
-
-    run(main)
+@virtual
+async def test_bearing_is_quantised_and_never_360(heading_deg: float) -> None:
+    world = steady_world()
+    world.heading_rad = heading_deg * pi / 180 + 4 * pi
+    compass = SimCompass(world, RandomStreams(0))
+    await compass.open()
+    for _ in range(50):
+        reading = await compass.read()
+        assert 0.0 <= reading.heading_deg < 360.0
+        assert all(value == round(value, 1) for value in (reading.heading_deg, reading.pitch_deg, reading.roll_deg))
+        error_deg = (reading.heading_deg - heading_deg + 180.0) % 360.0 - 180.0
+        assert abs(error_deg) < 6 * STEADY.compass_noise_deg
 
 
 @pytest.mark.parametrize("bias_deg", [-40.0, 12.5])
 def test_biased_compass_reads_that_much_more_each_time(bias_deg: float) -> None:
-    biased = World(CLEARING, ROVER, replace(STEADY, compass_bias_deg=bias_deg), RandomStreams(0))
-    tenths = [HeadingSensorModel(world, RandomStreams(0)).sample(0.0) for world in (world_in(CLEARING), biased)]
+    biased = World(CLEARING, VEHICLE, replace(STEADY, compass_bias_deg=bias_deg), RandomStreams(0))
+    tenths = [HeadingSensorModel(world, RandomStreams(0)).sample(0.0) for world in (steady_world(), biased)]
     assert (tenths[1][0] - tenths[0][0]) % 3600 == pytest.approx(bias_deg * 10 % 3600, abs=1)
     assert tenths[1][1:] == tenths[0][1:]
 
 
-def test_compass_noise_is_that_of_the_reference() -> None:
-    async def main() -> None:
-        world = world_in(CLEARING)
-        world.heading_rad, world.pitch_deg = pi, 20.0
-        compass = SimCompass(world, RandomStreams(0))
-        await compass.open()
-        readings = [await compass.read() for _ in range(2000)]
-        headings_deg = [reading.heading_deg for reading in readings]
-        assert fmean(headings_deg) == pytest.approx(180.0, abs=0.1)
-        assert pstdev(headings_deg) == pytest.approx(1.0, rel=0.05)
-        assert fmean(reading.pitch_deg for reading in readings) == pytest.approx(20.0, abs=0.1)
-        assert fmean(reading.roll_deg for reading in readings) == pytest.approx(0.0, abs=0.1)
-
-    run(main)
+@virtual
+async def test_compass_noise_is_that_of_the_reference() -> None:
+    world = steady_world()
+    world.heading_rad, world.pitch_deg = pi, 20.0
+    compass = SimCompass(world, RandomStreams(0))
+    await compass.open()
+    readings = [await compass.read() for _ in range(2000)]
+    headings_deg = [reading.heading_deg for reading in readings]
+    assert fmean(headings_deg) == pytest.approx(180.0, abs=0.1)
+    assert pstdev(headings_deg) == pytest.approx(1.0, rel=0.05)
+    assert fmean(reading.pitch_deg for reading in readings) == pytest.approx(20.0, abs=0.1)
+    assert fmean(reading.roll_deg for reading in readings) == pytest.approx(0.0, abs=0.1)
 
 
-def test_displacements_are_whole_counts_that_add_up_to_the_odometer() -> None:
-    async def main() -> None:
-        world = world_in(CLEARING)
-        flow, motors = SimFlow(world, RandomStreams(0)), SimMotors(world)
-        for part in (flow, motors):
-            await part.open()
-        assert (await flow.read()).quality == 0.0, "since nobody knows when"
-        read_m = 0.0
-        for duty, seconds_s in ((1.0, 0.1), (0.3, 0.25), (-0.5, 0.1), (0.0, 0.05)) * 50:
-            await drive(motors, duty, duty, seconds_s)
-            reading = await flow.read()
-            counts = reading.forward_m / FLOW_M_PER_COUNT
-            assert counts == pytest.approx(round(counts), abs=1e-6)
-            assert 0.0 < reading.quality <= 1.0
-            read_m += reading.forward_m
-        true_m = world.forward_m - world.reverse_m
-        assert true_m > 5.0
-        assert read_m == pytest.approx(true_m, rel=0.02)
-        assert (await flow.read()).forward_m == pytest.approx(0.0, abs=10 * FLOW_M_PER_COUNT)
-
-    run(main)
+@virtual
+async def test_displacements_are_whole_counts_that_add_up_to_the_odometer() -> None:
+    world = steady_world()
+    flow, motors = SimFlow(world, RandomStreams(0)), SimMotors(world)
+    for part in (flow, motors):
+        await part.open()
+    assert (await flow.read()).quality == 0.0, "since nobody knows when"
+    read_m = 0.0
+    for duty, seconds_s in ((1.0, 0.1), (0.3, 0.25), (-0.5, 0.1), (0.0, 0.05)) * 50:
+        await drive(motors, duty, duty, seconds_s)
+        reading = await flow.read()
+        counts = reading.forward_m / FLOW_M_PER_COUNT
+        assert counts == pytest.approx(round(counts), abs=1e-6)
+        assert 0.0 < reading.quality <= 1.0
+        read_m += reading.forward_m
+    true_m = world.forward_m - world.reverse_m
+    assert true_m > 5.0
+    assert read_m == pytest.approx(true_m, rel=0.02)
+    assert (await flow.read()).forward_m == pytest.approx(0.0, abs=10 * FLOW_M_PER_COUNT)
 
 
-def test_bumper_feels_the_side_and_the_axis_of_a_trunk_and_only_the_side_of_a_tree() -> None:
-    async def main() -> None:
-        world = world_in(FENCED)
-        bumper, motors = SimBumper(world), SimMotors(world)
-        for part in (bumper, motors):
-            await part.open()
-        assert (await bumper.read())[1:] == ((), None)
-        await drive(motors, 0.5, 0.5, 3.0)
-        at_trunk = await bumper.read()
-        assert at_trunk.sides == (Side.LEFT,)
-        assert at_trunk.obstacle_bearing_deg == pytest.approx(78.69, abs=0.01)
-        await drive(motors, -0.5, -0.5, 5.0)
-        at_tree = await bumper.read()
-        assert at_tree[1:] == ((Side.REAR,), None)
-
-    run(main)
+@virtual
+async def test_bumper_feels_the_side_and_the_axis_of_a_trunk_and_only_the_side_of_a_tree() -> None:
+    world = steady_world(FENCED)
+    bumper, motors = SimBumper(world), SimMotors(world)
+    for part in (bumper, motors):
+        await part.open()
+    assert (await bumper.read())[1:] == ((), None)
+    await drive(motors, 0.5, 0.5, 3.0)
+    at_trunk = await bumper.read()
+    assert at_trunk.sides == (Side.LEFT,)
+    assert at_trunk.obstacle_bearing_deg == pytest.approx(78.69, abs=0.01)
+    await drive(motors, -0.5, -0.5, 5.0)
+    at_tree = await bumper.read()
+    assert at_tree[1:] == ((Side.REAR,), None)
 
 
-def test_wheels_stop_by_themselves_when_nobody_commands_them_any_more() -> None:
-    async def main() -> None:
-        world = world_in(CLEARING)
-        motors = SimMotors(world)
-        await motors.open()
-        await drive(motors, 1.0, 1.0, 1.0)
-        last_s = asyncio.get_running_loop().time() - 0.05
-        while world.commanded != (0.0, 0.0):
-            await asyncio.sleep(0.05)
-            world.advance_to(asyncio.get_running_loop().time())
-        assert asyncio.get_running_loop().time() - last_s == pytest.approx(0.3, abs=0.051)
-
-    run(main)
+@virtual
+async def test_wheels_stop_by_themselves_when_nobody_commands_them_any_more() -> None:
+    world = steady_world()
+    motors = SimMotors(world)
+    await motors.open()
+    await drive(motors, 1.0, 1.0, 1.0)
+    last_s = asyncio.get_running_loop().time() - 0.05
+    while world.commanded != (0.0, 0.0):
+        await asyncio.sleep(0.05)
+        world.advance_to(asyncio.get_running_loop().time())
+    assert asyncio.get_running_loop().time() - last_s == pytest.approx(0.3, abs=0.051)
 
 
-def test_motors_apply_what_they_say_and_stop() -> None:
-    async def main() -> None:
-        world = world_in(CLEARING)
-        motors = SimMotors(world)
-        await motors.open()
-        assert await motors.drive(WheelCommand(1.0, 0.5)) == WheelCommand(1.0, 63 / 127)
-        await drive(motors, 1.0, 0.5, 2.0)
-        assert await motors.drive(STOP) == STOP
-        driven_m = world.path_m
-        assert driven_m == pytest.approx(2.0 * 1.4 * 0.75, rel=0.1)
-        await motors.drive(WheelCommand(1.0, 1.0))
-        await motors.stop()
-        await asyncio.sleep(5.0)
-        assert await motors.drive(STOP) == STOP
-        assert world.path_m == pytest.approx(driven_m, abs=0.2)
-        battery_v, faults = await motors.health()
-        assert battery_v is not None
-        assert faults == ()
-
-    run(main)
+@virtual
+async def test_motors_apply_what_they_say_and_stop() -> None:
+    world = steady_world()
+    motors = SimMotors(world)
+    await motors.open()
+    assert await motors.drive(WheelCommand(1.0, 0.5)) == WheelCommand(1.0, 63 / 127)
+    await drive(motors, 1.0, 0.5, 2.0)
+    assert await motors.drive(STOP) == STOP
+    driven_m = world.path_m
+    assert driven_m == pytest.approx(2.0 * 1.4 * 0.75, rel=0.1)
+    await motors.drive(WheelCommand(1.0, 1.0))
+    await motors.stop()
+    await asyncio.sleep(5.0)
+    assert await motors.drive(STOP) == STOP
+    assert world.path_m == pytest.approx(driven_m, abs=0.2)
+    battery_v, faults = await motors.health()
+    assert battery_v is not None
+    assert faults == ()
 
 
 @settings(max_examples=30, deadline=None)
 @given(looks_s=st.lists(st.sampled_from([0.0, 0.013, 0.05, 0.12, 0.3]), max_size=20))
 def test_reading_the_parts_does_not_disturb_the_world(looks_s: list[float]) -> None:
     def path_of(looks_s: list[float]) -> tuple[float, ...]:
-        world = World(FENCED, ROVER, Physics(), RandomStreams(0))
+        world = World(FENCED, VEHICLE, Physics(), RandomStreams(0))
         rover = device_depth(world, RandomStreams(0), BARE)
 
+        @virtual
         async def main() -> None:
             for part in rover.parts.values():
                 await part.open()
@@ -197,7 +170,7 @@ def test_reading_the_parts_does_not_disturb_the_world(looks_s: list[float]) -> N
                     await asyncio.sleep(1.0)
                 await rover.motors.drive(STOP)
 
-        run(main)
+        main()
         return world.x_m, world.y_m, world.heading_rad, world.pitch_deg, world.path_m
 
     async def look(rover: Rover, looks_s: list[float]) -> None:
@@ -212,27 +185,22 @@ def test_reading_the_parts_does_not_disturb_the_world(looks_s: list[float]) -> N
     assert path_of(looks_s) == path_of([])
 
 
-def test_parts_close_twice_and_after_no_opening() -> None:
-    async def main() -> None:
-        for part in device_depth(world_in(CLEARING), RandomStreams(0), BARE).parts.values():
-            await part.close()
-            await part.open()
-            await part.close()
-            await part.close()
-
-    run(main)
+@virtual
+async def test_parts_close_twice_and_after_no_opening() -> None:
+    for part in device_depth(steady_world(), RandomStreams(0), BARE).parts.values():
+        await part.close()
+        await part.open()
+        await part.close()
+        await part.close()
 
 
-def test_receiver_tells_where_the_rover_is_as_well_as_receivers_do() -> None:
-    world = world_in(CLEARING)
-
-    async def main() -> None:
-        receiver = SimReceiver(world, RandomStreams(0))
-        await receiver.open()
-        fixes = [await receiver.read() for _ in range(400)]
-        north_m, east_m = zip(*(offset_m(ORIGIN, fix) for fix in fixes), strict=True)
-        assert fmean(north_m) == pytest.approx(world.y_m, abs=4 * FIX_ERROR_M / 20)
-        assert fmean(east_m) == pytest.approx(world.x_m, abs=4 * FIX_ERROR_M / 20)
-        assert pstdev(north_m) == pytest.approx(FIX_ERROR_M, rel=0.2)
-
-    run(main)
+@virtual
+async def test_receiver_tells_where_the_rover_is_as_well_as_receivers_do() -> None:
+    world = steady_world()
+    receiver = SimReceiver(world, RandomStreams(0))
+    await receiver.open()
+    fixes = [await receiver.read() for _ in range(400)]
+    north_m, east_m = zip(*(offset_m(ORIGIN, fix) for fix in fixes), strict=True)
+    assert fmean(north_m) == pytest.approx(world.y_m, abs=4 * FIX_ERROR_M / 20)
+    assert fmean(east_m) == pytest.approx(world.x_m, abs=4 * FIX_ERROR_M / 20)
+    assert pstdev(north_m) == pytest.approx(FIX_ERROR_M, rel=0.2)

@@ -20,7 +20,7 @@ STARTS_S = 0.2
 
 
 @dataclass(frozen=True)
-class Settings:
+class XC9Settings:
     bus: str = "/dev/i2c-1"
     address: int = 0x1E
 
@@ -28,9 +28,9 @@ class Settings:
 class XC9:
     part: ClassVar[str] = "compass"
     name = "XC9"
-    Settings = Settings
+    Settings = XC9Settings
 
-    def __init__(self, settings: Settings, buses: Buses) -> None:
+    def __init__(self, settings: XC9Settings, buses: Buses) -> None:
         self._bus, self._address = buses.i2c(settings.bus), settings.address
 
     async def open(self) -> None:
@@ -72,7 +72,7 @@ class XC9Chip:
         raise ChipMisuse(f"XC9: read of {count} bytes after {self._asked.hex()}")
 
 
-def attach(settings: Settings, wiring: ChipWiring) -> None:
+def attach(settings: XC9Settings, wiring: ChipWiring) -> None:
     wiring.buses.i2c(settings.bus).attach(settings.address, XC9Chip(wiring))
 
 

@@ -9,35 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.simhal.chips.bench import Clock, Held
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.cmps14 import CALIBRATED, CMPS14Chip
-from wayfarer.simhal.sensor_models import HeadingSensorModel
 
 CONFIGURE = (0x98, 0x95, 0x99)
 STORE = (0xF0, 0xF5, 0xF6)
 ERASE = (0xE0, 0xE5, 0xE2)
 CHANGE_ADDRESS = (0xA0, 0xAA, 0xA5)
-
-
-class Clock:
-    """Seconds, as a test sets them."""
-
-    t_s = 100.0
-
-    def __call__(self) -> float:
-        return self.t_s
-
-
-class Held(HeadingSensorModel):
-    """A sense that is held at one heading, pitch and roll, in tenths of a degree; it keeps when it was asked."""
-
-    def __init__(self, heading: int = 0, pitch: int = 0, roll: int = 0) -> None:
-        self.attitude = heading, pitch, roll
-        self.asked_s: list[float] = []
-
-    def sample(self, t_s: float) -> tuple[int, int, int]:
-        self.asked_s.append(t_s)
-        return self.attitude
 
 
 def registers(chip: CMPS14Chip, start: int, count: int) -> bytes:

@@ -8,32 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.simhal.chips.bench import Clock, Driven
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip, orient
-from wayfarer.simhal.sensor_models import FlowSensorModel
 
 counts = st.integers(-1000, 1000)
-
-
-class Clock:
-    """Seconds, as a test sets them."""
-
-    t_s = 100.0
-
-    def __call__(self) -> float:
-        return self.t_s
-
-
-class Driven(FlowSensorModel):
-    """A sense that feels the given displacements, forward and right, and then none; it keeps when it was asked."""
-
-    def __init__(self, *displacements: tuple[int, int]) -> None:
-        self.displacements = list(displacements)
-        self.asked_s: list[float] = []
-
-    def sample(self, t_s: float) -> tuple[int, int]:
-        self.asked_s.append(t_s)
-        return self.displacements.pop(0) if self.displacements else (0, 0)
 
 
 def write(chip: PMW3901Chip, register: int, value: int) -> None:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from tests.simhal.chips.test_pmw3901 import Clock, Driven
+from tests.simhal.chips.bench import Clock, Driven
+from tests.virtual import virtual
 from wayfarer.drivers.pmw3901 import PMW3901, PMW3901Settings
 from wayfarer.simhal.buses import FakeBuses, SPIChip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 pmw3901 = pytest.importorskip("pmw3901", reason="Pimoroni's pmw3901 is not installed, or its gpiod and gpiodevice")
 
@@ -46,22 +45,8 @@ class Peer:
 
 
 @pytest.fixture
-def peer(monkeypatch: pytest.MonkeyPatch) -> Iterator[Peer]:
-    yield Peer(monkeypatch)
-
-
-def written_by_the_driver() -> list[tuple[int, int]]:
-    """Return the writes of wayfarer's driver at the start of a chip like the peer's."""
-
-    async def main() -> list[tuple[int, int]]:
-        buses = FakeBuses()
-        chip = PMW3901Chip(Driven(), asyncio.get_running_loop().time)
-        buses.spi("/dev/spidev0.1").chip = chip
-        await PMW3901(PMW3901Settings(), buses).open()
-        return list(chip.writes)
-
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(main())
+def peer(monkeypatch: pytest.MonkeyPatch) -> Peer:
+    return Peer(monkeypatch)
 
 
 def test_peer_starts_the_chip_and_knows_it(peer: Peer) -> None:
@@ -70,10 +55,14 @@ def test_peer_starts_the_chip_and_knows_it(peer: Peer) -> None:
     assert len(chip.writes) == INIT_WRITES
 
 
-def test_peer_and_driver_write_the_same_but_for_what_is_known(peer: Peer) -> None:
+@virtual
+async def test_peer_and_driver_write_the_same_but_for_what_is_known(peer: Peer) -> None:
     chip = peer.chip()
     peer.open(chip)
-    theirs, ours = chip.writes, written_by_the_driver()
+    buses, driven = FakeBuses(), PMW3901Chip(Driven(), asyncio.get_running_loop().time)
+    buses.spi("/dev/spidev0.1").chip = driven
+    await PMW3901(PMW3901Settings(), buses).open()
+    theirs, ours = chip.writes, list(driven.writes)
     assert ours[0] == (0x7F, 0x00)  # a bank that an earlier opening left; they have no such write
     assert ours[-1] == (0x15, 0x00)  # the check that the chip runs; they have none
     differences = [pair for pair in zip(theirs, ours[1:-1], strict=True) if pair[0] != pair[1]]

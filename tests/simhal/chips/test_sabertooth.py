@@ -1,34 +1,25 @@
-"""The Sabertooth chip takes whole packets from whatever the line brings, and stops the wheels in its own time."""
+"""The Sabertooth chip takes whole packets from whatever the line brings; ``test_motor_boards.py`` has its deadman."""
 
 from __future__ import annotations
 
-from itertools import accumulate, pairwise
+from functools import partial
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.escape.api import Vehicle
+from tests.simhal.chips.bench import BoardBench
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.physics import Physics
-from wayfarer.simhal.world.world import World
 
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
-STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
 STILL = (0.0, 0.0)
 BOTH_AHEAD = "80 00 7F 7F 80 04 7F 03"
 
 
-class Bench:
-    """A chip over a world, with a clock to turn by hand."""
-
+class Bench(BoardBench[SabertoothChip]):
     def __init__(self, address: int = 128) -> None:
-        self.now_s = 0.0
-        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, RandomStreams(0))
-        self.chip = SabertoothChip(self.world, lambda: self.now_s, address=address)
+        super().__init__(partial(SabertoothChip, address=address))
 
     def send(self, sent: str) -> None:
         self.chip.receive(bytes.fromhex(sent))
@@ -172,34 +163,6 @@ def test_settings_are_kept_and_those_of_them_that_persist_outlive_the_power(benc
 # -- serial timeout --------------------------------------------------------------------------------------------------
 
 
-def test_without_the_timeout_the_wheels_turn_on(bench: Bench) -> None:
-    bench.send(BOTH_AHEAD)
-    bench.now_s = 60.0
-    bench.chip.tick()
-    assert bench.world.commanded == (1.0, 1.0)
-    bench.send("80 0E 03 11 80 0E 00 0E")
-    bench.now_s = 120.0
-    bench.chip.tick()
-    assert bench.world.commanded == (1.0, 1.0)
-
-
-def test_the_timeout_stops_the_wheels_at_its_own_time_however_late_that_is_noticed(bench: Bench) -> None:
-    bench.send("80 0E 03 11")
-    bench.now_s = 1.0
-    bench.send(BOTH_AHEAD)
-    bench.now_s = 10.0
-    bench.send("80")
-    bench.world.advance_to(bench.now_s)
-
-    other = Bench()
-    other.world.advance_to(1.0)
-    other.world.command(1.0, 1.0)
-    other.world.advance_to(1.3)
-    other.world.command(0.0, 0.0)
-    other.world.advance_to(10.0)
-    assert 0.3 < bench.world.path_m == other.world.path_m < 0.6
-
-
 def test_a_dropped_packet_does_not_keep_the_timeout_from_tripping(bench: Bench) -> None:
     bench.send(f"80 0E 03 11 {BOTH_AHEAD}")
     bench.now_s = 0.2
@@ -207,16 +170,3 @@ def test_a_dropped_packet_does_not_keep_the_timeout_from_tripping(bench: Bench) 
     bench.now_s = 0.31
     bench.chip.tick()
     assert bench.world.commanded == STILL
-
-
-@given(gaps_s=st.lists(st.floats(0.0, 0.5), min_size=1, max_size=20), look_s=st.floats(0.0, 0.5))
-def test_the_wheels_turn_exactly_while_the_last_command_is_young(gaps_s: list[float], look_s: float) -> None:
-    bench = Bench()
-    bench.send("80 0E 02 10")
-    for bench.now_s in accumulate(gaps_s):
-        bench.send(BOTH_AHEAD)
-        assert bench.world.commanded == (1.0, 1.0)
-    last_s = bench.now_s
-    bench.now_s += look_s
-    bench.chip.tick()
-    assert (bench.world.commanded != STILL) == (bench.now_s < last_s + 0.2)

@@ -6,28 +6,22 @@ again.
 
 from __future__ import annotations
 
-import asyncio
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from tests.simhal.chips.bench import BoardBench
+from tests.virtual import virtual
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
-from wayfarer.escape.api import Vehicle
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.physics import Physics
-from wayfarer.simhal.world.world import World
 
 pysabertooth = pytest.importorskip(
     "pysabertooth.PySabertooth", reason="pysabertooth, another implementation, is not installed"
 )
-
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 
 
 class Port:
@@ -52,13 +46,11 @@ class Port:
         self.is_open = False
 
 
-class Bench:
+class Bench(BoardBench[SabertoothChip]):
     """A chip with the library on it."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, address: int = 128) -> None:
-        self.now_s = 0.0
-        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(0))
-        self.chip = SabertoothChip(self.world, lambda: self.now_s, address=address)
+        super().__init__(partial(SabertoothChip, address=address))
         self.port = Port(self.chip)
         monkeypatch.setattr(pysabertooth, "serial", SimpleNamespace(Serial=lambda: self.port))
         monkeypatch.setattr(pysabertooth, "time", SimpleNamespace(sleep=lambda _: None))
@@ -85,24 +77,21 @@ def test_half_speed_is_cut_off(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("address", [128, 130, 135])
-def test_both_send_the_same_bytes_for_every_percent(monkeypatch: pytest.MonkeyPatch, address: int) -> None:
+@virtual
+async def test_both_send_the_same_bytes_for_every_percent(monkeypatch: pytest.MonkeyPatch, address: int) -> None:
     bench = Bench(monkeypatch, address)
     ours: list[bytes] = []
     buses = FakeBuses()
     buses.serial("/dev/serial0").chip = SimpleNamespace(receive=ours.append)
     motors = Sabertooth(SabertoothSettings(address=address), buses)
 
-    async def drive_all() -> None:
-        await motors.open()
-        for percent in range(-100, 101):
-            bench.port.written = b""
-            bench.library.driveBoth(percent, -percent)
-            applied = await motors.drive(WheelCommand(percent / 100, -percent / 100))
-            assert bench.port.written == ours[-1][:8], "behind it, our timeout"
-            assert bench.world.commanded == applied
-
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        runner.run(drive_all())
+    await motors.open()
+    for percent in range(-100, 101):
+        bench.port.written = b""
+        bench.library.driveBoth(percent, -percent)
+        applied = await motors.drive(WheelCommand(percent / 100, -percent / 100))
+        assert bench.port.written == ours[-1][:8], "behind it, our timeout"
+        assert bench.world.commanded == applied
 
 
 def test_mixed_commands_steer(bench: Bench) -> None:

@@ -1,32 +1,17 @@
-"""The ThunderBorg chip keeps its protocol, and its failsafe keeps its own time."""
+"""The ThunderBorg chip keeps its protocol; ``test_motor_boards.py`` has its deadman."""
 
 from __future__ import annotations
 
-from itertools import accumulate
-
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from wayfarer.escape.api import Vehicle
+from tests.simhal.chips.bench import BoardBench
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.thunderborg import FULL_LEVEL, ThunderBorgChip
-from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.physics import Physics
-from wayfarer.simhal.world.world import World
-
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
-STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
 
 
-class Bench:
-    """A chip over a world, with a clock to turn by hand."""
-
+class Bench(BoardBench[ThunderBorgChip]):
     def __init__(self) -> None:
-        self.now_s = 0.0
-        self.world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, RandomStreams(0))
-        self.chip = ThunderBorgChip(self.world, lambda: self.now_s)
+        super().__init__(ThunderBorgChip)
 
     def send(self, written: str) -> None:
         self.chip.write(bytes.fromhex(written))
@@ -140,32 +125,6 @@ def test_losing_power_forgets_all_but_the_eeprom(bench: Bench) -> None:
 # -- failsafe --------------------------------------------------------------------------------------------------------
 
 
-def test_without_the_failsafe_the_wheels_turn_on(bench: Bench) -> None:
-    assert bench.ask("14", 1) == "14 00"
-    bench.send("11 79")
-    bench.now_s = 60.0
-    assert bench.ask("0A", 2) == "0a 01 79"
-    assert bench.world.commanded != (0.0, 0.0)
-
-
-def test_the_failsafe_stops_the_wheels_at_its_own_time_however_late_that_is_noticed(bench: Bench) -> None:
-    bench.send("13 01")
-    bench.now_s = 1.0
-    bench.send("11 F2")
-    bench.now_s = 10.0
-    bench.chip.tick()
-    bench.world.advance_to(bench.now_s)
-
-    other = Bench()
-    other.world.advance_to(1.0)
-    other.world.command(242 / FULL_LEVEL, 242 / FULL_LEVEL)
-    other.world.advance_to(1.25)
-    other.world.command(0.0, 0.0)
-    other.world.advance_to(10.0)
-    assert 0.3 < bench.world.path_m == other.world.path_m < 0.5
-    assert bench.ask("0A", 2) == "0a 01 00"
-
-
 def test_requests_and_colours_do_not_keep_the_failsafe_from_tripping(bench: Bench) -> None:
     bench.send("13 01")
     bench.send("11 79")
@@ -185,16 +144,3 @@ def test_a_failsafe_switched_on_late_gives_its_whole_interval(bench: Bench) -> N
     bench.now_s = 5.26
     bench.chip.tick()
     assert bench.chip.levels == (0, 0)
-
-
-@given(gaps_s=st.lists(st.floats(0.0, 0.5), min_size=1, max_size=20), look_s=st.floats(0.0, 0.5))
-def test_the_wheels_turn_exactly_while_the_last_command_is_young(gaps_s: list[float], look_s: float) -> None:
-    bench = Bench()
-    bench.send("13 01")
-    for bench.now_s in accumulate(gaps_s):
-        bench.send("11 79")
-        assert bench.world.commanded != (0.0, 0.0)
-    last_s = bench.now_s
-    bench.now_s += look_s
-    bench.chip.tick()
-    assert (bench.world.commanded != (0.0, 0.0)) == (bench.now_s < last_s + 0.25)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterator
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,22 +16,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.simhal.chips.bench import BoardBench
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings
 from wayfarer.errors import PowerLost
-from wayfarer.escape.api import Vehicle
 from wayfarer.hal import Colour, WheelCommand
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.physics import Physics
-from wayfarer.simhal.world.world import World
 
 tborg = pytest.importorskip("tborg.tborg", reason="python-thunderborg, another implementation, is not installed")
-
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 
 # Less than one level back is reverse 0 to the library and forward 0 to us; both stand still.
 STILL = {b"\x09\x00": b"\x08\x00", b"\x0c\x00": b"\x0b\x00"}
@@ -47,13 +42,11 @@ class Stream:
         pass
 
 
-class Bench:
+class Bench(BoardBench[ThunderBorgChip]):
     """One chip with our drivers and the library on it."""
 
     def __init__(self) -> None:
-        self.now_s = 0.0
-        world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(0))
-        self.chip = ThunderBorgChip(world, lambda: self.now_s, full_level=255.0)
+        super().__init__(partial(ThunderBorgChip, full_level=255.0))
         buses = FakeBuses()
         buses.i2c("/dev/i2c-1").attach(0x15, self.chip)
         self.motors = ThunderBorg(ThunderBorgSettings(duty_limit=1.0), buses)

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import pytest
 
-from tests.simhal.clock.test_virtual_loop import timeouts, timers_in_time_order, trace_of, waiting_for
+from tests.simhal.clock.programs import timeouts, timers_in_time_order, trace_of, waiting_for
 from wayfarer.control.rate import Rate
 from wayfarer.daemon.watchdog import StallGuard
 from wayfarer.simhal.clock.scaled_loop import CATCH_UP_S, LATE_S, FastLoop

@@ -23,7 +23,6 @@ from wayfarer.fault_scenarios.runner import CLEARING
 from wayfarer.hal import CompassReading
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults import kinds
 from wayfarer.simhal.faults.bus import WiredPart, misplaced, place_of
 from wayfarer.simhal.faults.bus_hang import Hang
@@ -74,37 +73,33 @@ def params_of(name: str, target: str) -> Any:
     return params
 
 
-def run(
+@virtual
+async def run(
     config: RoverConfig, fault: Fault | None, look: Callable[[TrialSetup], object]
 ) -> tuple[RunRecorder, list[object]]:
     """Drive ahead in a clearing; look at the stage before the fault begins, and after it has ended."""
-
-    async def drive() -> tuple[RunRecorder, list[object]]:
-        monitor, looks, loop = RunRecorder(), [], asyncio.get_running_loop()
-        given = () if fault is None else (fault,)
-        setup = TrialSetup(
-            TrialSpec(0, "forest-pledge", CLEARING, 1, config, depth=Depth.BUS, faults=given), lambda *_: monitor
-        )
-        monitor.follow(setup)
-        if setup.injector is not None:
-            setup.injector.start(setup.world, setup.supervisor.controller.power, monitor.note)
-        running = asyncio.ensure_future(setup.supervisor.run())
-        await asyncio.sleep(1.0)
-        await setup.supervisor.arm(0.0)
-        for at_s in (BEGINS_S - 0.001, BEGINS_S + LASTS_S + 0.001):
-            await asyncio.sleep(at_s - loop.time())
-            looks.append(look(setup))
-        loop.call_later(ENDS_S - loop.time(), setup.supervisor.finish, "requested", "enough was seen")
-        try:
-            await running
-        except Exception as error:
-            monitor.event("ended", loop.time(), error=repr(first_cause(error)))
-        if setup.injector is not None:
-            setup.injector.end()
-        return monitor, looks
-
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(drive())
+    monitor, looks, loop = RunRecorder(), [], asyncio.get_running_loop()
+    given = () if fault is None else (fault,)
+    setup = TrialSetup(
+        TrialSpec(0, "forest-pledge", CLEARING, 1, config, depth=Depth.BUS, faults=given), lambda *_: monitor
+    )
+    monitor.follow(setup)
+    if setup.injector is not None:
+        setup.injector.start(setup.world, setup.supervisor.controller.power, monitor.note)
+    running = asyncio.ensure_future(setup.supervisor.run())
+    await asyncio.sleep(1.0)
+    await setup.supervisor.arm(0.0)
+    for at_s in (BEGINS_S - 0.001, BEGINS_S + LASTS_S + 0.001):
+        await asyncio.sleep(at_s - loop.time())
+        looks.append(look(setup))
+    loop.call_later(ENDS_S - loop.time(), setup.supervisor.finish, "requested", "enough was seen")
+    try:
+        await running
+    except Exception as error:
+        monitor.event("ended", loop.time(), error=repr(first_cause(error)))
+    if setup.injector is not None:
+        setup.injector.end()
+    return monitor, looks
 
 
 @cache
@@ -151,28 +146,24 @@ def test_kind_changes_something_and_leaves_nothing_behind(fault: Fault) -> None:
 
 
 @pytest.mark.parametrize("target", ["motion", "motors"])
-def test_part_that_says_it_is_another_does_not_open(target: str) -> None:
+@virtual
+async def test_part_that_says_it_is_another_does_not_open(target: str) -> None:
     fault = Fault(BEGINS_S, LASTS_S, target, "wrong_id", kinds.WrongId())
     opened: list[str] = []
-
-    async def drive() -> None:
-        setup = TrialSetup(
-            TrialSpec(0, "forest-pledge", CLEARING, 1, config_for(fault), depth=Depth.BUS, faults=(fault,)),
-            lambda *_: RunRecorder(),
-        )
-        assert setup.injector is not None
-        setup.injector.start(setup.world, setup.supervisor.controller.power, RunRecorder().note)
-        for at_s in (1.0, BEGINS_S + 0.1, BEGINS_S + LASTS_S + 0.1):
-            await asyncio.sleep(at_s - asyncio.get_running_loop().time())
-            try:
-                await getattr(setup.rover, target).open()
-                opened.append("opens")
-            except WrongPart:
-                opened.append("is another")
-        setup.injector.end()
-
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        runner.run(drive())
+    setup = TrialSetup(
+        TrialSpec(0, "forest-pledge", CLEARING, 1, config_for(fault), depth=Depth.BUS, faults=(fault,)),
+        lambda *_: RunRecorder(),
+    )
+    assert setup.injector is not None
+    setup.injector.start(setup.world, setup.supervisor.controller.power, RunRecorder().note)
+    for at_s in (1.0, BEGINS_S + 0.1, BEGINS_S + LASTS_S + 0.1):
+        await asyncio.sleep(at_s - asyncio.get_running_loop().time())
+        try:
+            await getattr(setup.rover, target).open()
+            opened.append("opens")
+        except WrongPart:
+            opened.append("is another")
+    setup.injector.end()
     assert opened == ["opens", "is another", "opens"]
 
 

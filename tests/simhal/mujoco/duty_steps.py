@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tests.simhal.mujoco.fields import CLEARING, EXACT
+from tests.simhal.clearing import CLEARING
+from tests.simhal.mujoco.fields import EXACT
 from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld

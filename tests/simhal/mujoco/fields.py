@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import hypot
 
+from tests.simhal.clearing import CLEARING
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.mujoco.model import STEP_S
@@ -15,7 +16,6 @@ from wayfarer.simhal.world.forest import Forest, Trunk
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, body_of
 
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 EXACT = Physics(side_gain_sd=0.0, slip_mean_m=1e9)
 CONFIG = load_rover("forestrover")
 BODY = body_of("forestrover", CONFIG.vehicle, CONFIG.chassis, "a test")

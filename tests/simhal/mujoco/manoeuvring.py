@@ -11,7 +11,8 @@ from math import degrees, radians
 from random import Random
 from typing import NamedTuple
 
-from tests.simhal.mujoco.fields import CLEARING, EXACT
+from tests.simhal.clearing import CLEARING
+from tests.simhal.mujoco.fields import EXACT
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.detector.odometer import Odometer
 from wayfarer.escape.api import Anomaly, Observation, Phase

@@ -8,7 +8,8 @@ from math import exp, pi, sqrt
 
 import pytest
 
-from tests.simhal.mujoco.fields import BODY, CLEARING, EXACT
+from tests.simhal.clearing import CLEARING
+from tests.simhal.mujoco.fields import BODY, EXACT
 from wayfarer.simhal.mujoco.ground import BUMP_M, CELL_M, MUD_CELL_M, MUD_RADIUS_M, Mud, rough_ground
 from wayfarer.simhal.random_streams import RandomStreams
 

@@ -6,6 +6,7 @@ from math import radians
 
 import pytest
 
+from tests.simhal.clearing import CLEARING
 from tests.simhal.mujoco.duty_steps import (
     FRICTIONS,
     ROVERS,
@@ -15,7 +16,6 @@ from tests.simhal.mujoco.duty_steps import (
     kept_steps,
     take,
 )
-from tests.simhal.mujoco.fields import CLEARING
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.random_streams import RandomStreams

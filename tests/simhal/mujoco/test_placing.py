@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.simhal.mujoco.fields import BODY, CLEARING, drive, rover_on, tree_at, trunk_across
+from tests.simhal.clearing import CLEARING
+from tests.simhal.mujoco.fields import BODY, drive, rover_on, tree_at, trunk_across
 from wayfarer.simhal.mujoco.placing import NoRoom
 from wayfarer.simhal.world.forest import Forest, Trunk
 

@@ -16,6 +16,7 @@ from pyarrow import parquet
 
 from tests.conftest import Run
 from tests.experiments import fake_trials
+from tests.simhal.commands import refusal, succeed
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.report.reading import read_results
@@ -37,8 +38,7 @@ def files_in(folder: Path) -> dict[str, bytes]:
 def test_same_seed_gives_the_same_bytes(run: Run, tmp_path: Path) -> None:
     drawn = ("--friction", "0.2:0.6", "--roughness-m", "0.005", "--torque-scale", "1:3")
     for name in ("once", "again"):
-        code, _, err = run(*SIM, *drawn, "--out", tmp_path / name, "--log", tmp_path / f"{name}-log")
-        assert code == 0, err
+        succeed(run, *SIM, *drawn, "--out", tmp_path / name, "--log", tmp_path / f"{name}-log")
     assert (tmp_path / "once" / "trials.csv").read_bytes() == (tmp_path / "again" / "trials.csv").read_bytes()
     logs = files_in(tmp_path / "once-log")
     assert logs == files_in(tmp_path / "again-log")
@@ -51,8 +51,7 @@ def test_same_seed_gives_the_same_bytes(run: Run, tmp_path: Path) -> None:
 def test_both_depths_decide_the_same(run: Run, tmp_path: Path, rover: str) -> None:
     rows = []
     for depth in ("device", "bus"):
-        code, _, err = run(*SIM, "--rover", rover, "--depth", depth, "--out", tmp_path / depth)
-        assert code == 0, err
+        succeed(run, *SIM, "--rover", rover, "--depth", depth, "--out", tmp_path / depth)
         rows.append((tmp_path / depth / "trials.csv").read_bytes())
     assert rows[0] == rows[1]
     assert b"fault" not in rows[0]
@@ -60,8 +59,7 @@ def test_both_depths_decide_the_same(run: Run, tmp_path: Path, rover: str) -> No
 
 @pytest.mark.parametrize("scenario", ["extended-maze", "dense-obstruction", "forest-escape"])
 def test_every_site_runs(run: Run, tmp_path: Path, scenario: str) -> None:
-    code, _, err = run(*SIM, "--rover", "minirover", "--scenario", scenario, "--out", tmp_path / "out")
-    assert code == 0, err
+    succeed(run, *SIM, "--rover", "minirover", "--scenario", scenario, "--out", tmp_path / "out")
     assert b"fault" not in (tmp_path / "out" / "trials.csv").read_bytes()
 
 
@@ -69,8 +67,7 @@ def test_campaign_says_what_it_ran_on_and_can_be_rebuilt(run: Run, tmp_path: Pat
     run(*SIM, "--friction", "0.2:0.6", "--out", tmp_path / "out")
     settings = json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))
     assert settings["mujoco"] == {"friction": [0.2, 0.6], "roughness_m": [0.0, 0.0], "torque_scale": [1.0, 1.0]}
-    code, _, err = run(*SIM, "--friction", "0.2:0.6", "--out", tmp_path / "out", "--resume")
-    assert code == 0, err
+    succeed(run, *SIM, "--friction", "0.2:0.6", "--out", tmp_path / "out", "--resume")
     results = read_results(tmp_path / "out")
     assert results.rebuild().terrains == Terrains(friction=Range(0.2, 0.6))
     said = dict(facts(results.settings))
@@ -92,8 +89,7 @@ def test_table_has_what_was_drawn_for_each_trial_a_fault_too(
 
     monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fails_once)
     drawn = (*SIM, "--trials", "3", "--friction", "0.2:0.6")
-    code, _, err = run(*drawn, "--out", out)
-    assert code == 0, err
+    succeed(run, *drawn, "--out", out)
     with (out / "trials.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0])[-4:] == ["off_wheels", *TERRAIN]
@@ -107,21 +103,26 @@ def test_table_has_what_was_drawn_for_each_trial_a_fault_too(
     kept = read_results(out).rows
     assert [f"{row.friction:.4f}" for row in kept] == [row["friction"] for row in rows]
 
+    ran.clear()
+    assert_resumed_after_the_first_trial(run, drawn, out)
+    assert ran == [1, 2]
+
+
+def assert_resumed_after_the_first_trial(run: Run, command: tuple[str, ...], out: Path) -> Path:
+    """A copy of the folder that lost all but its first trial is completed to the same table; return the copy."""
     complete = (out / "trials.csv").read_text(encoding="utf-8")
     header, first, *_ = complete.splitlines()
-    (again := tmp_path / "again").mkdir()
+    (again := out.with_name("again")).mkdir()
     shutil.copy(out / "campaign.json", again)
     (again / "trials.partial.csv").write_text(f"{header},ticks\n{first},9\n", encoding="utf-8")
-    ran.clear()
-    assert run(*drawn, "--out", again, "--resume")[0] == 0
-    assert ran == [1, 2]
+    succeed(run, *command, "--out", again, "--resume")
     assert (again / "trials.csv").read_text(encoding="utf-8") == complete
+    return again
 
 
 def test_report_of_a_campaign_in_mujoco_draws_its_trials(run: Run, tmp_path: Path) -> None:
-    assert run(*SIM, "--friction", "0.2:0.6", "--out", tmp_path / "out")[0] == 0
-    code, _, err = run("report", tmp_path / "out", "--gallery", "1", "--jobs", "1")
-    assert code == 0, err
+    succeed(run, *SIM, "--friction", "0.2:0.6", "--out", tmp_path / "out")
+    succeed(run, "report", tmp_path / "out", "--gallery", "1", "--jobs", "1")
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "0.2 to 0.6, drawn for each trial" in page
     assert "Not drawn" not in page
@@ -132,22 +133,14 @@ def test_report_of_a_campaign_in_mujoco_draws_its_trials(run: Run, tmp_path: Pat
 def test_site_in_mujoco_tells_kinds_of_help_and_terrain_and_is_gone_on_with_and_drawn(run: Run, tmp_path: Path) -> None:
     clutter = ("--scenario", "dense-obstruction", "--rover", "forestrover")
     site = (*SIM, *clutter, "--budget-m", "3", "--friction", "0.3:0.6")
-    code, said, err = run(*site, "--out", tmp_path / "out")
-    assert code == 0, err
+    said = succeed(run, *site, "--out", tmp_path / "out")
     assert "0.0 (0.0/0.0)" in said
-    complete = (tmp_path / "out" / "trials.csv").read_text(encoding="utf-8")
-    rows = list(csv.DictReader(complete.splitlines()))
+    rows = list(csv.DictReader((tmp_path / "out" / "trials.csv").read_text(encoding="utf-8").splitlines()))
     assert list(rows[0])[-6:] == ["interventions", *KINDS, *TERRAIN]
     assert all(row[name] for row in rows for name in ("interventions", *KINDS, *TERRAIN))
 
-    (again := tmp_path / "again").mkdir()
-    shutil.copy(tmp_path / "out" / "campaign.json", again)
-    header, first, _ = complete.splitlines()
-    (again / "trials.partial.csv").write_text(f"{header},ticks\n{first},9\n", encoding="utf-8")
-    assert run(*site, "--out", again, "--resume")[0] == 0
-    assert (again / "trials.csv").read_text(encoding="utf-8") == complete
-
-    assert run("report", again, "--gallery", "2", "--jobs", "1")[0] == 0
+    again = assert_resumed_after_the_first_trial(run, site, tmp_path / "out")
+    succeed(run, "report", again, "--gallery", "2", "--jobs", "1")
     page = (again / "report.html").read_text(encoding="utf-8")
     assert "Not drawn" not in page
     assert len(list((again / "figures").glob("entrapped-*.svg"))) == sum(row["outcome"] == "entrapped" for row in rows)
@@ -168,13 +161,12 @@ def test_spoilt_terrain_in_a_folder_is_one_line(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: dict[str, object], says: str
 ) -> None:
     monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.quick)
-    assert run(*SIM, "--out", tmp_path / "out")[0] == 0
+    succeed(run, *SIM, "--out", tmp_path / "out")
     file = tmp_path / "out" / "campaign.json"
     settings = json.loads(file.read_text(encoding="utf-8"))
     settings["mujoco"].update(change)
     file.write_text(json.dumps(settings), encoding="utf-8")
-    code, out, err = run("report", tmp_path / "out")
-    assert (code, out, err.count("\n")) == (2, "", 1)
+    err = refusal(run, "report", tmp_path / "out")
     assert "campaign.json is damaged: mujoco" in err
     assert says in err
 
@@ -205,9 +197,7 @@ REFUSED = {
 
 @pytest.mark.parametrize(("arguments", "says"), REFUSED.values(), ids=REFUSED)
 def test_what_cannot_be_run_is_one_line(run: Run, arguments: tuple[str, ...], says: str) -> None:
-    code, out, err = run(*arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert says in err
+    assert says in refusal(run, *arguments)
 
 
 CHASSIS = {"ground_clearance_m": 0.04, "weight_kg": 6.0, "motors_n_m": 4.5, "height_m": 0.2, "wheel_radius_m": 0.05}
@@ -245,9 +235,7 @@ UNBUILDABLE = {
 def test_rover_without_a_body_that_can_be_built_is_one_line(run: Run, tmp_path: Path, text: str, says: str) -> None:
     file = tmp_path / "plain.toml"
     file.write_text(text, encoding="utf-8")
-    code, out, err = run(*SIM, "--rover", file)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert says in err
+    assert says in refusal(run, *SIM, "--rover", file)
 
 
 def test_fault_of_the_engine_is_told_in_its_own_words_and_leaves_no_file(
@@ -264,9 +252,7 @@ def test_fault_of_the_engine_is_told_in_its_own_words_and_leaves_no_file(
 
 def test_missing_engine_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wayfarer.cli.extras.find_spec", lambda name: None if name == "mujoco" else object())
-    code, out, err = run(*SIM)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "--physics mujoco needs mujoco, which is not installed: pip install '.[physics]'" in err
+    assert "--physics mujoco needs mujoco, which is not installed: pip install '.[physics]'" in refusal(run, *SIM)
 
 
 def test_fixed_terrain_is_what_was_asked_for_and_a_range_is_drawn_within() -> None:

@@ -10,7 +10,8 @@ from random import Random
 
 import pytest
 
-from tests.simhal.mujoco.fields import BODY, CLEARING, drive, rover_on, speed_m_s, tree_at, trunk_across
+from tests.simhal.clearing import CLEARING
+from tests.simhal.mujoco.fields import BODY, drive, rover_on, speed_m_s, tree_at, trunk_across
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.hal import Side
 from wayfarer.simhal.faults.kinds import KINDS, Drive, Layer, Nothing, Slope

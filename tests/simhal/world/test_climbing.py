@@ -8,6 +8,7 @@ from math import degrees
 
 import pytest
 
+from tests.simhal.clearing import STEADY
 from wayfarer.config.chassis import AT_A_BRANCH, Chassis
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.interventions import InterventionCounter
@@ -15,11 +16,9 @@ from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.climbing import Climbing
 from wayfarer.simhal.world.collision import BodyOutline, obstacles_of
 from wayfarer.simhal.world.forest import Forest, Trunk
-from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
 ROVER = load_rover("forestrover")
-STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
 START_Y_M = 20.0
 
 

@@ -47,16 +47,11 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "forests.jsonl"
 
 
-def test_reference_file_is_read_whole() -> None:
+def test_reference_file_is_read_and_survives_writing(path: Path) -> None:
     forests = forests_in(REFERENCE, content_of(REFERENCE))
-    assert len({(forest.forest, forest.noise) for forest in forests}) == 500
     assert forests[0].trunks[0] == Trunk(6.375, 30.128, 27.736, 31.514, "across")
     assert forests[0].trees_m[0] == (33.3, 6.9)
     assert forests[0].shortest_path_m == 37.61
-
-
-def test_reference_file_survives_writing(path: Path) -> None:
-    forests = forests_in(REFERENCE, content_of(REFERENCE))
     write_forests(path, forests)
     assert read_forests(path) == forests
 
@@ -158,14 +153,10 @@ def test_bytes_that_are_not_utf8_are_numbered(path: Path) -> None:
     assert refusal(path, line_with().encode() + b"\n\xff\n") == (f"{path}, line 2: not UTF-8 at byte 0, expected text")
 
 
-def test_absent_file_is_refused(path: Path) -> None:
-    with pytest.raises(BadForest, match=r"cannot be read .No such file"):
-        read_forests(path)
-
-
-def test_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadForest, match=r"cannot be read .Is a directory"):
-        read_forests(tmp_path)
+@pytest.mark.parametrize(("name", "why"), [("forests.jsonl", "No such file"), (".", "Is a directory")])
+def test_what_cannot_be_opened_is_refused(tmp_path: Path, name: str, why: str) -> None:
+    with pytest.raises(BadForest, match=rf"cannot be read .{why}"):
+        read_forests(tmp_path / name)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.stats import ks_2samp
 
 from wayfarer.experiments.campaign import read_forest_file
-from wayfarer.simhal.world.forest import Forest, Trunk, check_forest
+from wayfarer.simhal.world.forest import Forest, Lean, Trunk, check_forest
 from wayfarer.simhal.world.forest_file import write_forests
 from wayfarer.simhal.world.generate import CLEARING, DIVIDED, MAX_TILT_DEG, generate_forest
 from wayfarer.simhal.world.shortest_path import shortest_path_m
@@ -103,14 +103,6 @@ def test_forest_has_a_way_out(layout: int) -> None:
     assert 37.4 < length_m < 75.0
 
 
-def trunk_counts(forest: Forest) -> list[float]:
-    return [len(forest.trunks)]
-
-
-def total_lengths_m(forest: Forest) -> list[float]:
-    return [sum(lengths_m(forest))]
-
-
 def lengths_m(forest: Forest) -> list[float]:
     return [trunk.length_m for trunk in forest.trunks]
 
@@ -120,20 +112,8 @@ def tilts_deg(forest: Forest) -> list[float]:
     return [(bearing_deg(trunk) + 45.0) % 90.0 - 45.0 for trunk in forest.trunks if trunk.length_m > 0.5]
 
 
-def shares_to_the_right(forest: Forest) -> list[float]:
-    return [sum(trunk.lean == "right" for trunk in forest.trunks) / len(forest.trunks)]
-
-
-def shares_across(forest: Forest) -> list[float]:
-    return [sum(trunk.lean == "across" for trunk in forest.trunks) / len(forest.trunks)]
-
-
-def middles_x_m(forest: Forest) -> list[float]:
-    return [(trunk.x0_m + trunk.x1_m) / 2.0 for trunk in forest.trunks]
-
-
-def middles_y_m(forest: Forest) -> list[float]:
-    return [(trunk.y0_m + trunk.y1_m) / 2.0 for trunk in forest.trunks]
+def share(forest: Forest, lean: Lean) -> float:
+    return sum(trunk.lean == lean for trunk in forest.trunks) / len(forest.trunks)
 
 
 def gaps_m(forest: Forest) -> list[float]:
@@ -151,20 +131,20 @@ def bearing_deg(trunk: Trunk) -> float:
     return degrees(atan2(trunk.x1_m - trunk.x0_m, trunk.y1_m - trunk.y0_m))
 
 
-@pytest.mark.parametrize(
-    "measure",
-    [
-        trunk_counts,
-        total_lengths_m,
-        lengths_m,
-        tilts_deg,
-        shares_to_the_right,
-        shares_across,
-        middles_x_m,
-        middles_y_m,
-        gaps_m,
-    ],
-)
+MEASURES: dict[str, Callable[[Forest], list[float]]] = {
+    "count": lambda forest: [len(forest.trunks)],
+    "total length": lambda forest: [sum(lengths_m(forest))],
+    "lengths": lengths_m,
+    "tilts": tilts_deg,
+    "share to the right": lambda forest: [share(forest, "right")],
+    "share across": lambda forest: [share(forest, "across")],
+    "middles in x": lambda forest: [(trunk.x0_m + trunk.x1_m) / 2.0 for trunk in forest.trunks],
+    "middles in y": lambda forest: [(trunk.y0_m + trunk.y1_m) / 2.0 for trunk in forest.trunks],
+    "gaps": gaps_m,
+}
+
+
+@pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
 def test_layouts_are_distributed_like_the_reference(
     measure: Callable[[Forest], list[float]], reference: Sequence[Forest], generated: list[Forest]
 ) -> None:

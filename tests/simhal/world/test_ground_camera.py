@@ -9,21 +9,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.simhal.clearing import steady_world
 from wayfarer.drivers.buses import Frame
-from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.ground_camera import GREY_MEAN, GREY_SD, NOISE_SD, TILE_PX, GroundCamera, texture
-from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
 M_PER_PIXEL = 0.0015
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
-STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
 
 
 def world_and_camera(seed: int = 0) -> tuple[World, GroundCamera]:
-    world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, RandomStreams(seed))
+    world = steady_world(seed=seed)
     return world, GroundCamera(world, RandomStreams(seed), M_PER_PIXEL)
 
 

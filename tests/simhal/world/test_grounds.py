@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Run
+from tests.simhal.commands import refusal, succeed
 from wayfarer.experiments.report.reading import read_results
 from wayfarer.experiments.report.words import facts
 from wayfarer.simhal.world.grounds import GroundName
@@ -25,8 +26,7 @@ def plain(tmp_path: Path) -> Path:
 
 
 def test_ground_is_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
-    code, _, err = run(*SIM, "--ground", "mud", "--out", tmp_path / "out", "--log", tmp_path / "log")
-    assert code == 0, err
+    succeed(run, *SIM, "--ground", "mud", "--out", tmp_path / "out", "--log", tmp_path / "log")
     assert json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))["ground"] == "mud"
     results = read_results(tmp_path / "out")
     assert results.rebuild().ground is GroundName.mud
@@ -37,8 +37,7 @@ def test_ground_is_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
 
 def test_ideal_ground_is_what_there_was_before_and_says_nothing(run: Run, tmp_path: Path) -> None:
     for name, ground in (("unsaid", ()), ("said", ("--ground", "ideal"))):
-        code, _, err = run(*SIM, *ground, "--out", tmp_path / name, "--log", tmp_path / f"{name}-log")
-        assert code == 0, err
+        succeed(run, *SIM, *ground, "--out", tmp_path / name, "--log", tmp_path / f"{name}-log")
     for file in ("campaign.json", "trials.csv"):
         assert (tmp_path / "unsaid" / file).read_bytes() == (tmp_path / "said" / file).read_bytes()
     assert "ground" not in json.loads((tmp_path / "said" / "campaign.json").read_text(encoding="utf-8"))
@@ -48,26 +47,23 @@ def test_ideal_ground_is_what_there_was_before_and_says_nothing(run: Run, tmp_pa
 @pytest.mark.parametrize(("there", "here"), [("ideal", "mud"), ("mud", "ideal")])
 def test_folder_of_another_ground_is_not_resumed(run: Run, tmp_path: Path, there: str, here: str) -> None:
     run(*SIM, "--ground", there, "--out", tmp_path / "out")
-    code, out, err = run(*SIM, "--ground", here, "--out", tmp_path / "out", "--resume")
-    assert (code, out, err.count("\n")) == (2, "", 1)
+    err = refusal(run, *SIM, "--ground", here, "--out", tmp_path / "out", "--resume")
     assert f"ground is '{there}' there and '{here}' here" in err
-    assert run(*SIM, "--ground", there, "--out", tmp_path / "out", "--resume")[0] == 0
+    succeed(run, *SIM, "--ground", there, "--out", tmp_path / "out", "--resume")
 
 
 def test_both_depths_decide_the_same(run: Run, tmp_path: Path) -> None:
     rows = []
     for depth in ("device", "bus"):
-        code, _, err = run(*SIM, "--ground", "mud", "--depth", depth, "--out", tmp_path / depth)
-        assert code == 0, err
+        succeed(run, *SIM, "--ground", "mud", "--depth", depth, "--out", tmp_path / depth)
         rows.append((tmp_path / depth / "trials.csv").read_bytes())
     assert rows[0] == rows[1]
 
 
 def test_grounds_can_be_swept(run: Run, tmp_path: Path) -> None:
-    code, _, err = run(
-        "sweep", "ground=ideal,mud", "--trials", "1", "--budget-m", "5", "--jobs", "1", "--out", tmp_path / "out"
+    succeed(
+        run, "sweep", "ground=ideal,mud", "--trials", "1", "--budget-m", "5", "--jobs", "1", "--out", tmp_path / "out"
     )
-    assert code == 0, err
     settings = json.loads((tmp_path / "out" / "sweep.json").read_text(encoding="utf-8"))
     assert settings["axes"] == [{"key": "ground", "values": ["ideal", "mud"], "now": "ideal"}]
     ideal, mud = (tmp_path / "out" / "trials.csv").read_text(encoding="utf-8").splitlines()[1:]
@@ -81,28 +77,23 @@ def test_sweep_of_grounds_with_another_chassis_is_another_sweep(run: Run, tmp_pa
     run(*sweep)
     kept = tmp_path / "out" / "sweep.json"
     kept.write_text(kept.read_text(encoding="utf-8").replace('"weight_kg": 6.1', '"weight_kg": 7.1'), encoding="utf-8")
-    code, out, err = run(*sweep, "--resume")
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "another sweep: rover.chassis.weight_kg differ" in err
+    assert "another sweep: rover.chassis.weight_kg differ" in refusal(run, *sweep, "--resume")
 
 
 def test_other_physics_has_a_ground_of_another_kind(run: Run) -> None:
-    code, out, err = run(*SIM, "--physics", "mujoco", "--ground", "mud")
-    assert (code, out, err.count("\n")) == (2, "", 1)
+    err = refusal(run, *SIM, "--physics", "mujoco", "--ground", "mud")
     assert "--ground mud belongs to physics-light; with --physics mujoco use --friction" in err
 
 
 @pytest.mark.parametrize("command", [(*SIM, "--ground", "mud"), ("sweep", "ground=ideal,mud", "--out", "never")])
 def test_rover_without_a_body_is_one_line(run: Run, plain: Path, command: tuple[str, ...]) -> None:
-    code, out, err = run(*command, "--rover", plain)
-    assert (code, out, err.count("\n")) == (2, "", 1)
+    err = refusal(run, *command, "--rover", plain)
     assert "rover 'plain' gives no chassis.weight_kg, and --ground mud needs a body with wheels" in err
     assert str(plain) in err
 
 
 def test_unknown_ground_is_one_line(run: Run, tmp_path: Path) -> None:
-    code, out, err = run("sweep", "ground=ideal,ice", "--out", tmp_path / "out")
-    assert (code, out, err.count("\n")) == (2, "", 1)
+    err = refusal(run, "sweep", "ground=ideal,ice", "--out", tmp_path / "out")
     assert "ground" in err
     assert "'leaf-litter'" in err
     assert not (tmp_path / "out").exists()

@@ -9,6 +9,7 @@ import pytest
 
 from tests.conftest import Run
 from tests.experiments import fake_trials
+from tests.simhal.commands import succeed
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.campaign import Campaign, read_forest_file
 from wayfarer.experiments.report.reading import read_results
@@ -69,16 +70,16 @@ def test_file_of_that_name_is_reached_with_its_folder(run: Run) -> None:
 def test_results_keep_word_checksum_and_copy_so_that_resume_and_report_find_them(run: Run, tmp_path: Path) -> None:
     out = tmp_path / "out"
     command = ("sim", "--forests", "reference", "--trials", 4, "--jobs", 1, "--out", out)
-    assert run(*command)[0] == 0
+    succeed(run, *command)
     assert json.loads((out / "summary.json").read_text())["forests"] == {"file": "reference", "blake2b": CHECKSUM}
-    assert run(*command, "--resume")[0] == 0
+    succeed(run, *command, "--resume")
     assert read_results(out).rebuild().make_forest(3).noise == 2026
 
 
 @pytest.mark.usefixtures("elsewhere", "quick_trials")
 def test_resume_refuses_another_file_of_that_name(run: Run, tmp_path: Path) -> None:
     command = ("sim", "--trials", 4, "--jobs", 1, "--out", tmp_path / "out")
-    assert run(*command, "--forests", "reference")[0] == 0
+    succeed(run, *command, "--forests", "reference")
     code, _, err = run(*command, "--forests", "./reference", "--resume")
     assert code == 2
     assert "belongs to another campaign: forests.blake2b" in err
@@ -87,7 +88,7 @@ def test_resume_refuses_another_file_of_that_name(run: Run, tmp_path: Path) -> N
 @pytest.mark.usefixtures("quick_trials")
 def test_sweep_takes_the_word(run: Run, tmp_path: Path) -> None:
     options = ("--trials", 2, "--jobs", 1, "--forests", "reference", "--out", tmp_path / "out")
-    assert run("sweep", "escape.turn_angle_deg=10,30", *options)[0] == 0
+    succeed(run, "sweep", "escape.turn_angle_deg=10,30", *options)
     assert CHECKSUM in (tmp_path / "out" / "sweep.json").read_text()
 
 

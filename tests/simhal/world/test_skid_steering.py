@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.simhal.clearing import CLEARING
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.grounds import FRICTIONS, GroundName
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.skid_steering import SkidSteering
@@ -22,7 +22,6 @@ BODY = body_of("forestrover", VEHICLE, CONFIG.chassis, "a test")
 A_M, B_M, RADIUS_M = BODY.wheels
 WEIGHT_N = BODY.weight_kg * STANDARD_GRAVITY_M_S2
 STALL_N = BODY.motors_n_m / RADIUS_M
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 EXACT = Physics(side_gain_sd=0.0, track_sd=0.0, steer_noise_rad=0.0, heading_noise_deg=0.0, slip_mean_m=1000.0)
 LONG_S = 4.0
 

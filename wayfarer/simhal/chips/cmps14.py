@@ -36,7 +36,7 @@ _FIELD_LEVEL, _FIELD_DOWN = 200, 450  # counts; the field dips by 66 degrees, as
 
 
 class CMPS14Chip:
-    """Implements ``fakebus.I2CChip``; the sense is sampled once for each read of anything that is measured.
+    """Implements ``buses.I2CChip``; the sense is sampled once for each read of anything that is measured.
 
     Args:
         sense: what it feels.

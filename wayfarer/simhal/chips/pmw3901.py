@@ -67,7 +67,7 @@ def as_on_the_crazyflie(forward: int, right: int) -> tuple[int, int]:
 
 
 class PMW3901Chip:
-    """The chip; implements ``fakebus.SPIChip``.
+    """The chip; implements ``buses.SPIChip``.
 
     Args:
         sense: the displacement of the body, in counts.

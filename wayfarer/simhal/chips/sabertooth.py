@@ -11,6 +11,7 @@ from math import inf
 from typing import Literal, NamedTuple
 
 from wayfarer.simhal.buses import ChipMisuse
+from wayfarer.simhal.chips.motor_board import MotorBoardChip
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 ADDRESS = 128
@@ -72,17 +73,12 @@ _MOVES = {
 }
 
 
-class SabertoothChip:
-    """Implements ``fakebus.SerialChip``.
+class SabertoothChip(MotorBoardChip):
+    """Implements ``buses.SerialChip``.
 
     Args:
-        world: whose wheels turn: at level / ``full_level`` from the world's next step on.
-        clock: seconds on the clock of the world.
         address: as set on the DIP switches, 128 to 135.
-        full_level: the level at which the world's motors run at their full duty.
         left: the output that the left wheels are on, M1 or M2; the other drives the right ones.
-        reverse_left: whether the left motors turn backwards when told to go forward.
-        reverse_right: the same of the right ones.
 
     Packets for other addresses and the AA of older boards' baud detection are passed over. ``settings`` holds the data
     of the latest setting commands; ``dropped`` counts packets that broke off or whose checksum was wrong. Any packet
@@ -95,16 +91,13 @@ class SabertoothChip:
         address: int = ADDRESS, full_level: float = FULL_LEVEL,
         left: Literal[1, 2] = 1, reverse_left: bool = False, reverse_right: bool = False,
     ) -> None:  # fmt: skip
+        super().__init__(
+            world, clock, full_level,
+            left_is_second=left == 2, reverse_left=reverse_left, reverse_right=reverse_right,
+        )  # fmt: skip
         self.settings: dict[int, int] = {}
         self.dropped = 0
-        self.levels: tuple[float, float] = (0, 0)
-        self._world = world
-        self._clock = clock
         self._address = address
-        self._full_level = full_level
-        self._left, self._right = (0, 1) if left == 1 else (1, 0)
-        self._left_sign = -1 if reverse_left else 1
-        self._right_sign = -1 if reverse_right else 1
         self._heard_s = -inf
         self._packet = bytearray()
         self._mixed = False
@@ -122,13 +115,7 @@ class SabertoothChip:
         self.settings = {command: data for command, data in self.settings.items() if command in _PERSISTENT}
         self._packet.clear()
         self._mixed = False
-        self._apply(self._clock(), [0, 0])
-
-    def tick(self) -> None:
-        """Let the serial timeout trip, at its own time, if that has come. Every byte received does this first."""
-        trips_at_s = self.stops_by_s
-        if any(self.levels) and self._clock() >= trips_at_s:
-            self._apply(trips_at_s, [0, 0])
+        self._stop(self._clock())
 
     def receive(self, data: bytes) -> None:
         """Take bytes, in whatever pieces they come."""
@@ -169,17 +156,12 @@ class SabertoothChip:
         values: list[float | None] = [None, None] if move.mixed is not self._mixed else [*self._values]
         values[move.value] = move.level(data)
         self._mixed = move.mixed
-        self._apply(self._heard_s, values)
-
-    def _apply(self, t_s: float, values: list[float | None]) -> None:
-        """Turn the wheels by the two values of the present set from a time on."""
         self._values = values
-        self.levels = self._levels(*values)
-        self._world.advance_to(t_s)
-        self._world.command(
-            self.levels[self._left] * self._left_sign / self._full_level,
-            self.levels[self._right] * self._right_sign / self._full_level,
-        )
+        self._turn(self._heard_s, self._levels(*values))
+
+    def _stop(self, t_s: float) -> None:
+        self._values = [0, 0]
+        super()._stop(t_s)
 
     def _levels(self, first: float | None, second: float | None) -> tuple[float, float]:
         """Return the levels of M1 and M2, -127 to 127, negative for back."""

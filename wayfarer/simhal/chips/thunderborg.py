@@ -14,6 +14,7 @@ from math import inf
 from typing import Literal
 
 from wayfarer.simhal.buses import ChipMisuse
+from wayfarer.simhal.chips.motor_board import MotorBoardChip
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 ADDRESS = 0x15
@@ -31,17 +32,12 @@ _REMEMBERED_WRITES = 200
 _A, _B = 0, 1
 
 
-class ThunderBorgChip:
-    """Implements ``fakebus.I2CChip``.
+class ThunderBorgChip(MotorBoardChip):
+    """Implements ``buses.I2CChip``.
 
     Args:
-        world: whose wheels turn: at level / ``full_level`` from the world's next step on.
-        clock: seconds on the clock of the world.
         volts: battery; None is the world's. An attribute, so that it can be drained.
-        full_level: the level at which the world's motors run at their full duty.
         left: the output that the left wheels are on, the other drives the right ones.
-        reverse_left: whether the left motors turn backwards when told to go forward.
-        reverse_right: the same of the right ones.
 
     ``drive_faults`` holds the motors (0 is A, 1 is B) whose fault flags a test wants up; ``colours`` what the two LEDs
     were told; ``writes`` the latest writes; ``address`` what the EEPROM says, for the bench to attach the chip at.
@@ -52,17 +48,15 @@ class ThunderBorgChip:
         full_level: float = FULL_LEVEL,
         left: Literal["A", "B"] = "B", reverse_left: bool = False, reverse_right: bool = False,
     ) -> None:  # fmt: skip
+        super().__init__(
+            world, clock, full_level,
+            left_is_second=left == "B", reverse_left=reverse_left, reverse_right=reverse_right,
+        )  # fmt: skip
         self.volts = volts
         self.drive_faults: set[int] = set()
         self.writes: deque[bytes] = deque(maxlen=_REMEMBERED_WRITES)
         self.address = ADDRESS
         self.led_limits = _LIMITS_AT_DELIVERY
-        self._world = world
-        self._clock = clock
-        self._full_level = full_level
-        self._left, self._right = (_A, _B) if left == "A" else (_B, _A)
-        self._left_sign = -1 if reverse_left else 1
-        self._right_sign = -1 if reverse_right else 1
         self._setters = self._table_of_setters()
         self._getters = self._table_of_getters()
         self._power_up()
@@ -75,7 +69,7 @@ class ThunderBorgChip:
     def power_cycle(self) -> None:
         """Lose power for a moment: motors off, and all forgotten but the EEPROM's address and LED limits."""
         self.tick()
-        self._apply(self._clock(), 0, 0)
+        self._stop(self._clock())
         self._power_up()
 
     def _power_up(self) -> None:
@@ -86,12 +80,6 @@ class ThunderBorgChip:
         self._never_driven = {_A, _B}
         self._reply: bytes | None = None
         self._trips_at_s = 0.0
-
-    def tick(self) -> None:
-        """Let the failsafe trip, at its own time, if that has come. Every access does this first."""
-        trips_at_s = self.stops_by_s
-        if any(self.levels) and self._clock() >= trips_at_s:
-            self._apply(trips_at_s, 0, 0)
 
     def write(self, data: bytes) -> None:
         """Take a command; a request is answered by the reads that follow."""
@@ -180,21 +168,12 @@ class ThunderBorgChip:
     # -- motors --------------------------------------------------------------------------------------------------
 
     def _motor(self, motor: int) -> tuple[int, int]:
-        level = self.levels[motor]
+        level = int(self.levels[motor])
         return (_FORWARD if level >= 0 else _REVERSE), abs(level)
 
-    def _drive(self, a: int, b: int) -> None:
+    def _drive(self, a: float, b: float) -> None:
         """Take new levels for A and B, and be quiet about the failsafe for its interval."""
         now_s = self._clock()
         self._trips_at_s = now_s + FAILSAFE_S
         self._never_driven -= {motor for motor, level in ((_A, a), (_B, b)) if level}
-        self._apply(now_s, a, b)
-
-    def _apply(self, t_s: float, a: int, b: int) -> None:
-        """Turn the wheels at the levels of A and B, negative for reverse, from a time on."""
-        self.levels = (a, b)
-        self._world.advance_to(t_s)
-        self._world.command(
-            self.levels[self._left] * self._left_sign / self._full_level,
-            self.levels[self._right] * self._right_sign / self._full_level,
-        )
+        self._turn(now_s, (a, b))

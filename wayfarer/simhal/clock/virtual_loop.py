@@ -55,10 +55,6 @@ class _Handle(list[Any]):
     def cancelled(self) -> bool:
         return self[_CALLBACK] is None
 
-    def when(self) -> float:
-        when_s: float = self[_WHEN]
-        return when_s
-
 
 _WHEN, _CALLBACK = 0, 2
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from random import Random
 from struct import pack
@@ -78,7 +78,8 @@ def _bus_of(part: str, table: Mapping[str, Any]) -> tuple[str, str, Any]:
     """Return the kind and name of the bus that a part is on, and the part's settings; no name where it is on none."""
     driver, settings = part_settings(part, table)
     noted = NotedBuses()
-    driver(settings, noted)
+    with suppress(Exception):  # a third party's may fail without a real bus: what it asked for until then counts
+        driver(settings, noted)
     for kind, name in noted.asked:
         if kind != I2C or hasattr(settings, "address"):
             return kind, name, settings

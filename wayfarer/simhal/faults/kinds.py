@@ -7,8 +7,7 @@ A fault is injected at one of four layers, and the field code cannot tell that i
 * ``bus``: what the wires carry and the chips answer; needs bus depth, where the real drivers are asked;
 * ``process``: what happens to the daemon and the computer under it.
 
-Kinds of the ``process`` layer that need a process to happen to (a full disk, a signal) are not here: they are tried on
-the real daemon (``scenarios``).
+Faults that need a real process (a full disk, a signal) are not here: ``tests/system`` injects them into the daemon.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ NOISE_SD = 2.0
 class GroundCamera:
     """A camera above the middle of the rover, the picture's top ahead.
 
-    ``render`` is what ``fakebus.FakeBuses.cameras`` wants. ``m_per_pixel`` is the ground that one pixel shows, in
+    ``render`` is what ``buses.FakeBuses.cameras`` wants. ``m_per_pixel`` is the ground that one pixel shows, in
     metres, and also the finest detail of the ground: finer detail would be nothing but noise.
     """
 

@@ -1,10 +1,7 @@
 """Physics-light, the default world: pose, contacts and distance of the rover.
 
-The world has no task. A part calls ``advance_to`` with the time on the loop before it reads or commands, and
-the world takes whole steps of ``Physics.step_s`` up to there. What happens is therefore independent of the order and
-the rates in which parts are used.
-
-Positions are metres east (x) and north (y); headings degrees clockwise from north, not wrapped.
+It takes whole steps of ``Physics.step_s``, so what happens is independent of the order and the rates in which parts are
+used.
 """
 
 from __future__ import annotations
@@ -49,7 +46,7 @@ LEVEL_DEG = 0.01
 
 
 class World:
-    """Ground truth of one trial.
+    """Ground truth of one trial; implements ``SimulatedWorld``.
 
     Args:
         forest: the geometry.
@@ -60,11 +57,6 @@ class World:
         chassis: with it the body drives over low branches and may climb onto others; without it all are trunks, and
             every rover rears up alike.
         skid: with it the wheels have the grip of a ground; without it the body goes and turns as it is told.
-
-    ``deadman_at_s`` is when the wheels stop by themselves, for parts at device depth; chips have deadmen of their own,
-    and ``tick_chips`` lets them act. ``after_step`` is called with the world after each step; the outcome monitor sits
-    there. What may go wrong with the world itself (``set_faults``, ``field_deg``, ``ground_pitch_deg``,
-    ``ground_roll_deg``, ``battery_v``) is neutral unless a fault changes it.
     """
 
     def __init__(
