@@ -111,12 +111,14 @@ async def served(config: RoverConfig) -> AsyncIterator[tuple[HilBuses, Ask]]:
         serving = asyncio.create_task(serve(config, path, 0))
         await asyncio.to_thread(wait_for, path)
         over, line = HilBuses(str(path)), await asyncio.to_thread(HilConnection, str(path))
-        yield over, lambda do, **details: asyncio.to_thread(line.ask, do, **details)
-        line.close()
-        await over.close()
-        serving.cancel()
-        with suppress(asyncio.CancelledError):
-            await serving
+        try:
+            yield over, lambda do, **details: asyncio.to_thread(line.ask, do, **details)
+        finally:
+            line.close()
+            await over.close()
+            serving.cancel()
+            with suppress(asyncio.CancelledError):
+                await serving
 
 
 async def use(rover: Rover) -> None:
