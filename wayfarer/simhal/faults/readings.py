@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from math import isfinite
 from random import Random
 from typing import Any
 
 from wayfarer.errors import NotResponding
-from wayfarer.simhal.faults.scoped import Effect, added, changed, listed
+from wayfarer.simhal.faults.scoped import Effect, added, listed
 
 Change = Callable[[Any], Any]
 
@@ -179,6 +179,13 @@ def _delayed(params: Any, _: Random) -> Change:
     return change
 
 
+@contextmanager
+def _crash(part: TamperedPart, _: object, __: Random) -> Iterator[None]:
+    part.crash = Bug("a bug in a driver, injected")
+    yield
+    part.crash = None
+
+
 EFFECTS: Mapping[str, Effect] = {
     "silent": lambda part, _, __: added(part, silent=1),
     "frozen": lambda part, _, __: listed(part.changes, _frozen(part)),
@@ -193,5 +200,5 @@ EFFECTS: Mapping[str, Effect] = {
     "not_a_number": _reading(_becomes),
     "delayed": _reading(_delayed),
     "late_answer": lambda part, params, _: added(part, answers_after_s=params.by_s),
-    "task_crash": lambda part, _, __: changed(part, crash=Bug("a bug in a driver, injected")),
+    "task_crash": _crash,
 }
