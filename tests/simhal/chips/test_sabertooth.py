@@ -163,6 +163,16 @@ def test_settings_are_kept_and_those_of_them_that_persist_outlive_the_power(benc
 # -- serial timeout --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("stop", ["80 0E 03 11", None], ids=["timeout", "power"])
+def test_one_side_that_is_told_again_after_a_stop_does_not_turn_the_other(bench: Bench, stop: str | None) -> None:
+    bench.send(f"{stop or ''} {BOTH_AHEAD}")
+    if stop is None:
+        bench.chip.power_cycle()
+    bench.now_s = 1.0
+    bench.send("80 00 40 40")
+    assert bench.chip.levels == (64, 0)
+
+
 def test_a_dropped_packet_does_not_keep_the_timeout_from_tripping(bench: Bench) -> None:
     bench.send(f"80 0E 03 11 {BOTH_AHEAD}")
     bench.now_s = 0.2
