@@ -218,6 +218,7 @@ def test_error_in_writing_costs_a_batch_and_not_the_log(tmp_path: Path) -> None:
     log.open(header)
     log.urgent(event(1))
     thread_of_it = log._thread
+    assert thread_of_it is not None
     log.bulk(tick(2))
     log.close()
     assert not thread_of_it.is_alive()

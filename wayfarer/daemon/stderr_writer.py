@@ -8,26 +8,25 @@ from __future__ import annotations
 
 import os
 import sys
-import threading
 from collections import deque
 from contextlib import suppress
+
+from wayfarer.drivers.waiting_thread import WaitingThread
 
 LINES = 200  # queued at most: some minutes of a rover that drives
 CLOSE_S = 0.2  # how long the end of a run waits for what is queued
 
 
-class StderrWriter:
+class StderrWriter(WaitingThread):
     """Writes lines to stderr from any thread, never waiting and never raising; its thread begins with the first one.
 
     Once lines are lost all are, until what is queued has been written: then one line says how many, in their place.
     """
 
     def __init__(self) -> None:
+        super().__init__("line writer")
         self._queue: deque[str] = deque()
         self._lost = 0
-        self._closed = False
-        self._changed = threading.Condition()
-        self._thread: threading.Thread | None = None
 
     def write(self, text: str) -> None:
         """Write a line, soon; lost where too many wait already, where there is no stderr, and after ``close``."""
@@ -36,25 +35,15 @@ class StderrWriter:
                 self._lost += 1
                 return
             self._queue.append(text)
-            self._changed.notify()
-            if self._thread is None:
-                self._start()
+            with suppress(RuntimeError):  # no more threads to be had: the next line tries again
+                self._wake()
 
     def close(self) -> None:
         """Write what is queued, which ends the writer; at most ``CLOSE_S`` are spent on it. Safe twice."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify()
-        if self._thread is not None:
-            self._thread.join(CLOSE_S)
+        self._close()
+        self._join(CLOSE_S)
 
-    def _start(self) -> None:
-        thread = threading.Thread(target=self._write_all, name="line writer", daemon=True)
-        with suppress(RuntimeError):  # no more threads to be had: the next line tries again
-            thread.start()
-            self._thread = thread
-
-    def _write_all(self) -> None:
+    def _work(self) -> None:
         while (line := self._next()) is not None:
             _write(line)
 

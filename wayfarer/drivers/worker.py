@@ -10,7 +10,6 @@ was suspended and is woken. Stops that were posted are kept, and go first.
 from __future__ import annotations
 
 import asyncio
-import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -18,6 +17,7 @@ from contextlib import suppress
 from typing import Any, TypeVar
 
 from wayfarer.drivers.buses import CLOSE_WAIT_S
+from wayfarer.drivers.waiting_thread import WaitingThread
 from wayfarer.errors import NotResponding
 
 T = TypeVar("T")
@@ -26,22 +26,17 @@ POSTED_KEPT = 8  # stops pile up while a bus hangs, and one is as good as the ne
 TRANSFER_DEADLINE_S = 0.1  # a block read takes 3 ms at 100 kHz; the rover's boards stop the wheels after 0.25 s
 
 
-class Worker:
-    """One daemon thread that does blocking jobs in turn, each with a deadline.
-
-    A daemon thread, because the process must be able to end while a transfer hangs in the kernel.
-    """
+class Worker(WaitingThread):
+    """One thread that does blocking jobs in turn, each with a deadline."""
 
     def __init__(self, name: str, deadline_s: float = TRANSFER_DEADLINE_S) -> None:
+        super().__init__(f"bus {name}")
         self.name = name
         self._deadline_s = deadline_s
-        self._wake = threading.Condition()
         self._jobs: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._posted: deque[Callable[[], Any]] = deque(maxlen=POSTED_KEPT)
         self._busy = False
         self._overdue = False
-        self._closed = False
-        self._thread: threading.Thread | None = None
         self._ended: Future[None] = Future()
 
     async def call(self, job: Callable[[], T], deadline_s: float | None = None) -> T:
@@ -60,7 +55,7 @@ class Worker:
                 raise NotResponding(f"{self.name}: a transfer was not begun within {deadline_s:g} s, and is dropped")
             return job()
 
-        with self._wake:
+        with self._changed:
             if self._overdue or self._closed:
                 raise NotResponding(
                     f"{self.name}: closed"
@@ -68,7 +63,7 @@ class Worker:
                     else f"{self.name}: an earlier transfer still hangs; a device holds the bus, check power and wiring"
                 )
             self._jobs.append((in_time, future))
-            self._start_or_wake()
+            self._wake()
         try:
             async with asyncio.timeout(deadline_s) as deadline:
                 return await asyncio.wrap_future(future)
@@ -83,33 +78,25 @@ class Worker:
 
     def post(self, job: Callable[[], Any]) -> None:
         """Do a job before all that wait, from any thread, without waiting; what it raises is dropped."""
-        with self._wake:
+        with self._changed:
             if not self._closed:
                 self._posted.append(job)
-                self._start_or_wake()
+                self._wake()
 
     async def close(self, last: Callable[[], Any] | None = None, wait_s: float = CLOSE_WAIT_S) -> None:
         """Let the thread end after what was posted, and ``last``; wait for it no longer than ``wait_s``."""
-        with self._wake:
+        with self._changed:
             if last is not None and self._thread is not None and not self._closed:
                 self._posted.append(last)
-            self._closed = True
-            self._wake.notify()
+            self._close()
         if self._thread is not None:
             with suppress(TimeoutError):
                 async with asyncio.timeout(wait_s):
                     await asyncio.shield(asyncio.wrap_future(self._ended))
 
-    def _start_or_wake(self) -> None:
-        """Have the thread look; called with the lock held."""
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._work, name=f"bus {self.name}", daemon=True)
-            self._thread.start()
-        self._wake.notify()
-
     def _give_up(self) -> None:
         """Drop all that waits behind a job that hangs, be that a call, one that nobody awaits any more, or a stop."""
-        with self._wake:
+        with self._changed:
             self._overdue = self._busy
             dropped, self._jobs = self._jobs, deque()
         for _, waiting in dropped:
@@ -133,9 +120,9 @@ class Worker:
 
     def _next(self) -> tuple[Callable[[], Any], Future[Any] | None] | None:
         """Wait for a job; None once closed and nothing is left to do."""
-        with self._wake:
+        with self._changed:
             self._busy = self._overdue = False
-            self._wake.wait_for(lambda: self._posted or self._jobs or self._closed)
+            self._changed.wait_for(lambda: self._posted or self._jobs or self._closed)
             self._busy = True
             if self._posted:
                 return self._posted.popleft(), None

@@ -60,11 +60,9 @@ class FieldLog:
         self._number = 0
         self._unmade = 0
         self._wall_offset_s: float | None = None
-        self._logger: Any = structlog.wrap_logger(
-            sink,
-            processors=[self._stamp, structlog.processors.JSONRenderer(serializer=orjson.dumps)],
-            wrapper_class=structlog.BoundLoggerBase,
-        )
+        self._logger = structlog.wrap_logger(
+            sink, [self._stamp, structlog.processors.JSONRenderer(serializer=orjson.dumps)], structlog.BoundLogger
+        ).bind()
         sink.open(lambda part: orjson.dumps(self._header(part)))
         self._show(self._header(1))
 
@@ -111,7 +109,7 @@ class FieldLog:
         self._t_s = t_s
         self._number += 1
         try:
-            self._logger._proxy_to_logger(urgency, kind, t_s=t_s, fields=fields)
+            getattr(self._logger, urgency)(kind, t_s=t_s, fields=fields)
         except Exception:  # a detail that is no JSON
             self._unmade += 1
         else:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from itertools import count
 from typing import NamedTuple
 
+from wayfarer.drivers.waiting_thread import WaitingThread
 from wayfarer.fieldlog.disk_errors import DRIVES_ON
 from wayfarer.fieldlog.writer import RunFiles
 
@@ -25,12 +25,11 @@ class QueuedLine(NamedTuple):
     gap: int
 
 
-class WriterThread:
-    """Queues lines and has a thread write them; implements ``files.LineSink``.
+class WriterThread(WaitingThread):
+    """Queues lines and has a thread write them; implements ``writer.LineSink``.
 
     ``bulk`` and ``urgent`` only append to the queue, from any thread: no lock that they take is held over a transfer.
-    What the queue cannot hold is dropped and counted, and the log says where. The thread is a daemon: one that the disk
-    holds for ever does not keep the process alive.
+    What the queue cannot hold is dropped and counted, and the log says where.
 
     Args:
         files: writes the lines; it belongs to the thread from ``open`` on.
@@ -38,14 +37,13 @@ class WriterThread:
     """
 
     def __init__(self, files: RunFiles, queue_bytes: int = QUEUE_BYTES) -> None:
+        super().__init__("field log")
         self._files = files
         self._queue_bytes = queue_bytes
         self._queue: list[QueuedLine] = []
         self._waiting = self._waiting_bytes = 0  # what was taken and is not written yet
         self._gap = 0  # lines that were dropped and that no queued line tells of yet
-        self._hurry = self._closed = False
-        self._changed = threading.Condition()
-        self._thread = threading.Thread(target=self._run, name="field log", daemon=True)
+        self._hurry = False
 
     @property
     def dropped(self) -> int:
@@ -60,7 +58,8 @@ class WriterThread:
     def open(self, header: Callable[[int], bytes]) -> None:
         """Make the files, which may wait for the disk, and start the thread; see ``LineSink``."""
         self._files.open(header)
-        self._thread.start()
+        with self._changed:
+            self._wake()
 
     def bulk(self, line: bytes) -> None:
         """Queue a line; see ``LineSink``."""
@@ -72,12 +71,8 @@ class WriterThread:
 
     def close(self) -> None:
         """Have everything written, as far as the disk takes it within ``CLOSE_S``; see ``LineSink``. Safe twice."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify()
-        if not self._thread.is_alive():
-            return
-        self._thread.join(CLOSE_S)
+        self._close()
+        self._join(CLOSE_S)
         with self._changed:
             left, self._waiting = self._waiting, 0
         if left:
@@ -103,7 +98,7 @@ class WriterThread:
             text = "the field log cannot be written: the disk does not answer (see dmesg)"
             self._files.trouble.begins("queue", f"{text}{DRIVES_ON}")
 
-    def _run(self) -> None:
+    def _work(self) -> None:
         for turn in count(1):
             queued, last = self._take()
             try:
