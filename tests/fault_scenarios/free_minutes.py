@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from math import inf
 from statistics import median
 
+from tests.fault_scenarios.free_driving import drive_freely
 from wayfarer.config.rover_file import load_rover
-from wayfarer.fault_scenarios.free_driving import drive_freely
 from wayfarer.simhal.faults.kinds import Drive, Fault
 from wayfarer.simhal.mujoco.terrain import Range, Terrains
 from wayfarer.simhal.world.grounds import GroundName

@@ -6,9 +6,9 @@ from math import inf
 
 import pytest
 
+from tests.fault_scenarios.free_driving import drive_freely
 from tests.fault_scenarios.free_minutes import ground
 from wayfarer.config.rover_file import load_rover
-from wayfarer.fault_scenarios.free_driving import drive_freely
 from wayfarer.simhal.faults.kinds import Drive, Fault
 from wayfarer.simhal.world.grounds import GroundName
 

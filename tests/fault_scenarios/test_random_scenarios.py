@@ -20,7 +20,8 @@ from rich.console import Console
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, UnknownName
-from wayfarer.fault_scenarios.random_runs import ROWS_FILE, RandomRunner, run_random
+from wayfarer.fault_scenarios import random_runs
+from wayfarer.fault_scenarios.random_runs import ROWS_FILE, RandomTrial, run_random, run_seed
 from wayfarer.fault_scenarios.random_scenarios import (
     LONGEST_S,
     ROVERS,
@@ -169,7 +170,7 @@ def test_trial_that_fails_by_itself_is_a_broken_rule(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr("wayfarer.fault_scenarios.runner.generate_forest", fails)
     monkeypatch.setattr("wayfarer.fault_scenarios.random_scenarios.FOREST", 1.1)
-    trial = RandomRunner("sim", Depth.DEVICE).run(0)
+    trial = run_seed("sim", Depth.DEVICE, 0)
     assert trial.broken == ("the trial failed: ZeroDivisionError: in the simulator",)
 
 
@@ -232,14 +233,12 @@ def test_rover_without_parts_is_tried_at_device_depth_only(tmp_path: Path) -> No
 
 
 def test_signal_ends_the_trials_and_what_was_done_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    honest = RandomRunner.run
-
-    def interrupted(self: RandomRunner, seed: int) -> Any:
+    def interrupted(rover: str, depth: Depth, seed: int) -> RandomTrial:
         if seed == 2:
             os.kill(os.getpid(), signal.SIGINT)
-        return honest(self, seed)
+        return run_seed(rover, depth, seed)
 
-    monkeypatch.setattr(RandomRunner, "run", interrupted)
+    monkeypatch.setattr(random_runs, "run_seed", interrupted)
     code, printed = run(50)
     assert code == 130
     assert "broken rules: in 0 trials" in printed

@@ -11,9 +11,9 @@ import pytest
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.fault_scenarios.catalogue import ROWS, catalogue
 from wayfarer.fault_scenarios.catalogue.held_by_tests import FaultTest
+from wayfarer.fault_scenarios.result import Row
 from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario
 from wayfarer.fault_scenarios.selection import (
-    Row,
     chosen,
     on_another_rover,
     without_held_by_tests,

@@ -30,103 +30,129 @@ wayfarer faults --detector --physics mujoco --friction 0.3 --trials 10
 """
 BY_CHANCE = "Random faults"
 DETECTOR = "The detector"
-OF_CHANCE = ("seed", "depth")  # options
+
+Only = Annotated[
+    str | None, typer.Option(metavar="NAME[,NAME...]|ROW", help="Run these scenarios, or rows of the catalogue.")
+]
+OnRover = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME|FILE", help="Run them on this rover; those that need parts it does not have are skipped."
+    ),
+]
+ScenarioFile = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Run the scenarios of this TOML file instead of the catalogue.")
+]
+Out = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="New or empty folder for results.csv, results.json and each run's field log."),
+]
+Show = Annotated[bool, typer.Option("--list", help="List the scenarios, and run nothing.")]
+Jobs = Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of processes. (default: one per core)")]
+Trials = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        max=1_000_000,
+        metavar="N",
+        help="Run this many trials with random faults and commands, and check the safety rules.",
+        rich_help_panel=BY_CHANCE,
+    ),
+]
+Seed = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        metavar="N",
+        help="Random seed of the first trial; each further trial uses the next number.",
+        rich_help_panel=BY_CHANCE,
+    ),
+]
+AtDepth = Annotated[
+    DepthOption | None,
+    typer.Option(
+        help="device: simulated parts; bus: the real drivers over simulated chips.", rich_help_panel=BY_CHANCE
+    ),
+]
+MeasureDetector = Annotated[
+    bool,
+    typer.Option(
+        "--detector",
+        help="Measure precision, recall and delay of each anomaly instead; --trials of each case (50).",
+        rich_help_panel=DETECTOR,
+    ),
+]
+Physics = Annotated[
+    PhysicsOption | None, typer.Option(help="Physics while the detector is measured.", rich_help_panel=DETECTOR)
+]
+Friction = Annotated[
+    float | None,
+    typer.Option(
+        min=0.02,
+        max=2.0,
+        metavar="MU",
+        help="Friction of tyres on ground and bark in MuJoCo. (default: 0.1, 0.15, 0.3, 0.5 and 0.8 in turn)",
+        rich_help_panel=DETECTOR,
+    ),
+]
+TorqueScale = Annotated[
+    float | None,
+    typer.Option(
+        min=0.1,
+        max=20.0,
+        metavar="X",
+        help="Stall torque divided by the rover file's chassis.motors_n_m, in MuJoCo. (default: 1)",
+        rich_help_panel=DETECTOR,
+    ),
+]
 
 
 def faults(
     *,
-    only: Annotated[
-        str | None, typer.Option(metavar="NAME[,NAME...]|ROW", help="Run these scenarios, or rows of the catalogue.")
-    ] = None,
-    rover: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME|FILE", help="Run them on this rover; those that need parts it does not have are skipped."
-        ),
-    ] = None,
-    scenario: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Run the scenarios of this TOML file instead of the catalogue.")
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="New or empty folder for results.csv, results.json and each run's field log."),
-    ] = None,
-    show: Annotated[bool, typer.Option("--list", help="List the scenarios, and run nothing.")] = False,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Number of processes. (default: one per core)")
-    ] = None,
-    trials: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            max=1_000_000,
-            metavar="N",
-            help="Run this many trials with random faults and commands, and check the safety rules.",
-            rich_help_panel=BY_CHANCE,
-        ),
-    ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            metavar="N",
-            help="Random seed of the first trial; each further trial uses the next number.",
-            rich_help_panel=BY_CHANCE,
-        ),
-    ] = None,
-    depth: Annotated[
-        DepthOption | None,
-        typer.Option(
-            help="device: simulated parts; bus: the real drivers over simulated chips.", rich_help_panel=BY_CHANCE
-        ),
-    ] = None,
-    detector: Annotated[
-        bool,
-        typer.Option(
-            "--detector",
-            help="Measure precision, recall and delay of each anomaly instead; --trials of each case (50).",
-            rich_help_panel=DETECTOR,
-        ),
-    ] = False,
-    physics: Annotated[
-        PhysicsOption | None,
-        typer.Option(help="Physics while the detector is measured.", rich_help_panel=DETECTOR),
-    ] = None,
-    friction: Annotated[
-        float | None,
-        typer.Option(
-            min=0.02,
-            max=2.0,
-            metavar="MU",
-            help="Friction of tyres on ground and bark in MuJoCo. (default: 0.1, 0.15, 0.3, 0.5 and 0.8 in turn)",
-            rich_help_panel=DETECTOR,
-        ),
-    ] = None,
-    torque_scale: Annotated[
-        float | None,
-        typer.Option(
-            min=0.1,
-            max=20.0,
-            metavar="X",
-            help="Stall torque divided by the rover file's chassis.motors_n_m, in MuJoCo. (default: 1)",
-            rich_help_panel=DETECTOR,
-        ),
-    ] = None,
+    only: Only = None,
+    rover: OnRover = None,
+    scenario: ScenarioFile = None,
+    out: Out = None,
+    show: Show = False,
+    jobs: Jobs = None,
+    trials: Trials = None,
+    seed: Seed = None,
+    depth: AtDepth = None,
+    detector: MeasureDetector = False,
+    physics: Physics = None,
+    friction: Friction = None,
+    torque_scale: TorqueScale = None,
 ) -> None:
     """Inject each fault of the catalogue into a simulated rover, and check its response against a time bound."""
-    given = {"only": only, "scenario": scenario, "show": show, "seed": seed, "depth": depth}
-    _refuse_odd_pairs(given, by_chance=trials is not None, detector=detector)
-    _refuse_without_mujoco({"physics": physics, "friction": friction, "torque_scale": torque_scale}, detector=detector)
+    of_catalogue: dict[str, object] = {"--only": only, "--scenario": scenario, "--list": show or None}
+    of_chance: dict[str, object] = {"--seed": seed, "--depth": depth}
+    in_mujoco: dict[str, object] = {"--friction": friction, "--torque-scale": torque_scale}
+    if detector:
+        _refuse(of_catalogue | of_chance, "--detector has its own trials; leave out {}")
+    elif trials is not None:
+        _refuse(of_catalogue, "--trials draws its own faults; leave out {}")
+    else:
+        _refuse(of_chance, "{} is for random faults; say how many trials with --trials N")
+    if not detector:
+        _refuse({"--physics": physics} | in_mujoco, "{} needs --detector; add that, or leave it out")
+    if physics is not PhysicsOption.mujoco:
+        _refuse(in_mujoco, "{} applies only to MuJoCo; add --physics mujoco, or drop it")
     require("simulating")
     if detector:
         raise typer.Exit(_measure_detector(rover, trials, jobs, out, physics, friction, torque_scale))
     if trials is not None:
         from wayfarer.fault_scenarios.random_runs import run_random
-        from wayfarer.simhal.build_rover import Depth as RigDepth
+        from wayfarer.simhal.build_rover import Depth
 
-        how_deep = None if depth is None else RigDepth(depth.value)
-        raise typer.Exit(run_random(trials, rover, how_deep, seed or 0, jobs, out))
+        raise typer.Exit(run_random(trials, rover, None if depth is None else Depth(depth.value), seed or 0, jobs, out))
     raise typer.Exit(_run(only, rover, scenario, out, jobs, show=show))
+
+
+def _refuse(given: Mapping[str, object], why: str) -> None:
+    """Refuse options that mean nothing beside the others."""
+    for option, value in given.items():
+        if value is not None:
+            raise BadInput(why.format(option))
 
 
 def _measure_detector(
@@ -196,30 +222,3 @@ def _run(
     for line in skipped_lines(unequipped):  # at once, not after the minutes that the others take
         say(Console(stderr=True), line)
     return run_scenarios(scenarios, jobs=jobs, out=out, skipped=[*elsewhere, *misfits, *unequipped], untried=untried)
-
-
-def _refuse_without_mujoco(given: Mapping[str, object], *, detector: bool) -> None:
-    """Refuse options of the detector's table without it, and those of MuJoCo without MuJoCo."""
-    for name, value in given.items():
-        if value is None:
-            continue
-        option = f"--{name.replace('_', '-')}"
-        if not detector:
-            raise BadInput(f"{option} needs --detector; add that, or leave it out")
-        if name != "physics" and given["physics"] is not PhysicsOption.mujoco:
-            raise BadInput(f"{option} applies only to MuJoCo; add --physics mujoco, or drop it")
-
-
-def _refuse_odd_pairs(given: Mapping[str, object], *, by_chance: bool, detector: bool) -> None:
-    """Refuse options that mean nothing beside each other."""
-    for name, value in given.items():
-        option = "--list" if name == "show" else f"--{name}"
-        of_chance = name in OF_CHANCE
-        if value is None or value is False:
-            continue
-        if detector:
-            raise BadInput(f"--detector has its own trials; leave out {option}")
-        if by_chance and not of_chance:
-            raise BadInput(f"--trials draws its own faults; leave out {option}")
-        if of_chance and not by_chance:
-            raise BadInput(f"{option} is for random faults; say how many trials with --trials N")

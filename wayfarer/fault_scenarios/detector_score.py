@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.escape.api import Anomaly
+from wayfarer.fault_scenarios.recorder import after_each_step
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 SPEED_OVER_S = 0.1  # a body that rubs at a trunk jerks: its speed is a mean
@@ -84,13 +85,7 @@ class DetectorScorer(PartialLog):
 
     def follow(self, world: SimulatedWorld) -> None:
         """Watch a world."""
-        watch = world.after_step
-
-        def look(moved: SimulatedWorld) -> None:
-            self._really.sample(world.t_s, self._there(world))
-            watch(moved)
-
-        world.after_step = look
+        after_each_step(world, lambda: self._really.sample(world.t_s, self._there(world)))
 
     def tick(self, record: TickRecord) -> None:
         """Take what the detector claims."""

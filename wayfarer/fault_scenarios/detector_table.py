@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,15 +14,14 @@ from rich.table import Table
 
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.escape.api import Anomaly
-from wayfarer.experiments.commands import INTERRUPTED, cores, make_empty_folder
-from wayfarer.experiments.executors import Stopped, stream
+from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
+from wayfarer.experiments.executors import Stopped
 from wayfarer.experiments.progress_bar import say
-from wayfarer.experiments.run_campaign import stop_on_signals
 from wayfarer.experiments.statistics import wilson_interval
-from wayfarer.fault_scenarios.batch_progress import shown, worker_death_explained
+from wayfarer.fault_scenarios.batch import run_batch
 from wayfarer.fault_scenarios.detector_score import NOTHING, Score
-from wayfarer.fault_scenarios.detector_trials import CELLS, DetectorCase, DetectorRunner, DetectorTask, Scores
-from wayfarer.fieldlog.atomic_file import whole_file
+from wayfarer.fault_scenarios.detector_trials import CELLS, DetectorCase, DetectorTask, Scores, measure
+from wayfarer.fieldlog.atomic_file import write_whole
 from wayfarer.views.text.terminal_table import Column
 from wayfarer.views.text.terminal_table import table as terminal_table
 
@@ -58,7 +57,7 @@ def run_detector(
     if out is not None:
         make_empty_folder(out, "the detector's table")
     try:
-        measured = _measured(config, cells, trials or TRIALS, jobs or cores(), aside)
+        measured = _measured(config, cells, trials or TRIALS, jobs, aside)
     except Stopped:
         say(aside, "interrupted: no table")
         return INTERRUPTED
@@ -67,22 +66,21 @@ def run_detector(
     for line in LEGEND:
         say(console, line)
     if out is not None:
-        with whole_file(out / JSON_FILE) as draft:
-            draft.write_text(json.dumps(as_json(measured), indent=1) + "\n", encoding="utf-8")
+        write_whole(out / JSON_FILE, json.dumps(as_json(measured), indent=1) + "\n")
         say(aside, f"the results are in {out}")
     return 0
 
 
-def _measured(config: RoverConfig, cells: Sequence[DetectorCase], trials: int, jobs: int, aside: Console) -> Measured:
+def _measured(
+    config: RoverConfig, cells: Sequence[DetectorCase], trials: int, jobs: int | None, aside: Console
+) -> Measured:
     tasks = [DetectorTask(cell, trial) for trial in range(trials) for cell in cells]
-    done: list[tuple[DetectorCase, Scores]] = []
-    with (
-        stop_on_signals() as stop,
-        worker_death_explained(done, "trials"),
-        closing(stream(DetectorRunner(config), tasks, min(jobs, len(tasks)), stop)) as running,
-    ):
-        done.extend(shown(running, len(tasks), "trials", aside))
+    done = list(run_batch(partial(_scores_of, config), tasks, jobs, "trials", aside))
     return {cell: together([scores for of, scores in done if of == cell]) for cell in cells}
+
+
+def _scores_of(config: RoverConfig, task: DetectorTask) -> tuple[DetectorCase, Scores]:
+    return task.cell, measure(config, *task)
 
 
 def together(scores: Sequence[Scores]) -> Scores:

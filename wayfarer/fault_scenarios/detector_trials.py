@@ -7,7 +7,6 @@ level: now and then one of up to 40 degrees to any of the four sides, below and 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.config.rover_file import RoverConfig
@@ -111,14 +110,3 @@ class DetectorTask(NamedTuple):
 
     cell: DetectorCase
     trial: int
-
-
-class DetectorRunner:
-    """Measures trials; what it needs can be sent to another process."""
-
-    def __init__(self, rover: RoverConfig) -> None:
-        self._rover = rover
-
-    def run_chunk(self, tasks: Sequence[DetectorTask]) -> list[tuple[DetectorCase, Scores]]:
-        """Measure several."""
-        return [(task.cell, measure(self._rover, *task)) for task in tasks]

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.hal import Snapshot
+
+T = TypeVar("T")
 
 
 class FaultEffect(NamedTuple):
@@ -34,19 +36,19 @@ def _differences(monitor: RunRecorder, well: RunRecorder) -> Iterator[FaultEffec
         yield FaultEffect(fix.t_s, "position")
     events, well_events = ([(each.t_s, each) for each in log.recorded_events] for log in (monitor, well))
     for event in _first(events, well_events, monitor.ended_s):
-        there = event.then if event.now is None else event.now
-        yield FaultEffect(event.t_s, f"{'no ' if event.now is None else ''}event {there.name}")
+        if there := event.now or event.then:
+            yield FaultEffect(event.t_s, f"{'' if event.now else 'no '}event {there.name}")
 
 
-class _Pair(NamedTuple):
+class _Pair(NamedTuple, Generic[T]):
     """The first items of two runs that are not the same; None where one run has no more."""
 
     t_s: float
-    now: Any
-    then: Any
+    now: T | None
+    then: T | None
 
 
-def _first(run: Sequence[tuple[float, Any]], well: Sequence[tuple[float, Any]], ended_s: float) -> Iterator[_Pair]:
+def _first(run: Sequence[tuple[float, T]], well: Sequence[tuple[float, T]], ended_s: float) -> Iterator[_Pair[T]]:
     for (t_s, now), (_, then) in zip(run, well, strict=False):
         if now != then:
             yield _Pair(t_s, now, then)

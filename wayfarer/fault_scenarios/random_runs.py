@@ -9,24 +9,24 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 from rich.console import Console
 
-from wayfarer.experiments.commands import INTERRUPTED, cores, make_empty_folder
-from wayfarer.experiments.executors import Stopped, stream
+from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
+from wayfarer.experiments.executors import Stopped
 from wayfarer.experiments.progress_bar import say
-from wayfarer.experiments.run_campaign import stop_on_signals
-from wayfarer.fault_scenarios.batch_progress import shown, worker_death_explained
+from wayfarer.fault_scenarios.batch import run_batch
 from wayfarer.fault_scenarios.random_scenarios import draw_scenario, refuse_missing_package
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario
-from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import REACHED, Expectation, Reached, Scenario
 from wayfarer.fault_scenarios.scenario_writer import as_toml
 from wayfarer.fault_scenarios.shrink import shrink
-from wayfarer.fieldlog.atomic_file import whole_file
+from wayfarer.fieldlog.atomic_file import write_whole
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.build_rover import Depth
 
@@ -35,8 +35,6 @@ SHOWN = 10  # trials with a broken rule, one after the other; further ones are c
 BUG = "Bug"  # what ``task_crash`` raises
 # How a run may end by an error: a part that does not answer when it is opened, and a bug that was injected.
 REFUSALS = frozenset({"NotResponding", "WrongPart", "BadReading", BUG})
-_REACHED = {Level.WELL: Reached.NONE, Level.NOTE: Reached.NOTE, Level.DEGRADE: Reached.DEGRADE,
-            Level.HOLD: Reached.HOLD, Level.FAULT: Reached.FAULT}  # fmt: skip
 
 
 class RandomTrial(NamedTuple):
@@ -57,36 +55,21 @@ class RandomTrial(NamedTuple):
     broken: tuple[str, ...] = ()
 
 
-class RandomRunner:
-    """Runs scenarios by their seeds; what it needs can be sent to another process."""
-
-    def __init__(self, rover: str | None, depth: Depth | None) -> None:
-        self._rover = rover
-        self._depth = depth
-
-    def run_chunk(self, seeds: Sequence[int]) -> list[RandomTrial]:
-        """Run several."""
-        return [self.run(seed) for seed in seeds]
-
-    def run(self, seed: int) -> RandomTrial:
-        """Run one; whatever it raises becomes its row's broken rule and goes no further."""
-        scenario = self.scenario(seed)
-        try:
-            return _trial(scenario, run_scenario(scenario))
-        except Exception as error:
-            row = _row(scenario)
-            return row._replace(ended="failed", broken=(f"the trial failed: {type(error).__name__}: {error}",))
-
-    def scenario(self, seed: int) -> Scenario:
-        """Return the scenario of a seed."""
-        return draw_scenario(seed, self._rover, self._depth)
+def run_seed(rover: str | None, depth: Depth | None, seed: int) -> RandomTrial:
+    """Run the scenario of a seed; an error becomes its row's broken rule."""
+    scenario = draw_scenario(seed, rover, depth)
+    try:
+        return _trial(scenario, run_scenario(scenario))
+    except Exception as error:
+        row = _row(scenario)
+        return row._replace(ended="failed", broken=(f"the trial failed: {type(error).__name__}: {error}",))
 
 
 def run_random(
     trials: int, rover: str | None, depth: Depth | None, seed: int, jobs: int | None, out: Path | None,
     console: Console | None = None,
 ) -> int:  # fmt: skip
-    """Run ``trials`` scenarios and say what came of them; with ``out`` keep rows, and the smallest that broke a rule.
+    """Run ``trials`` scenarios and say what came of them; with ``out`` store rows, and the smallest that broke a rule.
 
     Returns 0, 1 where a rule was broken, or 130 where a signal asked to stop.
 
@@ -95,29 +78,23 @@ def run_random(
         MissingPackage: some of the trials would need a package that is not installed.
         WayfarerError: a worker died.
     """
-    console, runner = console or Console(), RandomRunner(rover, depth)
-    runner.scenario(seed)  # what is wrong with the rover is told before the first trial
+    console = console or Console()
+    draw_scenario(seed, rover, depth)  # what is wrong with the rover is told before the first trial
     refuse_missing_package(rover, depth)
     if out is not None:
         make_empty_folder(out, "what comes of the trials")
     rows: list[RandomTrial] = []
-    jobs, seeds = min(jobs or cores(), trials), range(seed, seed + trials)
-    with (
-        stop_on_signals() as stop,
-        suppress(Stopped),
-        worker_death_explained(rows, "trials"),
-        closing(stream(runner, seeds, jobs, stop)) as running,
-    ):
-        rows.extend(shown(running, trials, "trials", console))
+    with suppress(Stopped):
+        rows.extend(run_batch(partial(run_seed, rover, depth), range(seed, seed + trials), jobs, "trials", console))
     rows.sort()
     broken = [trial for trial in rows if trial.broken]
     for line in _summary(rows, broken):
         say(console, line)
     for trial in broken[:SHOWN]:
-        for line in _told(trial, runner, out):
+        for line in _told(trial, draw_scenario(trial.seed, rover, depth), out):
             say(console, line)
     if out is not None:
-        _write(out / ROWS_FILE, "".join(json.dumps(trial._asdict()) + "\n" for trial in rows))
+        write_whole(out / ROWS_FILE, "".join(json.dumps(trial._asdict()) + "\n" for trial in rows))
     return 1 if broken else 0 if len(rows) == trials else INTERRUPTED
 
 
@@ -133,7 +110,7 @@ def _trial(scenario: Scenario, run_result: RunResult) -> RandomTrial:
     worst = max(moments, key=lambda moment: moment.level, default=None)
     return _row(scenario)._replace(
         ended=run_result.end.reason if run_result.end is not None else (run_result.error or "").partition(":")[0],
-        level=_REACHED[worst.level if worst else Level.WELL],
+        level=REACHED[worst.level if worst else Level.WELL],
         cause=worst.cause.value if worst and worst.cause else "",
         ticks=len(moments),
         excused=run_result.excused,
@@ -165,24 +142,15 @@ def _counts(items: Iterable[str]) -> str:
     return ", ".join(f"{name} {count}" for name, count in Counter(items).most_common())
 
 
-def _told(trial: RandomTrial, runner: RandomRunner, out: Path | None) -> Iterator[str]:
+def _told(trial: RandomTrial, scenario: Scenario, out: Path | None) -> Iterator[str]:
     """Say what a trial broke and how to run it again: as the smallest scenario that still does."""
     yield f"seed {trial.seed}, {trial.rover} at {trial.depth} depth: {trial.broken[0]}"
-    least = shrink(runner.scenario(trial.seed), _breaks)
+    least = shrink(scenario, lambda tried: bool(broken_rules(run_scenario(tried))))
     yield f"  with {'; '.join(map(str, least.faults))}"
     again = f"wayfarer faults --trials 1 --seed {trial.seed} --rover {trial.rover} --depth {trial.depth}"
     if out is not None:
         path = out / f"{least.name}.toml"
         within = Expectation(Reached(trial.level), least.for_s)
-        _write(path, as_toml(replace(least, expect=within)))
+        write_whole(path, as_toml(replace(least, expect=within)))
         again = f"wayfarer faults --scenario {path}"
     yield f"  again: {again}"
-
-
-def _breaks(scenario: Scenario) -> bool:
-    return bool(broken_rules(run_scenario(scenario)))
-
-
-def _write(path: Path, text: str) -> None:
-    with whole_file(path) as draft:
-        draft.write_text(text, encoding="utf-8")

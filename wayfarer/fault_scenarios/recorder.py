@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from math import inf
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from wayfarer.control.controller import Mode
 from wayfarer.control.records import TickRecord
+from wayfarer.experiments.trial_setup import TrialSetup
 from wayfarer.hal import MotorHealth, PositionFix, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 
 class RecordedTick(NamedTuple):
     """One control tick."""
 
     t_s: float
-    mode: Mode
     snapshot: Snapshot
     level: Level
     cause: Condition | None
@@ -32,7 +33,7 @@ class RecordedEvent(NamedTuple):
 
     t_s: float
     name: str
-    details: dict[str, Any]
+    details: dict[str, object]
 
 
 class RunRecorder:
@@ -47,34 +48,28 @@ class RunRecorder:
         self.stood_still_s: list[tuple[float, bool]] = []
         self.ended: str | None = None
         self.ended_s = inf
-        self._setup: Any = None
 
-    def follow(self, setup: Any) -> None:
-        """Watch a stage: its world and its controller."""
-        self._setup = setup
-        watch, world = setup.world.after_step, setup.world
+    def follow(self, setup: TrialSetup) -> None:
+        """Watch a trial's world and its controller."""
+        self._controller, self._world = setup.supervisor.controller, setup.world
+        after_each_step(setup.world, self._look)
 
-        def look(moved: Any) -> None:
-            if self.ended is None:  # wheels that stand after the end of a run say nothing of the fault
-                self.stood_still_s.append((world.t_s, world.commanded == (0.0, 0.0)))
-            watch(moved)
-
-        world.after_step = look
+    def _look(self) -> None:
+        if self.ended is None:  # wheels that stand after the end of a run say nothing of the fault
+            self.stood_still_s.append((self._world.t_s, self._world.commanded == (0.0, 0.0)))
 
     def tick(self, record: TickRecord) -> None:
         """Take a control tick."""
-        controller, world = self._setup.supervisor.controller, self._setup.world
         self.moments.append(
             RecordedTick(
                 record.t_s,
-                controller.mode,
                 record.snapshot,
                 record.level,
                 record.cause,
-                controller.conditions,
+                self._controller.conditions,
                 record.decision.why,
                 record.applied,
-                world.commanded,
+                self._world.commanded,
             )
         )
 
@@ -82,7 +77,7 @@ class RunRecorder:
         """Take an event; the stop at the end of a run is looked at as well."""
         self.recorded_events.append(RecordedEvent(t_s, name, details))
         if name == "wheels_stopped":
-            self.stood_still_s.append((_now_s(), self._setup.world.commanded == (0.0, 0.0)))
+            self.stood_still_s.append((_now_s(), self._world.commanded == (0.0, 0.0)))
 
     def position(self, fix: PositionFix | None) -> None:
         """Take a fix."""
@@ -99,6 +94,17 @@ class RunRecorder:
     def note(self, t_s: float, fault: Fault, *, begins: bool) -> None:
         """Take the beginning of a fault, or its end."""
         self.faults.append((t_s, fault, begins))
+
+
+def after_each_step(world: SimulatedWorld, look: Callable[[], None]) -> None:
+    """Have ``look`` called after each step of a world, before what is called already."""
+    others = world.after_step
+
+    def look_first(moved: SimulatedWorld) -> None:
+        look()
+        others(moved)
+
+    world.after_step = look_first
 
 
 def _now_s() -> float:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import NamedTuple
 
-from wayfarer.fault_scenarios.scenario import Reached
+from wayfarer.fault_scenarios.catalogue.held_by_tests import FaultTest
+from wayfarer.fault_scenarios.scenario import Reached, Scenario
+
+Row = Scenario | FaultTest
 
 
 class Tried(StrEnum):
@@ -30,13 +33,13 @@ class Result(NamedTuple):
     tried: Tried
     asked: str
     expected: Reached
-    reached: Reached
-    within_s: float | None
-    changed: str
-    detected_s: float | None
-    stopped_s: float | None
-    cause: str
-    problems: tuple[str, ...]
+    reached: Reached = Reached.NONE
+    within_s: float | None = None
+    changed: str = ""
+    detected_s: float | None = None
+    stopped_s: float | None = None
+    cause: str = ""
+    problems: tuple[str, ...] = ()
     remark: str = ""
     skipped: str = ""
 
@@ -44,3 +47,12 @@ class Result(NamedTuple):
     def passed(self) -> bool:
         """Whether it was run and all was as expected."""
         return not (self.problems or self.skipped)
+
+
+def not_run(row: Row, skipped: str = "") -> Result:
+    """Return the result of a row that was not run, and why."""
+    if isinstance(row, FaultTest):
+        tried, level, within_s = Tried.TEST, row.level, row.within_s
+    else:
+        tried, level, within_s = Tried.SIMULATED, row.expect.level, None
+    return Result(row.name, row.row, row.about, tried, row.asked, level, within_s=within_s, skipped=skipped)

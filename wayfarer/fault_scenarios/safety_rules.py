@@ -20,11 +20,13 @@ from __future__ import annotations
 
 from collections import deque
 from math import inf, isfinite
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol
 
 from wayfarer.control.controller import Mode
 from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.escape.api import Anomaly, Observation, Phase
+from wayfarer.experiments.trial_setup import TrialSetup
+from wayfarer.fault_scenarios.recorder import after_each_step
 from wayfarer.hal import STOP, CompassReading, Side
 from wayfarer.safety.conditions import LEVELS, Level
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
@@ -42,15 +44,18 @@ class Suspicion(NamedTuple):
     told: str
 
 
+class MotorBoard(Protocol):
+    """The chip of a motor board: by when its deadman stops the wheels, seconds on the run's clock."""
+
+    stops_by_s: float
+
+
 class Invariants(PartialLog):
     """Watches one run: ``broken`` says which rules it broke, when and how, ``excused`` how often none could be kept."""
 
     def __init__(self) -> None:
         self.excused = 0
         self._broken: list[str] = []
-        self._setup: Any = None
-        self._board: Any = None
-        self._period_s = self._deadman_s = self._stale_s = 0.0
         self._on_the_way: set[Fault] = set()
         self._way_free_since_s = -inf
         self._must_stand_since_s: float | None = 0.0
@@ -73,20 +78,14 @@ class Invariants(PartialLog):
         """How long the wheels may turn after a stop that nothing carries to them."""
         return self._deadman_s + PERIODS * self._period_s
 
-    def follow(self, setup: Any) -> None:
-        """Watch a stage's world and its controller."""
-        self._setup = setup
-        self._board = None if setup.injector is None else setup.injector.board
+    def follow(self, setup: TrialSetup) -> None:
+        """Watch a trial's world and its controller."""
+        self._controller, self._world = setup.supervisor.controller, setup.world
+        self._board: MotorBoard | None = None if setup.injector is None else setup.injector.board
         self._period_s = 1.0 / setup.config.control_hz
         self._deadman_s = setup.rover.motors.deadman_s or 0.0
         self._stale_s = setup.config.detector.compass_stale_s
-        watch, world = setup.world.after_step, setup.world
-
-        def look(moved: Any) -> None:
-            self._check_wheels(world.t_s, world.commanded)
-            watch(moved)
-
-        world.after_step = look
+        after_each_step(setup.world, self._check_wheels)
 
     def note(self, t_s: float, fault: Fault, *, begins: bool) -> None:
         """Take the beginning of a fault, or its end: what is on the way to the motor board."""
@@ -122,7 +121,7 @@ class Invariants(PartialLog):
 
     def tick(self, record: TickRecord) -> None:
         """Check a control tick."""
-        controller, t_s, moves = self._setup.supervisor.controller, record.t_s, record.applied != STOP
+        controller, t_s, moves = self._controller, record.t_s, record.applied != STOP
         self._check_told(t_s)
         worst = max((LEVELS[condition] for condition in controller.conditions), default=Level.WELL)
         level = max(worst, record.level)
@@ -144,14 +143,14 @@ class Invariants(PartialLog):
     def close(self, reason: str, text: str) -> None:
         """Check the end of a run."""
         if not (reason and text):
-            self._break(self._setup.world.t_s, f"rule 5: the run ended without a reason: {reason!r}, {text!r}")
+            self._break(self._world.t_s, f"rule 5: the run ended without a reason: {reason!r}, {text!r}")
 
     def _stand_from(self, t_s: float) -> None:
         if self._must_stand_since_s is None:
             self._must_stand_since_s = t_s
 
-    def _check_wheels(self, t_s: float, commanded: tuple[float, float]) -> None:
-        since_s = self._must_stand_since_s
+    def _check_wheels(self) -> None:
+        since_s, t_s, commanded = self._must_stand_since_s, self._world.t_s, self._world.commanded
         if since_s is None or commanded == (0.0, 0.0) or t_s <= since_s + self._allowed_s(since_s) + ROUNDING_S:
             return
         if self._way_is_broken(since_s) and self._board is not None and self._board.stops_by_s >= t_s - ROUNDING_S:

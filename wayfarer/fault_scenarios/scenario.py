@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
 from annotated_types import Interval
 
+from wayfarer.safety.conditions import Level
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults.kinds import Fault
 
@@ -25,6 +27,15 @@ class Reached(StrEnum):
     HOLD = "S2"
     FAULT = "S3"
     DEADMAN = "S4"
+
+
+REACHED: Mapping[Level, Reached] = {
+    Level.WELL: Reached.NONE,
+    Level.NOTE: Reached.NOTE,
+    Level.DEGRADE: Reached.DEGRADE,
+    Level.HOLD: Reached.HOLD,
+    Level.FAULT: Reached.FAULT,
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,44 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.fault_scenarios.catalogue.held_by_tests import FaultTest
-from wayfarer.fault_scenarios.result import Result, Tried
-from wayfarer.fault_scenarios.scenario import Reached, Scenario
+from wayfarer.fault_scenarios.result import Result, Row, not_run
+from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fault_scenarios.scenario_rover import misfit, rover_of
 from wayfarer.simhal.build_rover import missing_package
 
-Row = Scenario | FaultTest
+Selected = tuple[list[Scenario], list[Result]]
+"""The scenarios that can be run, and the others as skipped."""
 
 
-def unplayed(row: Row) -> Result:
-    """Return the result of a row that was not run: nothing came of it."""
-    if isinstance(row, FaultTest):
-        tried, level, within_s = Tried.TEST, row.level, row.within_s
-    else:
-        tried, level, within_s = Tried.SIMULATED, row.expect.level, None
-    return Result(
-        row.name, row.row, row.about, tried, row.asked, level, Reached.NONE, within_s, "", None, None, "", ()
-    )  # fmt: skip
-
-
-def without_held_by_tests(rows: Sequence[Row]) -> tuple[list[Scenario], list[Result]]:
-    """Return the rows that simulated time can show, and the others as skipped, with the test that holds each."""
+def without_held_by_tests(rows: Sequence[Row]) -> Selected:
+    """Select what simulated time can show; the others are skipped, with the test that holds each."""
     elsewhere = [
-        unplayed(row)._replace(skipped=f"a test in wayfarer's checkout holds it: pytest {row.test}")
+        not_run(row, f"a test in wayfarer's checkout holds it: pytest {row.test}")
         for row in rows
         if isinstance(row, FaultTest)
     ]
     return [row for row in rows if isinstance(row, Scenario)], elsewhere
 
 
-def without_missing_packages(rows: Sequence[Scenario]) -> tuple[list[Scenario], list[Result]]:
-    """Return the scenarios that can be run with the packages that are installed, and the others as skipped."""
-    return _sorted_out((missing_package(rover_of(row), row.depth), row) for row in rows)
+def without_missing_packages(rows: Sequence[Scenario]) -> Selected:
+    """Select what can be run with the packages that are installed."""
+    return _select(rows, lambda row: missing_package(rover_of(row), row.depth))
+
+
+def on_another_rover(rows: Sequence[Scenario], rover: str) -> Selected:
+    """Select what another rover can have, on that rover.
+
+    Raises:
+        UnknownName: no shipped rover of that name.
+        BadInput: its file is not right.
+    """
+    load_rover(rover)
+    return _select([replace(row, rover=rover) for row in rows], _misfit)
 
 
 def chosen(rows: Sequence[Row], asked: str) -> list[Row]:
@@ -62,34 +63,15 @@ def chosen(rows: Sequence[Row], asked: str) -> list[Row]:
     return [row for row in rows if row in wanted]
 
 
-def on_another_rover(rows: Sequence[Scenario], rover: str) -> tuple[list[Scenario], list[Result]]:
-    """Return the scenarios for another rover, and those that it cannot have as skipped.
-
-    Raises:
-        UnknownName: no shipped rover of that name.
-        BadInput: its file is not right.
-    """
-    load_rover(rover)
-    return _sorted_out(_moved(row, rover) for row in rows)
+def _select(rows: Sequence[Scenario], why_not: Callable[[Scenario], str | None]) -> Selected:
+    reasons = [(row, why_not(row)) for row in rows]
+    return [row for row, why in reasons if not why], [not_run(row, why) for row, why in reasons if why]
 
 
-def _sorted_out(rows: Iterable[tuple[str | None, Scenario]]) -> tuple[list[Scenario], list[Result]]:
-    """Return the scenarios that nothing keeps from running, and the others with what does."""
-    fitting: list[Scenario] = []
-    skipped: list[Result] = []
-    for why, row in rows:
-        if why:
-            skipped.append(unplayed(row)._replace(skipped=why))
-        else:
-            fitting.append(row)
-    return fitting, skipped
-
-
-def _moved(row: Scenario, rover: str) -> tuple[str, Scenario]:
-    """Return why a scenario cannot be run on another rover (nothing where it can), and the scenario for it."""
-    moved = replace(row, rover=rover)
+def _misfit(row: Scenario) -> str | None:
+    """Return why a scenario cannot be run on its rover."""
     try:
-        config = rover_of(moved)
-        return next(filter(None, (misfit(config, moved.depth, fault) for fault in moved.faults)), ""), moved
+        config = rover_of(row)
     except BadInput as error:
-        return str(error), moved
+        return str(error)
+    return next(filter(None, (misfit(config, row.depth, fault) for fault in row.faults)), None)

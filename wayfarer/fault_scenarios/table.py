@@ -9,9 +9,8 @@ from rich.console import Console
 from rich.text import Text
 
 from wayfarer.experiments.progress_bar import say
-from wayfarer.fault_scenarios.result import Result
+from wayfarer.fault_scenarios.result import Result, Row
 from wayfarer.fault_scenarios.scenario import Reached
-from wayfarer.fault_scenarios.selection import Row
 from wayfarer.views.text.terminal_table import Column, table
 
 LEGEND = (

@@ -33,3 +33,9 @@ def whole_file(path: Path) -> Iterator[Path]:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
         raise
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file as ``whole_file`` does."""
+    with whole_file(path) as draft:
+        draft.write_text(text, encoding="utf-8")

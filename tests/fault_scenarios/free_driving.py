@@ -21,17 +21,16 @@ from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
+from wayfarer.fault_scenarios.runner import CLEARING
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
-from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.grounds import GroundName
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:
     from wayfarer.simhal.mujoco.terrain import Terrains
 
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 NEVER_S = 86_400.0
 NO_MUD_M = 1e9
 

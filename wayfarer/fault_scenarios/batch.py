@@ -1,0 +1,69 @@
+"""Runs a batch of scenarios or trials on the cores of this computer, and shows how far it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from contextlib import closing
+from typing import Generic, TypeVar
+
+from rich.console import Console
+from rich.progress import track
+
+from wayfarer.errors import WayfarerError
+from wayfarer.experiments.commands import cores
+from wayfarer.experiments.executors import stream
+from wayfarer.experiments.progress_bar import LINES, say
+from wayfarer.experiments.run_campaign import stop_on_signals
+
+TaskT = TypeVar("TaskT")
+DoneT = TypeVar("DoneT")
+
+
+def run_batch(
+    run: Callable[[TaskT], DoneT], tasks: Sequence[TaskT], jobs: int | None, what: str, console: Console
+) -> Iterator[DoneT]:
+    """Yield what ``run`` returns for each task, in the order of completion.
+
+    Args:
+        run: is sent to the worker processes.
+        tasks: what to run.
+        jobs: the number of processes, None for one a core.
+        what: what the tasks are called, in plural.
+        console: shows progress.
+
+    Raises:
+        Stopped: a signal asked for it.
+        WayfarerError: a worker died.
+    """
+    done, workers = 0, max(1, min(jobs or cores(), len(tasks)))
+    try:
+        with stop_on_signals() as stop, closing(stream(_Each(run), tasks, workers, stop)) as running:
+            for result in _shown(running, len(tasks), what, console):
+                yield result
+                done += 1
+    except BrokenExecutor as error:
+        text = f"a worker process died after {done} {what}, most likely for want of memory: try fewer --jobs"
+        raise WayfarerError(text) from error
+
+
+class _Each(Generic[TaskT, DoneT]):
+    """Runs a function for each task of a chunk; implements ``executors.Runner``."""
+
+    def __init__(self, run: Callable[[TaskT], DoneT]) -> None:
+        self._run = run
+
+    def run_chunk(self, tasks: Sequence[TaskT]) -> list[DoneT]:
+        """Run several tasks."""
+        return [self._run(task) for task in tasks]
+
+
+def _shown(done: Iterable[DoneT], total: int, what: str, console: Console) -> Iterator[DoneT]:
+    """Yield what is done beside a bar on a terminal, or with a line for each tenth elsewhere."""
+    if console.is_terminal:
+        yield from track(done, what, total, console=console, transient=True)
+        return
+    for number, each in enumerate(done, 1):
+        yield each
+        if total >= LINES and number * LINES // total > (number - 1) * LINES // total:
+            say(console, f"{number} of {total} {what}")
