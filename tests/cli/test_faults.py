@@ -182,15 +182,15 @@ def test_list_shows_names_and_runs_nothing(capsys: pytest.CaptureFixture[str], m
 def test_row_that_a_test_holds_names_the_test(asked: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["faults", "--only", asked]) == 2
     out, err = capsys.readouterr()
-    held = HELD_BY_TESTS["sigkill"]
     assert out == ""
-    assert err == f"wayfarer: sigkill: a test in wayfarer's checkout holds it: pytest {held.file}::{held.function}\n"
+    test = HELD_BY_TESTS["sigkill"].test
+    assert err == f"wayfarer: sigkill: a test in wayfarer's checkout holds it: pytest {test}\n"
 
 
 def test_row_of_a_scenario_and_a_test_runs_the_one_and_names_the_other(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["faults", "--only", "task-crash,algorithm-raises"]) == 0
     out = capsys.readouterr().out
-    assert f"::{HELD_BY_TESTS['algorithm-raises'].function}" in "".join(out.split())
+    assert HELD_BY_TESTS["algorithm-raises"].test in "".join(out.split())
     assert out.splitlines()[-2:] == [
         "1 of 1 scenarios as expected: 1 in virtual time; 1 skipped",
         "0 of 1 rows of the catalogue as expected; 1 not wholly tried",
@@ -199,6 +199,7 @@ def test_row_of_a_scenario_and_a_test_runs_the_one_and_names_the_other(capsys: p
 
 BAD = {
     "no such row": (["--only", "99"], "nothing tries row 99"),
+    "no name": (["--only", " ,"], "--only is empty"),
     "no such name": (["--only", "board-falt"], "did you mean board-fault"),
     "no such file": (["--scenario", "no.toml"], "no.toml: no such file"),
     "no such rover": (["--rover", "maxi"], "unknown rover 'maxi'"),

@@ -14,5 +14,6 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 
 @pytest.mark.parametrize("fault", HELD_BY_TESTS.values(), ids=HELD_BY_TESTS)
 def test_test_that_holds_a_fault_is_there(fault: FaultTest) -> None:
-    module = ast.parse((CHECKOUT / fault.file).read_text(encoding="utf-8"))
-    assert fault.function in {node.name for node in module.body if isinstance(node, ast.FunctionDef)}
+    file, _, function = fault.test.partition("::")
+    module = ast.parse((CHECKOUT / file).read_text(encoding="utf-8"))
+    assert function in {node.name for node in module.body if isinstance(node, ast.FunctionDef)}

@@ -25,16 +25,16 @@ def files_no_longer_than(size: int) -> Iterator[None]:
 
 
 @contextmanager
-def small_disk(mount_point: Path, kb: int) -> Iterator[Path]:
-    """Mount a disk of this size, which takes a root that may mount; otherwise the test is skipped."""
+def small_disk(mount_point: Path, kb: int) -> Iterator[bool]:
+    """Mount a disk of this size; give False where that is not allowed: it takes a root that may mount."""
     mount_point.mkdir()
     command = ["mount", "-t", "tmpfs", "-o", f"size={kb}k,mode=755", "tmpfs", str(mount_point)]
-    if os.geteuid() or subprocess.run(command, capture_output=True, check=False).returncode:
-        pytest.skip("mounting a small disk takes root")
+    mounted = os.geteuid() == 0 and subprocess.run(command, capture_output=True, check=False).returncode == 0
     try:
-        yield mount_point
+        yield mounted
     finally:
-        subprocess.run(["umount", "-l", str(mount_point)], check=True)
+        if mounted:
+            subprocess.run(["umount", "-l", str(mount_point)], check=True)
 
 
 class FailingCall:

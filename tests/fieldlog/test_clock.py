@@ -6,20 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.fieldlog.lines import read
-from wayfarer.control.records import TickRecord
-from wayfarer.escape.api import Decision, Phase
+from tests.fieldlog.lines import read, standing
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
-from wayfarer.hal import STOP, Snapshot
-from wayfarer.safety.conditions import Level
 
 BOOT_S = 1.7e9  # what a computer without a clock of its own believes until it finds the right time
-
-
-def tick(t_s: float) -> TickRecord:
-    halted = Decision(STOP, Phase.HALT, "halt")
-    return TickRecord(t_s, Snapshot(t_s, None, None, None), None, halted, STOP, Level.WELL, None, dict)
 
 
 @pytest.mark.parametrize("step_s", [3 * 3600.0, -3 * 3600.0, 86_400.0 * 400])
@@ -29,7 +20,7 @@ def test_clock_that_is_set_is_an_event_between_records_in_their_order(tmp_path: 
     for t_s in (0.0, 0.5, 1.0, 1.5, 2.0):
         if t_s == 1.0:
             wall_offset_s += step_s
-        log.tick(tick(t_s))
+        log.tick(standing(t_s))
     log.close("requested", "enough")
     (_, *found), its = read(tmp_path)
     assert [record.get("name", record["record"]) for record in found] == [
@@ -45,6 +36,6 @@ def test_clock_that_is_set_is_an_event_between_records_in_their_order(tmp_path: 
 def test_clock_that_is_slewed_is_no_event(tmp_path: Path) -> None:
     log = FieldLog(RunFiles(tmp_path), {}, wall=lambda t_s: BOOT_S + 1.0005 * t_s)
     for second in range(1000):
-        log.tick(tick(float(second)))
+        log.tick(standing(float(second)))
     log.close("requested", "enough")
     assert {record["record"] for record in read(tmp_path)[0]} == {"run", "tick", "outcome"}

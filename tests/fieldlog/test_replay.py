@@ -109,24 +109,22 @@ def test_changed_manoeuvre_is_caught_in_its_wheels(tmp_path: Path) -> None:
     assert found.today == pytest.approx(-0.5 / 1.4)
 
 
-@pytest.mark.parametrize("key", ["level", "phase", "why", "counter_deg", "episodes"])
-def test_whatever_a_tick_concluded_is_compared(tmp_path: Path, key: str) -> None:
+@pytest.mark.parametrize(
+    ("key", "logged"),
+    [
+        *((key, "else") for key in ("level", "phase", "why", "counter_deg", "episodes")),
+        *((key, -1.25) for key in ("heading_deg", "travelled_m")),
+    ],
+)
+def test_whatever_a_tick_concluded_is_compared(tmp_path: Path, key: str, logged: str | float) -> None:
     run = log_trial(tmp_path / "run", 3, budget_m=10.0)
     changed = ticks(run)[50]["n"]
-    rewrite(run, lambda record: record | {key: "else"} if record.get("n") == changed else record)
+    rewrite(run, lambda record: record | {key: logged} if record.get("n") == changed else record)
     found = replay(run)
     assert found.difference is not None
-    assert (found.ticks, found.difference.key, found.difference.n) == (50, key, changed)
-
-
-@pytest.mark.parametrize("key", ["heading_deg", "travelled_m"])
-def test_whatever_number_a_tick_concluded_is_compared(tmp_path: Path, key: str) -> None:
-    run = log_trial(tmp_path / "run", 3, budget_m=10.0)
-    changed = ticks(run)[50]["n"]
-    rewrite(run, lambda record: record | {key: -1.25} if record.get("n") == changed else record)
-    found = replay(run)
-    assert found.difference is not None
-    assert (found.ticks, found.difference.key, found.difference.logged) == (50, key, -1.25)
+    assert (found.ticks, found.difference.key, found.difference.n, found.difference.logged) == (
+        50, key, changed, logged,
+    )  # fmt: skip
 
 
 def test_replay_goes_as_far_as_records_are_missing(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from tests.system.subprocesses import WAYFARER, command
-from tests.system.wheel_history import Commands
+from tests.system.wheel_history import Commands, stop_after
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import SOCKET_NAME
 from wayfarer.errors import WayfarerError
@@ -35,6 +35,7 @@ DEADMAN_S = {"minirover": 0.25, "forestrover": 0.3}  # ThunderBorg, and what for
 PATIENCE_S = 15.0
 POLL_S = 0.02
 LOOKED_S = 0.4  # longer than any deadman
+MARGIN_S = 0.02  # between the two writes of one drive command
 STARTS = 3
 BUSY = "no end of a transfer within"  # what a daemon says whose bus has no time for it
 DRIVES_M_S = 0.05
@@ -174,6 +175,17 @@ class Site:
         if self.turning:
             raise HilSetupError("the wheels turn again")
         return self.commands()
+
+    def stopped_by_daemon_s(self, since_s: float = 0.0) -> float:
+        """Return when the wheels were stopped for good, and assert that the deadman did not do it.
+
+        Args:
+            since_s: what they were told before is left out.
+        """
+        self.stopped()
+        turned_s, stopped_s = stop_after(self.commands(since_s))
+        assert stopped_s - turned_s < self.deadman_s - MARGIN_S, "the deadman did it"
+        return stopped_s
 
     # -- the daemon --------------------------------------------------------------------------------------------------
 

@@ -3,17 +3,15 @@
 # ruff: noqa: TID251 - real processes need real time
 from __future__ import annotations
 
-import os
 import resource
 import socket
-import subprocess
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
 
+from tests.fieldlog.disks import small_disk
 from tests.system.bounds import bound_s
 from tests.system.hil_setup import Site, wait_for
 from wayfarer.daemon.socket.protocol import Refused
@@ -22,7 +20,7 @@ from wayfarer.fieldlog.reader import Record, RunReader
 
 pytestmark = pytest.mark.slow
 
-DISK_MB = 160  # of it the log leaves 100 to the computer, and a mission takes 50
+DISK_KB = 160_000  # of them the log leaves 100,000 to the computer, and a mission takes 50,000
 PART_MB = 1  # the smallest that a rover file may ask for: 70 s of log
 AT_ONCE = 50  # requests on their way
 EVENT_BYTES = 80  # of the log that a new goal takes, at least
@@ -32,7 +30,7 @@ TAIL = b"\xff\xfe no text \x80\n" + bytes(NUL_BYTES) + b'\n{"record":"tick","n":
 
 
 def test_rover_drives_on_while_the_disk_is_full(site: Site) -> None:
-    with small_disk(site.logs) as mounted:
+    with small_disk(site.logs, DISK_KB) as mounted:
         daemon = site.armed()
         free = (fill if mounted else limit)(site.logs, daemon.pid)
         drives_on_without_a_log(site, bound_s("disk-full"))
@@ -126,19 +124,6 @@ def fill_a_part(site: Site) -> None:
                 line.sendall(request * AT_ONCE)
                 for _ in range(AT_ONCE):
                     replies.readline()
-
-
-@contextmanager
-def small_disk(mount_point: Path) -> Iterator[bool]:
-    """Mount a disk for the logs; give False where that is not allowed."""
-    mount_point.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", f"size={DISK_MB}m,mode=755", "tmpfs", str(mount_point)]
-    mounted = os.geteuid() == 0 and subprocess.run(command, capture_output=True, check=False).returncode == 0
-    try:
-        yield mounted
-    finally:
-        if mounted:
-            subprocess.run(["umount", "-l", str(mount_point)], check=True)
 
 
 def fill(logs: Path, _pid: int) -> Callable[[], None]:

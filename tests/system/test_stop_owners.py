@@ -16,16 +16,15 @@ import pytest
 
 from tests.system import buggy_algorithms
 from tests.system.bounds import bound_s
-from tests.system.hil_setup import DEADMAN_S, PATIENCE_S, Site, wait_for
+from tests.system.hil_setup import DEADMAN_S, MARGIN_S, PATIENCE_S, Site, wait_for
 from tests.system.wheel_history import spans, stop_after
 from wayfarer.drivers.sabertooth import packet
 from wayfarer.simhal.hil_buses import HilI2C, HilSerial
 
 pytestmark = [pytest.mark.slow, pytest.mark.parametrize("site", sorted(DEADMAN_S), indirect=True)]
 
-I2C, SERIAL, COMPASS = "/dev/i2c-1", "/dev/ttyAMA0", 0x60
+I2C, SERIAL = "/dev/i2c-1", "/dev/ttyAMA0"
 HANG_S = 1.0
-MARGIN_S = 0.02  # between the two writes of one drive command
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "suspended"])
@@ -56,41 +55,42 @@ def test_suspended_daemon_notices_when_it_wakes_and_ends_in_order(site: Site) ->
     assert site.log()[-1]["record"] == "outcome"
 
 
+@pytest.mark.parametrize("suspended_s", [1.5, 3.0])
+def test_wheels_turn_again_a_second_after_the_daemon_is_woken_or_not_at_all(site: Site, suspended_s: float) -> None:
+    daemon = site.armed()
+    daemon.send_signal(signal.SIGSTOP)
+    time.sleep(suspended_s)
+    woken_s = time.monotonic()
+    daemon.send_signal(signal.SIGCONT)
+    wait_for("it turns again or is disarmed", lambda: site.turning or site.status()["mode"] == "disarmed")
+    turns_s = [t_s - woken_s for t_s, left, right in site.commands(woken_s) if left or right]
+    assert not turns_s or turns_s[0] > 0.9
+    causes = [record["cause"] for record in site.log() if record.get("name") == "health"]
+    assert "resume_warning" in causes or "motors_failed" in causes, "the latter where it slept amid a transfer"
+
+
 def test_ended_daemon_stops_the_wheels_itself_and_writes_how_it_ended(site: Site) -> None:
     daemon = site.armed()
     began_s = time.monotonic()
     daemon.terminate()
     assert daemon.wait(PATIENCE_S) == 0
     took_s = time.monotonic() - began_s
-    turned_s, stopped_s = stop_after(site.stopped())
+    stopped_s = site.stopped_by_daemon_s()
     print(f"{site.rover}: stopped {stopped_s - began_s:.3f} s after SIGTERM, ended after {took_s:.3f} s")
-    assert stopped_s - turned_s < site.deadman_s - MARGIN_S, "the deadman did it"
     assert stopped_s - began_s <= bound_s("sigterm")
     assert took_s < 2.0
     outcome = site.log()[-1]
-    assert (outcome["record"], outcome["reason"]) == ("outcome", "signal")
+    assert (outcome["record"], outcome["reason"], outcome["text"]) == ("outcome", "signal", "ended by SIGTERM")
 
 
 def test_error_in_an_algorithm_ends_the_daemon_with_the_wheels_stopped(site: Site) -> None:
     daemon = site.armed("--algorithm", f"{buggy_algorithms.__name__}:RAISES")
     assert daemon.wait(PATIENCE_S) == 1
-    turned_s, stopped_s = stop_after(site.stopped())
-    assert stopped_s - turned_s < site.deadman_s - MARGIN_S, "the deadman did it"
     last_tick_s = site.ticks_beyond(0.0)[-1]  # a cycle before the error
-    assert stopped_s - last_tick_s <= bound_s("algorithm-raises")
+    assert site.stopped_by_daemon_s() - last_tick_s <= bound_s("algorithm-raises")
     outcome = site.log()[-1]
     assert (outcome["record"], outcome["reason"]) == ("outcome", "failed")
     assert buggy_algorithms.BUG in outcome["text"]
-
-
-def test_daemon_that_was_killed_comes_back_disarmed(site: Site) -> None:
-    site.armed().kill()
-    site.stopped()
-    stopped_s = site.bench("look")["t_s"]
-    site.daemon()
-    assert site.status()["mode"] == "disarmed"
-    time.sleep(0.5)
-    assert all(not (left or right) for t_s, left, right in site.bench("look")["commands"] if t_s >= stopped_s)
 
 
 def turn_wheels(site: Site) -> None:
@@ -120,22 +120,6 @@ def test_stop_motors_stops_wheels_that_nobody_owns(site: Site) -> None:
     _, stopped_s = stop_after(site.stopped())
     print(f"{site.rover}: stopped after {stopped_s - began_s:.3f} s, ended after {took_s:.3f} s: {done.stdout.strip()}")
     assert took_s < 5.0
-
-
-def test_stop_motors_fails_loudly_where_no_board_answers(site: Site) -> None:
-    site.processes[0].kill()
-    site.processes[0].wait()
-    done = site.run("stop-motors", "--config", site.config)
-    assert done.returncode == 1
-    assert "power off" in done.stderr
-
-
-def test_compass_that_falls_silent_stops_the_wheels(site: Site) -> None:
-    site.armed()
-    silent_s = site.bench("silence", bus=I2C, address=COMPASS)["t_s"]
-    _, stopped_s = stop_after(site.stopped())
-    assert stopped_s - silent_s < 0.5
-    wait_for("a status that says why", lambda: {"compass_stale", "compass_lost"} & set(site.status()["conditions"]))
 
 
 def test_bus_that_hangs_stops_the_wheels_and_never_the_control_loop(site: Site) -> None:
