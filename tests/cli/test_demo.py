@@ -20,12 +20,12 @@ from wayfarer.safety.mission_limits import RunEnd
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
 
 
+pytestmark = pytest.mark.usefixtures("own_folders")
+
+
 @pytest.fixture(autouse=True)
 def own_place(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Keep away from daemons and browsers that there may be on this machine."""
-    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
-    monkeypatch.setattr("wayfarer.daemon.socket.paths.SYSTEM_FOLDER", tmp_path / "none")
-    monkeypatch.setenv("HOME", str(tmp_path))
+    """Keep away from browsers that there may be on this machine."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.chdir(tmp_path)
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):

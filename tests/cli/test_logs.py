@@ -15,7 +15,7 @@ from threading import Event, Timer
 
 import pytest
 
-from tests.views.text.records import HEADER, SAMPLE_LOGS, drive, event, numbered, outcome, tick, write
+from tests.views.text.records import HEADER, drive, event, numbered, outcome, tick, write
 from wayfarer import cli
 from wayfarer.views.text.verdict import NO_OUTCOME
 
@@ -151,12 +151,6 @@ def test_export_goes_to_a_pipe(run: Run) -> None:
     assert run("export", 1, "--out", "-", "--format", "mcap")[0] == 2
 
 
-def test_export_for_foxglove(run: Run, tmp_path: Path) -> None:
-    pytest.importorskip("foxglove")
-    assert run("export", "1", "--format", "mcap", "--out", tmp_path / "run.mcap")[0] == 0
-    assert (tmp_path / "run.mcap").read_bytes().startswith(b"\x89MCAP")
-
-
 @pytest.mark.parametrize("command", ["show", "summary", "check", "export", "follow"])
 @pytest.mark.parametrize(
     ("name", "said"),
@@ -190,11 +184,6 @@ def test_log_without_a_record_is_one_line_and_exit_code_2(
     code, _, err = run(command, 3)
     assert (code, err.count("\n")) == (2, 1)
     assert "nothing in this log can be read" in err
-
-
-def test_sample_run_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["logs", "show", "1", "--logs", str(SAMPLE_LOGS)]) == 0
-    assert "mark: hit log" in capsys.readouterr().out
 
 
 # -- with a terminal, pipes and signals of their own -----------------------------------------------------------------

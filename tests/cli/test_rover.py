@@ -37,6 +37,8 @@ from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
+pytestmark = pytest.mark.usefixtures("own_folders")
+
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 STATUS: dict[str, Any] = {
     "rover": "minirover", "algorithm": "forest-pledge", "log": "logs/1", "simulated": False, "dry_run": True,
@@ -44,15 +46,6 @@ STATUS: dict[str, Any] = {
     "heading_deg": 359.7, "pitch_deg": 2.0, "roll_deg": -1.0, "goal_heading_deg": 20.0, "why": "probe.unwound",
     "anomalies": ["immobilised"], "counter_deg": 30.2, "mission_s": 61.0, "travelled_m": 12.34,
 }  # fmt: skip
-
-
-@pytest.fixture(autouse=True)
-def own_socket(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Keep away from daemons that may run on this machine."""
-    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
-    monkeypatch.setattr("wayfarer.daemon.socket.paths.SYSTEM_FOLDER", tmp_path / "none")
-    monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "state"))
 
 
 class Daemon:
@@ -239,12 +232,12 @@ def test_rover_that_cannot_give_what_an_algorithm_needs_is_refused(
 
 @pytest.mark.parametrize("command", [["run", "--sim"], ["check", "--config", "forestrover"]])
 def test_folder_where_the_socket_is_to_be_is_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: list[str]
+    own_folders: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: list[str]
 ) -> None:
-    (tmp_path / "control.sock").mkdir()
+    (own_folders / "control.sock").mkdir()
     assert cli.run([*command, "--logs", str(tmp_path / "logs")]) == 2
     assert capsys.readouterr().err == (
-        f"wayfarer: {tmp_path}/control.sock: the control socket cannot be made: it is a folder; "
+        f"wayfarer: {own_folders}/control.sock: the control socket cannot be made: it is a folder; "
         "remove what is at that path\n"
     )
 
@@ -272,11 +265,11 @@ def rover_file(tmp_path: Path) -> Path:
 
 
 def test_check_of_a_sound_rover_passes_and_turns_no_wheel_without_a_person(
-    rover_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    own_folders: Path, rover_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = board_settings(load_rover(str(rover_file)))
     seen = DeadmanEntry(**stamp("Sabertooth", wall_clock(0.0)), settings=settings)
-    save(tmp_path / "state" / FILE_NAME, Calibration(deadman=seen))
+    save(own_folders / "state" / FILE_NAME, Calibration(deadman=seen))
     assert cli.run(["check", "--json", "--config", str(rover_file), "--logs", str(tmp_path)]) == 0
     told = json.loads(capsys.readouterr().out)
     verdicts = {finding["name"]: finding["verdict"] for finding in told["findings"]}
@@ -323,7 +316,7 @@ def test_motors_of_a_daemon_on_another_socket_are_left_alone(
 
 
 def test_rover_is_run_as_it_was_calibrated_to_turn_and_the_simulated_one_is_not(
-    rover_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    own_folders: Path, rover_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     services: list[Service] = []
     monkeypatch.setattr("wayfarer.daemon.daemon.serve", services.append)
@@ -332,7 +325,7 @@ def test_rover_is_run_as_it_was_calibrated_to_turn_and_the_simulated_one_is_not(
         **stamp("Sabertooth", 1.0), ground="grass", duty_max=1.0,
         clockwise=response, anticlockwise=response, arc=None, speed=None,
     )  # fmt: skip
-    save(tmp_path / "state" / FILE_NAME, Calibration(turning=turning))
+    save(own_folders / "state" / FILE_NAME, Calibration(turning=turning))
     for arguments in (["--config", str(rover_file)], ["--config", str(rover_file), "--sim"]):
         assert cli.run(["run", *arguments, "--logs", str(tmp_path)]) == 0
     real, simulated = (service.config.vehicle for service in services)

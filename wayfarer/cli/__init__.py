@@ -16,6 +16,7 @@ import typer
 
 from wayfarer import __version__
 from wayfarer.cli import commissioning, compare, control, demo, faults, logs, replay, report, rover, sim, sweep
+from wayfarer.cli.options import examples
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.fieldlog.printable import clean
 
@@ -28,16 +29,12 @@ ROVER = "On the rover"
 CONTROL = "To a running rover"
 AFTERWARDS = "Logs and results"
 
-EXAMPLES = """Examples:
-
-wayfarer demo
-
-wayfarer sim --trials 1000
-
-wayfarer run --sim
-
-wayfarer sim --help
-"""
+EXAMPLES = examples(
+    "wayfarer demo",
+    "wayfarer sim --trials 1000",
+    "wayfarer run --sim",
+    "wayfarer sim --help",
+)
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
 app.command(epilog=demo.EXAMPLES)(demo.demo)
 app.command(epilog=sim.EXAMPLES)(sim.sim)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wayfarer.cli.rover import Config, Logs, chosen, log_folder
+from wayfarer.cli.options import Config, Logs, log_folder
+from wayfarer.cli.rover import chosen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from wayfarer.angles import wrap360
+from wayfarer.cli.options import AsJson
 from wayfarer.errors import WayfarerError
 
 ANSWER_S = 5.0
@@ -29,9 +30,7 @@ Heading = Annotated[
 NorthOption = Annotated[North, typer.Option(help="Which north DEG counts from; true needs declination_deg.")]
 
 
-def status(
-    *, as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False
-) -> None:
+def status(*, as_json: AsJson = False) -> None:
     """Show rover status."""
     found = _ask("status")
     if as_json:

@@ -12,22 +12,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wayfarer.cli.options import Algorithm, examples
 from wayfarer.cli.rover import simulated
 from wayfarer.cli.sim import DepthOption
-from wayfarer.cli.viewer_options import live_page
-from wayfarer.views.live import HOST, PORT
+from wayfarer.cli.viewer_options import LivePort, live_page
 
 if TYPE_CHECKING:
     from wayfarer.safety.mission_limits import RunEnd
 
-EXAMPLES = """Examples:
-
-wayfarer demo
-
-wayfarer demo --algorithm levy-walk --speed 20
-
-wayfarer demo --seed 44 --no-browser
-"""
+EXAMPLES = examples(
+    "wayfarer demo",
+    "wayfarer demo --algorithm levy-walk --speed 20",
+    "wayfarer demo --seed 44 --no-browser",
+)
 
 # Eight episodes, the worst of which turns by 190 degrees before it is unwound, and out after 104 to 115 s for all
 # noise seeds tried (12 runs): 18 s to watch at the speed below.
@@ -45,9 +42,7 @@ def _speed(value: float) -> float:
 def demo(
     *,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Random seed: forest and noise.")] = SEED,
-    algorithm: Annotated[
-        str, typer.Option(metavar="NAME", help="Escape algorithm; see wayfarer list.")
-    ] = "forest-pledge",
+    algorithm: Algorithm = "forest-pledge",
     speed: Annotated[
         float,
         typer.Option(
@@ -59,9 +54,7 @@ def demo(
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Do not open a browser; only print the page's address.")
     ] = False,
-    live_port: Annotated[
-        int, typer.Option(min=0, max=65535, metavar="N", help="Port of the page; 0 chooses a free one.")
-    ] = PORT,
+    live_port: LivePort = None,
     logs: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the run's log. (default: a temporary folder)")
     ] = None,
@@ -76,7 +69,7 @@ def demo(
     config = load_rover(ROVER)
     found = find_algorithm(algorithm)
     make_rover, close_buses = simulated(config, ROVER, DepthOption.device, seed)
-    page = live_page(HOST, live_port, speed)
+    page = live_page(None, live_port, speed)
     folder = logs or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
     with tempfile.TemporaryDirectory(prefix="wayfarer-") as own:  # where no other daemon is disturbed
         service = Service(

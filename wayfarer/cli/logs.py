@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.rover import Logs, log_folder
+from wayfarer.cli.options import AsJson, Logs, examples, log_folder
 from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
@@ -28,16 +28,12 @@ STDOUT = Path("-")
 # How terminals number their colours, by the tone of a line: they follow the terminal's own scheme, dark or light.
 COLOURS = {"quiet": "2", "phase": "36", "person": "1", "warning": "33", "fault": "1;31", "end": "1;32"}
 
-EXAMPLES = """Examples:
-
-wayfarer logs list
-
-wayfarer logs follow
-
-wayfarer logs summary 17
-
-wayfarer logs export 17 --format csv
-"""
+EXAMPLES = examples(
+    "wayfarer logs list",
+    "wayfarer logs follow",
+    "wayfarer logs summary 17",
+    "wayfarer logs export 17 --format csv",
+)
 app = typer.Typer(no_args_is_help=True, epilog=EXAMPLES)
 
 Run = Annotated[
@@ -135,7 +131,7 @@ def summary(
     run: Run = None,
     *,
     logs: Logs = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Summarise a run: distance, duration, anomalies, and where the rover is likely to be."""
     from wayfarer.fieldlog.folders import find_run

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wayfarer.cli.rover import Logs, log_folder
+from wayfarer.cli.options import Logs, examples, log_folder
 from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
@@ -16,14 +16,11 @@ if TYPE_CHECKING:
 
 # As wayfarer logs check: something is lost, so that not all of the run was compared.
 DIFFERS, BAD_INPUT, CUT = 1, 2, 3
-EXAMPLES = """Examples:
-
-wayfarer replay
-
-wayfarer replay 17 18 field_logs/00019-20261121T061405Z
-
-wayfarer replay 17 --config my_rover.toml
-"""
+EXAMPLES = examples(
+    "wayfarer replay",
+    "wayfarer replay 17 18 field_logs/00019-20261121T061405Z",
+    "wayfarer replay 17 --config my_rover.toml",
+)
 
 
 def replay(

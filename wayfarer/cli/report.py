@@ -8,21 +8,16 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.rover import Logs, log_folder
+from wayfarer.cli.options import Logs, examples, log_folder
 from wayfarer.errors import BadInput
 
-EXAMPLES = """Examples:
-
-wayfarer report
-
-wayfarer report 17
-
-wayfarer report 17 --out ~/run17/report.html
-
-wayfarer report results
-
-wayfarer report results --gallery 30 --jobs 2
-"""
+EXAMPLES = examples(
+    "wayfarer report",
+    "wayfarer report 17",
+    "wayfarer report 17 --out ~/run17/report.html",
+    "wayfarer report results",
+    "wayfarer report results --gallery 30 --jobs 2",
+)
 
 
 def report(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wayfarer.cli.extras import require
+from wayfarer.cli.options import ROVER_FILE, Algorithm, Config, Logs, examples, log_folder
 from wayfarer.cli.sim import DepthOption
 from wayfarer.cli.viewer_options import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.errors import BadInput
@@ -20,36 +21,13 @@ if TYPE_CHECKING:
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.daemon.daemon import RoverSetup
 
-ROVER_FILE = Path("/etc/wayfarer/rover.toml")
-RUN_EXAMPLES = """Examples:
-
-wayfarer run --sim
-
-wayfarer run --sim --live
-
-wayfarer run --config minirover --dry-run
-
-wayfarer run --config /etc/wayfarer/rover.toml --logs /var/lib/wayfarer/field_logs
-
-then, from another terminal: wayfarer arm
-"""
-
-SYSTEM_LOGS = Path("/var/lib/wayfarer/field_logs")
-OWN_LOGS = Path("field_logs")
-
-Logs = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="DIR",
-        help=f"Folder of all runs' logs. (default: {SYSTEM_LOGS} if you may write there, else ./{OWN_LOGS})",
-    ),
-]
-Config = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME|FILE", help=f"Name of a built-in rover, or a rover file (TOML). (default: {ROVER_FILE})"
-    ),
-]
+RUN_EXAMPLES = examples(
+    "wayfarer run --sim",
+    "wayfarer run --sim --live",
+    "wayfarer run --config minirover --dry-run",
+    "wayfarer run --config /etc/wayfarer/rover.toml --logs /var/lib/wayfarer/field_logs",
+    "then, from another terminal: wayfarer arm",
+)
 
 
 def run(
@@ -57,9 +35,7 @@ def run(
     config: Config = None,
     sim: Annotated[bool, typer.Option("--sim", help="Run on the simulated rover, in real time.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Run everything, but do not drive the motors.")] = False,
-    algorithm: Annotated[
-        str, typer.Option(metavar="NAME", help="Escape algorithm; see wayfarer list.")
-    ] = "forest-pledge",
+    algorithm: Algorithm = "forest-pledge",
     logs: Logs = None,
     depth: Annotated[
         DepthOption | None,
@@ -130,13 +106,6 @@ def chosen(config: str | None, default: str | None = None) -> str:
     raise BadInput(
         f"no rover: there is no {ROVER_FILE}; name one with --config (see wayfarer list), or try wayfarer run --sim"
     )
-
-
-def log_folder(logs: Path | None) -> Path:
-    """Return where runs are logged."""
-    if logs is not None:
-        return logs
-    return SYSTEM_LOGS if os.access(SYSTEM_LOGS.parent, os.W_OK) else OWN_LOGS
 
 
 def _real(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from wayfarer.views.text.wording import marks, whole_deg
+
 
 def status_text(status: Mapping[str, Any]) -> str:
     """Return what ``status`` answered, as lines."""
@@ -30,8 +32,8 @@ def _mode(status: Mapping[str, Any]) -> str:
 
 
 def _marks(status: Mapping[str, Any]) -> str:
-    marks = [name for key, name in (("simulated", "simulated"), ("dry_run", "dry run")) if status[key]]
-    return f" ({', '.join(marks)})" if marks else ""
+    told = ", ".join(marks(status))
+    return f" ({told})" if told else ""
 
 
 def _health(status: Mapping[str, Any]) -> str:
@@ -46,8 +48,8 @@ def _doing(status: Mapping[str, Any]) -> str:
 
 
 def _heading(status: Mapping[str, Any], heading_deg: float) -> str:
-    goal = f", goal {round(status['goal_heading_deg']) % 360}" if "goal_heading_deg" in status else ""
-    return f"{round(heading_deg) % 360}{goal}, pitch {status['pitch_deg']:+.0f}, roll {status['roll_deg']:+.0f}"
+    goal = f", goal {whole_deg(status['goal_heading_deg'])}" if "goal_heading_deg" in status else ""
+    return f"{whole_deg(heading_deg)}{goal}, pitch {status['pitch_deg']:+.0f}, roll {status['roll_deg']:+.0f}"
 
 
 def _log(status: Mapping[str, Any]) -> str:

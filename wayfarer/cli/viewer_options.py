@@ -62,7 +62,7 @@ def viewers(
         raise BadInput("--foxglove-port says where Foxglove is served: add --foxglove, or leave it out")
     found: list[Viewer] = []
     if live:
-        page = live_page(HOST if live_host is None else live_host, PORT if live_port is None else live_port)
+        page = live_page(live_host, live_port)
         print(f"live page: {page.url}", flush=True)
         found.append(page)
     if foxglove:
@@ -75,8 +75,8 @@ def viewers(
     return found
 
 
-def live_page(host: str, port: int, speed: float = 1.0) -> LivePage:
-    """Return the live page at an address, with a new token.
+def live_page(host: str | None, port: int | None, speed: float = 1.0) -> LivePage:
+    """Return the live page at an address (None: the usual one), with a new token.
 
     Raises:
         BadInput: the port cannot be had.
@@ -87,4 +87,4 @@ def live_page(host: str, port: int, speed: float = 1.0) -> LivePage:
 
     from wayfarer.views.live.server import LivePage
 
-    return LivePage(host, port, token_urlsafe(16), speed)
+    return LivePage(HOST if host is None else host, PORT if port is None else port, token_urlsafe(16), speed)

@@ -2,44 +2,28 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
 
-Record = dict[str, Any]
+from tests.views.text import records
+from tests.views.text.records import Record
 
-HEADER: Record = {
-    "record": "run",
-    "t_s": 100.0,
-    "t_wall": 1000.0,
-    "schema": 2,
-    "part": 1,
-    "version": "1",
-    "algorithm": "forest-pledge",
+HEADER: Record = records.HEADER | {
     "rover": "forestrover",
     "config": {"vehicle": {"length_m": 0.5, "width_m": 0.4, "max_speed_m_s": 1.0}},
 }
 
 
 def stamped(kind: str, t_s: float, **fields: object) -> Record:
-    return {"record": kind, "t_s": t_s, "t_wall": 900.0 + t_s, **fields}
+    """A record by the log's own clock, which began at 100 s."""
+    return records.record(kind, t_s - 100.0, **fields)
 
 
 def tick(t_s: float, **fields: object) -> Record:
-    seen = {"heading_deg": 90.0, "pitch_deg": 0.0, "roll_deg": 0.0, "anomalies": [], "goal_heading_deg": 90.0}
-    done = {"phase": "follow", "why": "follow", "level": "well", "cause": None, "travelled_m": 0.0}
-    moved = {"motion": {"t_s": t_s, "forward_m": 0.5, "right_m": 0.0, "quality": 1.0, "signed": True}}
-    return stamped("tick", t_s, **{**seen, **done, **moved, **fields})
+    """A tick of a rover that drives east."""
+    motion = {"t_s": t_s, "forward_m": 0.5, "right_m": 0.0, "quality": 1.0, "signed": True}
+    usual = {"heading_deg": 90.0, "goal_heading_deg": 90.0, "pitch_deg": 0.0, "roll_deg": 0.0, "motion": motion}
+    return records.tick(t_s - 100.0, **{"counter_deg": None, "episodes": None, **usual, **fields})
 
 
-def write(folder: Path, records: Iterable[Record | bytes]) -> Path:
-    """A run's folder; what is bytes already gets into the file as it is."""
-    folder.mkdir(parents=True, exist_ok=True)
-    lines = (record if isinstance(record, bytes) else json.dumps(record).encode() + b"\n" for record in records)
-    (folder / "run.jsonl").write_bytes(b"".join(lines))
-    return folder
-
-
-def of_kind(records: Sequence[Record], kind: str) -> list[Record]:
-    return [record for record in records if record["record"] == kind]
+def of_kind(found: Sequence[Record], kind: str) -> list[Record]:
+    return [each for each in found if each["record"] == kind]

@@ -17,12 +17,11 @@ from typing import Any, cast
 import pytest
 from aiohttp import ClientConnectionError, ClientSession, ClientWebSocketResponse, ClientWSTimeout, WSMsgType
 
-from tests.views.foxglove.logs import HEADER, Record, stamped, tick
+from tests.views.foxglove.logs import HEADER, tick
 from tests.views.foxglove.protobuf import Descriptors
 from tests.views.foxglove.test_scene import WORLD
 from wayfarer.cli.viewer_options import viewers
 from wayfarer.daemon.socket.protocol import Commands
-from wayfarer.daemon.viewer import Viewer
 from wayfarer.errors import BadInput
 from wayfarer.views.foxglove.live import FoxgloveLive
 
@@ -105,11 +104,11 @@ async def test_viewer_gets_what_is_shown_with_its_time() -> None:
     async with live.serving(COMMANDS), connected(live) as client:
         await client.see(live, "/heading")  # it has subscribed
         live.show(tick(2000.0, heading_deg=123.0, pitch_deg=4.5))
-        while (found := await client.receive(PATIENCE_S))[1] < 2_900_000_000_000:
+        while (found := await client.receive(PATIENCE_S))[1] < 1_800_001_900_000_000_000:
             pass
         assert found == (
             "/heading",
-            2_900_000_000_000,
+            1_800_001_900_000_000_000,
             {"heading_deg": 123.0, "goal_heading_deg": 90.0, "error_deg": -33.0},
         )
         assert (await client.receive(PATIENCE_S))[2] == {"pitch_deg": 4.5, "roll_deg": 0.0}
@@ -119,7 +118,7 @@ async def test_viewers_clock_is_the_rovers() -> None:
     live = FoxgloveLive(port=0)
     async with live.serving(COMMANDS), connected(live) as client:
         _, time_ns, _ = (await client.see(live, "/pose"))["/pose"]
-        assert client.time_ns >= time_ns > 1_900_000_000_000
+        assert client.time_ns >= time_ns > 1_800_000_900_000_000_000
 
 
 async def test_every_channel_is_announced_with_its_schema() -> None:
@@ -222,18 +221,6 @@ async def test_server_ends_with_the_run() -> None:
     async with ClientSession() as session:
         with pytest.raises(ClientConnectionError):
             await session.ws_connect(live.url, protocols=[PROTOCOL])
-
-
-@pytest.mark.parametrize(
-    "record",
-    [tick(1.0, motion={}, anomalies=7), stamped("run", 1.0, world=None), stamped("truth", 1.0), stamped("?", 1.0)],
-)
-async def test_odd_records_raise_nothing(record: Record) -> None:
-    live = FoxgloveLive(port=0)
-    viewer: Viewer = live
-    async with viewer.serving(COMMANDS), connected(live) as client:
-        viewer.show(record)
-        assert "/pose" in await client.see(live, "/pose"), "it goes on"
 
 
 def test_port_in_use_is_one_line_before_anything_runs() -> None:

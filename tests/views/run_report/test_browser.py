@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from tests.browser import DESKTOP, PHONE, OpenPage
-from tests.views.run_report.test_run import HEADER, OUTCOME, episode, event, write_log
+from tests.views.run_report.logs import HEADER, OUTCOME, episode, write_log
+from tests.views.text.records import event
 from wayfarer.views.run_report.run import write_run_report
 
 pytestmark = pytest.mark.slow
@@ -18,7 +19,7 @@ def test_page_shows_figures_and_tables_and_does_not_overflow(
     tmp_path: Path, browser_page: OpenPage, viewport: tuple[int, int]
 ) -> None:
     text = "<b>a mark</b> without an end" + "d" * 120
-    run = write_log(tmp_path / "00017-run", [HEADER, *episode(), event(4.0, "mark", text=text), OUTCOME])
+    run = write_log(tmp_path / "00017-run", [HEADER, *episode(), event("mark", 4.0, text=text), OUTCOME])
     opened = browser_page(viewport, offline=True)
     opened.page.goto(write_run_report(run).as_uri())
     assert opened.page.locator("figure svg").count() == 2

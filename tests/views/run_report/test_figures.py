@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from itertools import combinations
+from math import dist
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from tests.views.run_report.test_run import HEADER, WORLD, drive, episode, event, fix, tick, without, write_log
+from tests.views.run_report.logs import HEADER, WORLD, drive, episode, fix, tick, without, write_log
+from tests.views.text.records import Record, event, record
 from wayfarer.simhal.world.forest_file import from_row
 from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.drawing import house_style
+from wayfarer.views.run_report.drawing import house_style, save
+from wayfarer.views.run_report.event_rows import MOST, event_rows
+from wayfarer.views.run_report.map import spread_badges
 from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.run_report.timeline import timeline_figure
 from wayfarer.views.run_report.track import forest_track_figure, track_figure
 
-Record = dict[str, Any]
 Overlaps = Callable[[Figure], list[tuple[str, str]]]
 
 
@@ -69,13 +75,11 @@ def busy(seconds: int) -> list[Record]:
     """A run in which people and parts report something all the time."""
     names = ["hold", "resume", "goal", "loop_stalled", "sensor_failed", "board_silent"]
     reported = [
-        event(0.37 * at, names[at % 6], goal_heading_deg=20.0, sensor="compass") for at in range(int(seconds / 0.37))
+        event(names[at % 6], 0.37 * at, goal_heading_deg=20.0, sensor="compass") for at in range(int(seconds / 0.37))
     ]
-    marked = [event(1.3 * at, "mark", text="a tree that leans " * (at % 3)) for at in range(seconds)]
-    board = [
-        {"record": "board", "t_s": 100.0 + at, "battery_v": 12.0 - 0.1 * at, "faults": []} for at in range(seconds)
-    ]
-    return sorted([*drive(seconds), *reported, *marked, *board], key=lambda record: float(record["t_s"]))
+    marked = [event("mark", 1.3 * at, text="a tree that leans " * (at % 3)) for at in range(seconds)]
+    board = [record("board", at, battery_v=12.0 - 0.1 * at, faults=[]) for at in range(seconds)]
+    return sorted([*drive(seconds), *reported, *marked, *board], key=lambda each: float(each["t_s"]))
 
 
 @pytest.mark.parametrize("seconds", [2, 12])
@@ -85,7 +89,7 @@ def test_texts_of_the_time_lines_do_not_overlap(tmp_path: Path, seconds: int, ov
 
 
 def test_texts_of_the_track_do_not_overlap(tmp_path: Path, overlaps: Overlaps) -> None:
-    data = data_of(tmp_path, *episode(), *(event(4.0, "mark") for _ in range(12)), fix(4.0, 1.0))
+    data = data_of(tmp_path, *episode(), *(event("mark", 4.0) for _ in range(12)), fix(4.0, 1.0))
     assert overlaps(track_figure(data)) == []
 
 
@@ -97,11 +101,26 @@ def test_overlap_is_noticed(overlaps: Overlaps) -> None:
     assert len(overlaps(figure)) == 1
 
 
-def test_labels_without_room_are_counted(tmp_path: Path) -> None:
-    _, unplaced = timeline_figure(data_of(tmp_path, *busy(12)))
-    assert unplaced > 0
-    _, unplaced = timeline_figure(data_of(tmp_path / "calm", *drive(2.0), event(1.0, "hold")))
-    assert unplaced == 0
+def test_kinds_of_events_without_room_are_counted_and_are_those_that_matter_least(tmp_path: Path) -> None:
+    marks = [event("mark", 0.1 * at, text="mud") for at in range(MOST)]
+    data = data_of(tmp_path, *sorted([*marks, *drive(3.0), event("hold", 1.0)], key=lambda each: float(each["t_s"])))
+    figure, left_out = timeline_figure(data)
+    assert left_out == 1
+    assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == [f"{at + 1} mud" for at in range(MOST)]
+
+
+def test_events_of_a_kind_share_a_row_and_long_marks_are_cut(tmp_path: Path) -> None:
+    data = data_of(tmp_path, *episode(), event("hold", 5.0), event("mark", 6.0, text="long " * 9), event("hold", 7.0))
+    assert [(row.text, len(row.times_s)) for row in event_rows(data)] == [
+        ("immobilised", 1), ("nose up", 1), ("1 long long long …", 1), ("hold", 2),
+    ]  # fmt: skip
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 300.0), st.floats(0.0, 300.0)), max_size=30))
+def test_badges_lie_neither_on_each_other_nor_on_their_place(places_pt: list[tuple[float, float]]) -> None:
+    badges_pt = spread_badges(places_pt, 10.0)
+    assert all(dist(one, other) >= 10.0 - 1e-5 for one, other in combinations(badges_pt, 2))
+    assert all(dist(badge, at) >= 10.0 - 1e-9 for badge, at in zip(badges_pt, places_pt, strict=True))
 
 
 def test_a_metre_is_as_long_to_the_north_as_to_the_east(tmp_path: Path) -> None:
@@ -143,10 +162,8 @@ def test_way_is_broken_where_the_tick_after_the_gap_has_no_heading(tmp_path: Pat
 
 
 def test_ways_in_the_forest_are_broken_where_records_are_missing(tmp_path: Path) -> None:
-    truth: list[Record] = [
-        {"record": "truth", "t_s": each["t_s"], "x_m": 25.0, "y_m": 12.5 + each["t_s"] - 100.0} for each in drive()
-    ]
-    records = [record for pair in zip(drive(), truth, strict=True) for record in pair]
+    truth = [record("truth", each["t_s"] - 100.0, x_m=25.0, y_m=each["t_s"] - 87.5) for each in drive()]
+    records = [each for pair in zip(drive(), truth, strict=True) for each in pair]
     figure = forest_track_figure(data_of(tmp_path, *without(records, 40, 120)), from_row(WORLD))
     assert pieces_of(figure, "follow the goal") == 2
     assert pieces_of(figure, "dead reckoning") == 2
@@ -166,12 +183,9 @@ def test_nothing_is_drawn_across_a_stall_and_its_length_is_written_in_plain_numb
     tmp_path: Path, overlaps: Overlaps
 ) -> None:
     """The process stood still for 4 s, as by ``kill -STOP``: no record is missing, only time."""
-    boards = [
-        {"record": "board", "t_s": 100.0 + at_s, "t_wall": at_s, "battery_v": 12.0 - at_s / 10.0, "faults": []}
-        for at_s in (0.97, 1.97, 6.02, 7.02)
-    ]
+    boards = [record("board", at_s, battery_v=12.0 - at_s / 10.0, faults=[]) for at_s in (0.97, 1.97, 6.02, 7.02)]
     stalled = [tick(at / 20.0) for at in range(41)] + [tick(6.0 + at / 20.0) for at in range(41)]
-    figure, _ = timeline_figure(data_of(tmp_path, *sorted([*stalled, *boards], key=lambda record: record["t_s"])))
+    figure, _ = timeline_figure(data_of(tmp_path, *sorted([*stalled, *boards], key=lambda each: each["t_s"])))
     for axes in figure.axes:
         for line in (line for line in axes.lines if line.get_linestyle() != "None"):
             x_s, y = (np.asarray(values, dtype=float) for values in line.get_data())
@@ -185,14 +199,20 @@ def test_nothing_is_drawn_across_a_stall_and_its_length_is_written_in_plain_numb
     assert all(text.isdecimal() for text in shown)
 
 
-def test_a_single_tilted_tick_of_a_long_run_is_drawn(tmp_path: Path) -> None:
-    ticks = drive(300.0)
+def test_an_hour_is_drawn_in_few_points_without_losing_a_single_tilted_tick(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).normal(size=72_000)
+    ticks = [tick(0.05 * step, pitch_deg=float(noise[step])) for step in range(72_000)]
     ticks[3210]["pitch_deg"] = 33.0
     figure, _ = timeline_figure(data_of(tmp_path, *ticks))
-    drawn = [line for axes in figure.axes if axes.get_ylabel() == "pitch, °" for line in axes.lines]
-    pitch = next(line for line in drawn if line.get_label() == "pitch")
-    assert len(np.asarray(pitch.get_xdata())) < 4000
-    assert np.nanmax(np.asarray(pitch.get_ydata(), dtype=np.float64)) == 33.0
+    svg = save(figure, tmp_path, "time-lines", "").svg
+    assert len(svg) < 1_500_000
+    (axes,) = (axes for axes in figure.axes if axes.get_ylabel() == "pitch, °")
+    _, top_px = axes.transData.transform((0.0, 33.0))
+    heights = {
+        float(y) for line in re.findall(r' d="(M[^"]*)"', svg) for y in re.findall(r"[ML] [\d.]+ ([\d.]+)", line)
+    }
+    top_pt = (figure.bbox.height - top_px) * 72.0 / figure.dpi
+    assert any(abs(each - top_pt) < 0.2 for each in heights)
 
 
 def test_time_is_in_minutes_where_the_run_is_long(tmp_path: Path) -> None:

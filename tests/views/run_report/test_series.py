@@ -1,8 +1,6 @@
-"""Columns made ready for drawing: what is thinned keeps its extremes, what is unknown stays a gap."""
+"""Columns made ready for drawing: what is unknown stays a gap."""
 
 from __future__ import annotations
-
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -17,41 +15,12 @@ from wayfarer.views.run_report.series import (
     broken_beside,
     pieces,
     spans,
-    thin,
     without_unknown,
 )
-
-VALUES = st.lists(st.one_of(st.floats(-1e6, 1e6), st.just(float("nan"))), max_size=400).map(np.array)
 
 
 def times(values: Floats) -> Floats:
     return np.arange(values.size, dtype=np.float64)
-
-
-@given(VALUES, st.integers(1, 20))
-def test_thinning_keeps_the_extremes_of_every_stretch(values: Floats, bins: int) -> None:
-    t_s, kept = thin(times(values), values, bins)
-    for first, end in pairwise(np.linspace(0, values.size, bins + 1).astype(int)):
-        stretch = values[first:end][~np.isnan(values[first:end])]
-        within = kept[(t_s >= first) & (t_s < end) & ~np.isnan(kept)]
-        if stretch.size:
-            assert (within.min(), within.max()) == (stretch.min(), stretch.max())
-
-
-@given(VALUES, st.integers(1, 20))
-def test_thinning_invents_nothing_and_is_short(values: Floats, bins: int) -> None:
-    t_s, kept = thin(times(values), values, bins)
-    assert kept.size <= 8 * bins
-    assert (np.diff(t_s) > 0).all()
-    np.testing.assert_array_equal(kept, values[t_s.astype(int)])
-
-
-@given(VALUES, st.integers(1, 20))
-def test_thinning_bridges_no_gap(values: Floats, bins: int) -> None:
-    t_s, _ = thin(times(values), values, bins)
-    for before, after in pairwise(t_s.astype(int)):
-        if not np.isnan(values[[before, after]]).any():
-            assert not np.isnan(values[before:after]).any()
 
 
 def test_line_is_broken_where_nothing_was_logged() -> None:
@@ -96,7 +65,7 @@ def test_more_spans_than_can_be_seen_are_sampled() -> None:
 def test_too_little_to_draw_is_no_error(count: int) -> None:
     few = np.zeros(count)
     assert len(spans(few, few)) == count
-    assert thin(few, few)[0].size == broken_at_gaps(few, few)[0].size == around(few, few, 0.0)[0].size == count
+    assert broken_at_gaps(few, few)[0].size == around(few, few, 0.0)[0].size == count
     assert pieces((few, few), np.ones(count, np.bool_))[0].size == 0
 
 

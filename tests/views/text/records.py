@@ -53,11 +53,11 @@ def numbered(records: Iterable[Record]) -> list[Record]:
     return found
 
 
-def write(run: Path, records: Iterable[Record], name: str = "run.jsonl") -> Path:
-    """Write records to the end of a log; return the run's folder."""
+def write(run: Path, records: Iterable[Record | bytes], name: str = "run.jsonl") -> Path:
+    """Write records to the end of a log, bytes as they are; return the run's folder."""
     run.mkdir(parents=True, exist_ok=True)
     with (run / name).open("ab") as file:
-        file.writelines(orjson.dumps(each) + b"\n" for each in records)
+        file.writelines(each if isinstance(each, bytes) else orjson.dumps(each) + b"\n" for each in records)
     return run
 
 

@@ -53,7 +53,7 @@ def use_every_tool(run: Path) -> None:
 def test_log_is_whole(tmp_path: Path) -> None:
     verdict = judge(write(tmp_path, WHOLE))
     assert (verdict.integrity, verdict.integrity.exit_code, str(verdict)) == (
-        LogIntegrity.WHOLE,
+        LogIntegrity.COMPLETE,
         0,
         "complete: 23 records",
     )
@@ -61,7 +61,7 @@ def test_log_is_whole(tmp_path: Path) -> None:
 
 def test_sample_run_is_whole_and_tells_of_everything_that_was_asked() -> None:
     run = find_run("1", SAMPLE_LOGS)
-    assert judge(run).integrity is LogIntegrity.WHOLE
+    assert judge(run).integrity is LogIntegrity.COMPLETE
     found = summarise(RunReader(run))
     assert (found.holds, found.goals, [mark.text for mark in found.marks]) == (1, 1, ["hit log"])
     assert found.episodes > 0
@@ -79,7 +79,7 @@ def test_sample_run_is_whole_and_tells_of_everything_that_was_asked() -> None:
 )
 def test_log_that_lost_something_is_repaired_at_best(tmp_path: Path, records: list[Any], said: str) -> None:
     verdict = judge(write(tmp_path, records))
-    assert (verdict.integrity, verdict.integrity.exit_code) == (LogIntegrity.REPAIRED, 3)
+    assert (verdict.integrity, verdict.integrity.exit_code) == (LogIntegrity.PARTIAL, 3)
     assert said in str(verdict)
 
 
@@ -163,7 +163,7 @@ def test_reading_that_cannot_be_sends_nobody_elsewhere(tmp_path: Path, forward_m
     lying = [*read[:MIDDLE], read[MIDDLE] | {"motion": {**still, "forward_m": forward_m}}, *read[MIDDLE + 1 :]]
     runs = [write(tmp_path / name, records) for name, records in (("17", read), ("18", lying))]
     expected, found = (summarise(RunReader(run)).where.by_reckoning for run in runs)
-    assert judge(runs[1]).integrity is LogIntegrity.WHOLE
+    assert judge(runs[1]).integrity is LogIntegrity.COMPLETE
     assert expected is not None
     assert found == RangeBearing(
         pytest.approx(expected.distance_m, abs=0.1),  # type: ignore[arg-type]
@@ -176,7 +176,7 @@ def test_one_damaged_header_costs_that_header_only(tmp_path: Path, schema: int |
     run = write(tmp_path / RUN, [HEADER | {"schema": schema}, *LONG[1:400]], "run.00001.jsonl")
     write(run, [HEADER | {"part": 2, "t_s": LONG[400]["t_s"]}, *LONG[400:]])
     verdict = judge(run)
-    assert (verdict.integrity, verdict.records) == (LogIntegrity.REPAIRED, len(LONG))
+    assert (verdict.integrity, verdict.records) == (LogIntegrity.PARTIAL, len(LONG))
     assert "1 record holds a value that cannot be" in str(verdict)
     tail = RunTail(run)
     assert list(tail.take())
@@ -195,7 +195,7 @@ def test_part_without_its_header_is_counted(tmp_path: Path) -> None:
 @pytest.mark.parametrize("records", [WHOLE[:1], WHOLE[:-1]])
 def test_summary_calls_no_log_whole_that_check_does_not(tmp_path: Path, records: list[Record]) -> None:
     reader = RunReader(write(tmp_path / RUN, records))
-    assert judge(reader.run).integrity is LogIntegrity.REPAIRED
+    assert judge(reader.run).integrity is LogIntegrity.PARTIAL
     said = summary_text("17", summarise(reader), reader.damage).splitlines()[-1]
     assert said == f"log        {NO_OUTCOME}"
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import resource
 from pathlib import Path
 
 import pytest
 
-from tests.views.text.records import HEADER, drive, write
+from tests.views.text.records import HEADER, drive, tick, write
 from wayfarer.errors import BadInput
 from wayfarer.views.text.export import export
 
@@ -43,6 +44,51 @@ def test_symlink_is_written_through(run: Path, tmp_path: Path, form: str) -> Non
     assert {path.name for path in tmp_path.iterdir()} == {"run", "link", "target"}
 
 
-def test_path_that_cannot_be_looked_at_is_told_in_one_line(run: Path, tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"cannot be written: File name too long; check the folder"):
-        export(run, "csv", tmp_path / ("long" * 100), overwrite=False)
+@pytest.mark.parametrize("form", FORMS)
+def test_file_is_there_whole_and_never_replaced_unasked(run: Path, tmp_path: Path, form: str) -> None:
+    out = tmp_path / "out"
+    export(run, form, out, overwrite=False)
+    content = out.read_bytes()
+    write(run, [tick(1.0)])
+    with pytest.raises(BadInput, match="--force"):
+        export(run, form, out, overwrite=False)
+    assert out.read_bytes() == content
+    export(run, form, out, overwrite=True)
+    assert len(out.read_bytes()) > len(content)
+    assert {path.name for path in tmp_path.iterdir()} == {"run", "out"}
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("lines", [[], [b"\0" * 100], [b'{"record": "tick"']])
+def test_log_of_which_nothing_can_be_read_gives_no_file(tmp_path: Path, form: str, lines: list[bytes]) -> None:
+    run = write(tmp_path / "run", lines)
+    with pytest.raises(BadInput, match="nothing in this log can be read"):
+        export(run, form, tmp_path / "out", overwrite=False)
+    assert {path.name for path in tmp_path.iterdir()} == {"run"}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_file_that_is_refused_more_room_is_one_line_and_leaves_nothing_behind(
+    run: Path, tmp_path: Path, form: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    out.write_bytes(b"the one before")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (400, limits[1]))
+    try:
+        with pytest.raises(BadInput, match=r"^[^\n]*out cannot be written: File too large; check the folder[^\n]*$"):
+            export(run, form, out, overwrite=True)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert out.read_bytes() == b"the one before"
+    assert {path.name for path in tmp_path.iterdir()} == {"run", "out"}
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [("nowhere/out.csv", "No such file or directory"), ("long" * 100, "File name too long"), ("", "is there already")],
+)
+def test_place_that_cannot_be_is_told_in_one_line(run: Path, tmp_path: Path, place: str, said: str) -> None:
+    with pytest.raises(BadInput, match=rf"^[^\n]*{said}[^\n]*$"):
+        export(run, "csv", tmp_path / place, overwrite=True)

@@ -7,12 +7,9 @@ import io
 import time
 from pathlib import Path
 
-import pytest
-
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, outcome, record, tick, write
-from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import Record
-from wayfarer.views.text.export import export, write_table
+from wayfarer.views.text.export import write_table
 from wayfarer.views.text.tables import COLUMNS
 
 COMPASS = {"t_s": 101.0, "heading_deg": 3.0, "pitch_deg": 1.0, "roll_deg": -1.0, "calibration": None}
@@ -77,33 +74,3 @@ def test_tsv_has_the_columns_of_the_released_code(tmp_path: Path) -> None:
     time_of_day = time.strftime("%H%M_%S", time.localtime(BEGAN_WALL_S + 61.0))
     text = table(tmp_path, tick(61.0, applied_left=0.12345, heading_deg=359.987), event("hold", 62.0), form="tsv")
     assert text == f"{time_of_day}\t0.12\t0.5\t359.99\t\t\n"
-
-
-@pytest.mark.parametrize("form", ["csv", "tsv"])
-def test_file_is_there_whole_and_never_replaced_unasked(tmp_path: Path, form: str) -> None:
-    run, out = write(tmp_path / "run", [HEADER, *drive(0.0, 1.0)]), tmp_path / "out"
-    export(run, form, out, overwrite=False)
-    content = out.read_bytes()
-    write(run, [tick(1.0)])
-    with pytest.raises(BadInput, match="--force"):
-        export(run, form, out, overwrite=False)
-    assert out.read_bytes() == content
-    export(run, form, out, overwrite=True)
-    assert len(out.read_bytes()) > len(content)
-    assert {path.name for path in tmp_path.iterdir()} == {"run", "out"}
-
-
-@pytest.mark.parametrize("form", ["csv", "tsv"])
-def test_log_without_a_record_gives_no_file(tmp_path: Path, form: str) -> None:
-    run = write(tmp_path / "run", [])
-    with pytest.raises(BadInput, match="nothing in this log can be read"):
-        export(run, form, tmp_path / "out", overwrite=False)
-    assert {path.name for path in tmp_path.iterdir()} == {"run"}
-
-
-def test_file_that_cannot_be_written_is_told_with_its_cause(tmp_path: Path) -> None:
-    run = write(tmp_path / "run", [HEADER, tick(1.0)])
-    with pytest.raises(BadInput, match="No such file or directory"):
-        export(run, "csv", tmp_path / "nowhere" / "out.csv", overwrite=False)
-    with pytest.raises(BadInput, match="is there already"):
-        export(run, "csv", tmp_path, overwrite=True)

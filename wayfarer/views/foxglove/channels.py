@@ -85,17 +85,17 @@ class Channels:
         self._add_log(context)
         self._add_scene(context)
 
-    def take(self, record: Record, time_s: float) -> int:
-        """Send what a record says, at a time in seconds since 1970, and return how many messages that were."""
+    def take(self, record: Record, time_s: float) -> None:
+        """Send what a record says, at a time in seconds since 1970."""
         known: Record = {}
         with suppress(*ODD):
             place = self._places.take(record)
             known = {"place": place, "path_m": self._places.path_m} if record["record"] == "tick" else {}
-        return _send(self._rows[record["record"]], record | known, time_s)
+        _send(self._rows[record["record"]], record | known, time_s)
 
-    def send_lasting(self, time_s: float) -> int:
+    def send_lasting(self, time_s: float) -> None:
         """Send again what stays in sight: forest, bodies and paths."""
-        return _send(self._lasting, self._places.header, time_s)
+        _send(self._lasting, self._places.header, time_s)
 
     def _add_plots(self, context: Context) -> None:
         for topic, plot in PLOTS.items():
@@ -104,7 +104,7 @@ class Channels:
 
     def _add_log(self, context: Context) -> None:
         channel = LogChannel("/log", context=context)
-        for kind in ("run", "event", "tick", "outcome"):
+        for kind in ("run", "event", "fault", "tick", "outcome"):
             self._rows[kind].append((channel, self._lines))
 
     def _add_scene(self, context: Context) -> None:
@@ -134,17 +134,14 @@ class Channels:
             yield path_scene(at.stamp, frame, [point(east_m, north_m) for east_m, north_m, _ in points])
 
 
-def _send(row: Row, record: Record, time_s: float) -> int:
+def _send(row: Row, record: Record, time_s: float) -> None:
     """Send what a row of channels makes of a record; one that cannot does not keep the others from it."""
-    sent = 0
     at = _moment(time_s)
     for channel, make in row:
         with suppress(*ODD):
             if channel.has_sinks():
                 for message in make(record, at):
                     channel.log(message, log_time=at.time_ns)
-                    sent += 1
-    return sent
 
 
 def nanoseconds(time_s: float) -> int:

@@ -5,45 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 from foxglove import Context, open_mcap
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.fieldlog.fields import clock_zero_s
 from wayfarer.fieldlog.reader import Damage, Record, RunReader
 from wayfarer.views.foxglove.channels import Channels
 
 
-class Exported(NamedTuple):
-    """How many messages a file has, and what of the log could not be read."""
+def write_mcap(run: Path, file: BinaryIO) -> Damage:
+    """Write a run's log into an open file as MCAP, and return what of it could not be read.
 
-    messages: int
-    damage: Damage
-
-
-def export(run: Path, out: Path) -> Exported:
-    """Write a run's log as an MCAP file.
-
-    The same log gives the same bytes. The file appears whole or not at all, in the place of one that is there.
-
-    Args:
-        run: the run's folder.
-        out: the file to write.
+    The same log gives the same bytes.
 
     Raises:
-        BadInput: there is no log, nothing in it can be read, or the file cannot be written or is no ordinary one.
+        BadInput: there is no log, or nothing in it can be read.
+        OSError: the file takes no more.
     """
     reader = RunReader(run)
-    zero_s = _clock_zero_s(reader)
-    try:
-        with whole_file(out) as draft, draft.open("wb") as file:
-            return Exported(_write(run, zero_s, file), reader.damage)
-    except OSError as error:
-        raise BadInput(
-            f"{out}: cannot be written ({error.strerror}); check the folder, its rights and the disk"
-        ) from None
+    _write(run, _clock_zero_s(reader), file)
+    return reader.damage
 
 
 def _clock_zero_s(reader: RunReader) -> float:
@@ -62,15 +45,14 @@ def _clock_zero_s(reader: RunReader) -> float:
     return zero_s
 
 
-def _write(run: Path, zero_s: float, file: BinaryIO) -> int:
+def _write(run: Path, zero_s: float, file: BinaryIO) -> None:
     context = Context()
     channels = Channels(context)
     sink = _Sink(file)
     writer = open_mcap(sink, context=context)
-    sent = 0
     try:
         for record in RunReader(run):
-            sent += channels.take(record, zero_s + record["t_s"])
+            channels.take(record, zero_s + record["t_s"])
             sink.check()
     finally:
         try:
@@ -78,7 +60,6 @@ def _write(run: Path, zero_s: float, file: BinaryIO) -> int:
         except RuntimeError:  # it says that something was not written; the sink knows why
             sink.check()
             raise
-    return sent
 
 
 class _Sink:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from base64 import b64encode
 from hashlib import sha256
 from importlib.resources import files
 from typing import NamedTuple
+
+from wayfarer.views.vocabulary import PHASES
 
 # In this order they make one script; each is about one thing.
 SCRIPTS = ("words.js", "map.js", "dial.js", "panel.js", "connection.js", "main.js")
@@ -22,7 +25,8 @@ def document() -> Document:
     """Put the page together. Its own style and script are all that a browser may run, this server all it may ask."""
     folder = files("wayfarer.views.live") / "page"
     style = (folder / "page.css").read_text(encoding="utf-8")
-    script = "\n".join((folder / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    scripts = ((folder / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    script = "\n".join([f"const PHASES = {json.dumps(PHASES)};", *scripts])
     html = (folder / "page.html").read_text(encoding="utf-8").replace("/* style */", style)
     policy = (
         f"default-src 'none'; style-src {_hash(style)}; script-src {_hash(script)}; connect-src 'self'; img-src data:;"

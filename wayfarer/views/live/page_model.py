@@ -16,10 +16,10 @@ from typing import Any
 from wayfarer.fieldlog.fields import name, names, number, reckoning, sound_tick, span, table
 from wayfarer.fieldlog.log import Record
 from wayfarer.views.live.sensor_status import SensorStatus
-from wayfarer.views.live.words import ANOMALIES, CAUSES, PHASES, because, level_text
 from wayfarer.views.text.run_narrator import RunNarrator
 from wayfarer.views.text.wording import Tone
 from wayfarer.views.trail import Trail
+from wayfarer.views.vocabulary import ANOMALIES, CAUSES, PHASES, because, level_text
 
 LINES = 200  # about the run; half an hour of a rover that drives
 MARKS = 400  # anomalies that are drawn; the oldest go first

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import islice
-from math import cos, isnan, radians, sin
+from itertools import count, islice
+from math import cos, hypot, isnan, radians, sin, tau
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,27 +13,24 @@ from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import MaxNLocator
 
 from wayfarer.views.run_report.data import Floats
 from wayfarer.views.run_report.drawing import BLACK, GREEN, VERMILION, WIDTH_IN
 from wayfarer.views.run_report.forest_map import END, START, STROKES
-from wayfarer.views.run_report.labels import spread
 from wayfarer.views.run_report.marks import ANOMALY_MARKS, anomaly_style
 from wayfarer.views.run_report.position import LocalFix
 from wayfarer.views.run_report.series import pieces
 
 LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN = 0.6, 1.65, 0.1, 0.5  # around the map; the legend is at the right
-ROOM_IN = WIDTH_IN - LEFT_IN - RIGHT_IN
-SLIMMEST, TALLEST = 0.75, 1.5  # height of the map over its width
+SIDE_IN = WIDTH_IN - LEFT_IN - RIGHT_IN
 SMALLEST_M = 4.0
 LINES = 8  # of the grid, at most
-STEPS = 1500  # of the map's size: a way is drawn no finer
 BADGE_PT = 10.0
+ROUNDING_PT = 1e-6
 MANY = 30  # anomalies
 CIRCLES = 200  # of error, at most
-ARROW = 0.12  # of the map's smaller side: length of an arrow to the goal
-SCALES_M = [factor * 10**power for power in range(11) for factor in (1, 2, 5)]
+ARROW = 0.12  # of the map's side: length of an arrow to the goal
 LOG_BEGINS: dict[str, Any] = {"marker": "o", "markersize": 6, "color": "white", "markeredgecolor": BLACK}
 GAP: dict[str, Any] = {
     "linestyle": "none", "marker": "D", "markersize": 4.5, "color": "white", "markeredgecolor": BLACK,
@@ -46,17 +43,16 @@ Point = tuple[float, float]  # metres east and north
 
 
 class MapFrame(NamedTuple):
-    """What is seen: metres east and north at the lower left, and the size in metres."""
+    """What is seen: metres east and north at the lower left, and the length of a side in metres."""
 
     east_m: float
     north_m: float
-    width_m: float
-    height_m: float
+    side_m: float
 
     @property
     def points_per_m(self) -> float:
         """Return the scale, in points of print."""
-        return 72.0 * ROOM_IN / self.width_m
+        return 72.0 * SIDE_IN / self.side_m
 
 
 class Way(NamedTuple):
@@ -67,31 +63,24 @@ class Way(NamedTuple):
     stroke: Floats
 
 
-def map_around(east_m: Floats, north_m: Floats) -> MapFrame:
-    """Return a map with everything on it, neither too slim nor too tall for a page."""
-    if not east_m.size:
-        east_m = north_m = np.zeros(1)
-    west_m, south_m = float(np.nanmin(east_m)), float(np.nanmin(north_m))
-    wide_m, high_m = float(np.nanmax(east_m)) - west_m, float(np.nanmax(north_m)) - south_m
-    pad_m = 0.08 * max(wide_m, high_m, SMALLEST_M)
-    width_m = max(wide_m + 2 * pad_m, (high_m + 2 * pad_m) / TALLEST, SMALLEST_M)
-    height_m = max(high_m + 2 * pad_m, width_m * SLIMMEST)
-    return MapFrame(west_m - (width_m - wide_m) / 2, south_m - (height_m - high_m) / 2, width_m, height_m)
+def map_around(places_m: Floats) -> MapFrame:
+    """Return a map with all places on it; they are rows of metres east and north."""
+    places_m = places_m if places_m.size else np.zeros((1, 2))
+    low_m, high_m = np.nanmin(places_m, axis=0), np.nanmax(places_m, axis=0)
+    side_m = max(SMALLEST_M, 1.16 * float(max(high_m - low_m)))
+    east_m, north_m = (low_m + high_m - side_m) / 2.0
+    return MapFrame(float(east_m), float(north_m), side_m)
 
 
 def frame(shown: MapFrame) -> tuple[Figure, Axes]:
     """Return a figure with the empty map in it, as wide as a page allows."""
-    room_in = ROOM_IN * shown.height_m / shown.width_m
-    height_in = room_in + TOP_IN + BOTTOM_IN
+    height_in = SIDE_IN + TOP_IN + BOTTOM_IN
     figure = Figure((WIDTH_IN, height_in))
-    axes = figure.add_axes((LEFT_IN / WIDTH_IN, BOTTOM_IN / height_in, ROOM_IN / WIDTH_IN, room_in / height_in))
-    axes.set_xlim(shown.east_m, shown.east_m + shown.width_m)
-    axes.set_ylim(shown.north_m, shown.north_m + shown.height_m)
-    step_m = min(
-        (each for each in SCALES_M if max(shown.width_m, shown.height_m) / each <= LINES), default=SCALES_M[-1]
-    )
+    axes = figure.add_axes((LEFT_IN / WIDTH_IN, BOTTOM_IN / height_in, SIDE_IN / WIDTH_IN, SIDE_IN / height_in))
+    axes.set_xlim(shown.east_m, shown.east_m + shown.side_m)
+    axes.set_ylim(shown.north_m, shown.north_m + shown.side_m)
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MultipleLocator(step_m))
+        axis.set_major_locator(MaxNLocator(LINES, steps=[1, 2, 5, 10]))
     axes.set_xlabel("east, m")
     axes.set_ylabel("north, m")
     axes.grid(visible=True)
@@ -105,24 +94,13 @@ def broken(way: Way, stretch: Floats) -> Way:
     return Way(*(np.insert(column, at, np.nan) for column in way))
 
 
-def draw_way(axes: Axes, way: Way, shown: MapFrame) -> None:
+def draw_way(axes: Axes, way: Way) -> None:
     """Draw a way in the colours of its phases."""
-    way = thinned(way, shown)
     for at, stroke in enumerate(STROKES):
         inside = way.stroke == at
         if inside.any():
             line = pieces((way.east_m, way.north_m), inside)
             axes.plot(*line, color=stroke.colour, linewidth=1.2 * stroke.width, label=stroke.text, zorder=2)
-
-
-def thinned(way: Way, shown: MapFrame) -> Way:
-    """Return a way without the points that nobody could tell from the one before; every change of phase is kept."""
-    step_m = max(shown.width_m, shown.height_m) / STEPS
-    cells = np.floor(np.stack([way.east_m, way.north_m]) / step_m)
-    strokes = np.where(np.isnan(way.stroke), -1.0, way.stroke)
-    kept = np.ones(strokes.size, np.bool_)
-    kept[1:-1] = ((np.diff(cells, axis=1) != 0).any(axis=0) | (np.diff(strokes) != 0))[:-1]
-    return Way(way.east_m[kept], way.north_m[kept], way.stroke[kept])
 
 
 def draw_gaps(axes: Axes, way: Way) -> None:
@@ -142,7 +120,7 @@ def draw_ends(axes: Axes, way: Way, *, from_start: bool) -> None:
 
 def draw_arrow(axes: Axes, place_m: Point, heading_deg: float, shown: MapFrame) -> None:
     """Draw a compass heading at a place, for the goal that was taken there."""
-    length_m, along = ARROW * min(shown.width_m, shown.height_m), radians(heading_deg)
+    length_m, along = ARROW * shown.side_m, radians(heading_deg)
     tip_m = (place_m[0] + length_m * sin(along), place_m[1] + length_m * cos(along))
     arrow = {"arrowstyle": "-|>", "color": VERMILION, "linewidth": 1.1, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", tip_m, place_m, arrowprops=arrow, zorder=3.9)
@@ -161,7 +139,7 @@ def draw_marks(axes: Axes, marks: Sequence[tuple[int, Point]], shown: MapFrame) 
     """Draw a person's marks: a line from each place to a badge with the mark's number."""
     known = [(number, east_m, north_m) for number, (east_m, north_m) in marks if not isnan(east_m + north_m)]
     scale = shown.points_per_m
-    badges_pt = spread([(east_m * scale, north_m * scale) for _, east_m, north_m in known], BADGE_PT)
+    badges_pt = spread_badges([(east_m * scale, north_m * scale) for _, east_m, north_m in known], BADGE_PT)
     badge = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": BLACK, "linewidth": 0.7}
     for (number, east_m, north_m), (x_pt, y_pt) in zip(known, badges_pt, strict=True):
         axes.plot([east_m, x_pt / scale], [north_m, y_pt / scale], color=BLACK, linewidth=0.7, zorder=4.5)
@@ -175,6 +153,21 @@ def draw_marks(axes: Axes, marks: Sequence[tuple[int, Point]], shown: MapFrame) 
             bbox=badge,
             zorder=5,
         )
+
+
+def spread_badges(places_pt: Sequence[tuple[float, float]], size_pt: float) -> list[tuple[float, float]]:
+    """Return where badges go, each as near to its place as can be without lying on the place or on another badge."""
+    taken: list[tuple[float, float]] = []
+    for x_pt, y_pt in places_pt:
+        around = (
+            (x_pt + ring * size_pt * cos(turn), y_pt + ring * size_pt * sin(turn))
+            for ring in count(1)
+            for turn in (tau * (step + 0.5) / (6 * ring) for step in range(6 * ring))
+        )
+        taken.append(
+            next(at for at in around if all(hypot(at[0] - x, at[1] - y) >= size_pt - ROUNDING_PT for x, y in taken))
+        )
+    return taken
 
 
 def draw_fixes(axes: Axes, fixes: Sequence[LocalFix]) -> None:
@@ -192,16 +185,6 @@ def draw_fixes(axes: Axes, fixes: Sequence[LocalFix]) -> None:
     axes.add_collection(
         PatchCollection(circles, facecolor="none", edgecolor=GREEN, alpha=0.25, linewidth=0.5, zorder=1.2)
     )
-
-
-def draw_scale(axes: Axes, shown: MapFrame) -> None:
-    """Draw a bar of a round length at the lower left."""
-    length_m = max((each for each in SCALES_M if each <= shown.width_m / 4), default=SCALES_M[0])
-    x_m, y_m = shown.east_m + 0.03 * shown.width_m, shown.north_m + 0.03 * shown.width_m
-    axes.plot([x_m, x_m + length_m], [y_m, y_m], color=BLACK, linewidth=2.5, solid_capstyle="butt", zorder=4)
-    paper = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8}
-    axes.text(x_m + length_m / 2, y_m + 0.015 * shown.width_m, f"{length_m} m", ha="center", va="bottom", fontsize=7,
-              bbox=paper, zorder=4)  # fmt: skip
 
 
 def draw_legend(axes: Axes, *keys: dict[str, Any]) -> None:

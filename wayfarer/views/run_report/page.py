@@ -79,7 +79,7 @@ def facts(pairs: Iterable[tuple[str, str]]) -> str:
     lines = ['<dl class="facts">']
     for name, value in pairs:
         kind = ' class="long"' if len(value) > LONG else ""
-        lines.append(f"<div{kind}><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>")
+        lines.append(f"<div{kind}><dt>{escape(name)}</dt><dd>{_lines(value)}</dd></div>")
     return "\n".join([*lines, "</dl>"])
 
 

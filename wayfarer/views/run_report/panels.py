@@ -11,9 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from wayfarer.views.run_report.data import LEVELS, Floats, RunData
-from wayfarer.views.run_report.drawing import BLACK, BLUE, GREY, PALE, VERMILION
-from wayfarer.views.run_report.marks import ANOMALY_MARKS, LEVEL_COLOURS
-from wayfarer.views.run_report.series import around, broken_at_gaps, broken_beside, spans, thin, without_unknown
+from wayfarer.views.run_report.drawing import BLACK, BLUE, GREY, VERMILION
+from wayfarer.views.run_report.event_rows import MOST, event_rows
+from wayfarer.views.run_report.marks import LEVEL_COLOURS
+from wayfarer.views.run_report.series import around, broken_at_gaps, broken_beside, spans, without_unknown
 
 ROW_IN = 0.16
 BOARD_SILENT_S = 10.0  # a board is asked each second or so
@@ -33,9 +34,9 @@ class Panel(NamedTuple):
 def panels_of(data: RunData) -> list[Panel]:
     """Return the panels for which there is something in the log, the first from the top."""
     ticks = data.ticks
-    rows = _rows(data)
+    rows = len(event_rows(data)[:MOST]) + _was_held(data)
     panels = [
-        (bool(rows), Panel(max(len(rows), 1) * ROW_IN, _anomalies)),
+        (rows > 0, Panel(rows * ROW_IN, _events)),
         (_is_known(ticks["heading_deg"]), Panel(1.05, _heading)),
         (_is_known(ticks["counter_deg"]), Panel(0.8, _counter)),
         (_is_known(ticks["pitch_deg"]), Panel(0.65, _pitch)),
@@ -59,27 +60,23 @@ def _is_uneven(periods_s: Floats) -> bool:
 # -- panels ------------------------------------------------------------------------------------------------------
 
 
-def _rows(data: RunData) -> dict[str, list[float]]:
-    """Return what has a row of marks: when each kind of anomaly began, and when sensors failed."""
-    rows = {kind: [onset.t_s for onset in data.onsets if onset.kind == kind] for kind in ANOMALY_MARKS}
-    rows["sensor failed"] = [event.t_s for event in data.events if event.name == "sensor_failed"]
-    shown = {kind: times_s for kind, times_s in rows.items() if times_s}
-    if (data.ticks["level"] >= LEVELS["degrade"]).any():
-        shown["held"] = []
-    return shown
-
-
-def _anomalies(axes: Axes, data: RunData) -> None:
-    rows = _rows(data)
-    for row, (kind, times_s) in enumerate(rows.items()):
-        _, colour = ANOMALY_MARKS.get(kind, ("", VERMILION))
-        axes.plot(times_s, [row] * len(times_s), color=colour, clip_on=False, **TICK)
-    if "held" in rows:
-        _levels(axes, data, len(rows) - 1)
-    axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.set_yticks(range(len(rows)), [kind.replace("_", " ") for kind in rows])
+def _events(axes: Axes, data: RunData) -> None:
+    """Draw a row of marks for each kind of anomaly and event, and last when the wheels were held."""
+    rows = event_rows(data)[:MOST]
+    for at, row in enumerate(rows):
+        axes.plot(row.times_s, [at] * len(row.times_s), color=row.colour, clip_on=False, **TICK)
+    texts = [row.text for row in rows]
+    if _was_held(data):
+        _levels(axes, data, len(rows))
+        texts.append("held")
+    axes.set_ylim(len(texts) - 0.4, -0.6)
+    axes.set_yticks(range(len(texts)), texts, fontsize=7)
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)
+
+
+def _was_held(data: RunData) -> bool:
+    return bool((data.ticks["level"] >= LEVELS["degrade"]).any())
 
 
 def _levels(axes: Axes, data: RunData, row: int) -> None:
@@ -96,9 +93,9 @@ def _heading(axes: Axes, data: RunData) -> None:
     t_s, heading_deg, goal_deg = data.ticks["t_s"], data.ticks["heading_deg"], data.ticks["goal_heading_deg"]
     goals_deg = goal_deg[~np.isnan(goal_deg)]
     centre_deg = round(float(goals_deg[0])) % 360 if goals_deg.size else 0
-    axes.plot(*thin(*around(*broken_at_gaps(t_s, heading_deg), centre_deg)), color=BLUE, label="heading", **LINE)
+    axes.plot(*around(*broken_at_gaps(t_s, heading_deg), centre_deg), color=BLUE, label="heading", **LINE)
     axes.plot(
-        *thin(*around(*broken_at_gaps(t_s, goal_deg), centre_deg)),
+        *around(*broken_at_gaps(t_s, goal_deg), centre_deg),
         color=BLACK,
         linestyle=(0, (4, 2)),
         label="goal",
@@ -137,21 +134,19 @@ def _speed(axes: Axes, data: RunData) -> None:
     measured = without_unknown(data.ticks["t_s"], data.ticks["measured_m_s"])
     axes.axhline(0.0, color=GREY, linewidth=0.6)
     axes.plot(*_line(data, "commanded_m_s"), color=GREY, alpha=0.6, label="commanded", linewidth=2.0)
-    axes.plot(*thin(*broken_at_gaps(*measured)), color=BLUE, label="measured", **LINE)
+    axes.plot(*broken_at_gaps(*measured), color=BLUE, label="measured", **LINE)
     _finish(axes, "speed, m/s")
 
 
 def _battery(axes: Axes, data: RunData) -> None:
     t_s, battery_v = np.array(data.batteries).T
     duty = axes.twinx()
-    duty.fill_between(*_line(data, "duty"), color=PALE, linewidth=0, label="duty (0 to 1)")
+    duty.plot(*_line(data, "duty"), color=GREY, alpha=0.6, linewidth=0.8, label="duty (0 to 1)")
     duty.set_ylim(0.0, 1.0)
     duty.set_axis_off()
     axes.set_zorder(duty.get_zorder() + 1)
     axes.patch.set_visible(False)
-    axes.plot(
-        *thin(*broken_beside(data.ticks["t_s"], t_s, battery_v, BOARD_SILENT_S)), color=BLUE, label="battery", **LINE
-    )
+    axes.plot(*broken_beside(data.ticks["t_s"], t_s, battery_v, BOARD_SILENT_S), color=BLUE, label="battery", **LINE)
     for name in ("low", "critical"):
         limit_v = data.setting("board", f"battery_{name}_v")
         if not isnan(limit_v):
@@ -165,7 +160,7 @@ def _period(axes: Axes, data: RunData) -> None:
     late_ms, control_hz = 1e3 * data.setting("safety", "tick_late_s"), data.setting("control_hz")
     if control_hz > 0.0:
         axes.axhline(1e3 / control_hz, color=GREY, linewidth=0.6, label=f"set {1e3 / control_hz:.0f} ms")
-    axes.plot(*thin(*broken_at_gaps(t_s, period_ms)), color=BLUE, label="period", linewidth=0.7)
+    axes.plot(*broken_at_gaps(t_s, period_ms), color=BLUE, label="period", linewidth=0.7)
     late = period_ms > late_ms
     if late.any():
         axes.plot(t_s[late], period_ms[late], color=VERMILION, linestyle="none", marker="x", markersize=4, label="late")
@@ -180,7 +175,7 @@ def _period(axes: Axes, data: RunData) -> None:
 
 
 def _line(data: RunData, name: str) -> tuple[Floats, Floats]:
-    return thin(*broken_at_gaps(data.ticks["t_s"], data.ticks[name]))
+    return broken_at_gaps(data.ticks["t_s"], data.ticks[name])
 
 
 def _room(span: tuple[float, float], least: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Prepares columns of numbers for drawing: thins them but keeps extremes, and leaves gaps where data are missing."""
+"""Prepares columns of numbers for drawing: a line has a gap where data are missing. matplotlib thins it."""
 
 from __future__ import annotations
 
@@ -21,28 +21,6 @@ class ValueSpan(NamedTuple):
     start_s: float
     end_s: float
     value: float
-
-
-def thin(t_s: Floats, values: Floats, bins: int = BINS) -> tuple[Floats, Floats]:
-    """Return a line that looks the same: of each bin the first, the last, the least and the greatest value.
-
-    A gap (NaN) between two values that are kept is kept as well.
-    """
-    if values.size <= 4 * bins:
-        return t_s, values
-    edges = np.linspace(0, values.size, bins + 1).astype(np.intp)
-    telling = (at for first, end in pairwise(edges) for at in _telling(values, first, end))
-    kept = np.unique(np.fromiter(telling, np.intp))
-    holes = np.flatnonzero(np.isnan(values))
-    next_hole = np.append(holes, values.size)[np.searchsorted(holes, kept[:-1])]
-    kept = np.union1d(kept, next_hole[next_hole < kept[1:]])
-    return t_s[kept], values[kept]
-
-
-def _telling(values: Floats, first: int, end: int) -> Iterator[int]:
-    known = first + np.flatnonzero(~np.isnan(values[first:end]))
-    if known.size:
-        yield from (known[0], known[-1], known[np.argmin(values[known])], known[np.argmax(values[known])])
 
 
 def broken_at_gaps(t_s: Floats, values: Floats, gap_s: float = GAP_S) -> tuple[Floats, Floats]:

@@ -13,16 +13,15 @@ from matplotlib.ticker import FixedLocator, FuncFormatter
 
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.drawing import GREY, WIDTH_IN
+from wayfarer.views.run_report.event_rows import ANOMALY, MOST, event_rows
 from wayfarer.views.run_report.forest_map import STROKES
-from wayfarer.views.run_report.labels import SIZE_PT, Label, PlacedLabel, place
-from wayfarer.views.run_report.marks import labelled, stroke_of
+from wayfarer.views.run_report.marks import stroke_of
 from wayfarer.views.run_report.panels import panels_of
 from wayfarer.views.run_report.series import ValueSpan, spans
 
-LEFT_IN, RIGHT_IN = 0.95, 1.15  # beside the panels: what they show, and their legends
+LEFT_IN, RIGHT_IN = 1.2, 1.15  # beside the panels: what they show, and their legends
 ROOM_IN = WIDTH_IN - LEFT_IN - RIGHT_IN
 TOP_IN, BOTTOM_IN, BETWEEN_IN = 0.08, 0.75, 0.12
-LANE_IN, LANES = 0.155, 8
 MINUTES_FROM_S = 600.0  # a longer run is shown in minutes
 STEPS_S = (1, 2, 5, 10, 20, 50, 100, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 36000, 86400)
 STEPS_AT_MOST = 10
@@ -30,26 +29,20 @@ SHADE = 0.17  # of a phase's colour, behind the lines
 
 
 def timeline_figure(data: RunData) -> tuple[Figure, int]:
-    """Return the figure, and how many labels found no room in it; there must be a panel to draw."""
+    """Return the figure, and how many kinds of events found no room in it; there must be a panel to draw."""
     end_s = max(data.summary.lasted_s, 1.0)
-    events = labelled(data)
-    labels = [Label(each.text, each.t_s / end_s * ROOM_IN * 72.0, each.rank, each.colour) for each in events]
-    placed = place(labels, ROOM_IN * 72.0, LANES)
-    panels = panels_of(data)
-    lanes = max((each.lane + 1 for each in placed), default=0)
-    figure, (top, *axes) = _lay_out([lanes * LANE_IN, *(panel.height_in for panel in panels)])
-    _write(top, placed, lanes)
-    bands = _bands(data)
+    rows, panels, bands = event_rows(data), panels_of(data), _bands(data)
+    figure, axes = _lay_out([panel.height_in for panel in panels])
     for each, panel in zip(axes, panels, strict=True):
         each.set_xlim(0.0, end_s)
         _shade(each, bands)
-        _lead(each, [label.at_pt / 72.0 / ROOM_IN * end_s for label, _, _ in placed])
+        _lead(each, [t_s for row in rows[:MOST] if row.rank != ANOMALY for t_s in row.times_s])
         panel.draw(each, data)
     _time_axis(axes, end_s)
     shown = {int(band.value) for band in bands}
     handles = [Patch(color=STROKES[at].colour, alpha=SHADE * 2, label=STROKES[at].text) for at in sorted(shown)]
     figure.legend(handles=handles, loc="lower center", ncols=4)
-    return figure, len(labels) - len(placed)
+    return figure, max(0, len(rows) - MOST)
 
 
 def _lay_out(heights_in: Sequence[float]) -> tuple[Figure, list[Axes]]:
@@ -59,25 +52,14 @@ def _lay_out(heights_in: Sequence[float]) -> tuple[Figure, list[Axes]]:
     axes, top_in = [], height_in - TOP_IN
     for each_in in heights_in:
         top_in -= each_in
-        box = (LEFT_IN / WIDTH_IN, top_in / height_in, ROOM_IN / WIDTH_IN, max(each_in, 1e-3) / height_in)
+        box = (LEFT_IN / WIDTH_IN, top_in / height_in, ROOM_IN / WIDTH_IN, each_in / height_in)
         axes.append(figure.add_axes(box))
         top_in -= BETWEEN_IN
     return figure, axes
 
 
-def _write(axes: Axes, placed: Sequence[PlacedLabel], lanes: int) -> None:
-    """Write the labels, each with a line down to the panels."""
-    axes.set_xlim(0.0, ROOM_IN * 72.0)
-    axes.set_ylim(max(lanes, 1) + BETWEEN_IN / LANE_IN, 0.0)
-    axes.set_axis_off()
-    paper = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
-    for label, lane, left_pt in placed:
-        axes.plot([label.at_pt] * 2, [lane + 0.5, lanes + 1], color=GREY, linewidth=0.4, clip_on=False, zorder=1)
-        axes.text(left_pt, lane + 0.5, label.text, color=label.colour, fontsize=SIZE_PT, va="center", bbox=paper)
-
-
 def _lead(axes: Axes, times_s: Sequence[float]) -> None:
-    """Draw the lines of the labels through a panel."""
+    """Draw the lines of the events through a panel."""
     axes.vlines(times_s, 0, 1, colors=GREY, alpha=0.6, linewidths=0.4, transform=axes.get_xaxis_transform(), zorder=0.9)
 
 

@@ -26,11 +26,9 @@ from wayfarer.views.run_report.map import (
     draw_legend,
     draw_marks,
     draw_onsets,
-    draw_scale,
     draw_way,
     frame,
     map_around,
-    thinned,
 )  # fmt: skip
 from wayfarer.views.run_report.marks import stroke_of
 from wayfarer.views.run_report.position import local_metres
@@ -47,13 +45,11 @@ TREE_KEY: dict[str, Any] = {
 def track_figure(data: RunData) -> Figure:
     """Return the way by dead reckoning, with the receiver's fixes where there are some."""
     way, fixes = _reckoned(data), local_metres(data.fixes)
-    shown = map_around(
-        np.concatenate([way.east_m, [fix.east_m for fix in fixes]]),
-        np.concatenate([way.north_m, [fix.north_m for fix in fixes]]),
-    )
+    fixes_m = np.reshape([(fix.east_m, fix.north_m) for fix in fixes], (-1, 2))
+    shown = map_around(np.concatenate([np.stack([way.east_m, way.north_m], axis=1), fixes_m]))
     figure, axes = frame(shown)
     draw_fixes(axes, fixes)
-    draw_way(axes, way, shown)
+    draw_way(axes, way)
     goals = list(_goals(data, way))
     for place_m, goal_deg in goals:
         draw_arrow(axes, place_m, goal_deg, shown)
@@ -61,17 +57,16 @@ def track_figure(data: RunData) -> Figure:
     draw_gaps(axes, way)
     draw_ends(axes, way, from_start=data.summary.where.from_start)
     draw_marks(axes, [(event.mark, (event.east_m, event.north_m)) for event in data.events if event.mark], shown)
-    draw_scale(axes, shown)
     draw_legend(axes, *([ARROW] if goals else []))
     return figure
 
 
 def forest_track_figure(data: RunData, forest: Forest) -> Figure:
     """Return where a simulated rover really went, and where dead reckoning had it."""
-    shown = MapFrame(-MARGIN_M, -MARGIN_M, WORLD_SIZE_M + 2 * MARGIN_M, WORLD_SIZE_M + 2 * MARGIN_M)
+    shown = MapFrame(-MARGIN_M, -MARGIN_M, WORLD_SIZE_M + 2 * MARGIN_M)
     figure, axes = frame(shown)
-    true, reckoned = _true(data), thinned(_from_true_start(data), shown)
-    draw_way(axes, true, shown)
+    true, reckoned = _true(data), _from_true_start(data)
+    draw_way(axes, true)
     axes.plot(reckoned.east_m, reckoned.north_m, zorder=2.5, **RECKONED)
     draw_onsets(axes, [(onset.kind, _true_place(data, onset.t_s)) for onset in data.onsets])
     draw_ends(axes, true, from_start=data.summary.where.from_start)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from math import isnan
 
 import numpy as np
 
-from wayfarer.fieldlog.fields import name, span
+from wayfarer.fieldlog.fields import span
 from wayfarer.fieldlog.printable import clean
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.track import drift_m
+from wayfarer.views.text.summary_text import counted, distance_line, summary_facts, where_lines
 
 NO_WAY = "The log has no heading, so the path of the rover is unknown."
 NO_TICKS = "No time lines: the log has no control ticks, or they hold no values."
@@ -31,75 +31,11 @@ def title(data: RunData) -> str:
 
 
 def facts(data: RunData, folder: str) -> Iterator[tuple[str, str]]:
-    """Yield what ran, when, how far and to what end."""
-    summary, header = data.summary, data.header
-    yield "outcome", _outcome(data)
-    yield "rover", summary.rover or "unknown"
-    yield "algorithm", summary.algorithm or "unknown"
-    yield "kind", _kind(data)
-    yield "began", _began(data)
-    yield "duration", _duration(data)
-    yield "distance", _way(data)
-    yield "anomalies", f"{sum(summary.anomalies.values())} in {len(data.episodes)} episodes"
-    yield "where it ended", _where(data)
+    """Yield what ran, when, how far and how it ended, as ``wayfarer logs summary`` tells it. Times are UTC."""
+    for title_, lines in summary_facts(clean(folder), data.summary, data.damage, utc=True):
+        yield title_, "\n".join(lines)
     yield "goal", _goal(data)
-    yield "software", f"wayfarer {name(header, 'version') or 'of an unknown version'}"
-    yield "seed", "unknown" if header.get("seed") is None else clean(str(header["seed"]))
-    yield "log", f"{clean(folder)}: {data.damage}"
-
-
-def _outcome(data: RunData) -> str:
-    summary = data.summary
-    if summary.reason is None:
-        return "unknown: the log was cut off (the process was killed, or the power went)"
-    reason = summary.reason.replace("_", " ")
-    return f"{reason}: {summary.text}" if summary.text else reason
-
-
-def _kind(data: RunData) -> str:
-    if not data.header:
-        return "unknown: the log does not begin with what ran"
-    what = "simulated" if data.summary.simulated else "on the rover itself"
-    return f"{what}, dry run: the wheels were never driven" if data.summary.dry_run else what
-
-
-def _began(data: RunData) -> str:
-    """Return the time in UTC: the same log gives the same page on every computer."""
-    began_s = data.summary.began_wall_s
-    try:
-        if began_s is not None:
-            return time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(began_s))
-    except (OverflowError, ValueError, OSError):
-        pass
-    return "in simulated time" if data.summary.simulated else "unknown: the clock was not set"
-
-
-def _duration(data: RunData) -> str:
-    summary = data.summary
-    held_s = sum(summary.held_s.values())
-    held = f", held {span(held_s)} of it" if held_s else ""
-    return f"{span(summary.lasted_s)}, armed {span(summary.armed_s)}{held}"
-
-
-def _way(data: RunData) -> str:
-    commanded_m = data.summary.commanded_m
-    commanded = "" if commanded_m is None else f", {commanded_m:.1f} m commanded"
-    return f"{data.summary.reckoned_m:.1f} m by dead reckoning{commanded}"
-
-
-def _where(data: RunData) -> str:
-    offset = data.summary.where.by_reckoning
-    if offset is None:
-        return "unknown: there was no heading"
-    start = "the start" if data.summary.where.from_start else "where the log begins"
-    place = f"{offset.distance_m:.0f} m from {start} at bearing {round(offset.bearing_deg) % 360}°"
-    return f"{place}, by dead reckoning{_partly(data)}"
-
-
-def _partly(data: RunData) -> str:
-    missing = data.damage.missing
-    records = "1 record is" if missing == 1 else f"{missing} records are"
-    return f"; {records} missing, so the path is only partly known" if missing else ""
+    yield "seed", "unknown" if data.summary.seed is None else f"{data.summary.seed}"
 
 
 def _goal(data: RunData) -> str:
@@ -135,7 +71,8 @@ def track_caption(data: RunData) -> str:
 
 def track_alt(data: RunData) -> str:
     """Say in words what the drawing of the way shows."""
-    return f"Map of the way: {_way(data)}; it ended {_where(data)}. {_anomalies(data)}"
+    where = "; ".join(where_lines(data.summary.where, data.damage.missing))
+    return f"Map of the way: {distance_line(data.summary)}; it ended {where}. {_anomalies(data)}"
 
 
 def forest_caption(data: RunData) -> str:
@@ -152,7 +89,7 @@ def forest_alt(data: RunData) -> str:
 
 def timeline_caption(unplaced: int) -> str:
     """Explain the time lines."""
-    left_out = f" {unplaced} labels found no room; the list of events has them." if unplaced else ""
+    left_out = f" {unplaced} kinds of events found no room; the list of events has them." if unplaced else ""
     return (
         "Colours behind the lines: what the rover did; white: it stood. The heading is drawn around the first goal, so "
         "that nothing jumps at north. Lines are thinned without losing an extreme, and broken where nothing is known; "
@@ -169,5 +106,4 @@ def timeline_alt(data: RunData) -> str:
 
 
 def _anomalies(data: RunData) -> str:
-    told = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in data.summary.anomalies.items())
-    return f"Anomalies: {told or 'none'}."
+    return f"Anomalies: {counted(data.summary.anomalies) or 'none'}."

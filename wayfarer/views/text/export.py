@@ -22,12 +22,14 @@ def export(run: Path, form: str, out: Path, *, overwrite: bool) -> Damage:
     try:
         if out.is_dir() or (out.exists() and not overwrite):
             raise BadInput(f"{out} is there already: name another file with --out, or replace a file with --force")
-        if form == "mcap":
-            from wayfarer.views.foxglove.mcap_file import export as export_mcap
+        with whole_file(out) as draft:
+            if form == "mcap":
+                from wayfarer.views.foxglove.mcap_file import write_mcap
 
-            return export_mcap(run, out).damage
-        with whole_file(out) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-            return write_table(run, form, file)
+                with draft.open("wb") as messages:
+                    return write_mcap(run, messages)
+            with draft.open("w", encoding="utf-8", newline="") as table:
+                return write_table(run, form, table)
     except OSError as error:
         raise BadInput(
             f"{out} cannot be written: {error.strerror}; check the folder, its rights and the disk"

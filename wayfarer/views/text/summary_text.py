@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Iterable, Iterator, Mapping
 
 from wayfarer.fieldlog.fields import local_time, span
 from wayfarer.fieldlog.reader import Damage
@@ -14,26 +15,32 @@ from wayfarer.views.text.wording import whole_deg
 
 def summary_text(run: str, summary: RunSummary, damage: Damage) -> str:
     """Return what became of a run, as lines; what there is nothing to tell of is left out."""
-    sections = (
+    return "\n".join(
+        f"{title if first else '':<11}{text}"
+        for title, texts in summary_facts(run, summary, damage)
+        for first, text in zip([True, *[False] * len(texts)], texts, strict=False)
+    )
+
+
+def summary_facts(run: str, summary: RunSummary, damage: Damage, *, utc: bool = False) -> list[tuple[str, list[str]]]:
+    """Return the titles of what there is to tell of a run, each with its lines; ``utc``: not in the local time."""
+    facts: list[tuple[str, Iterable[str]]] = [
         ("run", [run, _about(summary)]),
         ("outcome", [_outcome(summary)]),
-        ("where", list(_where(summary.where, damage.missing))),
-        ("time", list(_time(summary))),
-        ("distance", [_way(summary)]),
-        ("anomalies", [_counted(summary.anomalies)]),
+        ("where", where_lines(summary.where, damage.missing)),
+        ("time", _time(summary, utc=utc)),
+        ("distance", [distance_line(summary)]),
+        ("anomalies", [counted(summary.anomalies)]),
         ("escapes", [_escapes(summary)]),
         ("battery", [_battery(summary)]),
-        ("failures", [_counted({**_sensors(summary), **summary.failures})]),
-        ("by hand", list(_by_hand(summary))),
+        ("failures", [counted({**_sensors(summary), **summary.failures})]),
+        ("by hand", _by_hand(summary)),
         ("clock", [_clock(summary)]),
         ("ticks", [_ticks(summary)]),
         ("log", [_log(summary, damage)]),
-    )
-    return "\n".join(
-        f"{title if first else '':<11}{text}"
-        for title, texts in sections
-        for first, text in zip([True, *[False] * len(texts)], filter(None, texts), strict=False)
-    )
+    ]
+    told = ((title, list(filter(None, lines))) for title, lines in facts)
+    return [(title, lines) for title, lines in told if lines]
 
 
 def _about(summary: RunSummary) -> str:
@@ -51,8 +58,8 @@ def _outcome(summary: RunSummary) -> str:
     return f"{summary.reason}: {summary.text}" if summary.text else summary.reason
 
 
-def _where(where: LastPosition, missing: int) -> Iterator[str]:
-    """Say where to search; the receiver first, if there is one."""
+def where_lines(where: LastPosition, missing: int) -> Iterator[str]:
+    """Say where to search for the rover; the receiver first, if there is one."""
     fix = where.last_fix
     if fix is not None:
         error = "" if fix.error_m is None else f" (error {fix.error_m:.0f} m)"
@@ -70,24 +77,28 @@ def _offset(offset: RangeBearing) -> str:
     return f"{offset.distance_m:.0f} m at bearing {whole_deg(offset.bearing_deg)} degrees"
 
 
-def _time(summary: RunSummary) -> Iterator[str]:
-    yield f"{span(summary.lasted_s)} in all{_began(summary)}; armed for {span(summary.armed_s)}"
+def _time(summary: RunSummary, *, utc: bool) -> Iterator[str]:
+    yield f"{span(summary.lasted_s)} in all{_began(summary, utc=utc)}; armed for {span(summary.armed_s)}"
     yield from (f"held for {span(held_s, 1)} by {cause}" for cause, held_s in summary.held_s.items())
 
 
-def _began(summary: RunSummary) -> str:
+def _began(summary: RunSummary, *, utc: bool) -> str:
+    if utc and summary.began_wall_s is not None:
+        return time.strftime(" from %Y-%m-%d %H:%M:%S UTC", time.gmtime(summary.began_wall_s))
     if summary.began_wall_s is not None:
         return f" from {local_time(summary.began_wall_s, '%Y-%m-%d %H:%M:%S')}"
     return "" if summary.trial is not None else " (start time unknown: the clock was not set)"
 
 
-def _way(summary: RunSummary) -> str:
+def distance_line(summary: RunSummary) -> str:
+    """Say how far the rover went."""
     if summary.commanded_m is None:
         return ""
     return f"{summary.commanded_m:.1f} m commanded, {summary.reckoned_m:.1f} m by dead reckoning"
 
 
-def _counted(counts: Mapping[str, int]) -> str:
+def counted(counts: Mapping[str, int]) -> str:
+    """Return names with how often each was counted, the most frequent first."""
     told = [f"{what} {count}" for what, count in sorted(counts.items(), key=lambda item: -item[1]) if count]
     return ", ".join(told)
 
@@ -95,7 +106,7 @@ def _counted(counts: Mapping[str, int]) -> str:
 def _escapes(summary: RunSummary) -> str:
     if not summary.ticks:
         return ""
-    ran_out = _counted(summary.exhausted)
+    ran_out = counted(summary.exhausted)
     ended = f"; ran out: {ran_out}" if ran_out else ""
     return f"episodes {summary.episodes}, backed off {summary.recoveries}{ended}"
 
@@ -114,7 +125,7 @@ def _sensors(summary: RunSummary) -> dict[str, int]:
 
 def _by_hand(summary: RunSummary) -> Iterator[str]:
     asked = {"marks": len(summary.marks), "holds": summary.holds, "new goals": summary.goals}
-    yield _counted(asked)
+    yield counted(asked)
     yield from (f"{span(mark.at_s)} {mark.text}" for mark in summary.marks)
 
 

@@ -29,17 +29,14 @@ def readable(reader: RunReader) -> Iterator[Record]:
 class LogIntegrity(IntEnum):
     """How much of a log is left; the later, the worse."""
 
-    WHOLE = 0
-    REPAIRED = 1
+    COMPLETE = 0
+    PARTIAL = 1
     UNREADABLE = 2
 
     @property
     def exit_code(self) -> int:
         """0 for complete, 3 for partial, 1 for unreadable: as ``mcap recover`` has it."""
         return (0, 3, 1)[self]
-
-
-_WORDS = {LogIntegrity.WHOLE: "complete", LogIntegrity.REPAIRED: "partial", LogIntegrity.UNREADABLE: "unreadable"}
 
 
 class LogVerdict(NamedTuple):
@@ -50,9 +47,9 @@ class LogVerdict(NamedTuple):
     wrong: tuple[str, ...]
 
     def __str__(self) -> str:
-        readable = "" if self.integrity is LogIntegrity.WHOLE else "readable "
+        readable = "" if self.integrity is LogIntegrity.COMPLETE else "readable "
         records = f"{self.records} {readable}record{'' if self.records == 1 else 's'}"
-        return "; ".join([f"{_WORDS[self.integrity]}: {records}", *self.wrong])
+        return "; ".join([f"{self.integrity.name.lower()}: {records}", *self.wrong])
 
 
 def judge(run: Path) -> LogVerdict:
@@ -68,7 +65,7 @@ def judge(run: Path) -> LogVerdict:
     if not records:
         return LogVerdict(LogIntegrity.UNREADABLE, records, (_lost(reader.damage) or "it is empty",))
     wrong = tuple(filter(None, (_lost(reader.damage), "" if ended else NO_OUTCOME)))
-    return LogVerdict(LogIntegrity.REPAIRED if wrong else LogIntegrity.WHOLE, records, wrong)
+    return LogVerdict(LogIntegrity.PARTIAL if wrong else LogIntegrity.COMPLETE, records, wrong)
 
 
 def _lost(damage: Damage) -> str:

@@ -1,13 +1,4 @@
-// How numbers and names are written on the page.
-
-const PHASES = {
-  follow: "follows the goal",
-  probe: "feels its way back",
-  stride: "straight ahead",
-  back_off: "backs off",
-  turn_away: "turns away",
-  halt: "stands",
-};
+// How numbers and names are written on the page. The server puts PHASES, the texts of the phases, before this.
 
 const MODES = { disarmed: "Disarmed", arming: "Arming: step away", armed: "Armed", ended: "Ended" };
 

@@ -1,4 +1,4 @@
-"""Texts of the page for the names in the log. Pure."""
+"""What the names of phases, anomalies, levels and conditions in a log mean, in words for people. Pure."""
 
 from __future__ import annotations
 

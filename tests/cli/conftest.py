@@ -1,0 +1,18 @@
+"""Fixtures shared by the tests of the commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture
+def own_folders(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Keep away from daemons and calibrations of this machine; return the folder for sockets and state."""
+    folder = tmp_path_factory.mktemp("own")
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(folder))
+    monkeypatch.setattr("wayfarer.daemon.socket.paths.SYSTEM_FOLDER", folder / "none")
+    monkeypatch.setenv("HOME", str(folder))
+    monkeypatch.setenv("STATE_DIRECTORY", str(folder / "state"))
+    return folder

@@ -1,0 +1,80 @@
+"""Logs of a rover whose sensors all speak, and the pages made of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+from tests.views.text import records
+from tests.views.text.records import Record, event, numbered, outcome, record, write
+from wayfarer.views.run_report.run import write_run_report
+
+HEADER: Record = records.HEADER | {
+    "config": {
+        "control_hz": 20.0, "vehicle": {"max_speed_m_s": 1.0}, "rates": {"compass_hz": 20.0, "motion_hz": 20.0},
+        "detector": {"tilt_deg": 20.0}, "safety": {"tick_late_s": 0.2}, "board": {"battery_low_v": 11.0},
+    },
+}  # fmt: skip
+OUTCOME = outcome(4.0)
+ARMED = event("armed", 0.0, goal_heading_deg=0.0)
+WORLD: Record = {
+    "forest": 1, "noise": 0, "start_m": [25.0, 12.5], "heading_deg": 0.0, "goal_y_m": 50.0, "trunk_diameter_m": 0.3,
+    "tree_radius_m": 0.25, "trunks_m": [[20.0, 20.0, 30.0, 22.0, "across"]], "trees_m": [[5.0, 30.0]],
+}  # fmt: skip
+
+
+def tick(at_s: float, **changes: Any) -> Record:
+    """A tick of a rover that drives north at 1 m/s."""
+    t_s = 100.0 + at_s
+    usual: dict[str, Any] = {
+        "compass": {"t_s": t_s, "heading_deg": 0.0, "pitch_deg": 0.0, "roll_deg": 0.0, "calibration": 3},
+        "motion": {"t_s": t_s, "forward_m": 0.05, "right_m": 0.0, "quality": 0.9, "signed": True},
+        "pitch_deg": 1.0, "roll_deg": -1.0, "side": 1, "applied_left": 1.0, "applied_right": 1.0,
+    }  # fmt: skip
+    return records.tick(at_s, **usual | changes)
+
+
+def fix(at_s: float, north_m: float, error_m: float | None = 3.0) -> Record:
+    return record("position", at_s, latitude_deg=47.0 + north_m / 111_320.0, longitude_deg=8.0, error_m=error_m)
+
+
+def drive(ends_s: float = 4.0, begins_s: float = 0.0) -> list[Record]:
+    return [tick(0.05 * step) for step in range(round(20 * begins_s), round(20 * ends_s))]
+
+
+def episode() -> list[Record]:
+    """Two seconds of following, a bump, a turn, a probe, and following again."""
+    phases = [("follow", 40), ("back_off", 8), ("turn_away", 8), ("probe", 16), ("follow", 20)]
+    names = [phase for phase, count in phases for _ in range(count)]
+    ticks = [tick(0.05 * step, phase=phase) for step, phase in enumerate(names)]
+    ticks[40]["anomalies"] = ["immobilised", "nose_up"]
+    ticks[72]["why"] = "probe.realigned"
+    return ticks
+
+
+def without(all_records: Iterable[Record], first: int, end: int) -> list[Record]:
+    """Records with their numbers, and a part of them lost."""
+    found = numbered(all_records)
+    return found[:first] + found[end:]
+
+
+def write_log(folder: Path, all_records: Iterable[Record], tail: bytes = b"") -> Path:
+    """A log as the daemon writes it, which may end within a line."""
+    given = list(all_records)
+    write(folder, [{**each, **old} for each, old in zip(numbered(given), given, strict=True)])
+    with (folder / "run.jsonl").open("ab") as file:
+        file.write(tail)
+    return folder
+
+
+def page_of(tmp_path: Path, *all_records: Record, tail: bytes = b"") -> str:
+    return write_run_report(write_log(tmp_path / "00001-run", all_records, tail)).read_text(encoding="utf-8")
+
+
+def text_of(page: str) -> str:
+    """What a reader sees, without figures."""
+    bare = re.sub(r"<(style|svg)\b.*?</\1>", " ", page, flags=re.DOTALL)
+    return " ".join(unescape(re.sub(r"<[^>]+>", " ", bare)).split())
