@@ -1,7 +1,7 @@
 """The ``wayfarer`` command.
 
-Whatever the user gets wrong ends as one line on stderr and exit code 2. Every command imports what it needs
-when it runs, so that the light ones stay quick on a rover's small computer.
+A mistake of the user gives one line on stderr and exit code 2. Each command imports what it needs when it runs, so that
+the light ones are quick on a rover's small computer.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ app.command("install-service", rich_help_panel=ROVER)(commissioning.install_serv
 
 def main() -> None:
     """Run the command line and exit; the console entry point."""
-    if sys.stdout is None:  # it was closed: nobody wants to read
+    if sys.stdout is None:  # it was closed
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a mark in a script that this terminal does not know

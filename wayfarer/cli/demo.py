@@ -26,8 +26,8 @@ EXAMPLES = examples(
     "wayfarer demo --seed 44 --no-browser",
 )
 
-# Eight episodes, the worst of which turns by 190 degrees before it is unwound, and out after 104 to 115 s for all
-# noise seeds tried (12 runs): 18 s to watch at the speed below.
+# Six or seven episodes, and out after 110 to 185 s (5 runs; the noise differs in each): 18 to 31 s to watch at the
+# speed below.
 SEED = 22
 SPEED = 6.0
 ROVER = "sim"

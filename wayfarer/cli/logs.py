@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 POLL_S = 0.3  # how long a line waits until it is shown, at most
 STDOUT = Path("-")
 
-# How terminals number their colours, by the tone of a line: they follow the terminal's own scheme, dark or light.
+# The terminal's colours (SGR codes), by the tone of a line; they follow the user's colour scheme.
 COLOURS = {"quiet": "2", "phase": "36", "person": "1", "warning": "33", "fault": "1;31", "end": "1;32"}
 
 EXAMPLES = examples(
@@ -65,7 +65,7 @@ def list_runs(*, logs: Logs = None) -> None:
     if not found:
         raise BadInput(f"{folder} holds no run; say where runs are logged with --logs DIR")
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    with _whoever_reads():
+    with _until_closed():
         print("\n".join(lines(found, width)))
 
 
@@ -91,7 +91,7 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
             waits_for = ""
         Event().wait(POLL_S)  # there is no event loop that sleeping could hold up
 
-    with suppress(KeyboardInterrupt), _whoever_reads():
+    with suppress(KeyboardInterrupt), _until_closed():
         for path, record in follow_records(folder, chosen, wait):
             if path != told:
                 told, narrator = path, RunNarrator()
@@ -116,7 +116,7 @@ def show(
 
     narrator, ended = RunNarrator(ticks=ticks), False
     reader = RunReader(find_run(run, log_folder(logs)))
-    with _whoever_reads():
+    with _until_closed():
         for record in readable(reader):
             _tell(narrator.take(record))
             ended = record["record"] == "outcome"
@@ -151,7 +151,7 @@ def summary(
         from wayfarer.views.text.summary_text import summary_text
 
         text = summary_text(title, found, reader.damage)
-    with _whoever_reads():
+    with _until_closed():
         print(text)
 
 
@@ -175,7 +175,7 @@ def check(
     for run in [find_run(name, folder) for name in runs or ["last"]]:
         verdict = judge(run)
         verdicts.append(verdict)
-        with _whoever_reads():
+        with _until_closed():
             print(f"{_titled(run)}: {verdict}")
     raise typer.Exit(max(verdict.integrity for verdict in verdicts).exit_code)
 
@@ -210,7 +210,7 @@ def export(
             raise BadInput("mcap is no text for a terminal: name a file with --out, or leave it out")
         require("Foxglove")
     if out == STDOUT:
-        with _whoever_reads():
+        with _until_closed():
             _tell_damage(write_table(found, form.value, sys.stdout))
         return
     file = out or Path(f"{_titled(found)}.{form.value}")
@@ -271,8 +271,8 @@ def _painted(text: str, tone: str) -> str:
 
 
 @contextmanager
-def _whoever_reads() -> Iterator[None]:
-    """End quietly when nobody reads any more, as behind ``head``."""
+def _until_closed() -> Iterator[None]:
+    """End without an error when the output is closed, as by ``head``."""
     try:
         yield
         sys.stdout.flush()

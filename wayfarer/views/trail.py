@@ -10,13 +10,13 @@ Point = tuple[float, float, str]  # metres east and north, and the phase in whic
 
 
 class Trail:
-    """Keeps points at least a spacing apart; when they are too many every other one goes, and the spacing doubles.
+    """Points of a path, at least a spacing apart; when there are too many, every other one is dropped.
 
-    So a way that is twice as long is drawn half as finely.
+    Then the spacing doubles, so that a path twice as long is drawn half as finely.
 
     Args:
-        most: points to keep; ``thin`` sees to that.
-        spacing_m: their distance at first.
+        most: the number of points after ``thin``.
+        spacing_m: the spacing at first.
     """
 
     def __init__(self, most: int, spacing_m: float) -> None:

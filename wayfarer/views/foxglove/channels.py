@@ -36,12 +36,12 @@ from wayfarer.views.foxglove.scene import (
     transform,
 )
 
-# What is raised by a record that is JSON but not as its schema says: mended by hand, or of another's making.
+# Raised by a record that is JSON but not as the schema says: edited by hand, or written by another program.
 ODD = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 SECOND_NS = 1_000_000_000
 LATEST_S = 2.0**32 - 1.0  # in the year 2106, where the SDK's times end
 
-# The SDK complains through Python's logging, of a viewer that went away for instance; unasked that would be printed.
+# The SDK logs through Python's logging, for instance when a viewer disconnects; by default that would be printed.
 logging.getLogger("foxglove").addHandler(logging.NullHandler())
 
 
@@ -53,7 +53,7 @@ class MessageTime(NamedTuple):
 
 
 class SdkChannel(Protocol):
-    """What is used here of the SDK's channels, which have no base in common."""
+    """The methods used of the SDK's channels, which have no common base class."""
 
     def has_sinks(self) -> bool:
         """Return whether a file, or any viewer, takes this channel."""
@@ -69,8 +69,8 @@ Row = list[tuple[SdkChannel, Make]]
 class Channels:
     """The channels of one run, fed with its records in their order.
 
-    A message is only made where somebody takes it. Whatever is in a record, no method raises: what cannot be understood
-    gives no message.
+    A message is only made for a channel that a file or a viewer takes. No method raises because of the content of a
+    record: one that cannot be understood gives no message.
 
     Args:
         context: the SDK's; a file or a server that is opened on it gets the messages.
@@ -126,7 +126,7 @@ class Channels:
             yield Log(timestamp=at.stamp, level=note.level, name=note.name, message=note.text)
 
     def _longer_path(self, frame: str, record: Record, at: MessageTime) -> Iterator[SceneUpdate]:
-        if self._places.drawn_anew(frame, record["t_s"]):
+        if self._places.is_due(frame, record["t_s"]):
             yield from self._path(frame, record, at)
 
     def _path(self, frame: str, _record: Record, at: MessageTime) -> Iterator[SceneUpdate]:
@@ -135,7 +135,7 @@ class Channels:
 
 
 def _send(row: Row, record: Record, time_s: float) -> None:
-    """Send what a row of channels makes of a record; one that cannot does not keep the others from it."""
+    """Send a record on a row of channels; an error of one does not affect the others."""
     at = _moment(time_s)
     for channel, make in row:
         with suppress(*ODD):

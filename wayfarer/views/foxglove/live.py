@@ -21,9 +21,9 @@ IN_USE = "Address already in use"
 class FoxgloveLive:
     """Shows a run to Foxglove; implements ``daemon.viewer.Viewer``.
 
-    The server's own threads send; a viewer that is too slow loses messages and never holds anything up. It offers
-    viewers no way to say anything to the rover, and sends nothing to anybody else. A viewer's time is the rover's: in
-    the field that clock may be hours off, and poses from a viewer's future would not be drawn.
+    The server's threads send, so a slow viewer loses messages and delays nothing. Viewers cannot send anything to the
+    rover. They are sent the rover's time as well: its clock may be hours off in the field, and Foxglove would not draw
+    poses from its own future.
 
     Args:
         host: the address to listen at; anybody who can reach it can watch.

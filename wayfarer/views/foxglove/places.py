@@ -46,8 +46,8 @@ class Places:
                 return place
         return None
 
-    def drawn_anew(self, frame: str, t_s: float) -> bool:
-        """Return whether a path has grown and was not drawn for a while; from then on it counts as drawn."""
+    def is_due(self, frame: str, t_s: float) -> bool:
+        """Return whether a path has grown and is due to be drawn; then it counts as drawn."""
         due = self._grown[frame] and t_s >= self._drawn_s[frame] + DRAW_EVERY_S
         if due:
             self._drawn_s[frame] = t_s

@@ -1,9 +1,9 @@
 """Access control: host, origin and token checks. Pure: a request comes in, a refusal or nothing out.
 
-On the rover's own computer everybody may; others need the token that is in the address printed at the start. What
-remains to be kept out are web pages from elsewhere, which make the browser of somebody who may send what they like: a
-page on another site, told apart by ``Origin``, and one whose name was made to lead here (DNS rebinding), told apart by
-``Host``. A proxy would make everybody look local: none is supported.
+A viewer on the rover's own computer needs no token; others need the token in the address that is printed at the start.
+Web pages of other sites, which could send requests from an allowed viewer's browser, are refused: a page on another
+site by its ``Origin``, a name that was made to point here (DNS rebinding) by its ``Host``. No proxy is supported,
+because behind one every viewer would look local.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ OF_PROXIES = ("Forwarded", "Via", "X-Forwarded-For", "X-Real-IP")
 
 
 class Access:
-    """Judges requests. ``token`` is what those must know who are not on this computer."""
+    """Checks requests. Viewers on other computers must give ``token``."""
 
     def __init__(self, token: str) -> None:
         self._token = _bytes(token)
 
     def check_page(self, peer: str, headers: Mapping[str, str], token: str) -> None:
-        """Let somebody see the page, who gave ``token``, perhaps empty.
+        """Allow a request for the page; ``token`` is what it gave, perhaps empty.
 
         Raises:
             Refused: the text says why.
@@ -42,10 +42,10 @@ class Access:
             )
 
     def check_socket(self, peer: str, headers: Mapping[str, str], token: str) -> None:
-        """Let a page connect.
+        """Allow a WebSocket connection.
 
         Raises:
-            Refused: as ``check_page``, or the page is not this server's own.
+            Refused: as ``check_page``, or it does not come from this server's page.
         """
         self.check_page(peer, headers, token)
         if headers.get("Origin") != f"http://{headers.get('Host')}":
@@ -53,7 +53,7 @@ class Access:
 
 
 def is_local(peer: str) -> bool:
-    """Tell whether an address is this computer's own for itself; what is no address is not."""
+    """Return whether an address is a loopback address; a text that is no address is not."""
     try:
         address = ip_address(peer.partition("%")[0])
     except ValueError:

@@ -1,9 +1,9 @@
 """Sends a run to many viewers; a slow viewer delays neither another one nor the rover.
 
-Nothing is queued for anybody. There is one short memory of news for all, and the newest state; each viewer is a place
-in that memory, and is sent what it lacks once it has acknowledged what it was sent before. So a viewer with a slow
-connection gets every piece of news but fewer states, never old ones; one that lacks more than the memory holds gets
-everything again; and one that acknowledges nothing is dropped.
+No viewer has a queue. All share one short list of news and the newest state, and each viewer has a position in that
+list. It is sent what it lacks once it has acknowledged earlier messages. So a viewer with a slow connection gets every
+piece of news but fewer states, and never an old state. One that lacks more than the list holds gets everything again.
+One that acknowledges nothing is dropped.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ
 
 
 class ViewerLimits(NamedTuple):
-    """What viewers may use up; seconds are the clock's."""
+    """Bounds on what viewers use; seconds of the wall clock."""
 
     viewers: int = 16
     connections: int = 32  # viewers, and clients that are only being served the page
-    handshake_s: float = 10.0  # from connecting to looking on
+    handshake_s: float = 10.0  # from the connection to the end of the handshake
     message_bytes: int = 8_192
     news: int = 300  # half a minute at the full rate
     unseen: int = 3  # messages under way to one viewer
@@ -31,7 +31,7 @@ class ViewerLimits(NamedTuple):
     requests: int = ASKED_AT_ONCE  # of one viewer, but for those that stop the wheels: each is written into the log
     requests_hz: float = ASKED_HZ
     silent_s: float = 10.0  # until a viewer that acknowledges nothing is dropped
-    end_s: float = 0.3  # for last words: the run must have ended 2 s after it was told to
+    end_s: float = 0.3  # for the last messages: a run must end within 2 s
 
 
 LIMITS = ViewerLimits()
@@ -44,11 +44,11 @@ class TooSlow(Exception):
 
 
 class Broadcaster:
-    """What all viewers are told; each piece is encoded once.
+    """News and states for all viewers; each is encoded once.
 
     Args:
-        snapshot: gives everything that a new viewer must know; it may tell news while it does.
-        limits: what viewers may use up.
+        snapshot: returns everything that a new viewer needs; it may call ``tell``.
+        limits: bounds on what viewers use.
     """
 
     def __init__(self, snapshot: Callable[[], Any], limits: ViewerLimits) -> None:
@@ -60,7 +60,7 @@ class Broadcaster:
         self.state = ""
 
     def tell(self, news: dict[str, Any], state: dict[str, Any]) -> None:
-        """Tell everybody; ``news`` may be empty."""
+        """Send to all viewers; ``news`` may be empty."""
         if news:
             self._news.append(_encoded(news=news))
             self.pieces += 1
@@ -70,18 +70,18 @@ class Broadcaster:
             viewer.wake()
 
     def since(self, pieces: int | None) -> list[str]:
-        """Return the news after so many pieces; everything, for a viewer that knows nothing, or too little."""
+        """Return the news after the first ``pieces`` of it, or a snapshot where that is not possible."""
         if pieces is not None and self.pieces - pieces <= len(self._news):
             return list(self._news)[len(self._news) - (self.pieces - pieces) :]
         return [_encoded(snapshot=self._snapshot())]
 
 
 class PageViewer:
-    """One of the audience.
+    """One viewer, and how much it has been sent.
 
     Args:
-        broadcaster: what it looks at.
-        send: sends it a text; waits where the connection is full.
+        broadcaster: where news and states come from.
+        send: sends it a text; waits while the connection is full.
         silent_s: how long it may acknowledge nothing, in seconds of the loop.
         unseen: how many messages may be under way.
     """
@@ -99,11 +99,11 @@ class PageViewer:
         self._sent = self._seen = 0
 
     def wake(self) -> None:
-        """Have it look whether there is something new."""
+        """Check for something new."""
         self._awake.set()
 
     def acknowledge(self, seen: object) -> None:
-        """Take how many messages it says that it has seen."""
+        """Take the number of messages that the page says it has seen."""
         if isinstance(seen, int) and self._seen < seen <= self._sent:
             self._seen = seen
             self._since_s = asyncio.get_running_loop().time()
@@ -111,13 +111,13 @@ class PageViewer:
             self.wake()
 
     async def catch_up(self) -> None:
-        """Wait until it has acknowledged all there is."""
+        """Wait until everything is acknowledged."""
         while self._states != self._broadcaster.states or self._seen != self._sent:
             self._heard.clear()
             await self._heard.wait()
 
     async def follow(self) -> None:
-        """Send what is new, for ever.
+        """Send what is new, until cancelled.
 
         Raises:
             TooSlow: it takes nothing, or acknowledges nothing.

@@ -1,8 +1,7 @@
 """One viewer's connection: sends updates, and receives a few commands.
 
-What it asks for goes the way of the control socket's requests. Arming is not among it: wheels must not start from a
-web page. Nor do they go on from a page that shows how things were: a request may have waited, in a network or for a
-blocked daemon, until the viewer has gone.
+Requests are handled as those of the control socket. A page cannot arm: wheels must not start from a web page. Nor can
+an old page resume: the request may have waited in a network, or for a blocked daemon, until the viewer has gone.
 """
 
 from __future__ import annotations
@@ -20,14 +19,14 @@ from wayfarer.errors import WayfarerError
 from wayfarer.views.live.broadcaster import PageViewer, TooSlow, ViewerLimits
 
 VERBS = ("hold", "resume", "stop", "mark")
-STOPPING = ("hold", "stop")  # are done for every viewer, and at any rate
+STOPPING = ("hold", "stop")  # never limited
 SHOWN = "state_t_s"  # which state the page shows; to resume needs it
 
 _bugs = logging.getLogger("wayfarer.views.live")
 
 
 class ClientSession:
-    """Speaks with one viewer.
+    """The connection of one viewer.
 
     Args:
         socket: its connection.
@@ -53,7 +52,7 @@ class ClientSession:
         self._rate_limiter = RateLimiter(limits.requests, limits.requests_hz / speed)
 
     async def run(self) -> None:
-        """Speak until the viewer goes away, or has to."""
+        """Serve until the viewer leaves or is disconnected."""
         following = asyncio.create_task(self._follow(), name="live viewer")
         try:
             async for message in self._socket:
@@ -69,7 +68,7 @@ class ClientSession:
             await asyncio.gather(following, return_exceptions=True)
 
     async def end(self, why: str) -> None:
-        """Say goodbye."""
+        """Close the connection."""
         with suppress(ConnectionError, RuntimeError):  # it is gone already, or has not quite come
             await self._socket.close(code=WSCloseCode.GOING_AWAY, message=why.encode())
 

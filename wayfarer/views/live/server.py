@@ -38,11 +38,11 @@ class LivePage:
     ``url`` is the address to open, and ``watched`` is set once somebody opens the page.
 
     Args:
-        host: the address to serve at; peers from anywhere but this computer need the token.
+        host: the address to serve at; viewers on other computers need the token.
         port: 0 takes any that is free.
-        token: what they must know; make a new one at each start.
+        token: make a new one at each start.
         speed: how many seconds of the loop pass in one of the clock's.
-        limits: what viewers may use up.
+        limits: bounds on what viewers use.
 
     Raises:
         BadInput: the port cannot be had.
@@ -66,7 +66,7 @@ class LivePage:
         self._routes = {"/": self._answer_page, "/ws": self._answer_socket}
 
     def close(self) -> None:
-        """Let go of the port, for a page that was never served. Safe twice."""
+        """Release the port of a page that was never served. Safe twice."""
         self._socket.close()
 
     def show(self, record: Record) -> None:
@@ -76,7 +76,7 @@ class LivePage:
 
     @asynccontextmanager
     async def serving(self, commands: Commands) -> AsyncIterator[None]:
-        """Serve while entered; see ``PageViewer``. What was shown last still goes out at the end."""
+        """Serve while entered; see ``PageViewer``. The last records are still sent at the end."""
         self._commands = commands
         loop = asyncio.get_running_loop()
         self._http = web.Server(self._answer, access_log=None, logger=_clients, lingering_time=0.0)
@@ -113,7 +113,7 @@ class LivePage:
         return self._model.snapshot()
 
     async def _end(self) -> None:
-        """Tell how it ended, and let everybody go; each of the three has its time."""
+        """Send the last news and close all connections; each of the three steps has a time limit."""
         self._tell()
         limit_s = self._limits.end_s * self._speed
         with suppress(TimeoutError):
@@ -129,9 +129,9 @@ class LivePage:
     # -- connections ---------------------------------------------------------------------------------------------
 
     def _meet(self) -> asyncio.Protocol:
-        """Return what serves a new connection; it must have become a viewer's in time.
+        """Return what serves a new connection, which must become a viewer's within ``handshake_s``.
 
-        Where all places are taken it gets that of the oldest which is no viewer's.
+        If all places are taken, the oldest connection that is not a viewer's is closed for it.
         """
         taken = [each for each in self._http.connections if each.transport and not each.transport.is_closing()]
         if len(taken) >= self._limits.connections:

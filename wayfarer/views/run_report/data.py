@@ -1,7 +1,6 @@
 """The data of a run's report, read from its log in a single pass (``run_reading``).
 
-Times are seconds since the first record. A number that is not known is NaN, so that a line that is drawn of it has a
-gap there.
+Times are seconds since the first record. An unknown number is NaN, which is a gap in a line.
 """
 
 from __future__ import annotations

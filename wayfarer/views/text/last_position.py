@@ -13,7 +13,7 @@ from wayfarer.fieldlog.reader import Record
 
 @dataclass(frozen=True, slots=True)
 class RangeBearing:
-    """A place as people walk to it: so far from the start, in degrees clockwise from north."""
+    """Distance and bearing of a place from the start; degrees clockwise from north."""
 
     distance_m: float
     bearing_deg: float
@@ -21,7 +21,7 @@ class RangeBearing:
 
 @dataclass(frozen=True, slots=True)
 class ReceiverFix:
-    """A position from the receiver; ``error_m`` is None where it does not tell."""
+    """A position from the receiver; ``error_m`` is None where it is unknown."""
 
     t_s: float
     latitude_deg: float
@@ -31,12 +31,11 @@ class ReceiverFix:
 
 @dataclass(frozen=True, slots=True)
 class LastPosition:
-    """Where the rover is at the end of its log; None is not known.
+    """Where the rover is at the end of its log; None: unknown.
 
-    ``by_reckoning`` counts from where it was first armed if ``from_start``, else from where the log begins; its bearing
-    is from magnetic north, and it grows worse with the way and with every record that is missing.
-    ``by_receiver`` counts from the first fix, its bearing from true north; ``fix_age_s`` is how long before the end the
-    last fix was.
+    ``by_reckoning`` is relative to where the rover was first armed if ``from_start``, else to where the log begins. Its
+    bearing is from magnetic north; its error grows with the distance and with each missing record. ``by_receiver`` is
+    relative to the first fix, with its bearing from true north. ``fix_age_s`` is the time from the last fix to the end.
     """
 
     by_reckoning: RangeBearing | None = None
@@ -57,12 +56,12 @@ class PositionTracker:
         self._last_fix: ReceiverFix | None = None
 
     def starts(self) -> None:
-        """Note that the rover is armed: the first time, it stands where its people are."""
+        """Note that the rover is armed; the place of the first time is the start."""
         if self._from_start is None:
             self._from_start, self._start = True, self._place
 
     def begins_late(self) -> None:
-        """Note that the log's first part is gone: where the rover is armed from now on need not be where it set out."""
+        """Note that the first part of the log is missing: the place of the next arming need not be the start."""
         if self._from_start is None:
             self._from_start = False
 

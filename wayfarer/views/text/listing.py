@@ -14,7 +14,7 @@ from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.reader import Record, RunReader, log_segments, read_header
 from wayfarer.views.text.wording import marks
 
-ALIVE_S = 5.0  # a log that was written to so recently has no outcome because its run still goes on
+ALIVE_S = 5.0  # a log without an outcome that was written to so recently is of a run that goes on
 
 
 class RunRow(NamedTuple):

@@ -27,7 +27,7 @@ class Periods:
         self.late = 0
 
     def interrupted(self) -> None:
-        """Note that records are missing before the next tick: nobody knows how many ticks there were."""
+        """Note that records are missing before the next tick: the number of ticks there is unknown."""
         self._t_s = None
 
     def take(self, t_s: float) -> None:

@@ -42,7 +42,7 @@ class Line(NamedTuple):
 
 
 class RunNarrator:
-    """Tells a run, record by record.
+    """Turns the records of a run into lines.
 
     Args:
         ticks: tell every control tick, instead of changes of phase and a status now and then.
@@ -74,7 +74,7 @@ class RunNarrator:
         }
 
     def take(self, record: Record) -> list[Line]:
-        """Return the lines that a record is worth; most are worth none."""
+        """Return the lines for a record; most records have none."""
         t_s = record["t_s"]
         if self._began_s is None:
             self._began_s = t_s
@@ -82,7 +82,7 @@ class RunNarrator:
         return [Line(t_s - self._began_s, text, tone) for text, tone in told]
 
     def _gap(self, record: Record) -> Told:
-        """Tell of numbers that were left out, unless the log itself has just said so."""
+        """Report missing record numbers, unless a ``log_gap`` has just reported them."""
         count, before = whole(record, "n"), self._number
         if count is not None:
             missing = 0 if before is None else count - before - 1

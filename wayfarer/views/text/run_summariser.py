@@ -28,7 +28,7 @@ def summarise(records: Iterable[Record]) -> RunSummary:
 
 
 class RunSummariser:
-    """What a run's records come to."""
+    """Takes the records of a run and returns its summary."""
 
     def __init__(self) -> None:
         self._header: Record = {}

@@ -11,7 +11,7 @@ from wayfarer.views.text.periods import PeriodPercentiles
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A person's note, so many seconds after the beginning."""
+    """A person's note; ``at_s`` is the time since the beginning."""
 
     at_s: float
     text: str
@@ -28,17 +28,17 @@ class LowBattery:
 
 @dataclass(frozen=True, slots=True)
 class RunSummary:
-    """What came of a run; what its log does not tell is None, or not counted: without a header ``simulated``, too.
+    """The summary of a run; a value that its log does not have is None (without a header also ``simulated``).
 
-    ``trial`` is the number of a simulated trial, which has virtual time and no ``began_wall_s``. Times are
-    seconds: ``lasted_s`` from the first record to the last, ``armed_s`` of it with wheels that may turn,
-    ``held_s`` of that with wheels held, by cause. ``commanded_m`` is what the wheels were told and
-    ``reckoned_m`` what dead reckoning saw of it, both forwards and backwards counted up.
+    ``trial`` is the number of a simulated trial, which has virtual time and no ``began_wall_s``. ``lasted_s`` is from
+    the first record to the last, ``armed_s`` the part of it while armed, ``held_s`` the part of that with the wheels
+    held, by cause. ``commanded_m`` is the commanded distance and ``reckoned_m`` that of dead reckoning, both forwards
+    and backwards added up.
 
-    ``anomalies`` counts beginnings by kind, ``episodes`` is over all missions of the run, ``recoveries`` is how often
-    the rover backed off, ``exhausted`` counts phases that ran out. ``late_ticks`` came later than the rover file's
-    ``tick_late_s`` after the tick before. ``sensor_failures`` counts by sensor, ``failures`` the other events of that
-    kind by name. ``dropped`` is how many records the log itself says it could not write.
+    ``anomalies`` counts beginnings by kind, ``episodes`` those of all missions, ``recoveries`` how often the rover
+    backed off, ``exhausted`` the phases that reached their bound. ``late_ticks`` came more than ``tick_late_s`` of the
+    rover file after the tick before. ``sensor_failures`` is by sensor, ``failures`` by name of the event.
+    ``dropped`` counts the records that could not be written.
     """
 
     rover: str | None

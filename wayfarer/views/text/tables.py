@@ -2,8 +2,8 @@
 
 ``csv_rows`` has flat columns with units. Columns of ``tick`` keep their names, readings are flattened
 (``compass_heading_deg``), and what other records say stands in the row of the first tick after it, under the record's
-name (``board_battery_v``, ``truth_x_m``); events are joined in ``event``. What came after the last tick has a last row
-by itself, with the other columns empty.
+name (``board_battery_v``, ``truth_x_m``); events are joined in ``event``. Records after the last tick are in one more
+row.
 
 ``tsv_rows`` has the six columns of the log that the paper's released code writes, in its formats and without a
 header: time of day, left and right duty, heading, and two of the flow sensor. Those two are empty, because this log has
@@ -82,7 +82,7 @@ def _rows(records: Iterable[Record]) -> Iterator[Cells]:
 
 
 class _Sheet:
-    """Gathers what belongs into the row of the next tick."""
+    """Collects what belongs in the row of the next tick."""
 
     def __init__(self) -> None:
         self._track: DeadReckoning | None = None

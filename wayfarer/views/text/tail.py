@@ -1,6 +1,6 @@
 """Follows a run while it is written: into the next file of its log, and into the next run.
 
-Files are read as they grow; nothing is locked, and the writer notices nothing. A line counts once its end is there.
+Files are read as they grow, without locks. A line counts once its end is written.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def follow(logs: Path, run: Path | None, wait: Callable[[], None]) -> Iterator[t
 
     Args:
         logs: the folder of all runs.
-        run: follow this one to its outcome; None follows the newest, and whatever runs begin after it, for ever.
+        run: follow this one to its outcome; None follows the newest and each later run, without end.
         wait: waits a moment for more.
 
     Raises:
