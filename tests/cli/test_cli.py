@@ -191,7 +191,7 @@ BAD_INPUT = {
 def test_bad_input_is_one_line_exit_code_2_and_leaves_no_output_folder(
     run: Run, tmp_path: Path, arguments: list[str], says: str
 ) -> None:
-    folder = [] if "--resume" in arguments or arguments[0] != "sim" else ["--out", tmp_path / "out"]
+    folder = [] if {"--resume", "--trial", "smi"} & set(arguments) else ["--out", tmp_path / "out"]
     code, out, err = run(*arguments, *folder)
     assert (code, out) == (2, "")
     assert err.startswith("wayfarer: ")

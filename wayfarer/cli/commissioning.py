@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -13,13 +13,14 @@ from wayfarer.cli.options import Config, Logs, log_folder
 from wayfarer.cli.rover import chosen
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Awaitable, Callable, Iterable
 
     from wayfarer.commissioning.checks import Finding, HostEnvironment
-    from wayfarer.config.calibration_file import Calibration
     from wayfarer.config.rover_file import RoverConfig
+    from wayfarer.hal import Rover
 
 NOT_READY = 1
+T = TypeVar("T")
 
 
 class CalibrationStep(StrEnum):
@@ -43,24 +44,9 @@ def check(
     from wayfarer.cli import terminal
     from wayfarer.commissioning.checks import check as look
     from wayfarer.commissioning.checks import passed
-    from wayfarer.config.factory import connect
-    from wayfarer.config.rover_file import load_rover
 
-    where = chosen(config)
-    loaded = load_rover(where)
-    host = _host(loaded, log_folder(logs))
-    person = terminal.Terminal()
-    ask = person.ask if terminal.is_there() and not as_json else None
-
-    async def run() -> list[Finding]:
-        buses, rover = connect(loaded, where, _stored(host))
-        try:
-            return await look(loaded, rover, host, ask)
-        finally:
-            await buses.close()
-
-    with _no_daemon(), _own_motors(loaded):
-        findings = terminal.with_a_person(run)
+    ask = terminal.Terminal().ask if terminal.is_there() and not as_json else None
+    findings = _at_the_rover(config, logs, lambda loaded, rover, host: look(loaded, rover, host, ask), calibrated=True)
     if as_json:
         import json
 
@@ -81,25 +67,17 @@ def calibrate(
     from wayfarer.cli import terminal
     from wayfarer.commissioning.calibrate import STEPS
     from wayfarer.commissioning.calibrate import calibrate as guide
-    from wayfarer.config.factory import connect
-    from wayfarer.config.rover_file import load_rover
     from wayfarer.errors import BadInput
 
     if not terminal.is_there():
         raise BadInput("calibrating asks questions: run it in a terminal")
-    where = chosen(config)
-    loaded = load_rover(where)
-    host = _host(loaded, log_folder(None))
-
-    async def run() -> Calibration:
-        buses, rover = connect(loaded, where)
-        try:
-            return await guide(loaded, rover, host, terminal.Terminal(), [step.value for step in steps or ()] or STEPS)
-        finally:
-            await buses.close()
-
-    with _no_daemon(), _own_motors(loaded):
-        terminal.with_a_person(run)
+    person = terminal.Terminal()
+    _at_the_rover(
+        config,
+        None,
+        lambda loaded, rover, host: guide(loaded, rover, host, person, [step.value for step in steps or ()] or STEPS),
+        calibrated=False,
+    )
 
 
 def install_service(
@@ -124,6 +102,37 @@ def install_service(
     install.install(rover, root)
 
 
+def _at_the_rover(
+    config: str | None,
+    logs: Path | None,
+    work: Callable[[RoverConfig, Rover, HostEnvironment], Awaitable[T]],
+    *,
+    calibrated: bool,
+) -> T:
+    """Work with a rover's parts, as they were calibrated or not; a person may be asked, and no daemon may run."""
+    from wayfarer.cli import terminal
+    from wayfarer.config.calibration_file import load
+    from wayfarer.config.factory import UNCALIBRATED, connect
+    from wayfarer.config.rover_file import load_rover
+    from wayfarer.daemon.motors_lock import MotorsLock, motors_device
+    from wayfarer.daemon.socket.paths import SingleDaemon, daemon_socket
+
+    where = chosen(config)
+    loaded = load_rover(where)
+    host = _host(loaded, log_folder(logs))
+
+    async def run() -> T:
+        buses, rover = connect(loaded, where, load(host.calibration_file) if calibrated else UNCALIBRATED)
+        try:
+            return await work(loaded, rover, host)
+        finally:
+            await buses.close()
+
+    # Two programs on one bus corrupt each other's answers; a daemon on another socket is found by its motors.
+    with SingleDaemon(daemon_socket()), MotorsLock(motors_device(loaded)):
+        return terminal.with_a_person(run)
+
+
 def _print(findings: Iterable[Finding]) -> None:
     for finding in findings:
         print(f"{finding.verdict.value:<8}{finding.name}: {finding.found}")
@@ -144,23 +153,3 @@ def _host(config: RoverConfig, logs: Path) -> HostEnvironment:
     if config.buses != "linux":
         devices = ()  # somebody else's buses, with names of their own
     return HostEnvironment(logs, calibration_file(os.environ, Path.home()), devices, wall_clock(0.0))
-
-
-def _stored(host: HostEnvironment) -> Calibration:
-    from wayfarer.config.calibration_file import load
-
-    return load(host.calibration_file)
-
-
-def _no_daemon() -> Any:
-    """Keep a daemon from running at the same time: two programs on one bus corrupt each other's answers."""
-    from wayfarer.daemon.socket.paths import SingleDaemon, daemon_socket
-
-    return SingleDaemon(daemon_socket())
-
-
-def _own_motors(config: RoverConfig) -> Any:
-    """Keep away from the bus of a daemon on another socket: the service's, or another user's."""
-    from wayfarer.daemon.motors_lock import MotorsLock, motors_device
-
-    return MotorsLock(motors_device(config))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tests.views.text import records
-from tests.views.text.records import Record
+from wayfarer.fieldlog.reader import Record
 
 HEADER: Record = records.HEADER | {
     "rover": "forestrover",

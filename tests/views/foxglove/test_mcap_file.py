@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 
 from tests.views.foxglove.logs import HEADER, of_kind, stamped, tick
 from tests.views.foxglove.readers import Exported, read
-from tests.views.text.records import Record, write
+from tests.views.text.records import write
 from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import Anomaly
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.dead_reckoning import DeadReckoning
-from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views.foxglove.mcap_file import write_mcap
 

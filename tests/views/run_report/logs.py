@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from tests.views.text import records
-from tests.views.text.records import Record, event, numbered, outcome, record, write
+from tests.views.text.records import event, numbered, outcome, record, write
+from wayfarer.fieldlog.reader import Record
 from wayfarer.views.run_report.run import write_run_report
 
 HEADER: Record = records.HEADER | {

@@ -20,7 +20,8 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from tests.views.run_report.logs import HEADER, WORLD, drive, episode, fix, tick, without, write_log
-from tests.views.text.records import Record, event, record
+from tests.views.text.records import event, record
+from wayfarer.fieldlog.reader import Record
 from wayfarer.simhal.world.forest_file import from_row
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.drawing import house_style, save

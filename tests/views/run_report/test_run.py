@@ -24,10 +24,10 @@ from tests.views.run_report.logs import (
     without,
     write_log,
 )
-from tests.views.text.records import Record, event, record
+from tests.views.text.records import event, record
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.views.run_report import drawing, words
 from wayfarer.views.run_report.run import write_run_report
 from wayfarer.views.text.run_summariser import summarise
