@@ -199,7 +199,7 @@ def _report(run: Path) -> str:
 REPORT = Target(
     "report",
     [f"wayfarer.views.run_report.{part}" for part in ("run", "map", "marks", "panels", "tables", "timeline", "track",
-     "words", "labels", "series", "position")],
+     "words", "event_rows", "series", "position")],
     lambda kept: logs_of(KINDS, kept),
     lambda: _runs(_report),
     quick=2,
