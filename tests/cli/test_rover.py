@@ -29,6 +29,7 @@ from wayfarer.daemon.daemon import Service
 from wayfarer.daemon.motors_lock import MotorsLock
 from wayfarer.daemon.socket.paths import SingleDaemon, daemon_socket
 from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chip_wiring import ChipWiring
@@ -332,6 +333,24 @@ def test_rover_is_run_as_it_was_calibrated_to_turn_and_the_simulated_one_is_not(
     assert real.turn_from_duty == 0.34
     assert real.track_m == pytest.approx(2.0 * 1.4 / radians(250.0))
     assert simulated == load_rover("forestrover").vehicle
+
+
+def test_check_uses_the_calibration_and_calibrate_begins_without_it(
+    own_folders: Path, rover_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stored = Calibration(deadman=DeadmanEntry(**stamp("Sabertooth", 1.0), settings={}))
+    save(own_folders / "state" / FILE_NAME, stored)
+    used: list[Calibration] = []
+
+    def connect(config: Any, where: str, calibration: Calibration) -> Any:
+        used.append(calibration)
+        raise BadInput("that is enough")
+
+    monkeypatch.setattr(terminal, "is_there", lambda: True)
+    monkeypatch.setattr("wayfarer.config.factory.connect", connect)
+    for command in (["check"], ["calibrate", "motors"]):
+        assert cli.run([*command, "--config", str(rover_file)]) == 2
+    assert used == [stored, Calibration()]
 
 
 def test_every_step_of_calibrating_can_be_named() -> None:

@@ -117,6 +117,14 @@ def test_events_of_a_kind_share_a_row_and_long_marks_are_cut(tmp_path: Path) -> 
     ]  # fmt: skip
 
 
+def test_times_in_which_the_wheels_were_held_are_the_last_row(tmp_path: Path) -> None:
+    held = [{**each, "level": "hold"} for each in drive(2.0, 1.0)]
+    figure, _ = timeline_figure(data_of(tmp_path, *drive(1.0), *held, *drive(4.0, 2.0)))
+    assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == ["held"]
+    (bars,) = figure.axes[0].collections[-1].get_paths()
+    assert (bars.vertices[:, 0].min(), bars.vertices[:, 0].max()) == pytest.approx((1.0, 2.0))
+
+
 @given(st.lists(st.tuples(st.floats(0.0, 300.0), st.floats(0.0, 300.0)), max_size=30))
 def test_badges_lie_neither_on_each_other_nor_on_their_place(places_pt: list[tuple[float, float]]) -> None:
     badges_pt = spread_badges(places_pt, 10.0)
