@@ -122,7 +122,8 @@ def test_times_in_which_the_wheels_were_held_are_the_last_row(tmp_path: Path) ->
     figure, _ = timeline_figure(data_of(tmp_path, *drive(1.0), *held, *drive(4.0, 2.0)))
     assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == ["held"]
     (bars,) = figure.axes[0].collections[-1].get_paths()
-    assert (bars.vertices[:, 0].min(), bars.vertices[:, 0].max()) == pytest.approx((1.0, 2.0))
+    edges_s = np.asarray(bars.vertices, dtype=float)[:, 0]
+    assert (edges_s.min(), edges_s.max()) == pytest.approx((1.0, 2.0))
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 300.0), st.floats(0.0, 300.0)), max_size=30))

@@ -96,15 +96,16 @@ def test_escapes_are_counted_over_all_missions() -> None:
 
 
 def test_battery_is_told_with_the_duty_at_that_moment() -> None:
-    found = summary(
+    records = [
         record("board", 0.0, battery_v=12.0, faults=[]),
         tick(1.0, applied_left=-0.9, applied_right=0.2),
         record("board", 1.0, battery_v=11.1, faults=[]),
         tick(2.0),
         record("board", 2.0, battery_v=11.4, faults=[]),
         record("board", 3.0, battery_v=None, faults=[]),
-    )
-    assert found.low_battery == LowBattery(11.1, 1.0, 0.9)
+    ]
+    assert summary(*records).low_battery == LowBattery(11.1, 1.0, 0.9)
+    assert text(*records)["battery"] == ["lowest 11.1 V, at 0:00:01, with the wheels at 90%"]
 
 
 def test_periods_are_measured_and_late_ticks_counted() -> None:

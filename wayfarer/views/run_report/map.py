@@ -123,7 +123,7 @@ def draw_arrow(axes: Axes, place_m: Point, heading_deg: float, shown: MapFrame) 
     length_m, along = ARROW * shown.side_m, radians(heading_deg)
     tip_m = (place_m[0] + length_m * sin(along), place_m[1] + length_m * cos(along))
     arrow = {"arrowstyle": "-|>", "color": VERMILION, "linewidth": 1.1, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", tip_m, place_m, arrowprops=arrow, zorder=3.9)
+    axes.annotate("", tip_m, place_m, arrowprops=arrow, annotation_clip=False, zorder=3.9)
 
 
 def draw_onsets(axes: Axes, onsets: Sequence[tuple[str, Point]]) -> None:

@@ -116,7 +116,7 @@ def _battery(summary: RunSummary) -> str:
     if lowest is None:
         return ""
     duty = "" if lowest.duty is None else f", with the wheels at {lowest.duty:.0%}"
-    return f"{lowest.battery_v:.1f} V at least, at {span(lowest.at_s)}{duty}"
+    return f"lowest {lowest.battery_v:.1f} V, at {span(lowest.at_s)}{duty}"
 
 
 def _sensors(summary: RunSummary) -> dict[str, int]:
