@@ -25,6 +25,14 @@ def board(request: pytest.FixtureRequest) -> Iterator[Any]:
     factory.close()
 
 
+@pytest.fixture(autouse=True)
+def free_pins(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Each test finds all pins free, whatever the one before left open."""
+    yield
+    if "board" in request.fixturenames:
+        request.getfixturevalue("board").reset()
+
+
 @pytest.fixture(scope="session")
 def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What answers ``ioctl`` in a private /dev; the test skips where there can be none."""

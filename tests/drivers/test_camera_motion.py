@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
+from tests.virtual import virtual
 from wayfarer.detector import DetectorSettings
 from wayfarer.drivers.buses import Frame
 from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
@@ -105,38 +106,34 @@ def test_keeps_the_promises_of_a_motion_sensor(method: CameraMotionSettings) -> 
 
 
 @pytest.mark.parametrize("duty", [1.0, 0.4, -0.6])
-def test_displacement_over_ground_adds_up_to_the_odometer(duty: float) -> None:
-    async def main() -> None:
-        world, sensor, _ = over_ground()
-        world.heading_rad = 0.3
-        await sensor.open()
-        world.command(duty, duty)
-        seen = []
-        for _ in range(40):
-            await asyncio.sleep(PERIOD_S)
-            seen.append(await sensor.read())
-        true_m = world.forward_m - world.reverse_m
-        assert abs(true_m) > 0.9
-        assert sum(reading.forward_m for reading in seen) == pytest.approx(true_m, rel=0.02)
-        assert abs(sum(reading.right_m for reading in seen)) < 0.02 * abs(true_m)
-        assert min(reading.quality for reading in seen) > BELIEVED
-        assert all(reading.signed for reading in seen)
-
-    run(main())
+@virtual
+async def test_displacement_over_ground_adds_up_to_the_odometer(duty: float) -> None:
+    world, sensor, _ = over_ground()
+    world.heading_rad = 0.3
+    await sensor.open()
+    world.command(duty, duty)
+    seen = []
+    for _ in range(40):
+        await asyncio.sleep(PERIOD_S)
+        seen.append(await sensor.read())
+    true_m = world.forward_m - world.reverse_m
+    assert abs(true_m) > 0.9
+    assert sum(reading.forward_m for reading in seen) == pytest.approx(true_m, rel=0.02)
+    assert abs(sum(reading.right_m for reading in seen)) < 0.02 * abs(true_m)
+    assert min(reading.quality for reading in seen) > BELIEVED
+    assert all(reading.signed for reading in seen)
 
 
-def test_a_rover_that_stands_is_seen_to_stand() -> None:
-    async def main() -> None:
-        _, sensor, _ = over_ground()
-        await sensor.open()
-        for _ in range(20):
-            await asyncio.sleep(PERIOD_S)
-            reading = await sensor.read()
-            assert abs(reading.forward_m) < 0.1 * M_PER_PIXEL
-            assert abs(reading.right_m) < 0.1 * M_PER_PIXEL
-            assert reading.quality > 0.8
-
-    run(main())
+@virtual
+async def test_a_rover_that_stands_is_seen_to_stand() -> None:
+    _, sensor, _ = over_ground()
+    await sensor.open()
+    for _ in range(20):
+        await asyncio.sleep(PERIOD_S)
+        reading = await sensor.read()
+        assert abs(reading.forward_m) < 0.1 * M_PER_PIXEL
+        assert abs(reading.right_m) < 0.1 * M_PER_PIXEL
+        assert reading.quality > 0.8
 
 
 @pytest.mark.parametrize(
@@ -176,35 +173,31 @@ def test_pictures_that_share_nothing_are_not_believed() -> None:
 # -- difference ------------------------------------------------------------------------------------------------------
 
 
-def test_difference_tells_driving_from_standing_without_a_direction() -> None:
-    async def main() -> None:
-        world, _, sensor = over_ground()
-        await sensor.open()
-        for duty, low_m_s, high_m_s in ((0.0, 0.0, 0.05), (0.5, 0.5, 0.7), (-0.5, 0.5, 0.7)):
-            world.command(duty, duty)
-            await asyncio.sleep(1.0)  # until the motors have their speed
-            await sensor.read()
-            for _ in range(10):
-                await asyncio.sleep(PERIOD_S)
-                reading = await sensor.read()
-                assert low_m_s * PERIOD_S <= reading.forward_m <= high_m_s * PERIOD_S + 1e-9
-                assert (reading.right_m, reading.signed) == (0.0, False)
-                assert reading.quality == 1.0
-
-    run(main())
+@virtual
+async def test_difference_tells_driving_from_standing_without_a_direction() -> None:
+    world, _, sensor = over_ground()
+    await sensor.open()
+    for duty, low_m_s, high_m_s in ((0.0, 0.0, 0.05), (0.5, 0.5, 0.7), (-0.5, 0.5, 0.7)):
+        world.command(duty, duty)
+        await asyncio.sleep(1.0)  # until the motors have their speed
+        await sensor.read()
+        for _ in range(10):
+            await asyncio.sleep(PERIOD_S)
+            reading = await sensor.read()
+            assert low_m_s * PERIOD_S <= reading.forward_m <= high_m_s * PERIOD_S + 1e-9
+            assert (reading.right_m, reading.signed) == (0.0, False)
+            assert reading.quality == 1.0
 
 
-def test_change_gives_the_numbers_that_the_settings_want() -> None:
-    async def main() -> None:
-        coming = iter((patch(), noisy(patch(), np.random.default_rng(7)), patch(20)))
-        sensor = watching(DOWN, lambda t_s, _width, _height: Frame(t_s, next(coming)))
-        with pytest.raises(NotResponding, match="not open"):
-            await sensor.change()
-        await sensor.open()
-        assert await sensor.change() == pytest.approx(2.0 * (2 / pi) ** 0.5, rel=0.05)  # of noise with an SD of 2
-        assert await sensor.change() > 15.0
-
-    run(main())
+@virtual
+async def test_change_gives_the_numbers_that_the_settings_want() -> None:
+    coming = iter((patch(), noisy(patch(), np.random.default_rng(7)), patch(20)))
+    sensor = watching(DOWN, lambda t_s, _width, _height: Frame(t_s, next(coming)))
+    with pytest.raises(NotResponding, match="not open"):
+        await sensor.change()
+    await sensor.open()
+    assert await sensor.change() == pytest.approx(2.0 * (2 / pi) ** 0.5, rel=0.05)  # of noise with an SD of 2
+    assert await sensor.change() > 15.0
 
 
 def test_a_cloud_before_the_sun_is_no_motion() -> None:
@@ -249,14 +242,12 @@ def test_a_frozen_picture_is_unknown_and_not_still(method: CameraMotionSettings)
     assert [reading.quality > BELIEVED for reading in seen] == [True, False, False, True]
 
 
-def test_two_pictures_of_one_moment_are_unknown() -> None:
-    async def main() -> None:
-        coming = iter((patch(), patch(1)))
-        sensor = watching(DOWN, lambda t_s, _width, _height: Frame(t_s, next(coming)))
-        await sensor.open()
-        assert (await sensor.read()).quality == 0.0
-
-    run(main())
+@virtual
+async def test_two_pictures_of_one_moment_are_unknown() -> None:
+    coming = iter((patch(), patch(1)))
+    sensor = watching(DOWN, lambda t_s, _width, _height: Frame(t_s, next(coming)))
+    await sensor.open()
+    assert (await sensor.read()).quality == 0.0
 
 
 # -- trouble ---------------------------------------------------------------------------------------------------------
@@ -272,42 +263,38 @@ def test_a_picture_of_other_than_grey_bytes_is_refused() -> None:
         readings(DOWN, patch(), patch().astype("float32"))
 
 
-def test_a_camera_that_stops_is_told_and_the_next_picture_counts_from_the_last_one() -> None:
-    async def main() -> None:
-        world, sensor, _ = over_ground()
-        render = GroundCamera(world, RandomStreams(0), M_PER_PIXEL).render
-        broken = False
+@virtual
+async def test_a_camera_that_stops_is_told_and_the_next_picture_counts_from_the_last_one() -> None:
+    world, sensor, _ = over_ground()
+    render = GroundCamera(world, RandomStreams(0), M_PER_PIXEL).render
+    broken = False
 
-        def unsteady(t_s: float, width: int, height: int) -> Frame:
-            if broken:
-                raise NotResponding("camera 0: no frame within 3 s")
-            return render(t_s, width, height)
+    def unsteady(t_s: float, width: int, height: int) -> Frame:
+        if broken:
+            raise NotResponding("camera 0: no frame within 3 s")
+        return render(t_s, width, height)
 
-        sensor = watching(DOWN, unsteady)
+    sensor = watching(DOWN, unsteady)
+    await sensor.open()
+    world.command(0.2, 0.2)
+    await asyncio.sleep(PERIOD_S)
+    broken = True
+    with pytest.raises(NotResponding, match="no frame"):
+        await sensor.read()
+    broken = False
+    await asyncio.sleep(PERIOD_S)
+    assert (await sensor.read()).forward_m == pytest.approx(world.forward_m, abs=M_PER_PIXEL)
+
+
+@virtual
+async def test_missing_opencv_and_use_before_open_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, sensor, _ = over_ground()
+    with pytest.raises(NotResponding, match="camera 0 as motion sensor: not open"):
+        await sensor.read()
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    with pytest.raises(NotResponding, match=r"pip install '\.\[camera\]'"):
         await sensor.open()
-        world.command(0.2, 0.2)
-        await asyncio.sleep(PERIOD_S)
-        broken = True
-        with pytest.raises(NotResponding, match="no frame"):
-            await sensor.read()
-        broken = False
-        await asyncio.sleep(PERIOD_S)
-        assert (await sensor.read()).forward_m == pytest.approx(world.forward_m, abs=M_PER_PIXEL)
-
-    run(main())
-
-
-def test_missing_opencv_and_use_before_open_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def main() -> None:
-        _, sensor, _ = over_ground()
-        with pytest.raises(NotResponding, match="camera 0 as motion sensor: not open"):
-            await sensor.read()
-        monkeypatch.setitem(sys.modules, "cv2", None)
-        with pytest.raises(NotResponding, match=r"pip install '\.\[camera\]'"):
-            await sensor.open()
-        await sensor.close()
-
-    run(main())
+    await sensor.close()
 
 
 # -- settings --------------------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
+from tests.virtual import virtual
 from wayfarer.angles import wrap180
 from wayfarer.drivers.cmps14 import CMPS14, OPEN_S, CalibrationLevels, CMPS14Settings, decode, flaw
 from wayfarer.errors import BadReading, NotResponding, WrongPart
@@ -269,114 +270,94 @@ def test_block_with_a_byte_too_many_before_the_bearing_cannot_be_true(heading: i
 # -- opening -----------------------------------------------------------------------------------------------------
 
 
-def test_keeps_what_a_compass_promises() -> None:
+@virtual
+async def test_keeps_what_a_compass_promises() -> None:
     def unreachable() -> Compass:
         return CMPS14(CMPS14Settings(), FakeBuses())
 
-    async def main() -> None:
-        await check_compass(lambda: Bench().compass, unreachable)
-
-    run(main)
+    await check_compass(lambda: Bench().compass, unreachable)
 
 
-def test_making_one_touches_nothing() -> None:
-    async def main() -> None:
-        sense = Held()
-        bench = Bench(sense)
-        assert sense.samples == 0
-        assert bench.compass.name == "CMPS14 at 0x60 on /dev/i2c-1"
-
-    run(main)
+@virtual
+async def test_making_one_touches_nothing() -> None:
+    sense = Held()
+    bench = Bench(sense)
+    assert sense.samples == 0
+    assert bench.compass.name == "CMPS14 at 0x60 on /dev/i2c-1"
 
 
-def test_opening_takes_one_sample_and_tells_the_firmware() -> None:
-    async def main() -> None:
-        sense = Held()
-        bench = Bench(sense, CMPS14Settings(bus="/dev/i2c-3", address=0x61))
-        await bench.opened()
-        assert sense.samples == 1
-        assert bench.compass.name == "CMPS14 firmware 7 at 0x61 on /dev/i2c-3"
-
-    run(main)
+@virtual
+async def test_opening_takes_one_sample_and_tells_the_firmware() -> None:
+    sense = Held()
+    bench = Bench(sense, CMPS14Settings(bus="/dev/i2c-3", address=0x61))
+    await bench.opened()
+    assert sense.samples == 1
+    assert bench.compass.name == "CMPS14 firmware 7 at 0x61 on /dev/i2c-3"
 
 
-def test_nobody_at_the_address_names_bus_address_and_wiring() -> None:
-    async def main() -> None:
-        compass = CMPS14(CMPS14Settings(address=0x67), FakeBuses())
-        with pytest.raises(NotResponding, match=r"CMPS14 at 0x67 on /dev/i2c-1: .*check power.*mode pin"):
-            await compass.open()
-
-    run(main)
+@virtual
+async def test_nobody_at_the_address_names_bus_address_and_wiring() -> None:
+    compass = CMPS14(CMPS14Settings(address=0x67), FakeBuses())
+    with pytest.raises(NotResponding, match=r"CMPS14 at 0x67 on /dev/i2c-1: .*check power.*mode pin"):
+        await compass.open()
 
 
 @pytest.mark.parametrize("level", [0x00, 0xFF])
-def test_no_firmware_number_is_another_part(level: int) -> None:
-    async def main() -> None:
-        with pytest.raises(WrongPart, match=rf"expected a firmware number, got 0x{level:02X}"):
-            await Bench(firmware=level).opened()
-
-    run(main)
+@virtual
+async def test_no_firmware_number_is_another_part(level: int) -> None:
+    with pytest.raises(WrongPart, match=rf"expected a firmware number, got 0x{level:02X}"):
+        await Bench(firmware=level).opened()
 
 
-def test_map_of_a_cmps12_is_another_part() -> None:
-    async def main() -> None:
-        bench = Bench()
-        bench.bus.troubles = (like_cmps12,) * 10
-        with pytest.raises(WrongPart, match=r"expected a CMPS14, got pitch 437\.4 at 0x1A and -12 at 0x04, .* CMPS12"):
-            await bench.opened()
-
-    run(main)
-
-
-def test_waits_while_the_part_boots() -> None:
-    async def main() -> None:
-        sense = Held()
-        bench = Bench(sense, boot_s=0.75)
-        bench.chip.power_cycle()
+@virtual
+async def test_map_of_a_cmps12_is_another_part() -> None:
+    bench = Bench()
+    bench.bus.troubles = (like_cmps12,) * 10
+    with pytest.raises(WrongPart, match=r"expected a CMPS14, got pitch 437\.4 at 0x1A and -12 at 0x04, .* CMPS12"):
         await bench.opened()
-        assert asyncio.get_running_loop().time() == pytest.approx(0.8 + OPEN_S)
-        assert sense.samples == 1
-
-    run(main)
 
 
-def test_part_that_never_boots_is_given_up_after_a_second() -> None:
-    async def main() -> None:
-        bench = Bench(boot_s=60.0)
-        bench.chip.power_cycle()
-        with pytest.raises(BadReading, match="no gravity"):
-            await bench.opened()
-        assert asyncio.get_running_loop().time() == pytest.approx(1.0)
+@virtual
+async def test_waits_while_the_part_boots() -> None:
+    sense = Held()
+    bench = Bench(sense, boot_s=0.75)
+    bench.chip.power_cycle()
+    await bench.opened()
+    assert asyncio.get_running_loop().time() == pytest.approx(0.8 + OPEN_S)
+    assert sense.samples == 1
 
-    run(main)
 
-
-def test_opens_again_after_a_failure() -> None:
-    async def main() -> None:
-        bench = Bench()
-        bench.bus.troubles = (nack, nack)
-        with pytest.raises(NotResponding):
-            await bench.opened()
-        await bench.compass.close()
+@virtual
+async def test_part_that_never_boots_is_given_up_after_a_second() -> None:
+    bench = Bench(boot_s=60.0)
+    bench.chip.power_cycle()
+    with pytest.raises(BadReading, match="no gravity"):
         await bench.opened()
-        assert (await bench.compass.read()).heading_deg == 273.4
+    assert asyncio.get_running_loop().time() == pytest.approx(1.0)
 
-    run(main)
+
+@virtual
+async def test_opens_again_after_a_failure() -> None:
+    bench = Bench()
+    bench.bus.troubles = (nack, nack)
+    with pytest.raises(NotResponding):
+        await bench.opened()
+    await bench.compass.close()
+    await bench.opened()
+    assert (await bench.compass.read()).heading_deg == 273.4
 
 
 # -- reading -----------------------------------------------------------------------------------------------------
 
 
 @given(st.integers(0, 3599), st.integers(-900, 900), st.integers(-1800, 1800))
-def test_attitude_comes_through_as_it_is(heading: int, pitch: int, roll: int) -> None:
-    async def main() -> None:
-        sense = Held(heading, pitch, roll)
-        compass = await Bench(sense).opened()
-        await asyncio.sleep(0.5)
-        assert await compass.read() == (0.5 + OPEN_S, heading / 10, pitch / 10, roll / 10, 3)
-        assert sense.samples == 2
-
-    run(main)
+@virtual
+async def test_attitude_comes_through_as_it_is(heading: int, pitch: int, roll: int) -> None:
+    sense = Held(heading, pitch, roll)
+    compass = await Bench(sense).opened()
+    await asyncio.sleep(0.5)
+    assert await compass.read() == (0.5 + OPEN_S, heading / 10, pitch / 10, roll / 10, 3)
+    assert sense.samples == 2
 
 
 def test_reads_what_the_simulated_compass_reads() -> None:
@@ -402,23 +383,19 @@ def test_reads_what_the_simulated_compass_reads() -> None:
     assert len({reading.heading_deg for reading in taken}) > 50
 
 
-def test_old_firmware_is_read_in_whole_degrees_of_pitch() -> None:
-    async def main() -> None:
-        reading = await (await Bench(firmware=4).opened()).read()
-        assert (reading.pitch_deg, reading.roll_deg) == (-12.0, 4.5)
-
-    run(main)
+@virtual
+async def test_old_firmware_is_read_in_whole_degrees_of_pitch() -> None:
+    reading = await (await Bench(firmware=4).opened()).read()
+    assert (reading.pitch_deg, reading.roll_deg) == (-12.0, 4.5)
 
 
 @given(st.integers(0, 3599), st.floats(-180, 180))
-def test_mounting_turns_the_heading(heading: int, offset_deg: float) -> None:
-    async def main() -> None:
-        compass = await Bench(Held(heading), CMPS14Settings(heading_offset_deg=offset_deg)).opened()
-        reading = await compass.read()
-        assert 0.0 <= reading.heading_deg < 360.0
-        assert wrap180(reading.heading_deg - heading / 10 - offset_deg) == pytest.approx(0.0, abs=1e-9)
-
-    run(main)
+@virtual
+async def test_mounting_turns_the_heading(heading: int, offset_deg: float) -> None:
+    compass = await Bench(Held(heading), CMPS14Settings(heading_offset_deg=offset_deg)).opened()
+    reading = await compass.read()
+    assert 0.0 <= reading.heading_deg < 360.0
+    assert wrap180(reading.heading_deg - heading / 10 - offset_deg) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -432,39 +409,33 @@ def test_mounting_turns_the_heading(heading: int, offset_deg: float) -> None:
         (CMPS14Settings(swap_pitch_roll=True, reverse_roll=True), (4.5, 12.3)),
     ],
 )
-def test_mounting_turns_the_tilt(settings: CMPS14Settings, tilt_deg: tuple[float, float]) -> None:
-    async def main() -> None:
-        reading = await (await Bench(settings=settings).opened()).read()
-        assert (reading.pitch_deg, reading.roll_deg) == tilt_deg
-
-    run(main)
+@virtual
+async def test_mounting_turns_the_tilt(settings: CMPS14Settings, tilt_deg: tuple[float, float]) -> None:
+    reading = await (await Bench(settings=settings).opened()).read()
+    assert (reading.pitch_deg, reading.roll_deg) == tilt_deg
 
 
 @pytest.mark.parametrize(
     ("levels", "told"),
     [(0b11_00_11_11, 3), (0b11_00_00_10, 2), (0b01_00_11_01, 1), (0b00_11_11_11, 0), (0b11_11_11_00, 0)],
 )
-def test_calibration_is_the_magnetometers_once_the_system_has_any(levels: int, told: int) -> None:
-    async def main() -> None:
-        bench = Bench()
-        bench.chip.calibration = levels
-        assert (await (await bench.opened()).read()).calibration == told
-
-    run(main)
+@virtual
+async def test_calibration_is_the_magnetometers_once_the_system_has_any(levels: int, told: int) -> None:
+    bench = Bench()
+    bench.chip.calibration = levels
+    assert (await (await bench.opened()).read()).calibration == told
 
 
 @pytest.mark.parametrize("trouble", [nack, swapped_bearing, bit_shifted, lambda _: bytes(31), lambda _: b"\xff" * 31])
-def test_one_lost_or_corrupt_block_is_asked_for_again(trouble: Trouble) -> None:
-    async def main() -> None:
-        sense = Held()
-        bench = Bench(sense)
-        compass = await bench.opened()
-        bench.bus.troubles = (trouble,)
-        assert (await compass.read())[1:] == (273.4, -12.3, 4.5, 3)
-        await compass.read()
-        assert (compass.troubles, sense.samples) == ({"reads retried": 1}, 4)
-
-    run(main)
+@virtual
+async def test_one_lost_or_corrupt_block_is_asked_for_again(trouble: Trouble) -> None:
+    sense = Held()
+    bench = Bench(sense)
+    compass = await bench.opened()
+    bench.bus.troubles = (trouble,)
+    assert (await compass.read())[1:] == (273.4, -12.3, 4.5, 3)
+    await compass.read()
+    assert (compass.troubles, sense.samples) == ({"reads retried": 1}, 4)
 
 
 @pytest.mark.parametrize(
@@ -477,70 +448,62 @@ def test_one_lost_or_corrupt_block_is_asked_for_again(trouble: Trouble) -> None:
         ((bit_shifted, bit_shifted), BadReading, "firmware reads 15 and was 7"),
     ],
 )
-def test_two_failures_in_a_row_are_an_error(troubles: tuple[Trouble, ...], error: type[Exception], text: str) -> None:
-    async def main() -> None:
-        bench = Bench()
-        compass = await bench.opened()
-        bench.bus.troubles = troubles
-        with pytest.raises(error, match=text):
+@virtual
+async def test_two_failures_in_a_row_are_an_error(
+    troubles: tuple[Trouble, ...], error: type[Exception], text: str
+) -> None:
+    bench = Bench()
+    compass = await bench.opened()
+    bench.bus.troubles = troubles
+    with pytest.raises(error, match=text):
+        await compass.read()
+    assert (await compass.read()).heading_deg == 273.4
+
+
+@virtual
+async def test_silence_is_an_error_in_every_read() -> None:
+    bench = Bench()
+    compass = await bench.opened()
+    bench.bus.troubles = (nack,) * 20
+    for _ in range(10):
+        with pytest.raises(NotResponding):
             await compass.read()
-        assert (await compass.read()).heading_deg == 273.4
-
-    run(main)
+    assert asyncio.get_running_loop().time() == OPEN_S
 
 
-def test_silence_is_an_error_in_every_read() -> None:
-    async def main() -> None:
-        bench = Bench()
-        compass = await bench.opened()
-        bench.bus.troubles = (nack,) * 20
-        for _ in range(10):
-            with pytest.raises(NotResponding):
-                await compass.read()
-        assert asyncio.get_running_loop().time() == OPEN_S
-
-    run(main)
-
-
-def test_part_that_lost_power_is_not_read_as_north() -> None:
-    async def main() -> None:
-        bench = Bench(boot_s=0.5)
-        compass = await bench.opened()
-        bench.chip.power_cycle()
-        with pytest.raises(BadReading, match="no gravity"):
-            await compass.read()
-        await asyncio.sleep(0.5)
-        assert (await compass.read()).heading_deg == 273.4
-
-    run(main)
+@virtual
+async def test_part_that_lost_power_is_not_read_as_north() -> None:
+    bench = Bench(boot_s=0.5)
+    compass = await bench.opened()
+    bench.chip.power_cycle()
+    with pytest.raises(BadReading, match="no gravity"):
+        await compass.read()
+    await asyncio.sleep(0.5)
+    assert (await compass.read()).heading_deg == 273.4
 
 
 # -- calibration -------------------------------------------------------------------------------------------------
 
 
-def test_levels_are_told_one_by_one() -> None:
-    async def main() -> None:
-        bench = Bench()
-        bench.chip.calibration = 0b11_00_10_01
-        assert await (await bench.opened()).calibration() == CalibrationLevels(system=3, gyro=0, accel=2, mag=1)
-
-    run(main)
+@virtual
+async def test_levels_are_told_one_by_one() -> None:
+    bench = Bench()
+    bench.chip.calibration = 0b11_00_10_01
+    assert await (await bench.opened()).calibration() == CalibrationLevels(system=3, gyro=0, accel=2, mag=1)
 
 
-def test_commands_are_taken_one_right_after_another() -> None:
-    async def main() -> None:
-        bench = Bench()
-        compass = await bench.opened()
-        await compass.erase_profile()
-        assert (bench.chip.calibration, bench.chip.profile) == (0, 0)
-        await compass.configure(0x83)
-        assert bench.chip.config == 0x83
-        bench.chip.calibration = 0xCF
-        await compass.store_profile()
-        await compass.configure(0x80)
-        assert (bench.chip.profile, bench.chip.config, bench.chip.ignored) == (0xCF, 0x80, [])
-
-    run(main)
+@virtual
+async def test_commands_are_taken_one_right_after_another() -> None:
+    bench = Bench()
+    compass = await bench.opened()
+    await compass.erase_profile()
+    assert (bench.chip.calibration, bench.chip.profile) == (0, 0)
+    await compass.configure(0x83)
+    assert bench.chip.config == 0x83
+    bench.chip.calibration = 0xCF
+    await compass.store_profile()
+    await compass.configure(0x80)
+    assert (bench.chip.profile, bench.chip.config, bench.chip.ignored) == (0xCF, 0x80, [])
 
 
 @pytest.mark.parametrize(
@@ -551,42 +514,38 @@ def test_commands_are_taken_one_right_after_another() -> None:
         (lambda compass: compass.configure(0x91), "98 95 99 91"),
     ],
 )
-def test_commands_are_spelt_as_in_the_data_sheet(command: Callable[[CMPS14], Awaitable[None]], writes: str) -> None:
-    async def main() -> None:
-        heard = Heard(BUS)
-        await command(CMPS14(CMPS14Settings(), OneBus(heard)))
-        times_s, data = zip(*heard.writes, strict=True)
-        assert [byte.hex() for byte in data] == [f"00{byte}" for byte in writes.split()]
-        assert [b - a for a, b in pairwise(times_s)] == pytest.approx([0.02] * (len(times_s) - 1))
-
-    run(main)
+@virtual
+async def test_commands_are_spelt_as_in_the_data_sheet(
+    command: Callable[[CMPS14], Awaitable[None]], writes: str
+) -> None:
+    heard = Heard(BUS)
+    await command(CMPS14(CMPS14Settings(), OneBus(heard)))
+    times_s, data = zip(*heard.writes, strict=True)
+    assert [byte.hex() for byte in data] == [f"00{byte}" for byte in writes.split()]
+    assert [b - a for a, b in pairwise(times_s)] == pytest.approx([0.02] * (len(times_s) - 1))
 
 
 @pytest.mark.parametrize("cut_after", [0, 1, 2, 3])
-def test_configuration_that_was_cut_short_is_not_taken_for_the_argument_of_the_next(cut_after: int) -> None:
-    async def main() -> None:
-        bench = Bench()
-        compass = await bench.opened()
-        bench.bus.writes_left = cut_after
-        with pytest.raises(NotResponding):
-            await compass.configure(0x91)
-        await compass.configure(0x83)
-        assert bench.chip.config == 0x83
-        await compass.configure(0x80)
-        assert (bench.chip.config, bench.chip.ignored) == (0x80, [])
-
-    run(main)
+@virtual
+async def test_configuration_that_was_cut_short_is_not_taken_for_the_argument_of_the_next(cut_after: int) -> None:
+    bench = Bench()
+    compass = await bench.opened()
+    bench.bus.writes_left = cut_after
+    with pytest.raises(NotResponding):
+        await compass.configure(0x91)
+    await compass.configure(0x83)
+    assert bench.chip.config == 0x83
+    await compass.configure(0x80)
+    assert (bench.chip.config, bench.chip.ignored) == (0x80, [])
 
 
 @pytest.mark.parametrize("config", [0x00, 0x03, 0x88, 0xA0, 0xFF, 0x180, -1])
-def test_undefined_configuration_is_not_sent(config: int) -> None:
-    async def main() -> None:
-        heard = Heard(BUS)
-        with pytest.raises(ValueError, match="bit 7 must be set"):
-            await CMPS14(CMPS14Settings(), OneBus(heard)).configure(config)
-        assert heard.writes == []
-
-    run(main)
+@virtual
+async def test_undefined_configuration_is_not_sent(config: int) -> None:
+    heard = Heard(BUS)
+    with pytest.raises(ValueError, match="bit 7 must be set"):
+        await CMPS14(CMPS14Settings(), OneBus(heard)).configure(config)
+    assert heard.writes == []
 
 
 @pytest.mark.parametrize(
@@ -598,21 +557,17 @@ def test_settings_out_of_range_are_refused(settings: dict[str, object]) -> None:
 
 
 @pytest.mark.parametrize(("background", "left_at"), [(False, 0x80), (True, 0x93)])
-def test_opening_switches_background_calibration_off_unless_it_is_wanted(background: bool, left_at: int) -> None:
-    async def main() -> None:
-        bench = Bench(settings=CMPS14Settings(background_calibration=background))
-        bench.chip.config = 0x93
-        await bench.opened()
-        assert bench.chip.config == left_at
-
-    run(main)
+@virtual
+async def test_opening_switches_background_calibration_off_unless_it_is_wanted(background: bool, left_at: int) -> None:
+    bench = Bench(settings=CMPS14Settings(background_calibration=background))
+    bench.chip.config = 0x93
+    await bench.opened()
+    assert bench.chip.config == left_at
 
 
-def test_one_lost_transfer_does_not_keep_it_from_opening() -> None:
-    async def main() -> None:
-        bench = Bench()
-        bench.bus.troubles = (nack,)
-        compass = await bench.opened()
-        assert (await compass.read()).heading_deg == 273.4
-
-    run(main)
+@virtual
+async def test_one_lost_transfer_does_not_keep_it_from_opening() -> None:
+    bench = Bench()
+    bench.bus.troubles = (nack,)
+    compass = await bench.opened()
+    assert (await compass.read()).heading_deg == 273.4

@@ -11,7 +11,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from tests.simhal.chips.bench import Driven
+from tests.simhal.chips.test_pmw3901 import Driven
+from tests.virtual import virtual
 from wayfarer.drivers.pmw3901 import FRAME_S, PMW3901, Axis, Burst, PMW3901Settings, contradiction, decode, quality
 from wayfarer.drivers.pmw3901_table import trim
 from wayfarer.errors import BadReading, NotResponding, WrongPart
@@ -234,23 +235,21 @@ LATE_S = st.floats(0.0, 0.2)
 
 
 @given(st.lists(st.tuples(st.floats(0.001, 0.3), LATE_S, LATE_S), min_size=2, max_size=20))
-def test_ground_at_the_speed_limit_is_never_garbage_however_late_bus_and_loop_are(
+@virtual
+async def test_ground_at_the_speed_limit_is_never_garbage_however_late_bus_and_loop_are(
     reads: list[tuple[float, float, float]],
 ) -> None:
     """Each read is asked for after a pause, reaches the chip late, and is answered late."""
 
-    async def main() -> None:
-        buses = FakeBuses()
-        bus = buses._spi["/dev/spidev0.1"] = LateBus("/dev/spidev0.1")
-        bus.chip = AtLimit(NORMAL)
-        flow = PMW3901(PMW3901Settings(), buses)
-        await flow.open()
-        for pause_s, bus.before_s, bus.after_s in reads:
-            await asyncio.sleep(pause_s)
-            await flow.read()
-        assert flow.troubles["garbage rejected"] == 0
-
-    run(main)
+    buses = FakeBuses()
+    bus = buses._spi["/dev/spidev0.1"] = LateBus("/dev/spidev0.1")
+    bus.chip = AtLimit(NORMAL)
+    flow = PMW3901(PMW3901Settings(), buses)
+    await flow.open()
+    for pause_s, bus.before_s, bus.after_s in reads:
+        await asyncio.sleep(pause_s)
+        await flow.read()
+    assert flow.troubles["garbage rejected"] == 0
 
 
 def test_counts_without_motion_contradict_themselves() -> None:
@@ -292,123 +291,103 @@ def test_second_trim_shrinks_to_45_percent(c2: int, c2_written: int) -> None:
 
 
 @pytest.mark.parametrize(("needed", "written"), [(1, 1), (3, 3), (9, 3)])
-def test_probe_is_repeated_three_times_at_most(needed: int, written: int) -> None:
-    async def main() -> None:
-        chip = PMW3901Chip(Driven(), time, probes_needed=needed)
-        await flow_over(chip).open()
-        assert chip.writes.count((0x43, 0x10)) == written
-
-    run(main)
+@virtual
+async def test_probe_is_repeated_three_times_at_most(needed: int, written: int) -> None:
+    chip = PMW3901Chip(Driven(), time, probes_needed=needed)
+    await flow_over(chip).open()
+    assert chip.writes.count((0x43, 0x10)) == written
 
 
-def test_opening_waits_for_the_chip_and_not_longer() -> None:
-    async def main() -> None:
-        await flow_over(PMW3901Chip(Driven(), time)).open()
-        assert time() == pytest.approx(0.02 + 0.01 + 0.24 + 0.02)
-
-    run(main)
+@virtual
+async def test_opening_waits_for_the_chip_and_not_longer() -> None:
+    await flow_over(PMW3901Chip(Driven(), time)).open()
+    assert time() == pytest.approx(0.02 + 0.01 + 0.24 + 0.02)
 
 
 @pytest.mark.parametrize(("chip", "byte"), [(None, "0xFF"), (Silent(), "0x00")])
-def test_silence_names_the_slots_and_the_command_that_switches_spi_on(chip: SPIChip | None, byte: str) -> None:
-    async def main() -> None:
-        with pytest.raises(NotResponding, match=f"PMW3901 on /dev/spidev0.1: only {byte} comes back") as caught:
-            await flow_over(chip).open()
-        assert "sudo raspi-config nonint do_spi 0" in str(caught.value)
-        assert "back is /dev/spidev0.0" in str(caught.value)
-
-    run(main)
+@virtual
+async def test_silence_names_the_slots_and_the_command_that_switches_spi_on(chip: SPIChip | None, byte: str) -> None:
+    with pytest.raises(NotResponding, match=f"PMW3901 on /dev/spidev0.1: only {byte} comes back") as caught:
+        await flow_over(chip).open()
+    assert "sudo raspi-config nonint do_spi 0" in str(caught.value)
+    assert "back is /dev/spidev0.0" in str(caught.value)
 
 
 @pytest.mark.parametrize("factory", [{(0x00, 0x00): 0x42}, {(0x00, 0x5F): 0xBD}])
-def test_another_chip_is_a_wrong_part(factory: dict[tuple[int, int], int]) -> None:
-    async def main() -> None:
-        with pytest.raises(WrongPart, match="expected product 0x49 and inverse 0xB6"):
-            await flow_over(PMW3901Chip(Driven(), time, factory=factory)).open()
-
-    run(main)
+@virtual
+async def test_another_chip_is_a_wrong_part(factory: dict[tuple[int, int], int]) -> None:
+    with pytest.raises(WrongPart, match="expected product 0x49 and inverse 0xB6"):
+        await flow_over(PMW3901Chip(Driven(), time, factory=factory)).open()
 
 
-def test_chip_that_answers_and_does_not_run_is_refused() -> None:
-    async def main() -> None:
-        with pytest.raises(NotResponding, match="answers but does not run"):
-            await flow_over(Stopped(Driven(), time)).open()
-
-    run(main)
+@virtual
+async def test_chip_that_answers_and_does_not_run_is_refused() -> None:
+    with pytest.raises(NotResponding, match="answers but does not run"):
+        await flow_over(Stopped(Driven(), time)).open()
 
 
-def test_counts_from_before_and_during_an_opening_are_no_motion() -> None:
+@virtual
+async def test_counts_from_before_and_during_an_opening_are_no_motion() -> None:
     """More than a spike, and nearly nothing, are both no displacement since the reading before: there was none."""
 
-    async def main() -> None:
-        for counts in (3000, 1):
-            flow = flow_over(PMW3901Chip(Driven((counts, 0), (8, 0)), time))
-            await flow.open()
-            assert (await flow.read()).quality == 0.0
-            await asyncio.sleep(0.05)
-            assert (await flow.read()).quality == 0.8
-
-    run(main)
-
-
-def test_opening_works_after_one_that_broke_off() -> None:
-    async def main() -> None:
-        chip = PMW3901Chip(Driven(), time)
-        chip.exchange(b"\xff\x0e")  # it broke off in this bank
-        flow = flow_over(chip)
+    for counts in (3000, 1):
+        flow = flow_over(PMW3901Chip(Driven((counts, 0), (8, 0)), time))
         await flow.open()
-        assert (await flow.read()).quality == 0.0, "counts since nobody knows when"
+        assert (await flow.read()).quality == 0.0
+        await asyncio.sleep(0.05)
         assert (await flow.read()).quality == 0.8
 
-    run(main)
+
+@virtual
+async def test_opening_works_after_one_that_broke_off() -> None:
+    chip = PMW3901Chip(Driven(), time)
+    chip.exchange(b"\xff\x0e")  # it broke off in this bank
+    flow = flow_over(chip)
+    await flow.open()
+    assert (await flow.read()).quality == 0.0, "counts since nobody knows when"
+    assert (await flow.read()).quality == 0.8
 
 
 # -- reading
 
 
-def test_reading_is_one_burst_that_does_not_wait_for_motion() -> None:
-    async def main() -> None:
-        chip = Canned(STANDING)
-        flow = flow_over(chip)
-        await flow.open()
-        await flow.read()
+@virtual
+async def test_reading_is_one_burst_that_does_not_wait_for_motion() -> None:
+    chip = Canned(STANDING)
+    flow = flow_over(chip)
+    await flow.open()
+    await flow.read()
+    await asyncio.sleep(0.05)
+    asked_s = time()
+    assert await flow.read() == (asked_s, 0.0, 0.0, 0.8, True)
+    assert time() == asked_s
+    assert chip.bursts == 2
+
+
+@virtual
+async def test_displacement_is_that_since_the_read_before() -> None:
+    sense = Driven((100, -40), (-7, 3))
+    flow = flow_over(PMW3901Chip(sense, time))
+    await flow.open()
+    assert sense.asked_s == []
+    readings = []
+    for _ in range(3):
         await asyncio.sleep(0.05)
-        asked_s = time()
-        assert await flow.read() == (asked_s, 0.0, 0.0, 0.8, True)
-        assert time() == asked_s
-        assert chip.bursts == 2
-
-    run(main)
-
-
-def test_displacement_is_that_since_the_read_before() -> None:
-    async def main() -> None:
-        sense = Driven((100, -40), (-7, 3))
-        flow = flow_over(PMW3901Chip(sense, time))
-        await flow.open()
-        assert sense.asked_s == []
-        readings = []
-        for _ in range(3):
-            await asyncio.sleep(0.05)
-            readings.append((await flow.read())[1:3])
-        assert readings == [
-            pytest.approx((0.0213195, -0.0085278)),
-            pytest.approx((-0.001492365, 0.000639585)),
-            (0.0, 0.0),
-        ]
-
-    run(main)
+        readings.append((await flow.read())[1:3])
+    assert readings == [
+        pytest.approx((0.0213195, -0.0085278)),
+        pytest.approx((-0.001492365, 0.000639585)),
+        (0.0, 0.0),
+    ]
 
 
-def test_darkness_is_unknown_and_not_still() -> None:
-    async def main() -> None:
-        chip = PMW3901Chip(Driven((100, 0)), time)
-        flow = flow_over(chip)
-        await flow.open()
-        chip.squal, chip.shutter = 18, 8000
-        assert (await flow.read()).quality == 0.0
-
-    run(main)
+@virtual
+async def test_darkness_is_unknown_and_not_still() -> None:
+    chip = PMW3901Chip(Driven((100, 0)), time)
+    flow = flow_over(chip)
+    await flow.open()
+    chip.squal, chip.shutter = 18, 8000
+    assert (await flow.read()).quality == 0.0
 
 
 @pytest.mark.parametrize(
@@ -420,16 +399,14 @@ def test_darkness_is_unknown_and_not_still() -> None:
         ("+y", "-x", lambda forward, right: (-right, forward)),
     ],
 )
-def test_mounting_is_undone_by_the_settings(
+@virtual
+async def test_mounting_is_undone_by_the_settings(
     forward: Axis, right: Axis, mounting: Callable[[int, int], tuple[int, int]]
 ) -> None:
-    async def main() -> None:
-        settings = PMW3901Settings(forward=forward, right=right, rad_per_count=0.001, height_m=1.0)
-        flow = flow_over(PMW3901Chip(Driven((20, 3)), time, mounting=mounting), settings)
-        await flow.open()
-        assert (await flow.read())[1:3] == pytest.approx((0.020, 0.003))
-
-    run(main)
+    settings = PMW3901Settings(forward=forward, right=right, rad_per_count=0.001, height_m=1.0)
+    flow = flow_over(PMW3901Chip(Driven((20, 3)), time, mounting=mounting), settings)
+    await flow.open()
+    assert (await flow.read())[1:3] == pytest.approx((0.020, 0.003))
 
 
 @pytest.mark.parametrize(("rad_per_count", "mm"), [(0.00213195, 21.3), (1 / 385, 26.0), (0.002048, 20.5)])
@@ -438,78 +415,68 @@ def test_hundred_counts_at_a_tenth_of_a_metre_with_published_scales(rad_per_coun
     assert 100 * settings.m_per_count * 1000 == pytest.approx(mm, abs=0.05)
 
 
-def test_calibration_gets_the_counts_of_the_chip_itself() -> None:
-    async def main() -> None:
-        flow = flow_over(Canned(NORMAL), PMW3901Settings(forward="+x", right="+y", height_m=0.3))
-        await flow.open()
-        assert await flow.counts() == (5, -5)
-
-    run(main)
+@virtual
+async def test_calibration_gets_the_counts_of_the_chip_itself() -> None:
+    flow = flow_over(Canned(NORMAL), PMW3901Settings(forward="+x", right="+y", height_m=0.3))
+    await flow.open()
+    assert await flow.counts() == (5, -5)
 
 
-def test_spike_is_dropped_and_the_next_reading_is_good() -> None:
-    async def main() -> None:
-        flow = flow_over(PMW3901Chip(Driven((0, 0), (469, 0), (8, 0)), time))
-        await flow.open()
+@virtual
+async def test_spike_is_dropped_and_the_next_reading_is_good() -> None:
+    flow = flow_over(PMW3901Chip(Driven((0, 0), (469, 0), (8, 0)), time))
+    await flow.open()
+    await flow.read()
+    await asyncio.sleep(0.05)
+    with pytest.raises(BadReading, match=r"more than 20\d counts in 0.*raise the lens"):
         await flow.read()
-        await asyncio.sleep(0.05)
-        with pytest.raises(BadReading, match=r"more than 20\d counts in 0.*raise the lens"):
-            await flow.read()
-        await asyncio.sleep(0.05)
-        assert (await flow.read()).forward_m == pytest.approx(8 * 0.000213195)
-
-    run(main)
+    await asyncio.sleep(0.05)
+    assert (await flow.read()).forward_m == pytest.approx(8 * 0.000213195)
 
 
 @pytest.mark.parametrize(
     ("counts", "is_limit"), [((0, 0), False), ((100, -150), False), ((0, -166), True), ((174, 3), True)]
 )
-def test_readings_at_the_speed_that_the_chip_can_follow_and_garbage_are_counted(
+@virtual
+async def test_readings_at_the_speed_that_the_chip_can_follow_and_garbage_are_counted(
     counts: tuple[int, int], is_limit: bool
 ) -> None:
     """7.4 rad/s are 0.74 m/s at 0.1 m, and 173 counts in 0.05 s."""
 
-    async def main() -> None:
-        flow = flow_over(PMW3901Chip(Driven((0, 0), counts, (203, 0)), time))
-        await flow.open()
+    flow = flow_over(PMW3901Chip(Driven((0, 0), counts, (203, 0)), time))
+    await flow.open()
+    await flow.read()
+    await asyncio.sleep(0.05)
+    await flow.read()
+    assert flow.troubles == ({"readings at the speed limit": 1} if is_limit else {})
+    await asyncio.sleep(0.05)
+    with pytest.raises(BadReading):
         await flow.read()
-        await asyncio.sleep(0.05)
+    assert flow.troubles["garbage rejected"] == 1
+
+
+@virtual
+async def test_chip_that_lost_its_settings_is_reported_and_opening_it_anew_helps() -> None:
+    chip = PMW3901Chip(Driven((8, 0)), time)
+    flow = flow_over(chip)
+    await flow.open()
+    chip.lose_power()
+    with pytest.raises(NotResponding, match="has stopped"):
         await flow.read()
-        assert flow.troubles == ({"readings at the speed limit": 1} if is_limit else {})
-        await asyncio.sleep(0.05)
-        with pytest.raises(BadReading):
-            await flow.read()
-        assert flow.troubles["garbage rejected"] == 1
-
-    run(main)
-
-
-def test_chip_that_lost_its_settings_is_reported_and_opening_it_anew_helps() -> None:
-    async def main() -> None:
-        chip = PMW3901Chip(Driven((8, 0)), time)
-        flow = flow_over(chip)
-        await flow.open()
-        chip.power_cycle()
-        with pytest.raises(NotResponding, match="has stopped"):
-            await flow.read()
-        await flow.close()
-        await flow.open()
-        assert (await flow.read()).forward_m > 0.0
-
-    run(main)
+    await flow.close()
+    await flow.open()
+    assert (await flow.read()).forward_m > 0.0
 
 
 @pytest.mark.parametrize("byte", [0x00, 0xFF])
-def test_line_that_goes_dead_is_no_reading(byte: int) -> None:
-    async def main() -> None:
-        chip = Canned(NORMAL)
-        flow = flow_over(chip)
-        await flow.open()
-        chip.burst = bytes((byte,)) * 12
-        with pytest.raises(NotResponding, match=f"only 0x{byte:02X} comes back"):
-            await flow.read()
-
-    run(main)
+@virtual
+async def test_line_that_goes_dead_is_no_reading(byte: int) -> None:
+    chip = Canned(NORMAL)
+    flow = flow_over(chip)
+    await flow.open()
+    chip.burst = bytes((byte,)) * 12
+    with pytest.raises(NotResponding, match=f"only 0x{byte:02X} comes back"):
+        await flow.read()
 
 
 # -- the driver among others

@@ -12,8 +12,7 @@ from functools import partial
 from typing import Any, ClassVar
 
 from wayfarer.drivers.buses import Buses
-from wayfarer.drivers.gpio import Pin, claim, named, release
-from wayfarer.errors import NotResponding
+from wayfarer.drivers.gpio import GpioPart, Pin
 from wayfarer.hal import ContactReading, Side
 
 
@@ -47,34 +46,27 @@ class BumperSettings:
         return {side: pin for side, pin in pins.items() if pin is not None}
 
 
-class Bumper:
+class Bumper(GpioPart):
     """The switches as a ``hal.ContactSensor``; they do not know along which bearing an obstacle lies."""
 
     part: ClassVar[str] = "contact"
     Settings = BumperSettings
 
     def __init__(self, settings: BumperSettings, _buses: Buses) -> None:
-        self.name = f"bumper on GPIO {', '.join(map(str, settings.pins.values()))}"
+        super().__init__(f"bumper on GPIO {', '.join(map(str, settings.pins.values()))}")
         self._settings = settings
-        self._switches: dict[Side, Any] = {}
         self._pressed: dict[Side, bool] = {}  # since the last read; gpiozero's thread writes it, item by item
 
     async def open(self) -> None:
-        """Claim the pins.
+        """Claim the pins, and forget earlier presses.
 
         Raises:
             NotResponding: gpiozero is missing, or it cannot have the pins.
         """
-        await self.close()
-        self._switches = claim(self.name, self._make)
-        for side, switch in self._switches.items():
-            switch.when_activated = partial(self._remember, side)
-
-    async def close(self) -> None:
-        """Let go of the pins, and forget."""
-        switches, self._switches = self._switches, {}
-        release(switches.values())
+        await super().open()
         self._pressed.clear()
+        for side, switch in self._devices.items():
+            switch.when_activated = partial(self._remember, side)
 
     async def read(self) -> ContactReading:
         """Return the sides that are pressed now, or were since the previous read.
@@ -82,11 +74,9 @@ class Bumper:
         Raises:
             NotResponding: the pins are not open or failed.
         """
-        if not self._switches:
-            raise NotResponding(f"{self.name}: not open")
-        with named(self.name):
+        with self._using() as switches:
             # Forget first, look second: a press in between is seen twice, and not never.
-            sides = tuple(side for side, switch in self._switches.items() if self._forget(side) or switch.is_active)
+            sides = tuple(side for side, switch in switches.items() if self._forget(side) or switch.is_active)
         return ContactReading(asyncio.get_running_loop().time(), sides, None)
 
     def _make(self, gpiozero: Any) -> dict[Side, Any]:

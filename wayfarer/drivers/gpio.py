@@ -6,57 +6,77 @@ gpiozero is imported when the first pin is claimed. Its pin library (lgpio) come
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from annotated_types import Interval
 
 from wayfarer.errors import NotResponding
 
-T = TypeVar("T")
-
 Pin = Annotated[int, Interval(ge=0, le=27)]  # GPIO numbers of the 40-pin header, not positions on it
 
 
-def claim(name: str, make: Callable[[Any], T]) -> T:
-    """Return what ``make`` builds on GPIO pins; it is given the module gpiozero.
+class GpioPart:
+    """A part at GPIO pins: ``open`` claims them, ``close`` lets go of them. Each driver says in ``_make`` what for."""
 
-    Raises:
-        NotResponding: gpiozero is missing, or it cannot have the pins.
-    """
-    try:
-        gpiozero = import_module("gpiozero")
-    except ImportError:
-        raise NotResponding(f"{name}: gpiozero is not installed; pip install '.[pi]' in wayfarer's checkout") from None
-    try:
-        with warnings.catch_warnings():
-            # Two lines for each pin library that is not there; where none is, the error below says so in one.
-            for expected in (gpiozero.PinFactoryFallback, gpiozero.NativePinFactoryFallback):
-                warnings.simplefilter("ignore", expected)
-            return make(gpiozero)
-    except Exception as error:  # lgpio's own error, for one, is a bare Exception
-        reason = " ".join(str(error).split())
-    # Raised here, not in the handler: a traceback kept by a caller would keep the pins that were claimed before.
-    raise NotResponding(
-        f"{name}: cannot have these pins: {reason}; does another program hold one, is the user in group gpio, "
-        "is python3-lgpio installed?"
-    )
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._devices: Mapping[Any, Any] = {}
 
+    async def open(self) -> None:
+        """Claim the pins.
 
-@contextmanager
-def named(name: str) -> Iterator[None]:
-    """Turn whatever pins raise while they are used into ``NotResponding`` of that name."""
-    try:
-        yield
-    except Exception as error:
-        reason = " ".join(str(error).split())
-        raise NotResponding(f"{name}: the pins failed: {reason}; has another program taken them?") from None
+        Raises:
+            NotResponding: gpiozero is missing, or it cannot have the pins.
+        """
+        await self.close()
+        self._devices = self._claim()
 
+    async def close(self) -> None:
+        """Let go of the pins."""
+        devices, self._devices = self._devices, {}
+        for device in devices.values():
+            with suppress(Exception):
+                device.close()
 
-def release(devices: Iterable[Any]) -> None:
-    """Close each device, whatever becomes of the others."""
-    for device in devices:
-        with suppress(Exception):
-            device.close()
+    def _make(self, gpiozero: Any) -> Mapping[Any, Any]:
+        """Return the devices of the module gpiozero on this part's pins."""
+        raise NotImplementedError
+
+    def _claim(self) -> Mapping[Any, Any]:
+        try:
+            gpiozero = import_module("gpiozero")
+        except ImportError:
+            raise NotResponding(
+                f"{self.name}: gpiozero is not installed; pip install '.[pi]' in wayfarer's checkout"
+            ) from None
+        try:
+            with warnings.catch_warnings():
+                # Two lines for each pin library that is not there; where none is, the error below says so in one.
+                for expected in (gpiozero.PinFactoryFallback, gpiozero.NativePinFactoryFallback):
+                    warnings.simplefilter("ignore", expected)
+                return self._make(gpiozero)
+        except Exception as error:  # lgpio's own error, for one, is a bare Exception
+            reason = " ".join(str(error).split())
+        # Raised here, not in the handler: a traceback kept by a caller would keep the pins that were claimed before.
+        raise NotResponding(
+            f"{self.name}: cannot have these pins: {reason}; does another program hold one, is the user in group gpio, "
+            "is python3-lgpio installed?"
+        )
+
+    @contextmanager
+    def _using(self) -> Iterator[Mapping[Any, Any]]:
+        """Give the devices; turn whatever pins raise while they are used into ``NotResponding``.
+
+        Raises:
+            NotResponding: the pins are not open or failed.
+        """
+        if not self._devices:
+            raise NotResponding(f"{self.name}: not open")
+        try:
+            yield self._devices
+        except Exception as error:
+            reason = " ".join(str(error).split())
+            raise NotResponding(f"{self.name}: the pins failed: {reason}; has another program taken them?") from None

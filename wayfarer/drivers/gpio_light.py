@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from wayfarer.drivers.buses import Buses
-from wayfarer.drivers.gpio import Pin, claim, named, release
-from wayfarer.errors import NotResponding
+from wayfarer.drivers.gpio import GpioPart, Pin
 from wayfarer.hal import Colour
 
 
@@ -42,30 +41,15 @@ class GpioLightSettings:
         return {colour: pin for colour, pin in pins.items() if pin is not None}
 
 
-class GpioLight:
-    """The pins as a ``hal.StatusLight``."""
+class GpioLight(GpioPart):
+    """The pins as a ``hal.StatusLight``; all are dark once claimed."""
 
     part: ClassVar[str] = "light"
     Settings = GpioLightSettings
 
     def __init__(self, settings: GpioLightSettings, _buses: Buses) -> None:
-        self.name = f"light on GPIO {', '.join(map(str, settings.pins.values()))}"
+        super().__init__(f"light on GPIO {', '.join(map(str, settings.pins.values()))}")
         self._settings = settings
-        self._lamps: dict[str, Any] = {}
-
-    async def open(self) -> None:
-        """Claim the pins, all dark.
-
-        Raises:
-            NotResponding: gpiozero is missing, or it cannot have the pins.
-        """
-        await self.close()
-        self._lamps = claim(self.name, self._make)
-
-    async def close(self) -> None:
-        """Let go of the pins."""
-        lamps, self._lamps = self._lamps, {}
-        release(lamps.values())
 
     async def show(self, colour: Colour) -> None:
         """Show a colour until told otherwise. One that this light does not have is shown by all it has: never dark.
@@ -73,13 +57,11 @@ class GpioLight:
         Raises:
             NotResponding: the pins are not open or failed.
         """
-        if not self._lamps:
-            raise NotResponding(f"{self.name}: not open")
-        lit = {part for part in self._lamps if getattr(colour, part) > 0.0}
-        if not lit and any(colour):
-            lit = set(self._lamps)
-        with named(self.name):
-            for part, lamp in self._lamps.items():
+        with self._using() as lamps:
+            lit = {part for part in lamps if getattr(colour, part) > 0.0}
+            if not lit and any(colour):
+                lit = set(lamps)
+            for part, lamp in lamps.items():
                 lamp.value = part in lit
 
     def _make(self, gpiozero: Any) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from typing import Annotated, Any, ClassVar
 from annotated_types import Interval
 
 from wayfarer.drivers.buses import Buses
-from wayfarer.drivers.gpio import Pin, claim, named, release
+from wayfarer.drivers.gpio import GpioPart, Pin
 from wayfarer.errors import NotResponding
 from wayfarer.hal import MotorHealth, WheelCommand
 
@@ -47,7 +47,7 @@ class GpioMotorsSettings:
     duty_limit: Annotated[float, Interval(gt=0, le=1)] = 1.0
 
 
-class GpioMotors:
+class GpioMotors(GpioPart):
     """Two H-bridges as ``hal.DriveMotors``, without a deadman."""
 
     part: ClassVar[str] = "motors"
@@ -56,9 +56,8 @@ class GpioMotors:
 
     def __init__(self, settings: GpioMotorsSettings, _buses: Buses) -> None:
         left, right = (settings.left_forward, settings.left_backward), (settings.right_forward, settings.right_backward)
-        self.name = f"motors on GPIO {left[0]}/{left[1]} and {right[0]}/{right[1]}"
+        super().__init__(f"motors on GPIO {left[0]}/{left[1]} and {right[0]}/{right[1]}")
         self._settings = settings
-        self._sides: tuple[Any, ...] = ()
 
     async def open(self) -> None:
         """Claim the pins, all at zero. Pins that are held and obey are stopped and kept: let go, they would float.
@@ -67,13 +66,13 @@ class GpioMotors:
             NotResponding: gpiozero is missing, or it cannot have the pins.
         """
         if not self._stopped():
-            self._release()
-            self._sides = claim(self.name, self._make)
+            await super().close()
+            self._devices = self._claim()
 
     async def close(self) -> None:
         """Stop, and let go of the pins."""
         self.halt()
-        self._release()
+        await super().close()
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Set the duty of both sides and return what was set, within the limit; duties beyond -1..1 count as these.
@@ -85,10 +84,9 @@ class GpioMotors:
         asked = WheelCommand(_duty(command.left), _duty(command.right))
         scale = min(1.0, self._settings.duty_limit / max(abs(asked.left), abs(asked.right), 1e-9))
         applied = WheelCommand(asked.left * scale, asked.right * scale)
-        left, right = self._open_sides()
         try:
-            with named(self.name):
-                left.value, right.value = applied
+            with self._using() as sides:
+                sides["left"].value, sides["right"].value = applied
         except NotResponding:
             self.halt()
             raise
@@ -109,38 +107,28 @@ class GpioMotors:
         Raises:
             NotResponding: the pins are not open or failed.
         """
-        left, right = self._open_sides()
-        with named(self.name):
-            return WheelCommand(left.value, right.value)
+        with self._using() as sides:
+            return WheelCommand(sides["left"].value, sides["right"].value)
 
     async def health(self) -> MotorHealth:
         """Return that nothing is known of the battery: the board measures nothing."""
         return MotorHealth(None, ())
 
-    def _make(self, gpiozero: Any) -> tuple[Any, ...]:
+    def _make(self, gpiozero: Any) -> dict[str, Any]:
         pins = self._settings
-        return (
-            gpiozero.Motor(pins.left_forward, pins.left_backward, enable=pins.left_enable),
-            gpiozero.Motor(pins.right_forward, pins.right_backward, enable=pins.right_enable),
-        )
-
-    def _open_sides(self) -> tuple[Any, ...]:
-        if not self._sides:
-            raise NotResponding(f"{self.name}: not open")
-        return self._sides
+        return {
+            "left": gpiozero.Motor(pins.left_forward, pins.left_backward, enable=pins.left_enable),
+            "right": gpiozero.Motor(pins.right_forward, pins.right_backward, enable=pins.right_enable),
+        }
 
     def _stopped(self) -> bool:
         """Stop each side, whatever becomes of the other; tell whether both were held and obeyed."""
         obeyed = 0
-        for motor in self._sides:
+        for motor in self._devices.values():
             with suppress(Exception):
                 motor.stop()
                 obeyed += 1
         return obeyed == 2
-
-    def _release(self) -> None:
-        sides, self._sides = self._sides, ()
-        release(sides)
 
 
 def _duty(asked: float) -> float:
