@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from struct import pack
 
 import pytest
@@ -11,29 +11,23 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
+from tests.drivers.benches import now_s
 from tests.simhal.chips.test_pmw3901 import Driven
 from tests.virtual import virtual
 from wayfarer.drivers.pmw3901 import FRAME_S, PMW3901, Axis, Burst, PMW3901Settings, contradiction, decode, quality
 from wayfarer.drivers.pmw3901_table import trim
 from wayfarer.errors import BadReading, NotResponding, WrongPart
-from wayfarer.escape.api import Vehicle
-from wayfarer.hal import MotionReading, MotionSensor
+from wayfarer.hal import MotionSensor
 from wayfarer.simhal.buses import FakeBuses, FakeSPI, SPIChip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.parts import SimFlow
-from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel
-from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.physics import Physics
-from wayfarer.simhal.world.world import World
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT
 from wayfarer.testing import check_motion_sensor
 
 NORMAL = bytes.fromhex("B0 BF 05 00 FB FF 4C 55 A0 1E 02 58")  # hardware.md 8.2
 STANDING = bytes.fromhex("30 BF 00 00 00 00 4C 55 A0 1E 02 58")
 DARK = bytes.fromhex("B0 BF 10 00 F0 FF 12 20 30 10 1F 40")
 LIMIT_COUNTS_S = PMW3901Settings().limit_counts_s
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 
 # What goes over the wires at the start, without the write bits: hardware.md 2.3, rows 1 to 24, with 67=80 73=00 70=20
 # 71=100 (decimal), after the reset and before the observation byte is cleared.
@@ -72,7 +66,7 @@ class Canned:
 
     def __init__(self, burst: bytes) -> None:
         self.burst, self.bursts = burst, 0
-        self.behind = PMW3901Chip(Driven(), time)
+        self.behind = PMW3901Chip(Driven(), now_s)
 
     def exchange(self, data: bytes) -> bytes:
         if data[0] != 0x16:
@@ -88,7 +82,7 @@ class AtLimit(Canned):
 
     def exchange(self, data: bytes) -> bytes:
         if data[0] == 0x16:
-            frames, self.counted_to_s = int(time() / FRAME_S) - int(self.counted_to_s / FRAME_S), time()
+            frames, self.counted_to_s = int(now_s() / FRAME_S) - int(self.counted_to_s / FRAME_S), now_s()
             self.burst = NORMAL[:2] + pack("<hh", int(frames * FRAME_S * LIMIT_COUNTS_S), 0) + NORMAL[6:]
         return super().exchange(data)
 
@@ -119,18 +113,6 @@ class Stopped(PMW3901Chip):
         return bytes(2) if data == b"\xc0\x80" else super().exchange(data)
 
 
-def time() -> float:
-    return asyncio.get_running_loop().time()
-
-
-def run(main: Callable[[], Awaitable[None]]) -> None:
-    async def run_main() -> None:
-        await main()
-
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        runner.run(run_main())
-
-
 def flow_over(chip: SPIChip | None, settings: PMW3901Settings | None = None) -> PMW3901:
     """Return the driver over a bus with that chip, or with none."""
     buses, settings = FakeBuses(), settings or PMW3901Settings()
@@ -138,45 +120,35 @@ def flow_over(chip: SPIChip | None, settings: PMW3901Settings | None = None) -> 
     return PMW3901(settings, buses)
 
 
+async def opened(chip: SPIChip, settings: PMW3901Settings | None = None) -> PMW3901:
+    flow = flow_over(chip, settings)
+    await flow.open()
+    return flow
+
+
 def writes_at_start(settings: PMW3901Settings | None = None, **factory: int) -> list[tuple[int, int]]:
     """Return the writes of one opening; ``factory`` names registers of bank 0E, such as ``r67``."""
-    writes: list[tuple[int, int]] = []
-
-    async def main() -> None:
-        registers = {(0x0E, int(name[1:], 16)): value for name, value in factory.items()}
-        chip = PMW3901Chip(Driven(), time, factory=registers)
-        await flow_over(chip, settings).open()
-        writes.extend(chip.writes)
-
-    run(main)
-    return writes
-
-
-def settings_of(**values: object) -> PMW3901Settings:
-    return TypeAdapter(PMW3901Settings).validate_python(values)
+    chip = PMW3901Chip(Driven(), now_s, factory={(0x0E, int(name[1:], 16)): value for name, value in factory.items()})
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        runner.run(flow_over(chip, settings).open())
+    return list(chip.writes)
 
 
 # -- what a burst says
 
 
-def test_vector_of_a_rover_that_moves() -> None:
-    burst = decode(NORMAL)
-    assert burst == Burst(motion=True, observation=0xBF, dx=5, dy=-5, squal=76, shutter=600)
-    assert quality(burst, 95) == 0.8
+@pytest.mark.parametrize(
+    ("data", "burst", "good"),
+    [
+        (NORMAL, Burst(motion=True, observation=0xBF, dx=5, dy=-5, squal=76, shutter=600), 0.8),
+        (STANDING, Burst(motion=False, observation=0xBF, dx=0, dy=0, squal=76, shutter=600), 0.8),
+        (DARK, Burst(motion=True, observation=0xBF, dx=16, dy=-16, squal=18, shutter=8000), 0.0),
+    ],
+)
+def test_vectors_of_a_rover_that_moves_stands_and_is_in_the_dark(data: bytes, burst: Burst, good: float) -> None:
+    assert decode(data) == burst
+    assert quality(burst, 95) == good
     assert contradiction(burst, 0.01, LIMIT_COUNTS_S) is None
-
-
-def test_vector_of_a_rover_that_stands_is_known_to_be_still() -> None:
-    burst = decode(STANDING)
-    assert burst == Burst(motion=False, observation=0xBF, dx=0, dy=0, squal=76, shutter=600)
-    assert quality(burst, 95) == 0.8
-    assert contradiction(burst, 0.01, LIMIT_COUNTS_S) is None
-
-
-def test_vector_in_the_dark_is_worth_nothing() -> None:
-    burst = decode(DARK)
-    assert burst == Burst(motion=True, observation=0xBF, dx=16, dy=-16, squal=18, shutter=8000)
-    assert quality(burst, 95) == 0.0
 
 
 def test_dark_needs_both_too_little_texture_and_the_longest_exposure() -> None:
@@ -224,11 +196,15 @@ def test_more_counts_than_the_chip_can_see_in_the_time_are_garbage(longest_s: fl
         assert str(limit) in text
 
 
-@pytest.mark.parametrize(("rad_per_count", "counts_s"), [(0.00213195, 3471), (0.00126, 5873), (1 / 385, 3471)])
-def test_limit_of_the_chip_is_that_of_the_angle_set_and_never_less_than_the_data_sheets(
-    rad_per_count: float, counts_s: float
+@pytest.mark.parametrize(
+    ("rad_per_count", "mm", "counts_s"), [(0.00213195, 21.3, 3471), (0.00126, 12.6, 5873), (1 / 385, 26.0, 3471)]
+)
+def test_published_angles_give_the_way_of_100_counts_and_a_limit_never_below_the_data_sheets(
+    rad_per_count: float, mm: float, counts_s: float
 ) -> None:
-    assert PMW3901Settings(rad_per_count=rad_per_count).limit_counts_s == pytest.approx(counts_s, abs=0.5)
+    settings = PMW3901Settings(rad_per_count=rad_per_count, height_m=0.1)
+    assert 100 * settings.m_per_count * 1000 == pytest.approx(mm, abs=0.05)
+    assert settings.limit_counts_s == pytest.approx(counts_s, abs=0.5)
 
 
 LATE_S = st.floats(0.0, 0.2)
@@ -271,80 +247,72 @@ def test_start_up_keeps_the_trims_of_a_chip_that_has_some() -> None:
     assert len(writes) == len(writes_at_start()) - 6
 
 
-def test_start_up_heeds_bit_7_of_register_67_and_the_led_setting() -> None:
-    assert (0x48, 0x04) in writes_at_start(r67=0x80)
-    assert (0x48, 0x02) in writes_at_start(r67=0x7F)
-    assert (0x6F, 0x1C) in writes_at_start()
-    assert (0x6F, 0x00) in writes_at_start(PMW3901Settings(led=False))
+@pytest.mark.parametrize(
+    ("register_67", "led", "written"),
+    [(0x80, True, (0x48, 0x04)), (0x7F, True, (0x48, 0x02)), (0x80, True, (0x6F, 0x1C)), (0x80, False, (0x6F, 0x00))],
+)
+def test_start_up_heeds_bit_7_of_register_67_and_the_led_setting(
+    register_67: int, led: bool, written: tuple[int, int]
+) -> None:
+    assert written in writes_at_start(PMW3901Settings(led=led), r67=register_67)
 
 
 @pytest.mark.parametrize(
     ("c1", "c1_written"), [(0, 14), (15, 29), (20, 34), (28, 42), (29, 40), (52, 0x3F), (53, 0x3F), (255, 0x3F)]
 )
-def test_first_trim_grows_by_one_rule_only(c1: int, c1_written: int) -> None:
-    assert trim(c1, 0) == ((0x70, c1_written), (0x71, 0))
-
-
 @pytest.mark.parametrize(("c2", "c2_written"), [(0, 0), (1, 0), (100, 0x2D), (255, 114)])
-def test_second_trim_shrinks_to_45_percent(c2: int, c2_written: int) -> None:
-    assert trim(0, c2) == ((0x70, 14), (0x71, c2_written))
+def test_first_trim_grows_by_one_rule_only_and_the_second_shrinks_to_45_percent(
+    c1: int, c1_written: int, c2: int, c2_written: int
+) -> None:
+    assert trim(c1, c2) == ((0x70, c1_written), (0x71, c2_written))
 
 
 @pytest.mark.parametrize(("needed", "written"), [(1, 1), (3, 3), (9, 3)])
 @virtual
 async def test_probe_is_repeated_three_times_at_most(needed: int, written: int) -> None:
-    chip = PMW3901Chip(Driven(), time, probes_needed=needed)
+    chip = PMW3901Chip(Driven(), now_s, probes_needed=needed)
     await flow_over(chip).open()
     assert chip.writes.count((0x43, 0x10)) == written
 
 
 @virtual
 async def test_opening_waits_for_the_chip_and_not_longer() -> None:
-    await flow_over(PMW3901Chip(Driven(), time)).open()
-    assert time() == pytest.approx(0.02 + 0.01 + 0.24 + 0.02)
+    await flow_over(PMW3901Chip(Driven(), now_s)).open()
+    assert now_s() == pytest.approx(0.02 + 0.01 + 0.24 + 0.02)
 
 
 @pytest.mark.parametrize(("chip", "byte"), [(None, "0xFF"), (Silent(), "0x00")])
 @virtual
 async def test_silence_names_the_slots_and_the_command_that_switches_spi_on(chip: SPIChip | None, byte: str) -> None:
-    with pytest.raises(NotResponding, match=f"PMW3901 on /dev/spidev0.1: only {byte} comes back") as caught:
+    said = f"PMW3901 on /dev/spidev0.1: only {byte} comes back.*back is /dev/spidev0.0.*raspi-config nonint do_spi 0"
+    with pytest.raises(NotResponding, match=said):
         await flow_over(chip).open()
-    assert "sudo raspi-config nonint do_spi 0" in str(caught.value)
-    assert "back is /dev/spidev0.0" in str(caught.value)
 
 
 @pytest.mark.parametrize("factory", [{(0x00, 0x00): 0x42}, {(0x00, 0x5F): 0xBD}])
 @virtual
 async def test_another_chip_is_a_wrong_part(factory: dict[tuple[int, int], int]) -> None:
     with pytest.raises(WrongPart, match="expected product 0x49 and inverse 0xB6"):
-        await flow_over(PMW3901Chip(Driven(), time, factory=factory)).open()
+        await flow_over(PMW3901Chip(Driven(), now_s, factory=factory)).open()
 
 
 @virtual
 async def test_chip_that_answers_and_does_not_run_is_refused() -> None:
     with pytest.raises(NotResponding, match="answers but does not run"):
-        await flow_over(Stopped(Driven(), time)).open()
+        await flow_over(Stopped(Driven(), now_s)).open()
 
 
+@pytest.mark.parametrize(("counts", "bank"), [(3000, 0x00), (1, 0x00), (0, 0x0E)])
 @virtual
-async def test_counts_from_before_and_during_an_opening_are_no_motion() -> None:
+async def test_counts_from_before_an_opening_are_no_motion_also_where_one_broke_off_in_another_bank(
+    counts: int, bank: int
+) -> None:
     """More than a spike, and nearly nothing, are both no displacement since the reading before: there was none."""
-
-    for counts in (3000, 1):
-        flow = flow_over(PMW3901Chip(Driven((counts, 0), (8, 0)), time))
-        await flow.open()
-        assert (await flow.read()).quality == 0.0
-        await asyncio.sleep(0.05)
-        assert (await flow.read()).quality == 0.8
-
-
-@virtual
-async def test_opening_works_after_one_that_broke_off() -> None:
-    chip = PMW3901Chip(Driven(), time)
-    chip.exchange(b"\xff\x0e")  # it broke off in this bank
-    flow = flow_over(chip)
-    await flow.open()
-    assert (await flow.read()).quality == 0.0, "counts since nobody knows when"
+    chip = PMW3901Chip(Driven((counts, 0), (8, 0)), now_s)
+    chip.exchange(bytes((0xFF, bank)))
+    flow = await opened(chip)
+    assert (await flow.read()).quality == 0.0
+    await asyncio.sleep(0.05)
     assert (await flow.read()).quality == 0.8
 
 
@@ -354,21 +322,19 @@ async def test_opening_works_after_one_that_broke_off() -> None:
 @virtual
 async def test_reading_is_one_burst_that_does_not_wait_for_motion() -> None:
     chip = Canned(STANDING)
-    flow = flow_over(chip)
-    await flow.open()
+    flow = await opened(chip)
     await flow.read()
     await asyncio.sleep(0.05)
-    asked_s = time()
+    asked_s = now_s()
     assert await flow.read() == (asked_s, 0.0, 0.0, 0.8, True)
-    assert time() == asked_s
+    assert now_s() == asked_s
     assert chip.bursts == 2
 
 
 @virtual
 async def test_displacement_is_that_since_the_read_before() -> None:
     sense = Driven((100, -40), (-7, 3))
-    flow = flow_over(PMW3901Chip(sense, time))
-    await flow.open()
+    flow = await opened(PMW3901Chip(sense, now_s))
     assert sense.asked_s == []
     readings = []
     for _ in range(3):
@@ -383,9 +349,10 @@ async def test_displacement_is_that_since_the_read_before() -> None:
 
 @virtual
 async def test_darkness_is_unknown_and_not_still() -> None:
-    chip = PMW3901Chip(Driven((100, 0)), time)
-    flow = flow_over(chip)
-    await flow.open()
+    chip = PMW3901Chip(Driven(), now_s)
+    flow = await opened(chip)
+    await flow.read()
+    assert (await flow.read()).quality == 0.8
     chip.squal, chip.shutter = 18, 8000
     assert (await flow.read()).quality == 0.0
 
@@ -404,28 +371,19 @@ async def test_mounting_is_undone_by_the_settings(
     forward: Axis, right: Axis, mounting: Callable[[int, int], tuple[int, int]]
 ) -> None:
     settings = PMW3901Settings(forward=forward, right=right, rad_per_count=0.001, height_m=1.0)
-    flow = flow_over(PMW3901Chip(Driven((20, 3)), time, mounting=mounting), settings)
-    await flow.open()
+    flow = await opened(PMW3901Chip(Driven((20, 3)), now_s, mounting=mounting), settings)
     assert (await flow.read())[1:3] == pytest.approx((0.020, 0.003))
-
-
-@pytest.mark.parametrize(("rad_per_count", "mm"), [(0.00213195, 21.3), (1 / 385, 26.0), (0.002048, 20.5)])
-def test_hundred_counts_at_a_tenth_of_a_metre_with_published_scales(rad_per_count: float, mm: float) -> None:
-    settings = PMW3901Settings(rad_per_count=rad_per_count, height_m=0.1)
-    assert 100 * settings.m_per_count * 1000 == pytest.approx(mm, abs=0.05)
 
 
 @virtual
 async def test_calibration_gets_the_counts_of_the_chip_itself() -> None:
-    flow = flow_over(Canned(NORMAL), PMW3901Settings(forward="+x", right="+y", height_m=0.3))
-    await flow.open()
+    flow = await opened(Canned(NORMAL), PMW3901Settings(forward="+x", right="+y", height_m=0.3))
     assert await flow.counts() == (5, -5)
 
 
 @virtual
 async def test_spike_is_dropped_and_the_next_reading_is_good() -> None:
-    flow = flow_over(PMW3901Chip(Driven((0, 0), (469, 0), (8, 0)), time))
-    await flow.open()
+    flow = await opened(PMW3901Chip(Driven((0, 0), (469, 0), (8, 0)), now_s))
     await flow.read()
     await asyncio.sleep(0.05)
     with pytest.raises(BadReading, match=r"more than 20\d counts in 0.*raise the lens"):
@@ -443,8 +401,7 @@ async def test_readings_at_the_speed_that_the_chip_can_follow_and_garbage_are_co
 ) -> None:
     """7.4 rad/s are 0.74 m/s at 0.1 m, and 173 counts in 0.05 s."""
 
-    flow = flow_over(PMW3901Chip(Driven((0, 0), counts, (203, 0)), time))
-    await flow.open()
+    flow = await opened(PMW3901Chip(Driven((0, 0), counts, (203, 0)), now_s))
     await flow.read()
     await asyncio.sleep(0.05)
     await flow.read()
@@ -457,9 +414,8 @@ async def test_readings_at_the_speed_that_the_chip_can_follow_and_garbage_are_co
 
 @virtual
 async def test_chip_that_lost_its_settings_is_reported_and_opening_it_anew_helps() -> None:
-    chip = PMW3901Chip(Driven((8, 0)), time)
-    flow = flow_over(chip)
-    await flow.open()
+    chip = PMW3901Chip(Driven((8, 0)), now_s)
+    flow = await opened(chip)
     chip.lose_power()
     with pytest.raises(NotResponding, match="has stopped"):
         await flow.read()
@@ -472,8 +428,7 @@ async def test_chip_that_lost_its_settings_is_reported_and_opening_it_anew_helps
 @virtual
 async def test_line_that_goes_dead_is_no_reading(byte: int) -> None:
     chip = Canned(NORMAL)
-    flow = flow_over(chip)
-    await flow.open()
+    flow = await opened(chip)
     chip.burst = bytes((byte,)) * 12
     with pytest.raises(NotResponding, match=f"only 0x{byte:02X} comes back"):
         await flow.read()
@@ -482,41 +437,13 @@ async def test_line_that_goes_dead_is_no_reading(byte: int) -> None:
 # -- the driver among others
 
 
-def test_driver_keeps_the_promises_of_a_motion_sensor() -> None:
+@virtual
+async def test_driver_keeps_the_promises_of_a_motion_sensor() -> None:
     def factory() -> PMW3901:
-        return flow_over(PMW3901Chip(Driven((5, 0), (6, 1), (7, 0)), time))
+        return flow_over(PMW3901Chip(Driven((5, 0), (6, 1), (7, 0)), now_s))
 
-    async def main() -> None:
-        await check_motion_sensor(factory, unreachable=lambda: flow_over(None))
-
-    run(main)
     assert isinstance(factory(), MotionSensor)
-
-
-def test_driver_reads_what_the_simulated_part_reads() -> None:
-    def readings_of(make: Callable[[World], MotionSensor]) -> list[MotionReading]:
-        readings = []
-
-        async def main() -> None:
-            world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(3))
-            flow = make(world)
-            await flow.open()
-            await asyncio.sleep(1.0 - time())  # whatever the opening took
-            for duty in (0.0, 0.2, 0.5, 0.5, -0.4, 0.0):  # 0.7 m/s, which the chip can follow
-                world.advance_to(time())
-                world.command(duty, duty)
-                await asyncio.sleep(0.1)
-                readings.append(await flow.read())
-
-        run(main)
-        return readings
-
-    at_bus_depth = readings_of(lambda world: flow_over(PMW3901Chip(FlowSensorModel(world, RandomStreams(3)), time)))
-    at_device_depth = readings_of(lambda world: SimFlow(world, RandomStreams(3)))
-    assert max(reading.forward_m for reading in at_device_depth) > 0.05
-    for real, simulated in zip(at_bus_depth, at_device_depth, strict=True):
-        assert real == pytest.approx(simulated, rel=1e-3)
-        assert real.quality == simulated.quality
+    await check_motion_sensor(factory, unreachable=lambda: flow_over(None))
 
 
 def test_bus_is_asked_for_with_mode_and_speed() -> None:
@@ -552,6 +479,7 @@ def test_default_scale_is_that_of_the_simulated_part() -> None:
     ],
 )
 def test_settings_that_cannot_be_are_refused(values: dict[str, object]) -> None:
-    assert settings_of(height_m=0.08, spi_mode=3, forward="+x", right="-y").height_m == 0.08
+    validate = TypeAdapter(PMW3901Settings).validate_python
+    assert validate({"height_m": 0.08, "spi_mode": 3, "forward": "+x", "right": "-y"}).height_m == 0.08
     with pytest.raises(ValidationError, match="|".join(values)):
-        settings_of(**values)
+        validate(values)
