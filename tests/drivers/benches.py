@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from wayfarer.escape.api import Vehicle
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
@@ -20,6 +21,13 @@ def now_s() -> float:
         return asyncio.get_running_loop().time()
     except RuntimeError:
         return 0.0
+
+
+def stall(for_s: float) -> None:
+    """Let time pass without the loop, as in a process that is suspended."""
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, VirtualLoop)
+    loop.stall(for_s)
 
 
 def steady_world() -> World:

@@ -1,35 +1,126 @@
-"""What is true of every motor board that cuts duties to its own steps."""
+"""Both motor boards, each on a wire that can be troubled, over a world; nothing has spoken to them yet."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from math import nan
+from typing import Any, Self
 
-import pytest
+from tests.drivers.benches import now_s, steady_world
+from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
+from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
+from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings
+from wayfarer.errors import NotResponding
+from wayfarer.simhal.buses import FakeBuses, FakeSerial
+from wayfarer.simhal.chips.sabertooth import SabertoothChip
+from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 
-from wayfarer.hal import DriveMotors, WheelCommand
-from wayfarer.simhal.parts import SimMotors
-from wayfarer.simhal.world.world import World
-
-
-async def check_applied(motors: DriveMotors, world: World, command: WheelCommand, steps: float) -> WheelCommand:
-    """Drive: the wheels get what is returned, at most what was asked, and the same as at device depth."""
-    applied = await motors.drive(command)
-    assert world.commanded == applied
-    for asked, got in zip(command, applied, strict=True):
-        assert abs(asked) - 1.0 / steps < abs(got) <= abs(asked)
-        assert got * asked >= 0.0
-    at_device_depth = SimMotors(world, steps)
-    await at_device_depth.open()
-    assert await at_device_depth.drive(command) == applied
-    return applied
+WIRING = ("left", "reverse_left", "reverse_right")
 
 
-async def check_strange_duties(motors: DriveMotors, sent: Callable[[], list[str]]) -> None:
-    """Duties beyond full are full, and what is no number reaches no motor."""
-    assert await motors.drive(WheelCommand(1.5, -7.0)) == await motors.drive(WheelCommand(1.0, -1.0))
-    sent()
-    for broken in (WheelCommand(nan, 0.5), WheelCommand(0.5, nan)):
-        with pytest.raises(ValueError, match="NaN"):
-            await motors.drive(broken)
-    assert sent() == []
+class MotorBench:
+    """A motor board and its driver; the wire between them keeps in ``seen`` what each write brought."""
+
+    motors: ThunderBorg | Sabertooth
+
+    def __init__(self, steps: float, settings: Any) -> None:
+        self.steps = steps * settings.duty_limit
+        self.wiring = {"full_level": self.steps} | {key: getattr(settings, key) for key in WIRING}
+        self.world = steady_world()
+        self.buses = FakeBuses()
+        self.seen: list[bytes] = []
+
+    async def opened(self) -> Self:
+        """This bench with open motors, of which nothing is in ``sent``."""
+        await self.motors.open()
+        self.sent()
+        return self
+
+    def sent(self) -> list[str]:
+        """Return what was written since this was asked last, a string for each write."""
+        sent = [data.hex(" ").upper() for data in self.seen]
+        self.seen.clear()
+        return sent
+
+
+class ThunderBorgBench(MotorBench):
+    """A ThunderBorg at the end of a cable: the next writes fail, or some are lost although acknowledged.
+
+    ``garbled`` is how many answers to a command come back with a wrong echo, ``answers`` what is answered in place of
+    the chip's own; at the write ``restarts_at`` the board loses its power for a moment.
+    """
+
+    Settings = ThunderBorgSettings
+
+    def __init__(self, **settings: Any) -> None:
+        given = ThunderBorgSettings(**settings)
+        super().__init__(255, given)
+        self.chip = ThunderBorgChip(self.world, now_s, **self.wiring)
+        self.loose = self.failsafes_lost = 0
+        self.garbled: dict[int, int] = {}
+        self.answers: dict[int, bytes] = {}
+        self.restarts_at: bytes | None = None
+        self.buses.i2c(given.bus).attach(given.address, self)
+        self.motors = ThunderBorg(given, self.buses)
+        self.light = ThunderBorgLight(ThunderBorgLightSettings(), self.buses)
+
+    def write(self, data: bytes) -> None:
+        if data == self.restarts_at:
+            self.restarts_at, self.loose = None, 1
+            self.chip.power_cycle()
+        if self.loose:
+            self.loose -= 1
+            raise NotResponding("/dev/i2c-1: no answer at address 0x15")
+        self.seen.append(data)
+        if data == b"\x13\x01" and self.failsafes_lost:
+            self.failsafes_lost -= 1
+        else:
+            self.chip.write(data)
+
+    def read(self, count: int) -> bytes:
+        reply = self.chip.read(count)
+        command = reply[0]
+        if self.garbled.get(command):
+            self.garbled[command] -= 1
+            return b"\x07" + reply[1:]
+        return bytes((command, *self.answers.get(command, reply[1:]))).ljust(count)
+
+    @staticmethod
+    def unreachable() -> ThunderBorg:
+        """Motors whose board is not there."""
+        return ThunderBorg(ThunderBorgSettings(), FakeBuses())
+
+
+class SerialLine(FakeSerial):
+    """A serial line whose cable is pulled out while it is ``gone``."""
+
+    gone = False
+
+    async def write(self, data: bytes) -> None:
+        if self.gone:
+            raise NotResponding(f"{self.name}: the port is gone; plug it in again")
+        await super().write(data)
+
+
+class SabertoothBench(MotorBench):
+    """A Sabertooth on a serial line that loses the bytes ``lost`` of each write."""
+
+    Settings = SabertoothSettings
+
+    def __init__(self, **settings: Any) -> None:
+        given = SabertoothSettings(**settings)
+        super().__init__(127, given)
+        self.chip = SabertoothChip(self.world, now_s, address=given.address, **self.wiring)
+        self.lost: set[int] = set()
+        self.line = self.buses._serial[given.port] = SerialLine(given.port)
+        self.line.chip = self
+        self.motors = Sabertooth(given, self.buses)
+
+    def receive(self, data: bytes) -> None:
+        self.seen.append(data)
+        self.chip.receive(bytes(byte for at, byte in enumerate(data) if at not in self.lost))
+
+    @staticmethod
+    def unreachable() -> Sabertooth:
+        """Motors whose port is gone."""
+        bench = SabertoothBench()
+        bench.line.gone = True
+        return bench.motors

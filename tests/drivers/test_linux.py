@@ -13,29 +13,24 @@ import select
 import sys
 import threading
 import tty
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from pathlib import Path
-from types import ModuleType
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wayfarer.drivers.buses import CLOSE_WAIT_S
+from tests.drivers.benches import steady_world
+from wayfarer.drivers.buses import CLOSE_WAIT_S, Frame
 from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.drivers.worker import TRANSFER_DEADLINE_S
 from wayfarer.errors import NotResponding
-from wayfarer.escape.api import Vehicle
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.physics import Physics
-from wayfarer.simhal.world.world import World
 
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 WIDTH, HEIGHT, STRIDE = 60, 40, 64
 LONG_S = 5.0  # a test that needs as long has failed
 
@@ -49,16 +44,22 @@ class Calls:
     def note(self, *what: Any) -> None:
         self.made.append(what)
 
+    @property
+    def names(self) -> list[str]:
+        return [what[0] for what in self.made]
+
 
 @pytest.fixture
 def calls() -> Calls:
     return Calls()
 
 
-def install(monkeypatch: pytest.MonkeyPatch, name: str, **contents: object) -> None:
-    module = ModuleType(name)
-    vars(module).update(contents)
-    monkeypatch.setitem(sys.modules, name, module)
+@pytest.fixture
+async def buses() -> AsyncIterator[LinuxBuses]:
+    """A board's buses; closed at the end of the test, if not by it."""
+    made = LinuxBuses()
+    yield made
+    await made.close()
 
 
 # -- I2C through smbus2 ------------------------------------------------------------------------------------------------
@@ -82,52 +83,36 @@ def smbus(monkeypatch: pytest.MonkeyPatch, calls: Calls) -> Calls:
     return calls
 
 
-async def test_parts_on_one_bus_share_it(smbus: Calls) -> None:
-    buses = LinuxBuses()
+async def test_parts_on_one_bus_share_it(buses: LinuxBuses, smbus: Calls) -> None:
     assert buses.i2c("/dev/i2c-1") is buses.i2c("/dev/i2c-1")
     assert buses.i2c("/dev/i2c-0") is not buses.i2c("/dev/i2c-1")
     await buses.close()
     assert smbus.made == [], "nothing is touched before it is used"
 
 
-async def test_real_smbus2_without_a_bus_says_what_to_do() -> None:
-    pytest.importorskip("smbus2")
-    buses = LinuxBuses()
-    with pytest.raises(NotResponding, match="/dev/i2c-99: no such device file"):
-        await buses.i2c("/dev/i2c-99").write(0x15, b"\0")
-    await buses.close()
-
-
 # -- SPI through spidev ------------------------------------------------------------------------------------------------
 
 
-async def said_of_spi(name: str) -> str:
+async def said_of_spi(buses: LinuxBuses, name: str) -> str:
     """What spidev, or what precedes it, says of a device that cannot be opened."""
     pytest.importorskip("spidev")
-    buses = LinuxBuses()
     with pytest.raises(NotResponding) as error:
         await buses.spi(name, mode=0, speed_hz=400_000).transfer(b"\0")
     await buses.close()
     return str(error.value)
 
 
-async def test_real_spidev_without_a_bus_says_what_to_do() -> None:
-    assert await said_of_spi("/dev/spidev99.1") == (
-        "/dev/spidev99.1: no such device file: enable the interface with sudo raspi-config [errno 2]"
-    )
-
-
-async def test_link_to_an_spi_device_is_followed_and_another_file_is_refused(tmp_path: Path) -> None:
+async def test_link_to_an_spi_device_is_followed_and_another_file_is_refused(buses: LinuxBuses, tmp_path: Path) -> None:
     link = tmp_path / "flow"
     link.symlink_to("/dev/spidev99.1")
-    assert "no such device file" in await said_of_spi(str(link))
+    assert "no such device file" in await said_of_spi(buses, str(link))
     link.unlink()
     link.symlink_to("/dev/null")
-    assert await said_of_spi(str(link)) == (
+    assert await said_of_spi(buses, str(link)) == (
         f"{link}: leads to /dev/null, which is no SPI device, such as /dev/spidev0.1; "
         "correct its name in the rover file"
     )
-    assert await said_of_spi("/dev/spidev123456789.0") == (
+    assert await said_of_spi(buses, "/dev/spidev123456789.0") == (
         "/dev/spidev123456789.0: no SPI device, such as /dev/spidev0.1; correct its name in the rover file"
     )
 
@@ -154,11 +139,10 @@ def received(far: int) -> bytes:
     return data
 
 
-async def test_real_serial_port_brings_packets_to_the_board_whole(terminal: tuple[int, str]) -> None:
+async def test_real_serial_port_brings_packets_to_the_board_whole(buses: LinuxBuses, terminal: tuple[int, str]) -> None:
     far, near = terminal
-    world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(0))
+    world = steady_world()
     chip = SabertoothChip(world, lambda: 0.0)
-    buses = LinuxBuses()
     motors = Sabertooth(SabertoothSettings(port=near), buses)
     await motors.open()
     for duty in (1.0, -1.0, 0.25, -0.5):
@@ -174,18 +158,9 @@ async def test_real_serial_port_brings_packets_to_the_board_whole(terminal: tupl
     assert chip.settings == {14: 3}, "the deadman's packet came too"
 
 
-async def test_serial_port_that_is_not_there_says_what_to_do(tmp_path: Path) -> None:
-    pytest.importorskip("serial")
-    buses = LinuxBuses()
-    with pytest.raises(NotResponding, match="no such device file"):
-        await buses.serial(str(tmp_path / "ttyUSB0"), baud=9600).write(b"\0")
-    await buses.close()
-
-
-async def test_serial_port_that_was_pulled_out_is_opened_again(tmp_path: Path) -> None:
+async def test_serial_port_that_was_pulled_out_is_opened_again(buses: LinuxBuses, tmp_path: Path) -> None:
     pytest.importorskip("serial")
     device = tmp_path / "serial0"
-    buses = LinuxBuses()
     port = buses.serial(str(device), baud=9600)
     first_far, first_near = pty.openpty()
     device.symlink_to(os.ttyname(first_near))
@@ -260,25 +235,25 @@ def camera(monkeypatch: pytest.MonkeyPatch, calls: Calls) -> type[FakeCamera]:
         luma = padded
 
     Camera.calls = calls
-    install(monkeypatch, "picamera2", Picamera2=Camera)
+    monkeypatch.setitem(sys.modules, "picamera2", SimpleNamespace(Picamera2=Camera))
     return Camera
 
 
-def names(calls: Calls) -> list[str]:
-    return [what[0] for what in calls.made]
+async def picture(buses: LinuxBuses, number: str = "0", rate_hz: float = 10.0, exposure_us: int | None = None) -> Frame:
+    camera = buses.camera(number, width=WIDTH, height=HEIGHT, rate_hz=rate_hz, exposure_us=exposure_us)
+    return await camera.frame()
 
 
 async def test_frame_is_the_luma_without_padding_and_chroma_and_is_our_own(
-    camera: type[FakeCamera], calls: Calls
+    buses: LinuxBuses, camera: type[FakeCamera]
 ) -> None:
-    buses = LinuxBuses()
-    frame = await buses.camera("1", width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=8000).frame()
+    frame = await picture(buses, "1", exposure_us=8000)
     await buses.close()
     assert frame.luma.shape == (HEIGHT, WIDTH)
     assert frame.luma.max() == WIDTH - 1
     assert not np.shares_memory(frame.luma, camera.luma), "the library uses its buffer again"
-    assert names(calls) == ["open", "configure", "start", "capture", "release", "close"]
-    (_, number), (_, configuration), *_ = calls.made
+    assert camera.calls.names == ["open", "configure", "start", "capture", "release", "close"]
+    (_, number), (_, configuration), *_ = camera.calls.made
     assert number == 1
     assert configuration["lores"] == {"size": (WIDTH, HEIGHT), "format": "YUV420"}
     assert configuration["controls"] == {
@@ -288,11 +263,10 @@ async def test_frame_is_the_luma_without_padding_and_chroma_and_is_our_own(
     }
 
 
-async def test_exposure_is_left_to_the_camera_where_none_is_given(camera: type[FakeCamera], calls: Calls) -> None:
-    buses = LinuxBuses()
-    await buses.camera("0", width=WIDTH, height=HEIGHT, rate_hz=20.0, exposure_us=None).frame()
+async def test_exposure_is_left_to_the_camera_where_none_is_given(buses: LinuxBuses, camera: type[FakeCamera]) -> None:
+    await picture(buses, rate_hz=20.0)
     await buses.close()
-    assert calls.made[1][1]["controls"] == {"FrameDurationLimits": (50_000, 50_000)}
+    assert camera.calls.made[1][1]["controls"] == {"FrameDurationLimits": (50_000, 50_000)}
 
 
 @pytest.mark.parametrize(
@@ -303,80 +277,80 @@ async def test_exposure_is_left_to_the_camera_where_none_is_given(camera: type[F
     ],
 )
 async def test_camera_that_does_not_open_is_told_as_a_part_that_does_not_answer(
-    camera: type[FakeCamera], error: Exception, text: str
+    buses: LinuxBuses, camera: type[FakeCamera], error: Exception, text: str
 ) -> None:
     camera.fails_with = error
-    buses = LinuxBuses()
     with pytest.raises(NotResponding, match=f"camera 0: .*({text})"):
-        await buses.camera("0", width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=None).frame()
-    await buses.close()
+        await picture(buses)
 
 
 async def test_camera_that_does_not_start_is_let_go_and_can_be_tried_again(
-    camera: type[FakeCamera], calls: Calls
+    buses: LinuxBuses, camera: type[FakeCamera]
 ) -> None:
     camera.start_fails_with = RuntimeError("Camera did not start properly.")
-    buses = LinuxBuses()
     device = buses.camera("0", width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=None)
     with pytest.raises(NotResponding, match="does not start: Camera did not"):
         await device.frame()
-    assert names(calls)[-1] == "close"
+    assert camera.calls.names[-1] == "close"
     camera.start_fails_with = None
     assert (await device.frame()).luma.shape == (HEIGHT, WIDTH)
-    await buses.close()
 
 
 @pytest.mark.parametrize("error", [TimeoutError(), OSError(errno.EIO, "")])
 async def test_frame_is_given_back_to_the_camera_whatever_happens(
-    camera: type[FakeCamera], calls: Calls, error: Exception
+    buses: LinuxBuses, camera: type[FakeCamera], error: Exception
 ) -> None:
     camera.frame_fails_with = error
-    buses = LinuxBuses()
     with pytest.raises(NotResponding, match="camera 0"):
-        await buses.camera("0", width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=None).frame()
+        await picture(buses)
     await buses.close()
-    assert names(calls)[-3:] == ["capture", "release", "close"]
+    assert camera.calls.names[-3:] == ["capture", "release", "close"]
 
 
-async def test_missing_camera_library_is_told_with_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "picamera2", None)
-    buses = LinuxBuses()
-    with pytest.raises(NotResponding, match="apt install python3-picamera2"):
-        await buses.camera("0", width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=None).frame()
-    await buses.close()
-
-
-@pytest.mark.parametrize("library", ["smbus2", "spidev", "serial"])
-async def test_missing_library_is_told_with_the_extra_that_brings_it(
-    monkeypatch: pytest.MonkeyPatch, library: str
+async def test_missing_camera_library_is_told_with_its_package(
+    buses: LinuxBuses, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setitem(sys.modules, "picamera2", None)
+    with pytest.raises(NotResponding, match="apt install python3-picamera2"):
+        await picture(buses)
+
+
+USES: dict[str, Callable[[LinuxBuses], Awaitable[object]]] = {
+    "smbus2": lambda buses: buses.i2c("/dev/i2c-99").write(0x15, b"\0"),
+    "spidev": lambda buses: buses.spi("/dev/spidev99.1", mode=0, speed_hz=400_000).transfer(b"\0"),
+    "serial": lambda buses: buses.serial("/dev/ttyUSB99", baud=9600).write(b"\0"),
+}
+
+
+@pytest.mark.parametrize("library", USES)
+async def test_missing_device_and_missing_library_say_what_to_do(
+    buses: LinuxBuses, monkeypatch: pytest.MonkeyPatch, library: str
+) -> None:
+    pytest.importorskip(library)
+    said = r"/dev/[\w-]+99(\.1)?: no such device file: enable the interface with sudo raspi-config \[errno 2\]"
+    with pytest.raises(NotResponding, match=said):
+        await USES[library](buses)
     monkeypatch.setitem(sys.modules, library, None)
-    buses = LinuxBuses()
-    uses: dict[str, Callable[[], Awaitable[object]]] = {
-        "smbus2": lambda: buses.i2c("/dev/i2c-1").write(0x15, b"\0"),
-        "spidev": lambda: buses.spi("/dev/spidev0.1", mode=0, speed_hz=400_000).transfer(b"\0"),
-        "serial": lambda: buses.serial("/dev/serial0", baud=9600).write(b"\0"),
-    }
     with pytest.raises(NotResponding, match=rf"{library}.*pip install '\.\[pi\]'"):
-        await uses[library]()
-    await buses.close()
+        await USES[library](buses)
 
 
-async def test_bus_that_does_not_close_keeps_no_other_open(smbus: Calls, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_bus_that_does_not_close_keeps_no_other_open(
+    buses: LinuxBuses, smbus: Calls, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refuse(_: object) -> None:
         smbus.note("close")
         raise OSError(errno.EIO, "")
 
     monkeypatch.setattr("smbus2.SMBus.close", refuse)
-    buses = LinuxBuses()
     await buses.i2c("/dev/i2c-0").write(0x15, b"\0")
     await buses.i2c("/dev/i2c-1").write(0x15, b"\0")
     await buses.close()
-    assert names(smbus)[-2:] == ["close", "close"]
+    assert smbus.names[-2:] == ["close", "close"]
 
 
 async def test_buses_are_closed_at_once_and_none_is_waited_for_beyond_the_time_given(
-    camera: type[FakeCamera], calls: Calls
+    buses: LinuxBuses, camera: type[FakeCamera]
 ) -> None:
     all_hang, freed = threading.Barrier(9), threading.Event()
 
@@ -386,11 +360,7 @@ async def test_buses_are_closed_at_once_and_none_is_waited_for_beyond_the_time_g
         return self
 
     camera.capture_request = hang  # type: ignore[method-assign]
-    buses = LinuxBuses()
-    pictures = [
-        asyncio.create_task(buses.camera(number, width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=None).frame())
-        for number in "01234567"
-    ]
+    pictures = [asyncio.create_task(picture(buses, number)) for number in "01234567"]
     await asyncio.to_thread(all_hang.wait, LONG_S)
     began_s = asyncio.get_running_loop().time()
     await buses.close()
@@ -399,7 +369,9 @@ async def test_buses_are_closed_at_once_and_none_is_waited_for_beyond_the_time_g
     await asyncio.gather(*pictures)
 
 
-async def test_posted_stop_has_as_long_as_close_is_given(smbus: Calls, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_posted_stop_has_as_long_as_close_is_given(
+    buses: LinuxBuses, smbus: Calls, monkeypatch: pytest.MonkeyPatch
+) -> None:
     freed = threading.Event()
 
     def write_late(_: object, *messages: Any) -> None:
@@ -407,34 +379,33 @@ async def test_posted_stop_has_as_long_as_close_is_given(smbus: Calls, monkeypat
         smbus.note("write")
 
     monkeypatch.setattr("smbus2.SMBus.i2c_rdwr", write_late)
-    buses = LinuxBuses()
     buses.i2c("/dev/i2c-1").post(0x15, b"\x0e\0")
     asyncio.get_running_loop().call_later(2 * CLOSE_WAIT_S, freed.set)
     await buses.close(LONG_S)
-    assert names(smbus) == ["open", "write", "close"]
+    assert smbus.names == ["open", "write", "close"]
 
 
-async def test_bus_may_take_longer_to_open_than_to_transfer(smbus: Calls, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_bus_may_take_longer_to_open_than_to_transfer(
+    buses: LinuxBuses, smbus: Calls, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def open_late(_: object, path: str) -> None:
         threading.Event().wait(2 * TRANSFER_DEADLINE_S)
         smbus.note("open", path)
 
     monkeypatch.setattr("smbus2.SMBus.__init__", open_late)
-    buses = LinuxBuses()
     await buses.i2c("/dev/i2c-1").write(0x15, b"\x0e\0")
     await buses.close()
-    assert names(smbus) == ["open", "write", "close"]
+    assert smbus.names == ["open", "write", "close"]
 
 
 async def test_camera_may_take_longer_to_start_than_for_a_frame(
-    camera: type[FakeCamera], calls: Calls, monkeypatch: pytest.MonkeyPatch
+    buses: LinuxBuses, camera: type[FakeCamera], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def start_late(_: FakeCamera) -> None:
         threading.Event().wait(0.2)
 
     monkeypatch.setattr(camera, "start", start_late)
     monkeypatch.setattr("wayfarer.drivers.linux.FRAME_DEADLINE_S", 0.1)
-    buses = LinuxBuses()
-    await buses.camera("0", width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=None).frame()
+    await picture(buses)
     await buses.close()
-    assert names(calls)[-2:] == ["release", "close"]
+    assert camera.calls.names[-2:] == ["release", "close"]
