@@ -8,7 +8,6 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import pi
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -16,10 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.commissioning.checks.rigs import Needle, Rig, Script, push_by_hand, run
-from wayfarer.commissioning.calibrate import STEPS, Step, calibrate
+from wayfarer.commissioning.calibrate import STEPS, calibrate
 from wayfarer.commissioning.calibrate.compass import LEARN, OFF, CalibratableCompass, CompassLevels, residual_deg
 from wayfarer.commissioning.calibrate.motors import calibrate_motors
-from wayfarer.config.calibration_file import Calibration, FlowEntry, MotorsEntry, load, save, stamp
+from wayfarer.config.calibration_file import Calibration, FlowEntry, MotorsEntry, stamp
 from wayfarer.errors import BadInput, BadReading, NotResponding, WayfarerError
 from wayfarer.hal import MotionReading
 from wayfarer.simhal.random_streams import RandomStreams
@@ -59,11 +58,6 @@ class Teachable(Needle):
         self.said.append("erase")
 
 
-@pytest.fixture
-def rig(tmp_path: Path) -> Rig:
-    return Rig(tmp_path)
-
-
 def person(rig: Rig, answers: dict[str, bool] | None = None, turn_deg: float = 90.0, push_m: float = 2.0) -> Script:
     """Someone who does as told: quarter turns by ``turn_deg``, a push by ``push_m``."""
 
@@ -76,12 +70,6 @@ def person(rig: Rig, answers: dict[str, bool] | None = None, turn_deg: float = 9
     return Script(rig.world, answers or {}, {"Turn it to the right": turn, "Push it straight ahead": push})
 
 
-def take(rig: Rig, someone: Script, *steps: Step) -> Calibration:
-    found = run(calibrate(rig.config, rig.rover, rig.host, someone, steps))
-    assert rig.world.commanded == (0.0, 0.0)
-    return found
-
-
 def give_compass(rig: Rig) -> Teachable:
     compass = Teachable(rig)
     rig.compass = compass
@@ -91,8 +79,8 @@ def give_compass(rig: Rig) -> Teachable:
 
 def test_all_steps_are_measured_and_saved_with_date_and_part(rig: Rig) -> None:
     give_compass(rig)
-    found = run(calibrate(rig.config, rig.rover, rig.host, person(rig)))
-    assert load(rig.host.calibration_file) == found
+    found = rig.calibrate(person(rig), *STEPS)
+    assert rig.kept == found
     assert found.compass is not None
     assert found.flow is not None
     assert found.motors is not None
@@ -107,8 +95,8 @@ def test_all_steps_are_measured_and_saved_with_date_and_part(rig: Rig) -> None:
 def test_each_step_is_saved_before_the_next_begins(rig: Rig) -> None:
     rig.motors.dead = True
     with pytest.raises(NotResponding):
-        take(rig, person(rig), *STEPS)
-    saved = load(rig.host.calibration_file)
+        rig.calibrate(person(rig), *STEPS)
+    saved = rig.kept
     assert saved.compass is not None
     assert saved.flow is not None
     assert saved.motors is None
@@ -116,25 +104,26 @@ def test_each_step_is_saved_before_the_next_begins(rig: Rig) -> None:
 
 def test_one_step_leaves_the_others_as_they_were(rig: Rig) -> None:
     old = FlowEntry(**stamp("flow", 1.0), scale=1.3)
-    save(rig.host.calibration_file, Calibration(flow=old))
-    assert take(rig, person(rig), "motors").flow == old
+    rig.keep(flow=old)
+    assert rig.calibrate(person(rig), "motors").flow == old
 
 
 def test_a_broken_file_is_not_overwritten(rig: Rig) -> None:
     rig.host.calibration_file.parent.mkdir()
     rig.host.calibration_file.write_text("{", encoding="ascii")
     with pytest.raises(BadInput):
-        take(rig, person(rig), "flow")
+        rig.calibrate(person(rig), "flow")
     assert rig.host.calibration_file.read_text(encoding="ascii") == "{"
 
 
 # -- compass -------------------------------------------------------------------------------------------------------
 
 
-def test_the_compass_learns_stores_and_learns_no_more(rig: Rig) -> None:
-    compass, someone = give_compass(rig), person(rig)
-    found = take(rig, someone, "compass").compass
-    assert compass.said == ["erase", "83", "store", "80"]
+@pytest.mark.parametrize("forget", [True, False])
+def test_the_compass_learns_stores_and_learns_no_more(rig: Rig, forget: bool) -> None:
+    compass, someone = give_compass(rig), person(rig, {"Forget": forget})
+    found = rig.calibrate(someone, "compass").compass
+    assert compass.said == [*["erase"] * forget, "83", "store", "80"]
     assert found is not None
     assert (found.level, found.residual_deg < 1.0) == (3, True)
     shown = [text for text in someone.told if text.startswith("field")]
@@ -144,17 +133,11 @@ def test_the_compass_learns_stores_and_learns_no_more(rig: Rig) -> None:
     assert rig.world.most == 0.0
 
 
-def test_the_old_profile_may_be_kept_to_start_from(rig: Rig) -> None:
-    compass = give_compass(rig)
-    take(rig, person(rig, {"Forget": False}), "compass")
-    assert compass.said == ["83", "store", "80"]
-
-
 def test_a_compass_that_never_gets_there_stores_nothing_and_stops_learning(rig: Rig) -> None:
     compass = give_compass(rig)
     compass.stubborn = True
     with pytest.raises(WayfarerError, match="not calibrated within 300 s"):
-        take(rig, person(rig), "compass")
+        rig.calibrate(person(rig), "compass")
     assert compass.said == ["erase", "83", "80"]
     assert not rig.host.calibration_file.exists()
 
@@ -162,26 +145,26 @@ def test_a_compass_that_never_gets_there_stores_nothing_and_stops_learning(rig: 
 def test_one_bad_reading_while_it_is_turned_about_is_passed_over(rig: Rig) -> None:
     compass = give_compass(rig)
     compass.fails_at = 3
-    assert take(rig, person(rig), "compass").compass is not None
+    assert rig.calibrate(person(rig), "compass").compass is not None
 
 
 def test_a_compass_that_falls_silent_stops_learning_if_it_hears(rig: Rig) -> None:
     compass = give_compass(rig)
     compass.fails_at, compass.look_error = 3, NotResponding("gone")
     with pytest.raises(NotResponding):
-        take(rig, person(rig), "compass")
+        rig.calibrate(person(rig), "compass")
     assert compass.said[-1] == "80"
 
 
 def test_a_compass_without_commands_is_only_measured(rig: Rig) -> None:
     assert not isinstance(rig.compass, CalibratableCompass)
     someone = person(rig)
-    assert take(rig, someone, "compass").compass is not None
+    assert rig.calibrate(someone, "compass").compass is not None
     assert any("takes no commands" in text for text in someone.told)
 
 
 def test_quarter_turns_by_eighty_degrees_are_found_out(rig: Rig) -> None:
-    found = take(rig, person(rig, turn_deg=80.0), "compass").compass
+    found = rig.calibrate(person(rig, turn_deg=80.0), "compass").compass
     assert found is not None
     assert found.residual_deg == pytest.approx((3 * 10.0 + 30.0) / 4, abs=1.0)
 
@@ -189,7 +172,7 @@ def test_quarter_turns_by_eighty_degrees_are_found_out(rig: Rig) -> None:
 @pytest.mark.parametrize("turn_deg", [-90.0, 0.0])
 def test_a_heading_that_does_not_follow_is_refused(rig: Rig, turn_deg: float) -> None:
     with pytest.raises(WayfarerError, match="turned to the left, or there is a magnet"):
-        take(rig, person(rig, turn_deg=turn_deg), "compass")
+        rig.calibrate(person(rig, turn_deg=turn_deg), "compass")
     assert not rig.host.calibration_file.exists()
 
 
@@ -208,35 +191,29 @@ def test_the_residual_does_not_depend_on_north_and_is_bounded_by_the_errors(
 @pytest.mark.parametrize("factor", [0.5, 1.0, 1.6])
 def test_a_push_gives_the_scale(rig: Rig, factor: float) -> None:
     rig.motion.ahead = factor
-    found = take(rig, person(rig), "flow").flow
+    found = rig.calibrate(person(rig), "flow").flow
     assert found is not None
     assert found.scale == pytest.approx(1.0 / factor, rel=0.05)
     assert rig.world.most == 0.0
 
 
 @pytest.mark.parametrize(
-    ("ahead", "aside", "why"),
+    ("ahead", "aside", "quality", "why"),
     [
-        (-1.0, 0.0, "the other way round"),
-        (0.0, 1.0, "a quarter turn"),
-        (0.01, 0.0, "hardly pushed"),
-        (0.09, 0.0, "seen"),
+        (-1.0, 0.0, 0.8, r"the other way round: .*\[parts\.motion\]"),
+        (0.0, 1.0, 0.8, r"a quarter turn round: .*\[parts\.motion\]"),
+        (0.01, 0.0, 0.8, r"hardly pushed, .*\[parts\.motion\]"),
+        (0.09, 0.0, 0.8, r"2 m were seen as 0\.18 m; .*\[parts\.motion\]"),
+        (1.0, 0.0, 0.1, "saw nothing"),
     ],
 )
-def test_a_push_that_was_seen_otherwise_is_refused_with_the_setting_to_change(
-    rig: Rig, ahead: float, aside: float, why: str
+def test_a_push_that_was_seen_otherwise_is_refused_with_what_to_do(
+    rig: Rig, ahead: float, aside: float, quality: float, why: str
 ) -> None:
-    rig.motion.ahead, rig.motion.aside = ahead, aside
-    with pytest.raises(WayfarerError, match=why) as refused:
-        take(rig, person(rig), "flow")
-    assert "[parts.motion]" in str(refused.value)
+    rig.motion.ahead, rig.motion.aside, rig.motion.quality = ahead, aside, quality
+    with pytest.raises(WayfarerError, match=why):
+        rig.calibrate(person(rig), "flow")
     assert not rig.host.calibration_file.exists()
-
-
-def test_a_push_over_dark_ground_is_refused(rig: Rig) -> None:
-    rig.motion.quality = 0.1
-    with pytest.raises(WayfarerError, match="saw nothing"):
-        take(rig, person(rig), "flow")
 
 
 def test_a_push_that_lost_sight_for_a_moment_is_refused(rig: Rig) -> None:
@@ -247,7 +224,7 @@ def test_a_push_that_lost_sight_for_a_moment_is_refused(rig: Rig) -> None:
         await push_by_hand(rig.world, 1.6)
 
     with pytest.raises(WayfarerError, match="did not see the ground"):
-        take(rig, Script(rig.world, {}, {"Push it straight ahead": darken}), "flow")
+        rig.calibrate(Script(rig.world, {}, {"Push it straight ahead": darken}), "flow")
 
 
 @pytest.mark.parametrize("metres", [0.0, -2.0, 1000.0, float("nan")])
@@ -255,7 +232,7 @@ def test_a_distance_that_is_none_is_refused(rig: Rig, metres: float) -> None:
     someone = person(rig)
     someone.number_given = metres
     with pytest.raises(BadInput):
-        take(rig, someone, "flow")
+        rig.calibrate(someone, "flow")
 
 
 class Watching:
@@ -283,7 +260,7 @@ class Watching:
 def test_camera_that_only_sees_change_gets_the_numbers_for_its_rover_file(rig: Rig) -> None:
     rig.rover = replace(rig.rover, motion=Watching(rig, noise=1.5, per_m=100.0))
     someone = person(rig)
-    found = take(rig, someone, "flow").flow
+    found = rig.calibrate(someone, "flow").flow
     assert found is not None
     assert (found.part, found.scale) == ("camera 0", 1.0)
     said = next(line for line in someone.told if "difference_still" in line)
@@ -295,12 +272,12 @@ def test_camera_that_only_sees_change_gets_the_numbers_for_its_rover_file(rig: R
 def test_camera_whose_picture_hardly_changes_is_refused(rig: Rig) -> None:
     rig.rover = replace(rig.rover, motion=Watching(rig, noise=5.0, per_m=10.0))
     with pytest.raises(WayfarerError, match=r"grey levels when pushed and by 5\.0 when still"):
-        take(rig, person(rig), "flow")
+        rig.calibrate(person(rig), "flow")
 
 
 def test_a_rover_without_motion_sensor_keeps_what_is_known(rig: Rig) -> None:
     rig.rover = replace(rig.rover, motion=None)
-    assert take(rig, person(rig), "flow") == Calibration()
+    assert rig.calibrate(person(rig), "flow") == Calibration()
 
 
 # -- motors --------------------------------------------------------------------------------------------------------
@@ -311,7 +288,7 @@ def test_the_heading_shift_of_the_motors_is_measured_and_judged(rig: Rig, full_s
     rig.world.heading_rad = 0.01  # the shift goes across north
     rig.compass.bias_deg = lambda: full_shift_deg * rig.world.commanded[0]
     someone = person(rig)
-    found = take(rig, someone, "motors").motors
+    found = rig.calibrate(someone, "motors").motors
     assert found is not None
     assert found.shift_half_deg == pytest.approx(abs(full_shift_deg) / 2, abs=1.0)
     assert found.shift_full_deg == pytest.approx(abs(full_shift_deg), abs=1.0)
@@ -320,13 +297,13 @@ def test_the_heading_shift_of_the_motors_is_measured_and_judged(rig: Rig, full_s
 
 
 def test_no_wheel_turns_without_a_yes(rig: Rig) -> None:
-    assert take(rig, person(rig, {"on blocks": False}), "motors") == Calibration()
+    assert rig.calibrate(person(rig, {"on blocks": False}), "motors") == Calibration()
     assert rig.world.most == 0.0
     assert not rig.host.calibration_file.exists()
 
 
 def test_duty_grows_slowly_and_commands_never_pause(rig: Rig) -> None:
-    take(rig, person(rig), "motors")
+    rig.calibrate(person(rig), "motors")
     duties = [command.left for command in rig.motors.commands]
     assert max(after - before for before, after in pairwise(duties)) <= 0.1 + 1e-9
     assert max(duties) == 1.0
@@ -350,18 +327,9 @@ def test_a_limited_rover_is_measured_within_its_limit(rig: Rig) -> None:
 def test_motors_that_fail_in_the_middle_are_stopped(rig: Rig, at: int) -> None:
     rig.motors.fails_at = at
     with pytest.raises(NotResponding):
-        take(rig, person(rig), "motors")
-    assert rig.world.commanded == (0.0, 0.0)
+        rig.calibrate(person(rig), "motors")
 
 
 @pytest.mark.parametrize("after_s", [0.5, 2.5, 4.5])
 def test_a_cancelled_calibration_stops_the_motors(rig: Rig, after_s: float) -> None:
-    async def main() -> None:
-        task = asyncio.ensure_future(calibrate(rig.config, rig.rover, rig.host, person(rig), ["motors"]))
-        await asyncio.sleep(after_s)
-        task.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await task
-
-    run(main())
-    assert rig.world.commanded == (0.0, 0.0)
+    rig.cancel(calibrate(rig.config, rig.rover, rig.host, person(rig), ["motors"]), after_s)

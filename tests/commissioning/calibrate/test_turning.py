@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.commissioning.checks.rigs import Flow, Rig, Script, run
+from tests.commissioning.checks.rigs import Flow, Rig, Script
 from wayfarer.commissioning.calibrate import calibrate
 from wayfarer.commissioning.calibrate.response import Sample, rate_deg_s, speed_gain, turn_response
 from wayfarer.commissioning.manual_drive import RATE_HZ
@@ -22,37 +22,23 @@ from wayfarer.config.calibration_file import (
     MotorsEntry,
     TurningEntry,
     TurnResponse,
-    load,
-    save,
     stamp,
 )
 from wayfarer.config.factory import calibrated
 from wayfarer.errors import NotResponding, WayfarerError
-from wayfarer.safety.gate import SafetySettings
 
 AS_TOLD_DEG_S = degrees(2.0 * 1.4 / 0.5)  # of the rig's world: full speed of both sides over the track
 
 
-@pytest.fixture
-def rig(tmp_path: Path) -> Rig:
-    return Rig(tmp_path)
-
-
 def take(rig: Rig, **answers: bool) -> tuple[TurningEntry | None, Script]:
     someone = Script(rig.world, answers)
-    found = run(calibrate(rig.config, rig.rover, rig.host, someone, ["turning"]))
-    assert rig.world.commanded == (0.0, 0.0)
-    return found.turning, someone
+    return rig.calibrate(someone, "turning").turning, someone
 
 
 def measured(rig: Rig) -> TurningEntry:
     entry, _ = take(rig)
     assert entry is not None
     return entry
-
-
-def with_safety(rig: Rig, **changes: object) -> None:
-    rig.config = rig.config.model_copy(update={"safety": replace(SafetySettings(), **changes)})  # type: ignore[arg-type]
 
 
 # -- what is measured ----------------------------------------------------------------------------------------------
@@ -95,7 +81,7 @@ def test_motion_sensor_is_scaled_as_calibrated_if_it_is_the_same(tmp_path: Path)
     speeds_m_s = []
     for part in (Flow.name, "another"):
         rig = Rig(tmp_path)
-        save(rig.host.calibration_file, Calibration(flow=FlowEntry(**stamp(part, 1.0), scale=2.0)))
+        rig.keep(flow=FlowEntry(**stamp(part, 1.0), scale=2.0))
         speed = measured(rig).speed
         assert speed is not None
         speeds_m_s.append(speed.speed_m_s)
@@ -148,7 +134,7 @@ def test_uneven_sides_are_told(rig: Rig) -> None:
 
 
 def test_wheels_get_no_more_than_the_rover_file_allows_and_grow_as_in_a_mission(rig: Rig) -> None:
-    with_safety(rig, duty_max=0.8, slew_per_s=4.0)
+    rig.set(safety={"duty_max": 0.8, "slew_per_s": 4.0})
     entry = measured(rig)
     assert entry.duty_max == 0.8
     assert rig.world.most <= 0.8
@@ -159,7 +145,7 @@ def test_wheels_get_no_more_than_the_rover_file_allows_and_grow_as_in_a_mission(
 
 
 def test_rover_that_cruises_at_its_highest_duty_has_no_arc(rig: Rig) -> None:
-    with_safety(rig, duty_max=0.7)  # 1 m/s is a duty of 0.71
+    rig.set(safety={"duty_max": 0.7})  # 1 m/s is a duty of 0.71
     entry = measured(rig)
     assert entry.arc is None
     assert rig.world.most <= 0.7
@@ -180,19 +166,19 @@ def test_needed_room_is_told_and_kept(rig: Rig) -> None:
 
 def test_result_is_kept_with_date_part_and_ground_and_leaves_the_rest(rig: Rig) -> None:
     old = MotorsEntry(**stamp("motors", 1.0), shift_half_deg=1.0, shift_full_deg=2.0, passed=True)
-    save(rig.host.calibration_file, Calibration(motors=old))
+    rig.keep(motors=old)
     entry = measured(rig)
     assert (entry.date, entry.part, entry.ground) == ("2026-11-18", rig.motors.name, "short grass")
-    assert load(rig.host.calibration_file) == Calibration(motors=old, turning=entry)
+    assert rig.kept == Calibration(motors=old, turning=entry)
 
 
 def test_long_note_is_cut(rig: Rig) -> None:
     someone = Script(rig.world, {})
     someone.noted = "  mud " + "x" * 200
-    found = run(calibrate(rig.config, rig.rover, rig.host, someone, ["turning"])).turning
+    found = rig.calibrate(someone, "turning").turning
     assert found is not None
     assert found.ground.startswith("mud x")
-    assert load(rig.host.calibration_file).turning == found
+    assert rig.kept.turning == found
 
 
 # -- safety --------------------------------------------------------------------------------------------------------
@@ -221,8 +207,7 @@ def test_rover_that_tilts_is_stopped(rig: Rig) -> None:
 
     asked = Script(rig.world, {}, {"free, level ground": soon})
     with pytest.raises(WayfarerError, match="tilts by 30°"):
-        run(calibrate(rig.config, rig.rover, rig.host, asked, ["turning"]))
-    assert rig.world.commanded == (0.0, 0.0)
+        rig.calibrate(asked, "turning")
     assert not rig.host.calibration_file.exists()
 
 
@@ -230,7 +215,6 @@ def test_rover_that_turns_the_other_way_is_stopped_at_once(rig: Rig) -> None:
     rig.world.set_faults(left_gain=-1.0, right_gain=-1.0)
     with pytest.raises(WayfarerError, match="the other way than it is told"):
         take(rig)
-    assert rig.world.commanded == (0.0, 0.0)
     assert rig.world.most < 0.2
 
 
@@ -239,22 +223,12 @@ def test_motors_that_fail_in_the_middle_are_stopped_and_nothing_is_kept(rig: Rig
     rig.motors.fails_at = at
     with pytest.raises(NotResponding):
         take(rig)
-    assert rig.world.commanded == (0.0, 0.0)
     assert not rig.host.calibration_file.exists()
 
 
 @pytest.mark.parametrize("after_s", [0.5, 15.0, 40.0, 77.0])
 def test_cancelled_calibration_stops_the_motors(rig: Rig, after_s: float) -> None:
-    async def main() -> None:
-        task = asyncio.ensure_future(calibrate(rig.config, rig.rover, rig.host, Script(rig.world, {}), ["turning"]))
-        await asyncio.sleep(after_s)
-        assert not task.done()
-        task.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await task
-
-    run(main())
-    assert rig.world.commanded == (0.0, 0.0)
+    rig.cancel(calibrate(rig.config, rig.rover, rig.host, Script(rig.world, {}), ["turning"]), after_s)
 
 
 # -- the lines -----------------------------------------------------------------------------------------------------

@@ -5,10 +5,16 @@ from __future__ import annotations
 import asyncio
 from asyncio import get_running_loop
 from collections.abc import Awaitable, Callable, Coroutine
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from wayfarer.commissioning.checks import HostEnvironment
+import pytest
+
+from wayfarer.commissioning.calibrate import Person, Step, calibrate
+from wayfarer.commissioning.checks import Check, Finding, HostEnvironment
+from wayfarer.commissioning.checks.standalone import StandaloneInspection
+from wayfarer.config.calibration_file import Calibration, load, save
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.errors import NotResponding
 from wayfarer.escape.api import Vehicle
@@ -143,7 +149,7 @@ class Bumper(SimBumper):
 
 
 class Rig:
-    """A whole healthy rover, and everything around it."""
+    """A whole healthy rover in virtual time, and everything around it."""
 
     def __init__(self, folder: Path) -> None:
         self.world = WatchedWorld()
@@ -156,6 +162,57 @@ class Rig:
         for node in ("dev/i2c-1", "dev/spidev0.1"):
             (folder / node).parent.mkdir(exist_ok=True)
             (folder / node).touch()
+
+    def inspection(self) -> StandaloneInspection:
+        """The rover as ``wayfarer check`` sees it."""
+        return StandaloneInspection(self.config, self.rover, self.host)
+
+    def look(self, check: Check) -> Finding:
+        """Return what a check finds; the wheels stand afterwards, and every part is closed."""
+
+        async def main() -> Finding:
+            async with self.inspection() as inspection:
+                return await check(inspection)
+
+        found = run(main())
+        assert self.world.commanded == (0.0, 0.0)
+        return found
+
+    def calibrate(self, someone: Person, *steps: Step) -> Calibration:
+        """Return what is known after these steps; the wheels stand afterwards, whatever happens."""
+        try:
+            return run(calibrate(self.config, self.rover, self.host, someone, steps))
+        finally:
+            assert self.world.commanded == (0.0, 0.0)
+
+    def cancel(self, doing: Coroutine[Any, Any, object], *after_s: float) -> None:
+        """Begin something, cancel it after each of these times, and see that the wheels are stopped for good."""
+
+        async def main() -> None:
+            task = asyncio.ensure_future(doing)
+            for wait_s in after_s:
+                await asyncio.sleep(wait_s)
+                assert not task.done()
+                task.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await task
+
+        run(main())
+        assert self.world.commanded == (0.0, 0.0)
+
+    def set(self, **settings: Any) -> None:
+        """Change sections of the rover file: ``safety={"duty_max": 0.3}``."""
+        changed = {key: replace(getattr(self.config, key), **values) for key, values in settings.items()}
+        self.config = self.config.model_copy(update=changed)
+
+    @property
+    def kept(self) -> Calibration:
+        """What is in the calibration file."""
+        return load(self.host.calibration_file)
+
+    def keep(self, **entries: Any) -> None:
+        """Replace the calibration file."""
+        save(self.host.calibration_file, Calibration(**entries))
 
 
 class Script:

@@ -5,24 +5,23 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.commissioning.checks.rigs import Rig, Script, push_by_hand, run
-from wayfarer.commissioning.checks import CheckVerdict, Finding, check
+from wayfarer.commissioning.checks import CheckVerdict, Finding, Inspection, check
+from wayfarer.commissioning.checks.api import ok
 from wayfarer.commissioning.checks.motion import WATCH_S, check_motion, judge_push
-from wayfarer.commissioning.checks.standalone import StandaloneInspection
 from wayfarer.commissioning.manual_drive import Push
 from wayfarer.hal import WheelCommand
 
+OK, FAIL, SKIPPED = CheckVerdict.OK, CheckVerdict.FAIL, CheckVerdict.SKIPPED
 NAMES = ["deadman trips", "left wheels", "right wheels", "notices being stuck", "push"]
 
 
 @pytest.fixture
-def rig(tmp_path: Path) -> Rig:
-    rig = Rig(tmp_path)
+def rig(rig: Rig) -> Rig:
     rig.motion.on_blocks = True
     return rig
 
@@ -44,7 +43,7 @@ def person(
 
 def look(rig: Rig, someone: Script) -> dict[str, Finding]:
     async def main() -> list[Finding]:
-        async with StandaloneInspection(rig.config, rig.rover, rig.host) as inspection:
+        async with rig.inspection() as inspection:
             return await check_motion(inspection, someone.ask)
 
     findings = run(main())
@@ -55,15 +54,14 @@ def look(rig: Rig, someone: Script) -> dict[str, Finding]:
 
 def test_all_is_well_with_a_healthy_rover(rig: Rig) -> None:
     findings = look(rig, person(rig, {}))
-    assert {finding.verdict for finding in findings.values()} == {CheckVerdict.OK}
+    assert {finding.verdict for finding in findings.values()} == {OK}
     assert 0.0 < rig.world.most <= 0.5
 
 
 def test_no_check_turns_the_wheels_faster_than_the_rover_may(rig: Rig) -> None:
-    limited = replace(rig.config.safety, duty_max=0.3)
-    rig.config = rig.config.model_copy(update={"safety": limited})
+    rig.set(safety={"duty_max": 0.3})
     findings = look(rig, person(rig, {}))
-    assert {finding.verdict for finding in findings.values()} == {CheckVerdict.OK}
+    assert {finding.verdict for finding in findings.values()} == {OK}
     assert rig.world.most == pytest.approx(0.3, abs=0.01)
     assert {round(max(map(abs, command)), 3) for command in rig.motors.commands if any(command)} == {0.2, 0.25, 0.3}
 
@@ -76,23 +74,19 @@ def test_without_a_person_no_wheel_turns_and_every_check_says_why(rig: Rig) -> N
     assert rig.world.most == 0.0
     assert rig.motors.commands == []
     motion = [finding for finding in findings if finding.name in NAMES]
-    assert [finding.verdict for finding in motion] == [CheckVerdict.SKIPPED] * 5
+    assert [finding.verdict for finding in motion] == [SKIPPED] * 5
     assert all("nobody to ask" in finding.found for finding in motion)
 
 
-def test_without_a_yes_no_wheel_turns(rig: Rig) -> None:
-    findings = look(rig, person(rig, {"on blocks": False}))
+@pytest.mark.parametrize(("dead", "asked"), [(False, True), (True, False)])
+def test_without_a_yes_or_an_answer_of_the_board_no_wheel_turns(rig: Rig, dead: bool, asked: bool) -> None:
+    rig.motors.dead = dead
+    someone = person(rig, {"on blocks": False})
+    findings = look(rig, someone)
     assert rig.world.most == 0.0
     assert rig.motors.commands == []
-    assert [findings[name].verdict for name in NAMES[:4]] == [CheckVerdict.SKIPPED] * 4
-
-
-def test_a_silent_board_is_not_asked_to_turn_wheels(rig: Rig) -> None:
-    rig.motors.dead = True
-    someone = person(rig, {})
-    findings = look(rig, someone)
-    assert [findings[name].verdict for name in NAMES[:4]] == [CheckVerdict.SKIPPED] * 4
-    assert not any("blocks" in text for text in someone.told)
+    assert [findings[name].verdict for name in NAMES[:4]] == [SKIPPED] * 4
+    assert any("blocks" in text for text in someone.told) is asked
 
 
 # -- stopping ------------------------------------------------------------------------------------------------------
@@ -103,9 +97,9 @@ def test_a_board_that_fails_in_the_middle_is_stopped_and_turns_no_wheel_again(ri
     rig.motors.fails_at = at
     findings = look(rig, person(rig, {}))
     verdicts = [findings[name].verdict for name in NAMES[:4]]
-    broken = verdicts.index(CheckVerdict.FAIL)
-    assert set(verdicts[:broken]) <= {CheckVerdict.OK}
-    assert set(verdicts[broken + 1 :]) <= {CheckVerdict.SKIPPED}
+    broken = verdicts.index(FAIL)
+    assert set(verdicts[:broken]) <= {OK}
+    assert set(verdicts[broken + 1 :]) <= {SKIPPED}
     assert len(rig.motors.commands) == at
 
 
@@ -119,36 +113,14 @@ def test_any_other_error_stops_the_wheels_as_well(rig: Rig, at: int) -> None:
 
 @pytest.mark.parametrize("after_s", [0.1, 0.6, 0.95, 1.3, 2.1, 3.2])
 def test_a_cancellation_stops_the_wheels(rig: Rig, after_s: float) -> None:
-    async def main() -> None:
-        inspection = StandaloneInspection(rig.config, rig.rover, rig.host)
-        task = asyncio.ensure_future(check_motion(inspection, person(rig, {}).ask))
-        await asyncio.sleep(after_s)
-        task.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await task
-
-    run(main())
+    rig.cancel(check_motion(rig.inspection(), person(rig, {}).ask), after_s)
     assert rig.world.most > 0.0
-    assert rig.world.commanded == (0.0, 0.0)
 
 
 def test_an_impatient_second_cancellation_does_not_cut_the_stop_short(rig: Rig) -> None:
     rig.motors.stop_takes_s = 1.0  # as over a bus that hangs
-
-    async def main() -> None:
-        inspection = StandaloneInspection(rig.config, rig.rover, rig.host)
-        task = asyncio.ensure_future(check_motion(inspection, person(rig, {}).ask))
-        await asyncio.sleep(0.3)
-        for _ in range(2):
-            assert not task.done()
-            task.cancel()
-            await asyncio.sleep(0.01)
-        with pytest.raises(asyncio.CancelledError):
-            await task
-
-    run(main())
+    rig.cancel(check_motion(rig.inspection(), person(rig, {}).ask), 0.3, 0.01)
     assert rig.world.most > 0.0
-    assert rig.world.commanded == (0.0, 0.0)
 
 
 def test_an_inspection_opens_each_part_once(rig: Rig) -> None:
@@ -165,30 +137,45 @@ def test_an_inspection_opens_each_part_once(rig: Rig) -> None:
 
 
 def test_leaving_an_inspection_stops_the_wheels(rig: Rig) -> None:
-    async def main() -> None:
-        async with StandaloneInspection(rig.config, rig.rover, rig.host) as inspection:
-            await inspection.open("motors")
-            await rig.motors.drive(WheelCommand(0.1, 0.1))
+    async def leave(inspection: Inspection) -> Finding:
+        await inspection.open("motors")
+        await rig.motors.drive(WheelCommand(0.1, 0.1))
+        return ok("left", "")
 
-    run(main())
-    assert rig.world.commanded == (0.0, 0.0)
+    rig.look(leave)
 
 
 def test_a_motion_sensor_that_fails_stops_the_wheels(rig: Rig) -> None:
     rig.motion.dead = True
     findings = look(rig, person(rig, {}))
-    assert findings["notices being stuck"].verdict is CheckVerdict.FAIL
-    assert findings["push"].verdict is CheckVerdict.FAIL
+    assert findings["notices being stuck"].verdict is FAIL
+    assert findings["push"].verdict is FAIL
 
 
 # -- the deadman ---------------------------------------------------------------------------------------------------
 
 
-def test_a_deadman_that_does_not_trip_fails(rig: Rig) -> None:
-    rig.motors.trips = False
-    finding = look(rig, person(rig, {}))["deadman trips"]
-    assert finding.verdict is CheckVerdict.FAIL
-    assert "0.4 s of silence" in finding.found
+@pytest.mark.parametrize(
+    ("board", "answers", "verdict", "told"),
+    [
+        ({"trips": False}, {}, FAIL, "0.4 s of silence"),
+        ({"deadman_s": None}, {}, SKIPPED, "has none"),
+        ({"tells": False}, {"Did they turn for": True}, OK, "were seen to stop"),
+        ({"tells": False}, {"Did they turn for": False}, FAIL, "did not stop"),
+        ({"tells": False}, {"count the seconds": False}, SKIPPED, "nobody watched"),
+        ({"tells": False, "deadman_s": 2.35}, {}, OK, "were seen to stop"),  # 5 s of silence at most
+        ({"tells": False, "deadman_s": 2.4}, {}, SKIPPED, "a deadman of 2.4 s"),
+        ({"deadman_s": 5.0}, {}, SKIPPED, "a deadman of 5 s"),
+    ],
+)
+def test_deadman_is_asked_for_or_watched_and_wheels_turn_for_it_only_where_somebody_can_tell(
+    rig: Rig, board: dict[str, Any], answers: dict[str, bool], verdict: CheckVerdict, told: str
+) -> None:
+    for key, value in board.items():
+        setattr(rig.motors, key, value)
+    finding = look(rig, person(rig, answers))["deadman trips"]
+    assert (finding.verdict, told in finding.found) == (verdict, True)
+    assert (WheelCommand(0.2, 0.2) in rig.motors.commands) is (verdict is not SKIPPED)
 
 
 def test_wheels_that_never_started_prove_no_deadman(rig: Rig) -> None:
@@ -197,26 +184,7 @@ def test_wheels_that_never_started_prove_no_deadman(rig: Rig) -> None:
 
     rig.motors.drive = nothing  # type: ignore[method-assign]
     finding = look(rig, person(rig, {}))["deadman trips"]
-    assert (finding.verdict, finding.found) == (CheckVerdict.FAIL, "the wheels did not start")
-
-
-def test_a_board_without_deadman_has_none_to_trip(rig: Rig) -> None:
-    rig.motors.deadman_s = None
-    assert look(rig, person(rig, {}))["deadman trips"].verdict is CheckVerdict.SKIPPED
-
-
-@pytest.mark.parametrize(("seen", "verdict"), [(True, CheckVerdict.OK), (False, CheckVerdict.FAIL)])
-def test_a_board_that_cannot_be_asked_is_watched_by_the_person(rig: Rig, seen: bool, verdict: CheckVerdict) -> None:
-    rig.motors.tells = False
-    someone = person(rig, {"Did they turn for": seen})
-    assert look(rig, someone)["deadman trips"].verdict is verdict
-    assert any("about 0.8 s, and not for 3.4 s" in text for text in someone.told)
-
-
-def test_wheels_that_nobody_counts_are_not_started_for_it(rig: Rig) -> None:
-    rig.motors.tells = False
-    assert look(rig, person(rig, {"count the seconds": False}))["deadman trips"].verdict is CheckVerdict.SKIPPED
-    assert WheelCommand(0.2, 0.2) not in rig.motors.commands
+    assert (finding.verdict, finding.found) == (FAIL, "the wheels did not start")
 
 
 def test_a_deadman_that_does_not_trip_is_not_waited_for_longer_than_an_eye_needs(rig: Rig) -> None:
@@ -230,35 +198,17 @@ def test_a_deadman_that_does_not_trip_is_not_waited_for_longer_than_an_eye_needs
     assert times_s[1] - times_s[0] == pytest.approx(0.5 + 0.25 + 0.15 + WATCH_S)
 
 
-@pytest.mark.parametrize(("deadman_s", "turns"), [(2.35, True), (2.4, False), (12.7, False)])
-def test_wheels_turn_without_commands_for_five_seconds_at_most(rig: Rig, deadman_s: float, turns: bool) -> None:
-    rig.motors.tells, rig.motors.deadman_s = False, deadman_s
-    finding = look(rig, person(rig, {}))["deadman trips"]
-    assert (finding.verdict is CheckVerdict.OK) is turns
-    assert (WheelCommand(0.2, 0.2) in rig.motors.commands) is turns
-    assert turns or ("deadman of" in finding.found and finding.verdict is CheckVerdict.SKIPPED)
-
-
-def test_long_deadman_of_a_board_that_tells_is_not_waited_for_either(rig: Rig) -> None:
-    rig.motors.deadman_s = 5.0
-    assert look(rig, person(rig, {}))["deadman trips"].verdict is CheckVerdict.SKIPPED
-
-
 @pytest.mark.parametrize(
     ("tells", "deadman_s", "told"), [(True, 0.25, "1.0 s"), (False, 0.25, "3.4 s"), (False, 9.0, "1.0 s")]
 )
-def test_consent_is_to_wheels_that_turn_for_so_many_seconds(rig: Rig, tells: bool, deadman_s: float, told: str) -> None:
+def test_person_is_told_for_how_long_the_wheels_may_turn(rig: Rig, tells: bool, deadman_s: float, told: str) -> None:
     rig.motors.tells, rig.motors.deadman_s = tells, deadman_s
     someone = person(rig, {})
     look(rig, someone)
-    assert f"for up to {told}" in next(text for text in someone.told if "on blocks" in text)
-
-
-def test_who_counts_knows_what_to_expect(rig: Rig) -> None:
-    rig.motors.tells = False
-    someone = person(rig, {})
-    look(rig, someone)
-    assert any("about 0.8 s if all is well, 3.4 s at most" in text for text in someone.told)
+    said = "; ".join(someone.told)
+    assert f"for up to {told}" in said
+    assert ("about 0.8 s if all is well, 3.4 s at most" in said) is (told == "3.4 s")
+    assert ("about 0.8 s, and not for 3.4 s" in said) is (told == "3.4 s")
 
 
 # -- the sides -----------------------------------------------------------------------------------------------------
@@ -270,50 +220,51 @@ def test_each_side_is_turned_alone_ahead_and_back(rig: Rig) -> None:
     assert turns[1:5] == [(0.25, 0.0), (-0.25, 0.0), (0.0, 0.25), (0.0, -0.25)]
 
 
-def test_a_reversed_side_names_its_setting(rig: Rig) -> None:
-    finding = look(rig, person(rig, {"Did the right wheels turn, only they, and ahead": False}))["right wheels"]
-    assert finding.verdict is CheckVerdict.FAIL
-    assert "reverse_right under [parts.motors]" in finding.remedy
-
-
-def test_swapped_sides_name_their_setting(rig: Rig) -> None:
-    answers = {"Did the left wheels turn, only they, and ahead": False, "left wheels turn, but back": False}
-    finding = look(rig, person(rig, answers))["left wheels"]
-    assert finding.found == "the right wheels turned instead"
-    assert "change left under [parts.motors]" in finding.remedy
-
-
-def test_a_side_that_does_not_turn_is_a_matter_of_power_and_wires(rig: Rig) -> None:
-    finding = look(rig, person(rig, {"Did the left": False, "Did the right wheels turn instead": False}))["left wheels"]
-    assert (finding.verdict, finding.found) == (CheckVerdict.FAIL, "did not turn as told")
-
-
-def test_a_side_that_turns_one_way_only_fails(rig: Rig) -> None:
-    finding = look(rig, person(rig, {"left wheels turn again": False}))["left wheels"]
-    assert (finding.verdict, finding.found) == (CheckVerdict.FAIL, "turn ahead, but not back")
+@pytest.mark.parametrize(
+    ("answers", "side", "found", "remedy"),
+    [
+        (
+            {"Did the right wheels turn, only they, and ahead": False},
+            "right", "turn back instead of ahead", "change reverse_right under [parts.motors]",
+        ),
+        (
+            {"Did the left wheels turn, only they, and ahead": False, "left wheels turn, but back": False},
+            "left", "the right wheels turned instead", "change left under [parts.motors]",
+        ),
+        (
+            {"Did the left": False, "Did the right wheels turn instead": False},
+            "left", "did not turn as told", "the motor's two wires",
+        ),
+        ({"left wheels turn again": False}, "left", "turn ahead, but not back", "swap the plugs"),
+    ],
+)  # fmt: skip
+def test_what_was_seen_of_a_side_names_the_setting_or_the_wires(
+    rig: Rig, answers: dict[str, bool], side: str, found: str, remedy: str
+) -> None:
+    finding = look(rig, person(rig, answers))[f"{side} wheels"]
+    assert (finding.verdict, finding.found) == (FAIL, found)
+    assert remedy in finding.remedy
 
 
 # -- the motion sensor ---------------------------------------------------------------------------------------------
 
 
-def test_a_sensor_that_sees_the_wheels_does_not_notice_being_stuck(rig: Rig) -> None:
-    rig.motion.on_blocks = False  # the simulated ground does move
-    assert look(rig, person(rig, {}))["notices being stuck"].verdict is CheckVerdict.FAIL
-
-
-def test_a_blind_sensor_proves_nothing_on_blocks(rig: Rig) -> None:
-    rig.motion.quality = 0.0
-    assert look(rig, person(rig, {}))["notices being stuck"].verdict is CheckVerdict.SKIPPED
+@pytest.mark.parametrize(("on_blocks", "quality", "verdict"), [(False, 0.8, FAIL), (True, 0.0, SKIPPED)])
+def test_a_sensor_that_sees_the_wheels_or_nothing_does_not_notice_being_stuck(
+    rig: Rig, on_blocks: bool, quality: float, verdict: CheckVerdict
+) -> None:
+    rig.motion.on_blocks, rig.motion.quality = on_blocks, quality
+    assert look(rig, person(rig, {}))["notices being stuck"].verdict is verdict
 
 
 @pytest.mark.parametrize(
     ("ahead", "aside", "verdict", "cause"),
     [
-        (1.0, 0.1, CheckVerdict.OK, ""),
-        (-1.0, 0.0, CheckVerdict.FAIL, "the other way round"),
-        (0.0, 1.0, CheckVerdict.FAIL, "a quarter turn"),
-        (0.1, -1.0, CheckVerdict.FAIL, "a quarter turn"),
-        (0.2, 0.0, CheckVerdict.FAIL, "hardly pushed"),
+        (1.0, 0.1, OK, ""),
+        (-1.0, 0.0, FAIL, "the other way round"),
+        (0.0, 1.0, FAIL, "a quarter turn"),
+        (0.1, -1.0, FAIL, "a quarter turn"),
+        (0.2, 0.0, FAIL, "hardly pushed"),
     ],
 )
 def test_a_push_tells_how_the_sensor_is_mounted(
@@ -323,7 +274,7 @@ def test_a_push_tells_how_the_sensor_is_mounted(
     finding = look(rig, person(rig, {"on blocks": False}))["push"]
     assert finding.verdict is verdict
     assert cause in finding.cause
-    assert verdict is CheckVerdict.OK or "[parts.motion]" in finding.remedy
+    assert verdict is OK or "[parts.motion]" in finding.remedy
     assert rig.world.most == 0.0
 
 
@@ -333,21 +284,21 @@ def test_what_moved_before_the_push_does_not_count(rig: Rig) -> None:
 
     rig.motion.on_blocks = False
     findings = look(rig, person(rig, {"on blocks": False}, {"on blocks": roll_back}))
-    assert findings["push"].verdict is CheckVerdict.OK
+    assert findings["push"].verdict is OK
 
 
 def test_a_rover_that_was_not_pushed_is_not_judged(rig: Rig) -> None:
-    assert look(rig, person(rig, {"push it half a metre": False}))["push"].verdict is CheckVerdict.SKIPPED
+    assert look(rig, person(rig, {"push it half a metre": False}))["push"].verdict is SKIPPED
 
 
 def test_a_blind_sensor_fails_the_push() -> None:
-    assert judge_push(Push(0.5, 0.0, 0.9)).verdict is CheckVerdict.FAIL
+    assert judge_push(Push(0.5, 0.0, 0.9)).verdict is FAIL
 
 
 def test_a_rover_without_motion_sensor_has_nothing_to_push(rig: Rig) -> None:
     rig.rover = replace(rig.rover, motion=None)
     findings = look(rig, person(rig, {}))
-    assert findings["push"].verdict is findings["notices being stuck"].verdict is CheckVerdict.SKIPPED
+    assert findings["push"].verdict is findings["notices being stuck"].verdict is SKIPPED
 
 
 # -- the whole -----------------------------------------------------------------------------------------------------

@@ -1,0 +1,15 @@
+"""A rover that is checked or calibrated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.commissioning.checks.rigs import Rig
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Rig:
+    """A healthy rover."""
+    return Rig(tmp_path)
