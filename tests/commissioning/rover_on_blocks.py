@@ -15,7 +15,7 @@ from typing import TypeVar
 from wayfarer.commissioning.checks import Finding, HostEnvironment, check
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.fault_scenarios.runner import CLEARING
+from tests.drivers.benches import CLEARING
 from wayfarer.hal import Rover
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop

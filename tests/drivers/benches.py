@@ -12,6 +12,7 @@ from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+VEHICLE = Vehicle(0.4, 0.4, 0.5, 1.4)
 STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
 
 
@@ -32,4 +33,4 @@ def stall(for_s: float) -> None:
 
 def steady_world() -> World:
     """Return a clearing in which nothing is left to chance."""
-    return World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, RandomStreams(0))
+    return World(CLEARING, VEHICLE, STEADY, RandomStreams(0))

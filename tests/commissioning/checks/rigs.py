@@ -11,31 +11,37 @@ from typing import Any, TypeVar
 
 import pytest
 
+from tests.drivers.benches import CLEARING, STEADY, VEHICLE, now_s
 from wayfarer.commissioning.calibrate import Person, Step, calibrate
-from wayfarer.commissioning.checks import Check, Finding, HostEnvironment
+from wayfarer.commissioning.checks import Check, Finding, HostEnvironment, Inspection
+from wayfarer.commissioning.checks.motion import deadman_trips
 from wayfarer.commissioning.checks.standalone import StandaloneInspection
 from wayfarer.config.calibration_file import Calibration, load, save
 from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings
+from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
+from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.errors import NotResponding
-from wayfarer.escape.api import Vehicle
 from wayfarer.hal import (
     CompassReading,
     ContactReading,
+    DriveMotors,
     MotionReading,
     MotorHealth,
     Rover,
     Side,
     WheelCommand,
 )
+from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.chips.cmps14 import CMPS14Chip
+from wayfarer.simhal.chips.sabertooth import SabertoothChip
+from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.parts import SimBumper, SimCompass, SimFlow, SimMotors
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.sensor_models import HeadingSensorModel
 from wayfarer.simhal.world.world import World
 
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
-STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
 T_WALL = 1_795_000_000.0  # 18 November 2026
 
 T = TypeVar("T")
@@ -47,7 +53,7 @@ class WatchedWorld(World):
     most = 0.0
 
     def __init__(self) -> None:
-        super().__init__(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, RandomStreams(0))
+        super().__init__(CLEARING, VEHICLE, STEADY, RandomStreams(0))
 
     def command(self, left: float, right: float) -> None:
         self.most = max(self.most, abs(left), abs(right))
@@ -215,6 +221,29 @@ class Rig:
         save(self.host.calibration_file, Calibration(**entries))
 
 
+class ChipRig(Rig):
+    """The rover with the real driver of its compass and of one of two motor boards, over simulated chips."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self.buses = FakeBuses()
+        self.compass_chip = CMPS14Chip(HeadingSensorModel(self.world, RandomStreams(0)), now_s)
+        self.thunderborg = ThunderBorgChip(self.world, now_s)
+        self.sabertooth = SabertoothChip(self.world, now_s)
+        self.buses.i2c("/dev/i2c-1").attach(0x60, self.compass_chip)
+        self.buses.i2c("/dev/i2c-1").attach(0x15, self.thunderborg)
+        self.drive_by(ThunderBorg(ThunderBorgSettings(), self.buses))
+
+    def drive_by(self, board: DriveMotors) -> None:
+        """Use that board's driver."""
+        self.rover = Rover(CMPS14(CMPS14Settings(), self.buses), board)
+
+    def drive_by_sabertooth(self, settings: SabertoothSettings) -> None:
+        """Use the Sabertooth."""
+        self.buses.serial(settings.port).chip = self.sabertooth
+        self.drive_by(Sabertooth(settings, self.buses))
+
+
 class Script:
     """A person who answers by the first key that is in the question, and does what the rig needs done meanwhile.
 
@@ -229,6 +258,11 @@ class Script:
         self.number_given = 2.0
         self.noted = "short grass"
         self.told: list[str] = []
+
+    async def watch_the_deadman(self, inspection: Inspection) -> Finding:
+        """A check: see whether the deadman trips."""
+        await inspection.open("motors")
+        return await deadman_trips(self.ask, inspection)
 
     async def say(self, text: str) -> None:
         self.told.append(text)

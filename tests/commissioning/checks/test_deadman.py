@@ -8,53 +8,34 @@ from typing import Any
 
 import pytest
 
-from tests.commissioning.checks.rigs import T_WALL, Rig, Script, run
+from tests.commissioning.checks.rigs import T_WALL, ChipRig, Rig, Script, run
 from tests.commissioning.checks.test_parts import whole_calibration
-from tests.commissioning.checks.test_real_drivers import Bench
-from wayfarer.commissioning.checks import CALIBRATED, CheckVerdict, Finding, Inspection, board, check, deadman
+from wayfarer.commissioning.checks import CALIBRATED, CheckVerdict, Finding, board, check, deadman
 from wayfarer.commissioning.checks.deadman import board_settings, keep_proof, proved
-from wayfarer.commissioning.checks.motion import deadman_trips
-from wayfarer.commissioning.checks.standalone import StandaloneInspection
-from wayfarer.config.calibration_file import Calibration, load, save
+from wayfarer.config.calibration_file import Calibration, save
 from wayfarer.config.rover_file import load_rover, part_settings
 from wayfarer.daemon.dry_run import DryMotors
-from wayfarer.drivers.sabertooth import Sabertooth
 
 FOREST_ROVER = load_rover("forestrover")
 
 
-class Watched(Bench):
+class Watched(ChipRig):
     """A Sabertooth on blocks, wired as its rover file says, and a person who watches its wheels."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
-        settings = part_settings("motors", FOREST_ROVER.parts["motors"])[1]
         self.config = FOREST_ROVER
-        self.buses.serial(settings.port).chip = self.sabertooth
-        self.motors = Sabertooth(settings, self.buses)
+        self.drive_by_sabertooth(part_settings("motors", FOREST_ROVER.parts["motors"])[1])
         self.file = self.host.calibration_file
-
-    def find(self, look: Any) -> Finding:
-        return self.run(look, self.motors)
 
     def watch(self, *, they_stopped: bool = True) -> Finding:
         """Have a person watch, and answer."""
-        someone = Script(self.world, {"Did they turn": they_stopped})
-
-        async def trips(inspection: Inspection) -> Finding:
-            return await deadman_trips(someone.ask, inspection)
-
-        return self.find(trips)
+        return self.look(Script(self.world, {"Did they turn": they_stopped}).watch_the_deadman)
 
     def lay_over(self, part: str = "motors", **keys: Any) -> None:
         """Change the rover file."""
         parts = {**self.config.parts, part: {**self.config.parts[part], **keys}}
         self.config = self.config.model_copy(update={"parts": parts})
-
-    def allow(self, because: str) -> None:
-        """Give the reason in the rover file."""
-        safety = replace(self.config.safety, deadman_unproved_because=because)
-        self.config = self.config.model_copy(update={"safety": safety})
 
 
 @pytest.fixture
@@ -63,14 +44,14 @@ def watched(tmp_path: Path) -> Watched:
 
 
 def test_of_a_board_that_cannot_be_asked_nothing_is_claimed(watched: Watched) -> None:
-    found = watched.find(board.motor_board)
+    found = watched.look(board.motor_board)
     assert found.verdict is CheckVerdict.OK
     assert found.found == "its port opens; it cannot answer, and its deadman of 0.3 s is not proved by this"
-    assert watched.find(board.motor_faults).verdict is CheckVerdict.SKIPPED
+    assert watched.look(board.motor_faults).verdict is CheckVerdict.SKIPPED
 
 
 def test_board_that_nobody_has_watched_is_not_armed_and_what_to_do_is_told(watched: Watched) -> None:
-    found = watched.find(proved)
+    found = watched.look(proved)
     assert found.verdict is CheckVerdict.FAIL
     assert found.found == "nobody has seen Sabertooth 128 on /dev/ttyAMA0 stop the wheels by itself"
     assert "wayfarer check" in found.remedy
@@ -79,12 +60,12 @@ def test_board_that_nobody_has_watched_is_not_armed_and_what_to_do_is_told(watch
 
 def test_what_a_person_saw_is_kept_with_date_port_and_settings_and_arms(watched: Watched) -> None:
     assert watched.watch().verdict is CheckVerdict.OK
-    kept = load(watched.file).deadman
+    kept = watched.kept.deadman
     assert kept is not None
     assert (kept.date, kept.part) == ("2026-11-18", "Sabertooth 128 on /dev/ttyAMA0")
     told = {key: kept.settings[key] for key in ("buses", "driver", "port", "baud", "address", "timeout_s")}
     assert list(told.values()) == ["linux", "sabertooth", "/dev/ttyAMA0", 9600, 128, 0.3]
-    found = watched.find(proved)
+    found = watched.look(proved)
     assert (found.verdict, found.found) == (CheckVerdict.OK, "the wheels were seen to stop by themselves on 2026-11-18")
 
 
@@ -102,7 +83,7 @@ def test_proof_does_not_count_for_another_port_or_other_settings(
 ) -> None:
     watched.watch()
     watched.lay_over(**changed)
-    found = watched.find(proved)
+    found = watched.look(proved)
     assert (found.verdict, found.found) == (CheckVerdict.FAIL, f"seen on 2026-11-18, but with {told}")
 
 
@@ -110,26 +91,26 @@ def test_settings_of_other_parts_and_defaults_written_out_change_nothing(watched
     watched.watch()
     watched.lay_over(baud=9600, address=128)
     watched.lay_over("motion", height_m=0.2)
-    assert watched.find(proved).verdict is CheckVerdict.OK
+    assert watched.look(proved).verdict is CheckVerdict.OK
 
 
 def test_proof_does_not_count_on_other_buses(watched: Watched) -> None:
     watched.watch()
     watched.config = watched.config.model_copy(update={"buses": "my.adapter:buses"})
-    assert "buses = linux (now my.adapter:buses)" in watched.find(proved).found
+    assert "buses = linux (now my.adapter:buses)" in watched.look(proved).found
 
 
 def test_wheels_that_did_not_stop_take_an_earlier_proof_back(watched: Watched) -> None:
     watched.watch()
     assert watched.watch(they_stopped=False).verdict is CheckVerdict.FAIL
-    assert watched.find(proved).verdict is CheckVerdict.FAIL
+    assert watched.look(proved).verdict is CheckVerdict.FAIL
 
 
 def test_proof_keeps_what_else_was_calibrated(watched: Watched) -> None:
     whole = whole_calibration(Rig(watched.host.root))
     save(watched.file, whole)
     watched.watch()
-    assert replace(load(watched.file), deadman=None) == whole
+    assert replace(watched.kept, deadman=None) == whole
 
 
 def test_proof_that_cannot_be_kept_is_a_failure_that_says_so(watched: Watched) -> None:
@@ -143,14 +124,14 @@ def test_proof_that_cannot_be_kept_is_a_failure_that_says_so(watched: Watched) -
 def test_broken_file_refuses_and_is_named(watched: Watched) -> None:
     watched.file.parent.mkdir(parents=True)
     watched.file.write_text("{", encoding="utf-8")
-    found = watched.find(proved)
+    found = watched.look(proved)
     assert (found.verdict, str(watched.file) in found.found) == (CheckVerdict.FAIL, True)
 
 
 def test_proof_of_more_than_half_a_year_ago_is_a_warning(watched: Watched) -> None:
     watched.watch()
     watched.host = replace(watched.host, t_wall=T_WALL + 200 * 86_400.0)
-    assert watched.find(proved).verdict is CheckVerdict.WARN
+    assert watched.look(proved).verdict is CheckVerdict.WARN
 
 
 @pytest.mark.parametrize(
@@ -159,24 +140,22 @@ def test_proof_of_more_than_half_a_year_ago_is_a_warning(watched: Watched) -> No
 def test_reason_in_the_rover_file_arms_without_a_proof_and_is_told(
     watched: Watched, because: str, verdict: CheckVerdict
 ) -> None:
-    watched.allow(because)
-    found = watched.find(proved)
+    watched.set(safety={"deadman_unproved_because": because})
+    found = watched.look(proved)
     assert found.verdict is verdict
     assert because in found.found
 
 
-def test_board_of_any_driver_that_reads_nothing_back_wants_a_proof_and_another_none(tmp_path: Path) -> None:
-    rig = Rig(tmp_path)
+def test_board_of_any_driver_that_reads_nothing_back_wants_a_proof_and_another_none(rig: Rig) -> None:
     for motors in (rig.motors, DryMotors(rig.motors)):
         rig.rover = replace(rig.rover, motors=motors)
         for rig.motors.tells, verdict in ((True, CheckVerdict.SKIPPED), (False, CheckVerdict.FAIL)):
-            assert run(proved(StandaloneInspection(rig.config, rig.rover, rig.host))).verdict is verdict
+            assert rig.look(proved).verdict is verdict
 
 
-def test_board_without_a_deadman_is_judged_elsewhere(tmp_path: Path) -> None:
-    rig = Rig(tmp_path)
+def test_board_without_a_deadman_is_judged_elsewhere(rig: Rig) -> None:
     rig.motors.deadman_s = None
-    assert run(proved(StandaloneInspection(rig.config, rig.rover, rig.host))).verdict is CheckVerdict.SKIPPED
+    assert rig.look(proved).verdict is CheckVerdict.SKIPPED
 
 
 def test_simulated_rover_needs_no_proof() -> None:
@@ -185,7 +164,7 @@ def test_simulated_rover_needs_no_proof() -> None:
 
 def test_first_check_with_a_person_finds_the_deadman_proved(watched: Watched) -> None:
     """It is looked at after the person was asked, so that nobody has to check twice."""
-    someone, rover = Script(watched.world, {}), watched.inspect(watched.motors).rover
+    someone, rover = Script(watched.world, {}), watched.rover
     with_person = run(check(watched.config, rover, watched.host, someone.ask))
     seen = "the wheels were seen to stop by themselves on 2026-11-18"
     assert with_person[-1] == Finding("deadman proved", CheckVerdict.OK, seen)
@@ -200,5 +179,5 @@ def test_rover_without_motors_in_its_file_has_no_settings() -> None:
 
 
 def test_forgetting_what_was_never_known_is_no_error(watched: Watched) -> None:
-    keep_proof(watched.inspect(watched.motors), tripped=False)
-    assert load(watched.file) == Calibration()
+    keep_proof(watched.inspection(), tripped=False)
+    assert watched.kept == Calibration()

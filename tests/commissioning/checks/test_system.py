@@ -5,31 +5,20 @@ from __future__ import annotations
 import os
 import pwd
 import shutil
-from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
-from tests.commissioning.checks.rigs import Rig, run
-from wayfarer.commissioning.checks import CheckVerdict, Finding, Inspection, system
-from wayfarer.commissioning.checks.standalone import StandaloneInspection
+from tests.commissioning.checks.rigs import Rig
+from wayfarer.commissioning.checks import CheckVerdict, Finding, system
 from wayfarer.config.rover_file import load_rover
 
 
-@pytest.fixture
-def rig(tmp_path: Path) -> Rig:
-    return Rig(tmp_path)
-
-
-def look(rig: Rig, check: Callable[[Inspection], Coroutine[Any, Any, Finding]]) -> Finding:
-    return run(check(StandaloneInspection(rig.config, rig.rover, rig.host)))
-
-
 def look_at_device(rig: Rig, name: str) -> Finding:
-    return run(system.device(name, StandaloneInspection(rig.config, rig.rover, rig.host)))
+    return rig.look(partial(system.device, name))
 
 
 def give_flags(rig: Rig, text: str) -> None:
@@ -78,7 +67,7 @@ def test_remedies_name_the_user_who_lacks_access(rig: Rig, monkeypatch: pytest.M
     monkeypatch.setattr(pwd, "getpwuid", lambda uid: SimpleNamespace(pw_name="rover"))
     rig.host.log_folder.write_text("a file stands in its place", encoding="ascii")
     assert "usermod -aG i2c rover, " in look_at_device(rig, "/dev/i2c-1").remedy
-    assert "sudo chown rover " in look(rig, system.disk).remedy
+    assert "sudo chown rover " in rig.look(system.disk).remedy
 
 
 def test_a_user_without_a_name_is_named_by_number(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,17 +122,17 @@ def test_device_files_are_found_in_the_settings_of_parts_each_once() -> None:
 )
 def test_power_is_judged_by_the_firmware_flags(rig: Rig, flags: str, verdict: CheckVerdict, found: str) -> None:
     give_flags(rig, flags)
-    finding = look(rig, system.power)
+    finding = rig.look(system.power)
     assert finding.verdict is verdict
     assert found in finding.found
 
 
 def test_a_computer_without_power_flags_is_not_judged(rig: Rig) -> None:
-    assert look(rig, system.power).verdict is CheckVerdict.SKIPPED
+    assert rig.look(system.power).verdict is CheckVerdict.SKIPPED
 
 
 def test_a_writable_log_folder_with_room_is_well_and_is_not_made(rig: Rig) -> None:
-    finding = look(rig, system.disk)
+    finding = rig.look(system.disk)
     assert finding.verdict is CheckVerdict.OK
     assert "MB free" in finding.found
     assert not rig.host.log_folder.exists()
@@ -154,12 +143,12 @@ def test_a_mission_must_fit_beside_what_the_log_leaves_free(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, free_bytes: int, verdict: CheckVerdict
 ) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=free_bytes))
-    assert look(rig, system.disk).verdict is verdict
+    assert rig.look(system.disk).verdict is verdict
 
 
 def test_a_log_folder_that_cannot_be_written_fails(rig: Rig) -> None:
     rig.host.log_folder.write_text("a file stands in its place", encoding="ascii")
-    finding = look(rig, system.disk)
+    finding = rig.look(system.disk)
     assert finding.verdict is CheckVerdict.FAIL
     assert "cannot be written" in finding.found
     assert "sudo chown" in finding.remedy
@@ -170,7 +159,7 @@ def test_a_log_folder_that_may_not_be_looked_into_fails(rig: Rig, monkeypatch: p
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "exists", forbidden)
-    finding = look(rig, system.disk)
+    finding = rig.look(system.disk)
     assert finding.verdict is CheckVerdict.FAIL
     assert finding.found.endswith("logs cannot be written: Permission denied")
 
@@ -178,4 +167,4 @@ def test_a_log_folder_that_may_not_be_looked_into_fails(rig: Rig, monkeypatch: p
 @pytest.mark.parametrize(("t_wall", "verdict"), [(0.0, CheckVerdict.WARN), (1_795_000_000.0, CheckVerdict.OK)])
 def test_a_clock_that_was_never_set_is_a_warning(rig: Rig, t_wall: float, verdict: CheckVerdict) -> None:
     rig.host = replace(rig.host, t_wall=t_wall)
-    assert look(rig, system.clock).verdict is verdict
+    assert rig.look(system.clock).verdict is verdict
