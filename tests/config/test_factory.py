@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.config.rover_texts import complaint, load, rover_toml
 from wayfarer.config.calibration_file import Calibration, FlowEntry, TurningEntry, TurnResponse, stamp
 from wayfarer.config.factory import ScaledMotionSensor, assemble, calibrated
 from wayfarer.config.rover_file import RoverConfig, load_rover
@@ -23,7 +24,6 @@ from wayfarer.errors import BadConfig, NotResponding
 from wayfarer.hal import MotionReading, MotionSensor, troubles_of
 from wayfarer.simhal.buses import FakeBuses
 
-TOP = 'name = "test"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.4\n'
 COMPASS = '[parts.compass]\ndriver = "cmps14"\n'
 MOTORS = '[parts.motors]\ndriver = "sabertooth"\n'
 FLOW = FlowEntry(t_wall=0.0, date="1970-01-01", part="bench flow", scale=1.25)
@@ -34,9 +34,7 @@ class OwnCompass(CMPS14):
 
 
 def loaded(folder: Path, *tables: str) -> RoverConfig:
-    path = folder / "rover.toml"
-    path.write_text(TOP + "".join(tables), encoding="utf-8")
-    return load_rover(str(path))
+    return load(folder, rover_toml(rest="".join(tables)))
 
 
 @pytest.mark.parametrize(
@@ -90,6 +88,7 @@ def test_driver_of_a_third_party_is_named_by_module_and_attribute(tmp_path: Path
         ('[parts.compass]\nbus = "/dev/i2c-1"\n', "key 'parts.compass.driver' is missing"),
         ("[parts.compass]\ndriver = 3\n", "key 'parts.compass.driver' = 3: input should be a text; it names"),
         (COMPASS + "adress = 0x61\n", "unknown key 'parts.compass.adress'; did you mean 'address'?"),
+        (COMPASS + "zzz = 1\n", "unknown key 'parts.compass.zzz'"),
         (COMPASS + "address = 3000\n", "key 'parts.compass.address' = 3000: input should be"),
         (COMPASS + 'address = "0x60"\n', "key 'parts.compass.address' = '0x60': input should be"),
         (MOTORS + "timeout_s = 13\n", "key 'parts.motors.timeout_s' = 13: input should be less than or equal to 12.7"),
@@ -101,10 +100,7 @@ def test_driver_of_a_third_party_is_named_by_module_and_attribute(tmp_path: Path
     ],
 )  # fmt: skip
 def test_part_that_cannot_be_used_is_told_by_its_key(tmp_path: Path, tables: str, said: str) -> None:
-    with pytest.raises(BadConfig) as caught:
-        loaded(tmp_path, tables)
-    assert str(caught.value).startswith(f"{tmp_path}/rover.toml: {said}")
-    assert "\n" not in str(caught.value)
+    assert complaint(tmp_path, rover_toml(rest=tables)).startswith(said)
 
 
 # -- calibration -------------------------------------------------------------------------------------------------

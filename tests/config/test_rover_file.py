@@ -8,43 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.config.rover_texts import complaint, load, rover_toml
 from wayfarer.config.rover_file import RoverConfig, load_rover, part_settings, rover_names
 from wayfarer.daemon.salvage import motors_of
 from wayfarer.daemon.socket.driven import DrivenBoard
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 
-BODY = {"length_m": "0.4", "width_m": "0.4", "track_m": "0.5", "max_speed_m_s": "1.4"}
-
-
-def rover_toml(top: str = "", rest: str = "", **body: str) -> str:
-    vehicle = "\n".join(f"{key} = {value}" for key, value in (BODY | body).items() if value)
-    return f'name = "test"\n{top}\n[vehicle]\n{vehicle}\n{rest}\n'
-
-
-def load(folder: Path, text: str | bytes) -> RoverConfig:
-    path = folder / "rover.toml"
-    path.write_bytes(text.encode() if isinstance(text, str) else text)
-    return load_rover(str(path))
-
-
-def complaint(folder: Path, text: str | bytes) -> str:
-    """What is said of a bad file, without the folder."""
-    with pytest.raises(BadConfig) as caught:
-        load(folder, text)
-    said = str(caught.value)
-    assert "\n" not in said, "a complaint is one line"
-    assert said.startswith(f"{folder}/rover.toml: ")
-    return said.removeprefix(f"{folder}/rover.toml: ")
-
 
 @pytest.mark.parametrize("name", rover_names())
-def test_shipped_rovers_load_under_their_own_name(name: str) -> None:
-    assert load_rover(name).name == name
-
-
-@pytest.mark.parametrize("name", rover_names())
-def test_parts_of_shipped_rovers_are_those_that_their_drivers_can_be(name: str) -> None:
+def test_shipped_rovers_load_and_their_parts_are_those_that_their_drivers_can_be(name: str) -> None:
     rover = load_rover(name)
+    assert rover.name == name
     assert {"compass", "motion", "motors"} <= set(rover.parts)
     for part, table in rover.parts.items():
         driver, settings = part_settings(part, table)
@@ -87,6 +61,20 @@ def test_other_sense_is_another_rover_and_this_one_stays() -> None:
     assert rover.anomaly_source == "motion"
 
 
+def motors(table: str) -> str:
+    return f"[parts.motors]\n{table}\n"
+
+
+SABERTOOTH = 'driver = "sabertooth"\n'
+H_BRIDGES = """
+driver = "gpio_motors"
+left_forward = 1
+left_backward = 2
+right_forward = 3
+right_backward = 4
+"""
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -118,15 +106,24 @@ def test_other_sense_is_another_rover_and_this_one_stays() -> None:
         ("a = = 3", "not valid TOML: Invalid value (at line 1, column 5)"),
         ('name = "a"\nname = "b"', "not valid TOML: Cannot overwrite a value (at line 2, column"),
         (b"\xff\xfe", "cannot be read: 'utf-8' codec can't decode byte 0xff"),
+        (rover_toml(length_m="true"), "key 'vehicle.length_m' = True: input should be a valid number"),
+        ('"a\\nb" = 1\n' + rover_toml(), "unknown key 'a b'"),
+        ("x = " + "[" * 5000, "not valid TOML: "),
+        ("x = " + "9" * 5000, "not valid TOML: "),
+        (rover_toml(rest="[escape]\nlevy_stride_min_m = 20.0"), "key 'escape' = {'levy_stride_min_m': 20.0}: levy_st"),
+        ("control_hz = 4\n" + rover_toml(), "key 'control_hz' = 4: too slow, safety.tick_late_s = 0.2 s"),
+        (
+            rover_toml(rest="[board]\nbattery_low_v = 10\nbattery_critical_v = 11"),
+            "key 'board' = {'battery_low_v': 10, 'battery_critical_v': 11}: battery_critical_v = 11 must be below b",
+        ),
+        (
+            rover_toml("control_hz = 50", motors(SABERTOOTH + "baud = 2400")),
+            "key 'control_hz' = 50: too fast for parts.motors.baud = 2400: ",
+        ),
     ],
 )  # fmt: skip
 def test_bad_file_is_told_by_file_key_and_what_is_allowed(tmp_path: Path, text: str | bytes, said: str) -> None:
     assert complaint(tmp_path, text).startswith(said)
-
-
-@pytest.mark.parametrize("value", ["true", '"0.4"'])
-def test_number_must_be_a_number(tmp_path: Path, value: str) -> None:
-    assert "vehicle.length_m" in complaint(tmp_path, rover_toml(length_m=value))
 
 
 def test_mistyped_key_is_named_before_the_key_that_it_leaves_missing(tmp_path: Path) -> None:
@@ -134,35 +131,15 @@ def test_mistyped_key_is_named_before_the_key_that_it_leaves_missing(tmp_path: P
     assert said == "unknown key 'vehicle.lenght_m'; did you mean 'length_m'? (line 7)"
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        pytest.param('"a\\nb" = 1\n' + rover_toml(), id="line break in a key"),
-        pytest.param("x = " + "[" * 5000, id="brackets without end"),
-        pytest.param("x = " + "9" * 5000, id="endless number"),
-    ],
-)
-def test_strange_file_gets_one_line_too(tmp_path: Path, text: str) -> None:
-    assert complaint(tmp_path, text)
-
-
-def test_range_of_the_shortest_stride_must_leave_room_for_the_longest(tmp_path: Path) -> None:
-    assert "levy_stride" in complaint(tmp_path, rover_toml(rest="[escape]\nlevy_stride_min_m = 20.0"))
-
-
 def test_file_that_is_not_there_names_the_shipped_rovers(tmp_path: Path) -> None:
     with pytest.raises(BadConfig, match=r"mine\.toml: no such file; shipped rovers are .*sim"):
         load_rover(str(tmp_path / "mine.toml"))
 
 
-def test_folder_is_no_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["{}/", "a\0.toml"])
+def test_folder_or_path_that_no_file_can_have_is_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(BadConfig, match="cannot be read"):
-        load_rover(f"{tmp_path}/")
-
-
-def test_path_that_no_file_can_have() -> None:
-    with pytest.raises(BadConfig):
-        load_rover("a\0.toml")
+        load_rover(name.format(tmp_path))
 
 
 def test_unknown_rover_offers_those_there_are() -> None:
@@ -197,25 +174,6 @@ def test_any_file_is_a_rover_or_a_bad_configuration(folder: Path, content: bytes
         assert "rover.toml: " in str(error)
 
 
-def test_rover_too_slow_for_its_own_deadlines_is_refused(tmp_path: Path) -> None:
-    said = complaint(tmp_path, "control_hz = 4\n" + rover_toml())
-    assert said.startswith("key 'control_hz' = 4: too slow, safety.tick_late_s = 0.2 s")
-
-
-def motors(table: str) -> str:
-    return f"[parts.motors]\n{table}\n"
-
-
-SABERTOOTH = 'driver = "sabertooth"\n'
-H_BRIDGES = """
-driver = "gpio_motors"
-left_forward = 1
-left_backward = 2
-right_forward = 3
-right_backward = 4
-"""
-
-
 @pytest.mark.parametrize(
     ("control_hz", "rest", "said"),
     [
@@ -245,29 +203,6 @@ def test_control_that_what_guards_the_wheels_would_stop_is_refused(
 )
 def test_control_that_is_just_fast_or_slow_enough_is_accepted(tmp_path: Path, control_hz: float, rest: str) -> None:
     assert load(tmp_path, rover_toml(f"control_hz = {control_hz}", rest)).control_hz == control_hz
-
-
-def test_control_faster_than_the_wire_to_the_motors_is_refused(tmp_path: Path) -> None:
-    said = complaint(tmp_path, rover_toml("control_hz = 50", motors(SABERTOOTH + "baud = 2400")))
-    assert said.startswith("key 'control_hz' = 50: too fast for parts.motors.baud = 2400: ")
-
-
-def test_battery_limits_that_are_upside_down_are_refused(tmp_path: Path) -> None:
-    said = complaint(tmp_path, rover_toml(rest="[board]\nbattery_low_v = 10\nbattery_critical_v = 11"))
-    assert "battery_critical_v = 11 must be below battery_low_v = 10" in said
-
-
-@pytest.mark.parametrize(
-    ("table", "said"),
-    [
-        ('driver = "cmps14"\nadress = 0x61', "unknown key 'parts.compass.adress'; did you mean 'address'?"),
-        ('driver = "cmps14"\nzzz = 1', "unknown key 'parts.compass.zzz'"),
-        ('drver = "cmps14"', "key 'parts.compass.driver' is missing"),
-        ('driver = "cmps14"\naddress = 0x30', "key 'parts.compass.address' = 48: input should be"),
-    ],
-)
-def test_unknown_key_of_a_part_is_refused_by_name(tmp_path: Path, table: str, said: str) -> None:
-    assert complaint(tmp_path, rover_toml(rest=f"[parts.compass]\n{table}")).startswith(said)
 
 
 def test_settings_that_a_part_s_table_leaves_out_are_the_driver_s_defaults() -> None:
@@ -329,11 +264,8 @@ def test_key_of_6000_characters_is_not_printed(tmp_path: Path, text: str) -> Non
 BOM = b"\xef\xbb\xbf"
 
 
-def test_byte_order_mark_that_an_editor_wrote_is_no_error(tmp_path: Path) -> None:
+def test_byte_order_mark_that_an_editor_wrote_is_no_error_and_lines_are_counted_from_it_on(tmp_path: Path) -> None:
     assert load(tmp_path, BOM + rover_toml().encode()).name == "test"
-
-
-def test_lines_are_counted_from_the_mark_on(tmp_path: Path) -> None:
     assert complaint(tmp_path, BOM + rover_toml("control_hz = 0").encode()).endswith("(line 2)")
     assert complaint(tmp_path, BOM + b"nam = 1\n").endswith("(line 1)")
 

@@ -8,13 +8,11 @@ from typing import ClassVar
 
 import pytest
 
+from tests.config.rover_texts import complaint, load, rover_toml
 from wayfarer import cli
-from wayfarer.config.rover_file import RoverConfig, load_rover, rover_names
 from wayfarer.drivers.buses import Buses
 from wayfarer.drivers.thunderborg import ThunderBorg
-from wayfarer.errors import BadConfig
 
-TOP = 'name = "test"\n{buses}[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.4\n'
 COMPASS = '[parts.compass]\ndriver = "cmps14"\nbus = "/dev/i2c-1"\naddress = 0x60\n'
 THUNDERBORG = '[parts.motors]\ndriver = "thunderborg"\nbus = "/dev/i2c-1"\naddress = {}\n'
 LIGHT = '[parts.light]\ndriver = "thunderborg_light"\naddress = {}\n'
@@ -49,96 +47,84 @@ BUMPER = '[parts.contact]\ndriver = "tests.config.test_wiring:SerialBumper"\n'
 SABERTOOTH = '[parts.motors]\ndriver = "sabertooth"\nport = "{}"\n'
 
 
-def loaded(folder: Path, *tables: str, buses: str = "") -> RoverConfig:
-    path = folder / "rover.toml"
-    path.write_text(TOP.format(buses=buses) + "".join(tables), encoding="utf-8")
-    return load_rover(str(path))
+OWN = '"tests.config.test_wiring:OwnThunderBorg"'
+HAS_IT = (
+    " has this address on /dev/i2c-1 already; correct the one that is wrong (i2cdetect shows which addresses answer), "
+    "or set another on the chip"
+)
 
 
-def complaint(folder: Path, *tables: str, buses: str = "") -> str:
-    with pytest.raises(BadConfig) as caught:
-        loaded(folder, *tables, buses=buses)
-    said = str(caught.value)
-    assert "\n" not in said
-    return said.removeprefix(f"{folder}/rover.toml: ")
+def text(*tables: str, buses: str = "") -> str:
+    return rover_toml(buses, "".join(tables))
 
 
-@pytest.mark.parametrize("buses", ["", 'buses = "somebody.elses:buses"\n'], ids=["linux", "third party"])
-def test_one_device_for_two_kinds_of_bus_is_refused_for_any_buses(tmp_path: Path, buses: str) -> None:
-    said = complaint(tmp_path, COMPASS, SABERTOOTH.format("/dev/i2c-1"), buses=buses)
-    line = 14 if buses else 13
-    assert said == (
-        "key 'parts.motors.port' = '/dev/i2c-1': a serial port here and an I2C bus for 'parts.compass.bus'; "
-        f"correct one of them (line {line})"
-    )
+@pytest.mark.parametrize("buses", ["", 'buses = "somebody.elses:buses"'], ids=["linux", "third party"])
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        (
+            (COMPASS, SABERTOOTH.format("/dev/i2c-1")),
+            "key 'parts.motors.port' = '/dev/i2c-1': a serial port here and an I2C bus for 'parts.compass.bus'; "
+            "correct one of them (line 14)",
+        ),
+        (
+            (COMPASS, SABERTOOTH.format("/dev/../dev//i2c-1")),
+            "key 'parts.motors.port' = '/dev/../dev//i2c-1': a serial port here and an I2C bus for "
+            "'parts.compass.bus'; correct one of them (line 14)",
+        ),
+        (
+            (SABERTOOTH.format("/dev/serial0"), FLOW.format("/dev/serial0")),
+            "key 'parts.motion.bus' = '/dev/serial0': an SPI device here and a serial port for 'parts.motors.port'; "
+            "correct one of them (line 13)",
+        ),
+        *(
+            (
+                (COMPASS, BUMPER + more + 'port = "/dev/i2c-1"\n'),  # as any driver, also one that fails without a bus
+                "key 'parts.contact.port' = '/dev/i2c-1': a serial port here and an I2C bus for 'parts.compass.bus'; "
+                f"correct one of them (line {line})",
+            )
+            for more, line in (("", 14), ("raises = true\n", 15))
+        ),
+        (
+            (SABERTOOTH.format(""),),
+            "key 'parts.motors.port' = '': names no device; it needs a serial port, such as /dev/... (line 10)",
+        ),
+        (
+            (COMPASS, THUNDERBORG.format("0x60")),  # motor commands would go to the compass
+            f"key 'parts.motors.address' = 0x60: parts.compass (CMPS14){HAS_IT} (line 15)",
+        ),
+        (
+            (THUNDERBORG.format("0x60"), COMPASS.replace("address = 0x60\n", "")),
+            f"key 'parts.compass.address' = 0x60: parts.motors (ThunderBorg){HAS_IT} (line 12)",
+        ),
+        (
+            (COMPASS, THUNDERBORG.format("0x15"), LIGHT.format("0x60")),
+            f"key 'parts.light.address' = 0x60: parts.compass (CMPS14){HAS_IT} (line 18)",
+        ),
+        (
+            (SABERTOOTH.format("/dev/serial0"), BUMPER),
+            "key 'parts.contact.port' = '/dev/serial0': parts.motors (Sabertooth) is on it already; "
+            "two chips cannot share a serial port (line 11)",
+        ),
+    ],
+)
+def test_parts_that_cannot_share_a_wire_are_told_with_the_key_to_correct(
+    tmp_path: Path, tables: tuple[str, ...], said: str, buses: str
+) -> None:
+    assert complaint(tmp_path, text(*tables, buses=buses)) == said
 
 
-def test_one_device_that_is_written_in_two_ways_is_refused(tmp_path: Path) -> None:
-    said = complaint(tmp_path, COMPASS, SABERTOOTH.format("/dev/../dev//i2c-1"))
-    assert said.startswith("key 'parts.motors.port' = '/dev/../dev//i2c-1': a serial port here and an I2C bus for")
-
-
-def test_part_without_a_device_is_refused(tmp_path: Path) -> None:
-    said = complaint(tmp_path, SABERTOOTH.format(""))
-    assert said == "key 'parts.motors.port' = '': names no device; it needs a serial port, such as /dev/... (line 9)"
-
-
-def test_flow_sensor_on_the_serial_port_of_the_motors_is_refused(tmp_path: Path) -> None:
-    said = complaint(tmp_path, SABERTOOTH.format("/dev/serial0"), FLOW.format("/dev/serial0"))
-    assert said.startswith("key 'parts.motion.bus' = '/dev/serial0': an SPI device here and a serial port for")
-
-
-def test_driver_of_a_third_party_is_held_to_the_same(tmp_path: Path) -> None:
-    said = complaint(tmp_path, COMPASS, BUMPER + 'port = "/dev/i2c-1"\n')
-    assert said.startswith("key 'parts.contact.port' = '/dev/i2c-1': a serial port here and an I2C bus for 'parts.comp")
-
-
-def test_what_a_driver_asked_for_before_it_failed_without_a_real_bus_counts(tmp_path: Path) -> None:
-    assert complaint(tmp_path, COMPASS, BUMPER + 'raises = true\nport = "/dev/i2c-1"\n')
-    assert loaded(tmp_path, COMPASS, BUMPER + "raises = true\n")
-
-
-def test_two_chips_at_one_address_are_refused(tmp_path: Path) -> None:
-    """Motor commands would go to the compass."""
-    said = complaint(tmp_path, COMPASS, THUNDERBORG.format("0x60"))
-    assert said.startswith(
-        "key 'parts.motors.address' = 0x60: parts.compass (CMPS14) has this address on /dev/i2c-1 already; correct"
-    )
-    assert said.endswith("(line 14)")
-
-
-def test_address_that_the_file_leaves_out_is_told_by_its_part(tmp_path: Path) -> None:
-    said = complaint(tmp_path, THUNDERBORG.format("0x60"), COMPASS.replace("address = 0x60\n", ""))
-    assert said.startswith("key 'parts.compass.address' = 0x60: parts.motors (ThunderBorg) has this address")
-    assert said.endswith("(line 11)")
-
-
-def test_one_address_on_two_buses_is_no_clash(tmp_path: Path) -> None:
-    assert loaded(tmp_path, COMPASS.replace("i2c-1", "i2c-3"), THUNDERBORG.format("0x60"))
-
-
-def test_motors_and_light_of_one_board_share_it(tmp_path: Path) -> None:
-    assert loaded(tmp_path, COMPASS, THUNDERBORG.format("0x15"), LIGHT.format("0x15"))
-    own = THUNDERBORG.format("0x15").replace('"thunderborg"', '"tests.config.test_wiring:OwnThunderBorg"')
-    assert loaded(tmp_path, COMPASS, own, LIGHT.format("0x15"))
-
-
-def test_light_at_the_address_of_the_compass_is_refused(tmp_path: Path) -> None:
-    said = complaint(tmp_path, COMPASS, THUNDERBORG.format("0x15"), LIGHT.format("0x60"))
-    assert said.startswith("key 'parts.light.address' = 0x60: parts.compass (CMPS14)")
-
-
-def test_two_chips_on_one_serial_port_are_refused(tmp_path: Path) -> None:
-    said = complaint(tmp_path, SABERTOOTH.format("/dev/serial0"), BUMPER)
-    assert said == (
-        "key 'parts.contact.port' = '/dev/serial0': parts.motors (Sabertooth) is on it already; "
-        "two chips cannot share a serial port (line 10)"
-    )
-
-
-@pytest.mark.parametrize("name", rover_names())
-def test_shipped_rovers_have_a_wire_for_each_chip(name: str) -> None:
-    assert load_rover(name).parts
+@pytest.mark.parametrize(
+    "tables",
+    [
+        (COMPASS.replace("i2c-1", "i2c-3"), THUNDERBORG.format("0x60")),  # one address on two buses
+        (COMPASS, THUNDERBORG.format("0x15"), LIGHT.format("0x15")),  # motors and light of one board
+        (COMPASS, THUNDERBORG.format("0x15").replace('"thunderborg"', OWN), LIGHT.format("0x15")),
+        (COMPASS, BUMPER + "raises = true\n"),
+    ],
+)
+def test_parts_that_can_share_a_wire_are_accepted(tmp_path: Path, tables: tuple[str, ...]) -> None:
+    assert load(tmp_path, text(*tables))
 
 
 @pytest.mark.parametrize("command", [["run", "--config"], ["run", "--sim", "--config"], ["check", "--config"],
@@ -148,7 +134,7 @@ def test_every_command_refuses_such_a_rover_in_one_line(
 ) -> None:
     monkeypatch.setattr("wayfarer.daemon.daemon.serve", lambda _: pytest.fail("a daemon was started"))
     path = tmp_path / "rover.toml"
-    path.write_text(TOP.format(buses="") + COMPASS + SABERTOOTH.format("/dev/i2c-1"), encoding="utf-8")
+    path.write_text(text(COMPASS, SABERTOOTH.format("/dev/i2c-1")), encoding="utf-8")
     assert cli.run([*command, str(path)]) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
