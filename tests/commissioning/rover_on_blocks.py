@@ -12,10 +12,10 @@ from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
+from tests.drivers.benches import CLEARING
 from wayfarer.commissioning.checks import Finding, HostEnvironment, check
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from tests.drivers.benches import CLEARING
 from wayfarer.hal import Rover
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
