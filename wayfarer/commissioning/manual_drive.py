@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncGenerator, Awaitable, Callable, Coroutine
 from contextlib import asynccontextmanager
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from wayfarer.control.rate import Rate
 from wayfarer.hal import CompassReading, DriveMotors, MotionReading, WheelCommand
+
+T = TypeVar("T")
 
 RATE_HZ = 20.0  # of commands: a ThunderBorg stops after 0.25 s without one; and of readings
 
@@ -48,6 +50,26 @@ async def sample_headings(read: Callable[[], Awaitable[CompassReading]], for_s: 
     return headings_deg
 
 
+async def sample_during(
+    doing: Coroutine[Any, Any, object], read: Callable[[], Awaitable[T]], period_s: float
+) -> list[T]:
+    """Return what a sensor reads until something is done, which is cancelled if the sensor fails.
+
+    Raises:
+        DriverError: the sensor did not answer.
+    """
+    await read()  # what came before is not ours
+    done, samples = asyncio.ensure_future(doing), []
+    try:
+        while not done.done():
+            await asyncio.wait({done}, timeout=period_s)
+            samples.append(await read())
+    finally:
+        done.cancel()
+    await done
+    return samples
+
+
 class Push(NamedTuple):
     """What a motion sensor saw while the rover was pushed; ``unknown`` is the share of readings that said nothing."""
 
@@ -64,16 +86,7 @@ async def measure_push(
     Raises:
         DriverError: the sensor did not answer.
     """
-    await read()  # what came before is not ours
-    pushed = asyncio.ensure_future(pushing)
-    readings: list[MotionReading] = []
-    try:
-        while not pushed.done():
-            await asyncio.wait({pushed}, timeout=1.0 / RATE_HZ)
-            readings.append(await read())
-    finally:
-        pushed.cancel()  # a sensor failed; nobody waits for the answer any more
-    await pushed
+    readings = await sample_during(pushing, read, 1.0 / RATE_HZ)
     return Push(
         sum(reading.forward_m for reading in readings),
         sum(reading.right_m for reading in readings),

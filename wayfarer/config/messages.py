@@ -1,16 +1,22 @@
-"""Error messages for rover files: the line, the key, what was found, and what is allowed."""
+"""Validation of tables that people write, and what is said of a bad one: line, key, what was found, what is allowed."""
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
+from functools import cache
 from math import isfinite
-from typing import Any, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
 from annotated_types import Interval
-from pydantic import ValidationError
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, with_config
 from pydantic_core import ErrorDetails
+
+from wayfarer.errors import BadConfig
+
+T = TypeVar("T")
 
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 _OUT_OF_RANGE = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
@@ -19,6 +25,26 @@ _KEY = re.compile(r"[\"']?([\w-]+)[\"']?\s*=")
 _NAMED = re.compile(r"(?:unknown )?key '([^']+)'")
 _SHOWN = 80  # characters of a value, or a key, that is quoted
 _LONG_KEY = re.compile(rf"'([^']{{{_SHOWN},}})'")
+
+
+def validated(kind: type[T], table: Mapping[str, Any], prefix: str = "") -> T:
+    """Return a table as a model, or as a settings dataclass that knows no other keys; ``prefix`` stands before a key.
+
+    Raises:
+        BadConfig: it cannot be one; the text names the key and what is allowed.
+    """
+    try:
+        # By way of JSON, because pydantic's strict mode takes tables for dataclasses from there only.
+        checked: T = _adapter(kind).validate_json(json.dumps(table, default=str), strict=True)
+    except ValidationError as error:
+        raise BadConfig(explain(most_telling(error), kind, prefix)) from None
+    return checked
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    """Return what checks a table; making one takes milliseconds."""
+    return TypeAdapter(kind if issubclass(kind, BaseModel) else with_config(ConfigDict(extra="forbid"))(kind))
 
 
 def most_telling(error: ValidationError) -> ErrorDetails:

@@ -7,28 +7,17 @@ shipped files are in ``wayfarer/rovers``.
 
 from __future__ import annotations
 
-import json
 import tomllib
 from collections.abc import Mapping
-from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    TypeAdapter,
-    ValidationError,
-    field_validator,
-    model_validator,
-    with_config,
-)
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from wayfarer.config.chassis import Chassis
 from wayfarer.config.log_settings import LogSettings
-from wayfarer.config.messages import at_line, explain, line_of, most_telling, one_line, shown, with_short_keys
+from wayfarer.config.messages import at_line, line_of, one_line, shown, validated, with_short_keys
 from wayfarer.config.registry import check_buses, driver_names, find_driver
 from wayfarer.config.wiring import clash
 from wayfarer.detector import DetectorSettings
@@ -164,16 +153,9 @@ def part_settings(part: str, table: Mapping[str, Any]) -> tuple[Any, Any]:
     if (other := getattr(driver, "part", None)) != part:
         raise ValueError(f"key '{key}.driver': '{name}' is no {part}" + (f", but a {other}" if other else ""))
     try:
-        return driver, _adapter(driver.Settings).validate_json(json.dumps(settings), strict=True)
-    except ValidationError as error:
-        problem = most_telling(error)
-        raise ValueError(explain(problem, driver.Settings, f"{key}.")) from None
-
-
-@cache
-def _adapter(settings: Any) -> TypeAdapter[Any]:
-    """Return what checks a driver's settings and knows no others; making one takes milliseconds."""
-    return TypeAdapter(with_config(ConfigDict(extra="forbid"))(settings))
+        return driver, validated(driver.Settings, settings, f"{key}.")
+    except BadConfig as error:
+        raise ValueError(str(error)) from None
 
 
 def rover_names() -> list[str]:
@@ -228,11 +210,9 @@ def _read(path: Path) -> str:
 def _parse(where: str, text: str) -> RoverConfig:
     try:
         # The end of line lets the parser name the line of an error that is at the very end.
-        table = tomllib.loads(text + "\n")
-        # By way of JSON, because pydantic's strict mode takes tables for dataclasses from there only.
-        return RoverConfig.model_validate_json(json.dumps(table, default=str), strict=True)
-    except ValidationError as error:
-        said = explain(most_telling(error), RoverConfig)
+        return validated(RoverConfig, tomllib.loads(text + "\n"))
+    except BadConfig as error:
+        said = str(error)
         raise BadConfig(one_line(f"{where}: {with_short_keys(said)}{at_line(text, said)}")) from None
     except (ValueError, RecursionError) as error:  # tomllib: syntax, endless numbers, brackets without end
         raise BadConfig(one_line(f"{where}: not valid TOML: {error}")) from None

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
-from pydantic import ValidationError
-
-from wayfarer.config.messages import explain, most_telling
+from wayfarer.config.messages import validated
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.errors import BadConfig
 
 
 def laid_over(config: RoverConfig, settings: Mapping[str, Any], prefix: str = "") -> RoverConfig:
@@ -19,11 +15,7 @@ def laid_over(config: RoverConfig, settings: Mapping[str, Any], prefix: str = ""
     Raises:
         BadConfig: the text names the key and what is allowed.
     """
-    table = _merged(config.model_dump(mode="json"), settings)
-    try:
-        return RoverConfig.model_validate_json(json.dumps(table, default=str), strict=True)
-    except ValidationError as error:
-        raise BadConfig(explain(most_telling(error), RoverConfig, prefix)) from None
+    return validated(RoverConfig, _merged(config.model_dump(mode="json"), settings), prefix)
 
 
 def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:

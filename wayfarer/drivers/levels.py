@@ -2,38 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 from wayfarer.hal import WheelCommand
-
-
-class Wiring(Protocol):
-    """What a motor board's settings say of its motors."""
-
-    @property
-    def duty_limit(self) -> float:
-        """Highest share of the battery's voltage that they get."""
-
-    @property
-    def reverse_left(self) -> bool:
-        """Whether the left ones turn backwards when told to go forward."""
-
-    @property
-    def reverse_right(self) -> bool:
-        """The same of the right ones."""
 
 
 class MotorLevels:
     """The levels of both sides' motors: whole steps, negative for reverse, up to what the board is allowed.
 
-    A duty of 1 is ``duty_limit`` of the board's ``full_level``; duties are cut to its steps, towards zero. A side is
-    reversed where its motors turn backwards when told to go forward.
+    A duty of 1 is ``steps``, the board's full level times the highest share of the battery's voltage that its motors
+    get; duties are cut to whole steps, towards zero. A side is reversed where its motors turn backwards when told to go
+    forward.
     """
 
-    def __init__(self, full_level: int, wiring: Wiring) -> None:
-        self._steps = full_level * wiring.duty_limit
-        self._left_sign = -1 if wiring.reverse_left else 1
-        self._right_sign = -1 if wiring.reverse_right else 1
+    def __init__(self, steps: float, *, reverse_left: bool, reverse_right: bool) -> None:
+        self._steps = steps
+        self._left_sign = -1 if reverse_left else 1
+        self._right_sign = -1 if reverse_right else 1
 
     def of(self, command: WheelCommand) -> tuple[int, int]:
         """Return the levels of left and right; duties beyond -1..1 count as these.

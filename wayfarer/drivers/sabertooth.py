@@ -104,7 +104,9 @@ class Sabertooth:
         self.deadman_s: float | None = timeout_units / _TIMEOUT_UNITS_PER_S
         self._address = settings.address
         self._halts = 0
-        self._levels = MotorLevels(FULL_LEVEL, settings)
+        self._levels = MotorLevels(
+            FULL_LEVEL * settings.duty_limit, reverse_left=settings.reverse_left, reverse_right=settings.reverse_right
+        )
         self._left, self._right = (_M1, _M2) if settings.left == 1 else (_M2, _M1)
         self._timeout = packet(settings.address, _SERIAL_TIMEOUT, timeout_units)
         self._timeout_each_time = settings.timeout_each_time

@@ -171,7 +171,9 @@ class ThunderBorg:
         self.name = self._board.where
         self.deadman_s: float | None = settings.deadman_s
         self._halts = 0
-        self._levels = MotorLevels(FULL_LEVEL, settings)
+        self._levels = MotorLevels(
+            FULL_LEVEL * settings.duty_limit, reverse_left=settings.reverse_left, reverse_right=settings.reverse_right
+        )
         self._left, self._right = (_A, _B) if settings.left == "A" else (_B, _A)
         self._driven: set[_Motor] = set()
         self._power_losses = 0

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from math import isfinite
 from typing import Any, TypeVar
 
@@ -77,22 +78,24 @@ async def check_motors(
             motors.halt()
             await _promised("stop() before open()", motors.stop())
             await _promised("a second stop()", motors.stop())
-    motors = factory()
-    await motors.open()
-    try:
-        for command in (WheelCommand(0.2, 0.2), WheelCommand(-0.2, 0.2), STOP):
-            applied = await motors.drive(command)
-            assert isinstance(applied, WheelCommand), f"drive() returned {applied!r}, not what it applied"
-            for duty, wanted in zip(applied, command, strict=True):
-                assert abs(duty) <= abs(wanted) and duty * wanted >= 0.0, f"{command} was applied as {applied}"
-        turning = await motors.read_back()
-        assert turning in (None, STOP), f"read_back() says {turning} after a stop: None means that it cannot be asked"
-        motors.halt()
-        health = await motors.health()
-        assert health.battery_v is None or health.battery_v >= 0.0, f"battery_v {health.battery_v}: None means unknown"
-    finally:
-        await _promised("stop()", motors.stop())
-        await motors.close()
+    async with _opened(factory()) as motors:
+        try:
+            await _check_driving(motors)
+        finally:
+            await _promised("stop()", motors.stop())
+
+
+async def _check_driving(motors: DriveMotors) -> None:
+    for command in (WheelCommand(0.2, 0.2), WheelCommand(-0.2, 0.2), STOP):
+        applied = await motors.drive(command)
+        assert isinstance(applied, WheelCommand), f"drive() returned {applied!r}, not what it applied"
+        for duty, wanted in zip(applied, command, strict=True):
+            assert abs(duty) <= abs(wanted) and duty * wanted >= 0.0, f"{command} was applied as {applied}"
+    turning = await motors.read_back()
+    assert turning in (None, STOP), f"read_back() says {turning} after a stop: None means that it cannot be asked"
+    motors.halt()
+    health = await motors.health()
+    assert health.battery_v is None or health.battery_v >= 0.0, f"battery_v {health.battery_v}: None means unknown"
 
 
 async def check_position_logger(
@@ -100,12 +103,8 @@ async def check_position_logger(
 ) -> None:
     """Check the life cycle of a ``hal.PositionLogger``, and what it gives: a fix that can be, or None."""
     await _check_life_cycle(factory, unreachable)
-    receiver = factory()
-    await receiver.open()
-    try:
+    async with _opened(factory()) as receiver:
         fix = await receiver.read()
-    finally:
-        await receiver.close()
     if fix is not None:
         _check_range("latitude_deg", fix.latitude_deg, -90.0, 90.0)
         _check_range("longitude_deg", fix.longitude_deg, -180.0, 180.0)
@@ -117,13 +116,18 @@ async def check_status_light(
 ) -> None:
     """Check the life cycle of a ``hal.StatusLight``, and that it takes any colour, again and again."""
     await _check_life_cycle(factory, unreachable)
-    light = factory()
-    await light.open()
-    try:
+    async with _opened(factory()) as light:
         for colour in (Colour(1.0, 0.6, 0.0), Colour(1.0, 0.6, 0.0), Colour(0.0, 0.0, 0.0)):
             await light.show(colour)
+
+
+@asynccontextmanager
+async def _opened(part: P) -> AsyncIterator[P]:
+    await part.open()
+    try:
+        yield part
     finally:
-        await light.close()
+        await part.close()
 
 
 async def _check_life_cycle(factory: Callable[[], P], unreachable: Callable[[], P] | None) -> None:
@@ -162,9 +166,8 @@ async def _promised(what: str, call: Any) -> None:
 async def _readings(sensor: Any) -> list[Any]:
     """Return a few readings, each with a fresh time."""
     time = asyncio.get_running_loop().time
-    await sensor.open()
-    try:
-        readings = []
+    readings = []
+    async with _opened(sensor):
         for _ in range(READINGS):
             await asyncio.sleep(READING_GAP_S)
             asked_s, reading = time(), await sensor.read()
@@ -172,9 +175,7 @@ async def _readings(sensor: Any) -> list[Any]:
                 f"t_s {reading.t_s!r} is not within the last {FRESH_S:g} s on the event loop's clock ({time():.3f})"
             )
             readings.append(reading)
-        return readings
-    finally:
-        await sensor.close()
+    return readings
 
 
 def _check_range(name: str, value: float, low: float, high: float) -> None:

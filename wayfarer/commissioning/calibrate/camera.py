@@ -9,6 +9,7 @@ import asyncio
 from statistics import median
 from typing import Protocol, runtime_checkable
 
+from wayfarer.commissioning.manual_drive import sample_during
 from wayfarer.commissioning.operator import Person
 from wayfarer.config.calibration_file import FlowEntry, stamp
 from wayfarer.errors import WayfarerError
@@ -39,12 +40,11 @@ async def calibrate_picture(motion: ChangeSensor, person: Person, distance_m: fl
         WayfarerError: the picture hardly changes when the rover moves.
     """
     await person.say("Hands off: looking at the ground while nothing moves.")
-    standing = asyncio.ensure_future(asyncio.sleep(STILL_S))
-    still = median(await _changes_until(motion, standing))
+    still = median(await sample_during(asyncio.sleep(STILL_S), motion.change, 0.0))  # the camera sets the pace
     time = asyncio.get_running_loop().time
     starts_s = time()
     told = person.wait(f"Push it straight ahead by {distance_m:g} m, at cruising speed, and stop there.")
-    moving = median(await _changes_until(motion, asyncio.ensure_future(told)))
+    moving = median(await sample_during(told, motion.change, 0.0))
     if moving < TIMES_STILL_MIN * still:
         raise WayfarerError(
             f"{motion.name}: its picture changes by {moving:.1f} grey levels when pushed and by {still:.1f} when still;"
@@ -56,17 +56,3 @@ async def calibrate_picture(motion: ChangeSensor, person: Person, distance_m: fl
         f"difference_speed_m_s = {speed_m_s:.2f}"
     )
     return FlowEntry(**stamp(motion.name, t_wall), scale=1.0)
-
-
-async def _changes_until(motion: ChangeSensor, done: asyncio.Future[None]) -> list[float]:
-    """Return every change that the camera sees until something is done; the camera sets the pace."""
-    await motion.change()  # what came before is not ours
-    changes = []
-    try:
-        while not done.done():
-            changes.append(await motion.change())
-            await asyncio.sleep(0)
-    finally:
-        done.cancel()  # the camera failed; nobody waits any more
-    await done
-    return changes

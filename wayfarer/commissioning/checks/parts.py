@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Awaitable
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, skipped, warn
 from wayfarer.commissioning.checks.system import diagnose
@@ -17,13 +17,6 @@ from wayfarer.errors import BadReading, DriverError, NotResponding, WrongPart
 LEVEL_DEG = 20.0
 
 R = TypeVar("R")
-
-
-class Advice(NamedTuple):
-    """Why a part may be silent, and what to do."""
-
-    cause: str
-    remedy: str
 
 
 async def heard(reading: Awaitable[R | None]) -> R:
@@ -47,25 +40,19 @@ def silent(inspection: Inspection, name: str, part: str, error: DriverError) -> 
     return fail(name, str(error), *_advice(where, part, error))
 
 
-def _advice(where: str, part: str, error: DriverError) -> Advice:
+def _advice(where: str, part: str, error: DriverError) -> tuple[str, str]:
+    """Return why a part may fail, and what to do; of a silent one by where its name says that it is connected."""
     if isinstance(error, WrongPart):
-        return Advice(
-            "another part is at this address, or the wires are swapped", f"correct [parts.{part}] in the rover file"
-        )
+        return "another part is at this address, or the wires are swapped", f"correct [parts.{part}] in the rover file"
     if isinstance(error, BadReading):
-        return Advice("long or loose wires corrupt what it says", "shorten and fasten its wires; use 100 kHz or less")
-    return _wiring(where)
-
-
-def _wiring(where: str) -> Advice:
-    """Return the advice for a silent part by where its name says that it is connected."""
+        return "long or loose wires corrupt what it says", "shorten and fasten its wires; use 100 kHz or less"
     if bus := re.search(r"/dev/i2c-(\d+)", where):
         remedy = f"check its four wires and its power switch; `i2cdetect -y {bus[1]}` must show its address"
-        return Advice("no power, a loose wire, or another address", remedy)
+        return "no power, a loose wire, or another address", remedy
     if "/dev/spidev" in where:
         remedy = "check its wires; try the other one of /dev/spidev0.0 and /dev/spidev0.1 in the rover file"
-        return Advice("no power, a loose wire, or the other chip select", remedy)
-    return Advice("no power, or a loose wire", "check its plug and its power, and its section of the rover file")
+        return "no power, a loose wire, or the other chip select", remedy
+    return "no power, or a loose wire", "check its plug and its power, and its section of the rover file"
 
 
 def _absent(inspection: Inspection, part: str, found: str, instead: str) -> Finding:
