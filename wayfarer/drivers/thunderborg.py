@@ -10,6 +10,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Annotated, ClassVar, Literal, NamedTuple, TypeVar
 
 from annotated_types import Interval
@@ -25,7 +26,6 @@ DEFAULT_ADDRESS = 0x15
 DEADMAN_S = 0.25  # "every 1/4 of a second"; how exactly the board keeps it is not documented
 FULL_LEVEL = 255
 
-_ALL_OFF, _SET_FAILSAFE, _GET_FAILSAFE, _GET_VOLTS, _GET_ID = 14, 19, 20, 21, 153
 _ID = 0x15  # names the kind of board: a board moved to another address still answers this
 _FORWARD, _REVERSE = 1, 2
 _REPLY_BYTES = 6
@@ -38,6 +38,26 @@ _DOES_NOT_ARM = (
     f"the failsafe does not arm: {_FAILSAFE_TRIES} times switched on, and it reads off; nothing would stop the wheels "
     "if this computer fell silent: switch the board off and on, shorten the I2C cable"
 )
+
+
+class Command(IntEnum):
+    """What the board understands, under the numbers of ThunderBorg.py."""
+
+    SET_BOTH_LEDS = 5
+    SET_LEDS_SHOW_BATTERY = 6
+    SET_A_FORWARD = 8
+    SET_A_REVERSE = 9
+    GET_A = 10
+    SET_B_FORWARD = 11
+    SET_B_REVERSE = 12
+    GET_B = 13
+    ALL_OFF = 14
+    GET_DRIVE_FAULT_A = 15
+    GET_DRIVE_FAULT_B = 16
+    SET_FAILSAFE = 19
+    GET_FAILSAFE = 20
+    GET_BATTERY = 21
+    GET_ID = 153
 
 
 class ThunderBorgLink:
@@ -75,7 +95,7 @@ class ThunderBorgLink:
         """
         expected = "a ThunderBorg (id 0x15)"
         try:
-            (board,) = await self.request(_GET_ID, 1)
+            (board,) = await self.request(Command.GET_ID, 1)
         except BadReading as error:
             raise WrongPart(self.where, expected, "no echo of the request") from error
         if board != _ID:
@@ -139,14 +159,14 @@ class _Motor(NamedTuple):
     """One output of the board: its letter, and its commands."""
 
     letter: str
-    forward: int
-    reverse: int
-    get: int
-    get_fault: int
+    forward: Command
+    reverse: Command
+    get: Command
+    get_fault: Command
 
 
-_A = _Motor("A", 8, 9, 10, 15)
-_B = _Motor("B", 11, 12, 13, 16)
+_A = _Motor("A", Command.SET_A_FORWARD, Command.SET_A_REVERSE, Command.GET_A, Command.GET_DRIVE_FAULT_A)
+_B = _Motor("B", Command.SET_B_FORWARD, Command.SET_B_REVERSE, Command.GET_B, Command.GET_DRIVE_FAULT_B)
 
 
 class ThunderBorg:
@@ -232,14 +252,14 @@ class ThunderBorg:
     async def stop(self) -> None:
         """Switch both motors off; never raises. Where the bus hangs, it is the first thing that goes out after that."""
         try:
-            await self._board.write(_ALL_OFF, 0)
+            await self._board.write(Command.ALL_OFF, 0)
         except Exception:
             self.halt()
 
     def halt(self) -> None:
         """Switch both motors off without waiting."""
         self._halts += 1
-        self._board.post(_ALL_OFF, 0)
+        self._board.post(Command.ALL_OFF, 0)
 
     async def read_back(self) -> WheelCommand:
         """Return the duties that the board says it applies; zero once the failsafe has tripped.
@@ -270,7 +290,7 @@ class ThunderBorg:
         try:
             await self._keep_failsafe()
         except BadReading:  # noise: it cannot be read now, but it can be switched on
-            await self._board.write(_SET_FAILSAFE, 1)
+            await self._board.write(Command.SET_FAILSAFE, 1)
         if self._forgot:
             await self.stop()
             raise PowerLost(self.name)
@@ -290,14 +310,14 @@ class ThunderBorg:
     async def _arm_failsafe(self) -> bool:
         """Switch the failsafe on and read it back; return whether it is on."""
         for _ in range(_FAILSAFE_TRIES):
-            await self._board.write(_SET_FAILSAFE, 1)
+            await self._board.write(Command.SET_FAILSAFE, 1)
             with suppress(BadReading):
                 if await self._failsafe_is_on():
                     return True
         return False
 
     async def _failsafe_is_on(self) -> bool:
-        (state,) = await self._board.request(_GET_FAILSAFE, 1)
+        (state,) = await self._board.request(Command.GET_FAILSAFE, 1)
         return state != 0
 
     async def _set(self, motor: _Motor, level: int) -> None:
@@ -322,7 +342,7 @@ class ThunderBorg:
         ]
 
     async def _battery_v(self) -> float:
-        raw = int.from_bytes(await self._board.request(_GET_VOLTS, 2), "big")
+        raw = int.from_bytes(await self._board.request(Command.GET_BATTERY, 2), "big")
         if raw > _FULL_RAW:
             raise BadReading(f"{self.name}: battery reads {raw} of at most {_FULL_RAW}; noise on the wires")
         return raw / _FULL_RAW * _FULL_VOLTS

@@ -8,10 +8,9 @@ from typing import Annotated, ClassVar
 from annotated_types import Interval
 
 from wayfarer.drivers.buses import Buses
-from wayfarer.drivers.thunderborg import DEFAULT_ADDRESS, ThunderBorg, ThunderBorgLink
+from wayfarer.drivers.thunderborg import DEFAULT_ADDRESS, Command, ThunderBorg, ThunderBorgLink
 from wayfarer.hal import Colour
 
-_SET_BOTH_LEDS, _SHOW_BATTERY = 5, 6
 _FULL = 255
 
 
@@ -26,8 +25,8 @@ class ThunderBorgLightSettings:
 class ThunderBorgLight:
     """Both LEDs in one colour; implements ``hal.StatusLight``.
 
-    The board ignores colours while its LEDs show the battery. It acknowledges a colour and may not take it all the
-    same: one user of PiBorg's forum had to send each twice. So each change is sent twice, and nothing in between.
+    The board ignores colours while its LEDs show the battery. It may acknowledge a colour and not take it: one user of
+    PiBorg's forum had to send each twice. So each change is sent twice, and nothing in between.
     """
 
     part: ClassVar[str] = "light"
@@ -43,7 +42,7 @@ class ThunderBorgLight:
         """Find the board and take its LEDs from the battery display."""
         self._shown = None
         await self._board.identify()
-        await self._board.write(_SHOW_BATTERY, 0)
+        await self._board.write(Command.SET_LEDS_SHOW_BATTERY, 0)
 
     async def close(self) -> None:
         """Nothing to release; the last colour stays."""
@@ -54,5 +53,5 @@ class ThunderBorgLight:
             return
         red, green, blue = (round(_FULL * part) for part in colour)
         for _ in range(2):
-            await self._board.write(_SET_BOTH_LEDS, red, green, blue)
+            await self._board.write(Command.SET_BOTH_LEDS, red, green, blue)
         self._shown = colour
