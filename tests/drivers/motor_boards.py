@@ -9,6 +9,7 @@ from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings
 from wayfarer.errors import NotResponding
+from wayfarer.hal import DriveMotors
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
@@ -19,7 +20,7 @@ WIRING = ("left", "reverse_left", "reverse_right")
 class MotorBench:
     """A motor board and its driver; the wire between them keeps in ``seen`` what each write brought."""
 
-    motors: ThunderBorg | Sabertooth
+    motors: DriveMotors
 
     def __init__(self, steps: float, settings: Any) -> None:
         self.steps = steps * settings.duty_limit
@@ -49,6 +50,7 @@ class ThunderBorgBench(MotorBench):
     """
 
     Settings = ThunderBorgSettings
+    motors: ThunderBorg
 
     def __init__(self, **settings: Any) -> None:
         given = ThunderBorgSettings(**settings)
@@ -104,6 +106,7 @@ class SabertoothBench(MotorBench):
     """A Sabertooth on a serial line that loses the bytes ``lost`` of each write."""
 
     Settings = SabertoothSettings
+    motors: Sabertooth
 
     def __init__(self, **settings: Any) -> None:
         given = SabertoothSettings(**settings)

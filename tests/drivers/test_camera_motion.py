@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from itertools import chain, repeat
 from math import pi
 from typing import Any
@@ -16,19 +16,17 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
+from tests.drivers.benches import steady_world
 from tests.virtual import virtual
 from wayfarer.detector import DetectorSettings
 from wayfarer.drivers.buses import Frame
 from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
 from wayfarer.errors import BadReading, NotResponding
-from wayfarer.escape.api import Vehicle
 from wayfarer.hal import MotionReading, MotionSensor
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.ground_camera import TILE_PX, GroundCamera, texture
-from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 from wayfarer.testing import check_motion_sensor
 
@@ -44,14 +42,7 @@ AHEAD = CameraMotionSettings(
 )
 BELIEVED = DetectorSettings().quality_min
 
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
-STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
 GROUND = texture(RandomStreams(0).generator("ground"))
-
-
-def run(main: Coroutine[Any, Any, None]) -> None:
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        runner.run(main)
 
 
 def noisy(luma: NDArray[Any], chance: np.random.Generator) -> Luma:
@@ -70,36 +61,33 @@ def watching(settings: CameraMotionSettings, render: Callable[[float, int, int],
     return CameraMotion(settings, buses)
 
 
-async def readings_of(settings: CameraMotionSettings, *pictures: Luma) -> list[MotionReading]:
+def readings(settings: CameraMotionSettings, *pictures: Luma) -> list[MotionReading]:
     """Return what is read of pictures that come one a period; the first is taken by ``open``."""
     coming = chain(pictures, repeat(pictures[-1]))
     sensor = watching(settings, lambda t_s, _width, _height: Frame(t_s, next(coming)))
-    await sensor.open()
-    readings = []
-    for _ in pictures[1:]:
+
+    async def read() -> MotionReading:
         await asyncio.sleep(PERIOD_S)
-        readings.append(await sensor.read())
-    await sensor.close()
-    return readings
+        return await sensor.read()
 
-
-def readings(settings: CameraMotionSettings, *pictures: Luma) -> list[MotionReading]:
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(readings_of(settings, *pictures))
+        runner.run(sensor.open())
+        return [runner.run(read()) for _ in pictures[1:]]
 
 
 def over_ground() -> tuple[World, CameraMotion, CameraMotion]:
     """Return a world, a camera that registers its ground and one that only sees it change."""
-    world = World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), STEADY, RandomStreams(0))
+    world = steady_world()
     render = GroundCamera(world, RandomStreams(0), M_PER_PIXEL).render
     return world, watching(DOWN, render), watching(AHEAD, render)
 
 
 @pytest.mark.parametrize("method", [DOWN, AHEAD])
-def test_keeps_the_promises_of_a_motion_sensor(method: CameraMotionSettings) -> None:
-    render = GroundCamera(over_ground()[0], RandomStreams(0), M_PER_PIXEL).render
+@virtual
+async def test_keeps_the_promises_of_a_motion_sensor(method: CameraMotionSettings) -> None:
+    render = GroundCamera(steady_world(), RandomStreams(0), M_PER_PIXEL).render
     assert isinstance(watching(method, render), MotionSensor)
-    run(check_motion_sensor(lambda: watching(method, render), lambda: CameraMotion(method, FakeBuses())))
+    await check_motion_sensor(lambda: watching(method, render), lambda: CameraMotion(method, FakeBuses()))
 
 
 # -- displacement ----------------------------------------------------------------------------------------------------
@@ -253,14 +241,16 @@ async def test_two_pictures_of_one_moment_are_unknown() -> None:
 # -- trouble ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_picture_of_another_size_is_refused() -> None:
-    with pytest.raises(BadReading, match="64 x 48 uint8, not 160 x 120 uint8"):
-        readings(DOWN, patch(), patch()[:48, :64])
-
-
-def test_a_picture_of_other_than_grey_bytes_is_refused() -> None:
-    with pytest.raises(BadReading, match="160 x 120 float32, not 160 x 120 uint8"):
-        readings(DOWN, patch(), patch().astype("float32"))
+@pytest.mark.parametrize(
+    ("picture", "said"),
+    [
+        (patch()[:48, :64], "64 x 48 uint8, not 160 x 120 uint8"),
+        (patch().astype("float32"), "160 x 120 float32, not 160"),
+    ],
+)
+def test_a_picture_of_another_size_or_of_other_than_grey_bytes_is_refused(picture: Any, said: str) -> None:
+    with pytest.raises(BadReading, match=said):
+        readings(DOWN, patch(), picture)
 
 
 @virtual

@@ -167,13 +167,13 @@ def test_every_tenth_of_a_second_can_be_set(tenths: int) -> None:
 # -- the load of the wire --------------------------------------------------------------------------------------------
 
 
-async def share_of_wire(control_hz: float, **settings: Any) -> float:
+async def share_of_wire(control_hz: float, baud: int) -> float:
     """Drive for ten seconds and return which share of the wire's time the bytes take, with start and stop bit."""
-    bench = await SabertoothBench(**settings).opened()
+    bench = await SabertoothBench(baud=baud, battery_min_v=10.0).opened()
     for _ in range(round(10.0 * control_hz)):
         await asyncio.sleep(1.0 / control_hz)
         await bench.motors.drive(WheelCommand(0.5, 0.5))
-    return sum(map(len, bench.seen)) * 10 / settings["baud"] / 10.0
+    return sum(map(len, bench.seen)) * 10 / baud / 10.0
 
 
 @pytest.mark.parametrize("baud", [2400, 9600])
@@ -184,6 +184,6 @@ async def test_control_rate_is_refused_from_where_it_takes_more_than_7_tenths_of
     """The rest is for stops; the lowest voltage goes out with the other settings."""
     given = SabertoothSettings(baud=baud, battery_min_v=10.0)
     fastest_hz = max(hz for hz in range(1, 200) if given.keeps_up_with(hz) is None)
-    assert await share_of_wire(fastest_hz, baud=baud, battery_min_v=10.0) <= 0.7
-    assert await share_of_wire(fastest_hz + 1, baud=baud, battery_min_v=10.0) > 0.7
+    assert await share_of_wire(fastest_hz, baud) <= 0.7
+    assert await share_of_wire(fastest_hz + 1, baud) > 0.7
     assert f"baud = {baud}" in str(given.keeps_up_with(fastest_hz + 1))
