@@ -6,7 +6,7 @@ import asyncio
 import errno
 import os
 import threading
-from collections.abc import Callable
+from typing import Self
 
 import numpy as np
 import pytest
@@ -32,7 +32,11 @@ class Device:
         self.may_open = threading.Event()
         self.threads: set[str] = set()
 
-    def open(self) -> Device:
+    @property
+    def names(self) -> list[object]:
+        return [what[0] for what in self.done]
+
+    def open(self) -> Self:
         self.note("open")
         if self.opens_slowly:
             self.opening.set()
@@ -71,18 +75,10 @@ class I2CDevice(Device):
     def write(self, address: int, data: bytes) -> None:
         self.note("write", address, data)
 
-    def open(self) -> I2CDevice:
-        super().open()
-        return self
-
 
 class SerialDevice(Device):
     def write(self, data: bytes) -> None:
         self.note("write", data)
-
-    def open(self) -> SerialDevice:
-        super().open()
-        return self
 
 
 def oserror(number: int) -> OSError:
@@ -135,7 +131,7 @@ async def test_device_is_closed_after_an_error_and_opened_again() -> None:
         await bus.write(0x15, b"\0")
     await bus.write(0x15, b"\1")
     await bus.close()
-    assert [what[0] for what in device.done] == ["open", "write", "close", "open", "write", "close"]
+    assert device.names == ["open", "write", "close", "open", "write", "close"]
 
 
 async def test_device_that_does_not_open_is_tried_anew_at_each_transfer() -> None:
@@ -147,7 +143,7 @@ async def test_device_that_does_not_open_is_tried_anew_at_each_transfer() -> Non
     device.opens_with = None
     await bus.write(0x15, b"\0")
     await bus.close()
-    assert [what[0] for what in device.done] == ["open", "open", "open", "write", "close"]
+    assert device.names == ["open", "open", "open", "write", "close"]
 
 
 def slow_to_open() -> tuple[ThreadedI2C, I2CDevice]:
@@ -209,7 +205,7 @@ async def test_error_that_is_no_failure_of_the_bus_leaves_the_device_open() -> N
         await bus.write(0x15, b"\0")
     await bus.write(0x15, b"\0")
     await bus.close()
-    assert [what[0] for what in device.done] == ["open", "write", "write", "close"]
+    assert device.names == ["open", "write", "write", "close"]
 
 
 @pytest.mark.parametrize(
@@ -228,11 +224,8 @@ async def test_error_that_is_no_failure_of_the_bus_leaves_the_device_open() -> N
 async def test_error_of_linux_names_what_to_look_for(number: int, cause: str) -> None:
     bus, device = i2c()
     device.fails = [oserror(number)]
-    with pytest.raises(NotResponding) as caught:
+    with pytest.raises(NotResponding, match=rf"^/dev/i2c-1: .*{cause}.*errno {number}"):
         await bus.write(0x15, b"\0")
-    assert str(caught.value).startswith("/dev/i2c-1: ")
-    assert cause in str(caught.value)
-    assert f"errno {number}" in str(caught.value)
     await bus.close()
 
 
@@ -242,35 +235,20 @@ def test_error_without_a_known_cause_is_told_as_it_is() -> None:
     assert explain(TimeoutError()) == "TimeoutError"
 
 
-async def test_missing_library_is_told_with_the_command_that_installs_it() -> None:
-    bus, device = i2c()
-    device.opens_with = ModuleNotFoundError("No module named 'smbus2'")
-    with pytest.raises(NotResponding, match=r"No module named 'smbus2'; pip install '\.\[pi\]'"):
-        await bus.write(0x15, b"\0")
-    await bus.close()
-
-
-def post_i2c(device: I2CDevice) -> tuple[ThreadedI2C, Callable[[bytes], None]]:
-    bus = ThreadedI2C("/dev/i2c-1", device.open, LONG_S)
-    return bus, lambda data: bus.post(0x15, data)
-
-
 async def test_posted_write_opens_the_device_if_need_be_and_goes_out_before_the_bus_closes() -> None:
-    device = I2CDevice()
-    bus, post = post_i2c(device)
-    post(b"\x0e\x00")
+    bus, device = i2c()
+    bus.post(0x15, b"\x0e\x00")
     await bus.close()
     assert device.done == [("open",), ("write", 0x15, b"\x0e\x00"), ("close",)]
 
 
-async def test_posted_write_that_fails_says_nothing_and_the_next_one_opens_anew() -> None:
-    device = I2CDevice()
+async def test_posted_write_that_fails_says_nothing_and_the_next_one_opens_again() -> None:
+    bus, device = i2c()
     device.fails = [oserror(errno.EREMOTEIO)]
-    bus, post = post_i2c(device)
-    post(b"\x0e\x00")
-    post(b"\x0e\x00")
+    bus.post(0x15, b"\x0e\x00")
+    bus.post(0x15, b"\x0e\x00")
     await bus.close()
-    assert [what[0] for what in device.done] == ["open", "write", "close", "open", "write", "close"]
+    assert device.names == ["open", "write", "close", "open", "write", "close"]
 
 
 async def test_posted_bytes_of_a_port_go_out_too() -> None:
