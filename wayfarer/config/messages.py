@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from functools import cache
 from math import isfinite
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeVar, cast, get_args, get_type_hints
 
 from annotated_types import Interval
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, with_config
@@ -35,7 +35,7 @@ def validated(kind: type[T], table: Mapping[str, Any], prefix: str = "") -> T:
     """
     try:
         # By way of JSON, because pydantic's strict mode takes tables for dataclasses from there only.
-        checked: T = _adapter(kind).validate_json(json.dumps(table, default=str), strict=True)
+        checked: T = _adapter(cast(Any, kind)).validate_json(json.dumps(table, default=str), strict=True)
     except ValidationError as error:
         raise BadConfig(explain(most_telling(error), kind, prefix)) from None
     return checked
