@@ -45,7 +45,7 @@ def test_sweep_prints_a_line_a_point_and_fills_its_folder(run: Run, tmp_path: Pa
         (["escape.turn_angle_deg=10:180"], "a range is FIRST:LAST:STEP"),
         ([ANGLES, "slip_mean_m=2", "footprint_m=0.4"], "3 keys to sweep"),
         ([ANGLES, ANGLES], "set the same value"),
-        ([ANGLES, "--slip-mean-m", "nan"], "key 'slip_mean_m'"),
+        ([ANGLES, "--slip-mean-m", "nan"], "finite number above 0"),
         ([ANGLES, "--algorithm", "plegde"], "unknown algorithm 'plegde': did you mean pledge"),
         ([ANGLES, "--rover", "nobody"], "unknown rover 'nobody'"),
         ([], "Missing argument"),

@@ -14,7 +14,7 @@ from typing import cast
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import WayfarerError
-from wayfarer.experiments import commands
+from wayfarer.experiments import sim_command
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.outcome import Outcome
 from wayfarer.experiments.rows import OUTCOMES
@@ -76,7 +76,7 @@ def main(out: str, jobs: str) -> int:
     count, address = (int(jobs), None) if jobs.isdigit() else (None, jobs)
     resume = Path(out).exists()
     try:
-        return commands.run_all(
+        return sim_command.run_all(
             campaign_of(MANY), Path(out), resume=resume, jobs=count, cluster=address, run_trial=slow
         )
     except WayfarerError as error:

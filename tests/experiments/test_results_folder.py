@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.results_folder import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder, read_rows
+from wayfarer.experiments.results_folder import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import (
     COLUMNS,
     OUTCOMES,
@@ -27,6 +27,7 @@ from wayfarer.experiments.rows import (
     row_of,
     without_kinds,
 )
+from wayfarer.experiments.store import read_rows
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.world.grounds import GroundName

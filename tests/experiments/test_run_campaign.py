@@ -113,7 +113,9 @@ def test_one_forest_serves_all_algorithms() -> None:
             return super().make_forest(trial)
 
     plan = Counting(("pledge", "levy-walk", "cv-react"), 3, campaign_of(1).rover)
-    TrialRunner(plan, fake_trials.quick).run_chunk(list(plan.tasks_by_forest()))
+    runner = TrialRunner(plan, fake_trials.quick)
+    for task in plan.tasks_by_forest():
+        runner.run(task)
     assert made == [0, 1, 2]
 
 

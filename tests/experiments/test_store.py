@@ -31,9 +31,18 @@ def row(task: Task, path_m: float = 80.5) -> TrialRow:
 
 
 def test_tasks_come_forest_by_forest() -> None:
-    assert [*Tasks(("a", "b"), 2)] == [("a", 0), ("b", 0), ("a", 1), ("b", 1)]
-    assert Tasks(("a", "b"), 2)[1:3] == [Task("b", 0), Task("a", 1)]
-    assert [*Tasks(("a", "b"), 9, [17, 2])] == [("b", 8), ("a", 1)]
+    assert [*Tasks(("a", "b"), 2)] == [Task("a", 0), Task("b", 0), Task("a", 1), Task("b", 1)]
+    assert [*Tasks(("a", "b"), 9).only([17, 2])] == [Task("b", 8), Task("a", 1)]
+
+
+def test_tasks_of_a_sweep_come_forest_by_forest_and_go_into_the_table_point_by_point() -> None:
+    tasks = Tasks(("a", "b"), trials=2, points=3)
+    assert [*tasks] == [Task(name, trial, point) for trial in range(2) for point in range(3) for name in "ab"]
+    assert [tasks.number(task) for task in tasks] == list(range(len(tasks)))
+    assert [*tasks.in_table_order()] == [
+        Task(name, trial, point) for point in range(3) for name in "ab" for trial in range(2)
+    ]
+    assert [tasks.number(Task(*odd)) for odd in [("c", 0, 0), ("a", 2, 0), ("a", 0, 3), ("a", 0, -1)]] == [None] * 4
 
 
 @given(st.lists(st.sampled_from([*TASKS])))
@@ -91,10 +100,9 @@ def peak_bytes(trials: int, folder: Path, progress: ProgressDisplay) -> int:
 
 @pytest.mark.parametrize(("progress", "hoards"), [(ProgressDisplay, False), (Hoarding, True)])
 def test_campaign_keeps_no_rows_in_memory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, progress: Callable[[], ProgressDisplay], hoards: bool
+    tmp_path: Path, progress: Callable[[], ProgressDisplay], hoards: bool
 ) -> None:
     """The second case keeps them, so that the first is known to notice it."""
-    monkeypatch.setattr("wayfarer.experiments.parquet.ROW_GROUP", 100)
     peak_bytes(FEW, tmp_path / "warm", ProgressDisplay())
     few, many = (peak_bytes(trials, tmp_path / str(trials), progress()) for trials in (FEW, MANY))
     a_trial_bytes = (many - few) / (MANY - FEW)

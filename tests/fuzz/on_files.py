@@ -274,8 +274,8 @@ def _folders() -> Iterator[Try]:
 
 RESULTS = Target(
     "results",
-    ["wayfarer.experiments.results_folder:ResultsFolder._claim", "wayfarer.experiments.results_folder:read_rows",
-     "wayfarer.experiments.results_folder:_refuse_another_campaign", "wayfarer.experiments.results_folder:_flat",
+    ["wayfarer.experiments.results_folder:ResultsFolder._claim", "wayfarer.experiments.store:rows_in",
+     "wayfarer.experiments.folder_settings:refuse_another", "wayfarer.experiments.folder_settings:flat",
      "wayfarer.experiments.results_folder:_drop_torn_line", "wayfarer.experiments.rows:parse_row",
      "wayfarer.experiments.rows:_value", "wayfarer.experiments.report.reading"],
     _campaigns,

@@ -14,7 +14,7 @@ import typer
 
 from wayfarer.cli.options import Algorithm, examples
 from wayfarer.cli.rover import simulated
-from wayfarer.cli.sim import DepthOption
+from wayfarer.cli.trial_options import DepthOption
 from wayfarer.cli.viewer_options import LivePort, live_page
 
 if TYPE_CHECKING:

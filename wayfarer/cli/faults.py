@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.sim import DepthOption, PhysicsOption
+from wayfarer.cli.trial_options import DepthOption, PhysicsOption
 from wayfarer.errors import BadInput, MissingPackage
 
 EXAMPLES = """Examples:

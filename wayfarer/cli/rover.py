@@ -11,7 +11,7 @@ import typer
 
 from wayfarer.cli.extras import require
 from wayfarer.cli.options import ROVER_FILE, Algorithm, Config, Logs, examples, log_folder
-from wayfarer.cli.sim import DepthOption
+from wayfarer.cli.trial_options import DepthOption
 from wayfarer.cli.viewer_options import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.errors import BadInput
 

@@ -52,6 +52,12 @@ def most_telling(error: ValidationError) -> ErrorDetails:
     return min(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN)
 
 
+def key_and_problem(error: ValidationError) -> str:
+    """Say in short what is wrong with a file that wayfarer itself has written."""
+    problem = most_telling(error)
+    return f"{'.'.join(map(str, problem['loc'])) or 'the file'}: {problem['msg']}"
+
+
 def explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
     """Say what is wrong with one key of a model or a settings class; ``prefix`` stands before the key."""
     text = problem["msg"].removeprefix("Value error, ")

@@ -6,11 +6,12 @@ and every algorithm meets the same forests with the same noise: comparisons are 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from hashlib import blake2b
+from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from wayfarer import __version__
 from wayfarer.simhal.world.forest import TREES_PER_HA, Forest
@@ -27,41 +28,49 @@ NOISES_PER_LAYOUT = 2  # the paper's 1,000 trials are 500 layouts x 2 noise seed
 
 
 class Task(NamedTuple):
-    """One trial of one algorithm; ``trial`` counts from 0 within the algorithm."""
+    """One trial of one algorithm, at one point of a sweep; trials and points count from 0."""
 
     algorithm: str
     trial: int
+    point: int = 0
 
 
-class Tasks(Sequence[Task]):
-    """Trials in the order of running: a forest serves all algorithms, then comes the next.
+class Tasks:
+    """Trials in the order of running: a forest serves all points and algorithms, then comes the next.
 
     Each is made when it is asked for, so that a million take no more memory than a thousand. ``numbers`` are the places
     of these trials in that order; without them they are all that the campaign has.
     """
 
-    def __init__(self, algorithms: Sequence[str], trials: int, numbers: Sequence[int] | None = None) -> None:
-        self.algorithms = algorithms
-        self.trials = trials
-        self._numbers = range(len(algorithms) * trials) if numbers is None else numbers
+    def __init__(
+        self, algorithms: Sequence[str], trials: int, points: int = 1, numbers: Sequence[int] | None = None
+    ) -> None:
+        self._algorithms, self._trials, self._points = algorithms, trials, points
+        self._numbers = range(len(algorithms) * points * trials) if numbers is None else numbers
 
     def __len__(self) -> int:
         return len(self._numbers)
 
-    @overload
-    def __getitem__(self, at: int) -> Task: ...
+    def __iter__(self) -> Iterator[Task]:
+        for number in self._numbers:
+            rest, algorithm = divmod(number, len(self._algorithms))
+            yield Task(self._algorithms[algorithm], *divmod(rest, self._points))
 
-    @overload
-    def __getitem__(self, at: slice) -> list[Task]: ...
+    def number(self, task: Task) -> int | None:
+        """Return a trial's place in the order of running; None where the campaign has no such trial."""
+        name, trial, point = task
+        if name not in self._algorithms or not (0 <= trial < self._trials and 0 <= point < self._points):
+            return None
+        return (trial * self._points + point) * len(self._algorithms) + self._algorithms.index(name)
 
-    def __getitem__(self, at: int | slice) -> Task | list[Task]:
-        if isinstance(at, slice):
-            return [self._task(number) for number in self._numbers[at]]
-        return self._task(self._numbers[at])
+    def in_table_order(self) -> Iterator[Task]:
+        """Yield all trials of the campaign by point, algorithm as asked, and number."""
+        for point, name, trial in product(range(self._points), self._algorithms, range(self._trials)):
+            yield Task(name, trial, point)
 
-    def _task(self, number: int) -> Task:
-        trial, algorithm = divmod(number, len(self.algorithms))
-        return Task(self.algorithms[algorithm], trial)
+    def only(self, numbers: Sequence[int]) -> Tasks:
+        """Return the trials at these places in the order of running."""
+        return Tasks(self._algorithms, self._trials, self._points, numbers)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +129,11 @@ class Campaign:
     def tasks_by_forest(self) -> Tasks:
         """Return every trial in the order of running."""
         return Tasks(self.algorithms, self.trials)
+
+    @property
+    def points(self) -> Sequence[Campaign]:
+        """Itself: a campaign is a sweep of one point."""
+        return (self,)
 
     def forest_and_noise(self, trial: int) -> tuple[int, int]:
         """Return the numbers of a trial's layout and noise."""
@@ -188,6 +202,21 @@ class Campaign:
         from wayfarer.simhal.world.shortest_path import shortest_path_m
 
         return replace(forest, shortest_path_m=shortest_path_m(forest, self.rover.vehicle.width_m))
+
+
+class Plan(Protocol):
+    """What can be run: a campaign, or a sweep, which is the same campaign at several points."""
+
+    def tasks_by_forest(self) -> Tasks:
+        """Return every trial in the order of running."""
+        return Tasks(self.algorithms, self.trials)
+
+    @property
+    def points(self) -> Sequence[Campaign]:
+        """The campaign at each point; all have the same algorithms and the same number of trials."""
+
+    def settings(self) -> dict[str, Any]:
+        """Return what makes two plans the same one, as JSON can hold it."""
 
 
 def read_forest_file(source: str | Path) -> ForestFile:

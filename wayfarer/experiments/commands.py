@@ -1,43 +1,27 @@
-"""Implementation of ``wayfarer sim`` after its options are parsed: a whole campaign, or one trial."""
+"""What commands check and prepare before the first trial: algorithms, terrain, rover, site, folder."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-from rich.console import Console
 
 from wayfarer.config.chassis import AT_A_BRANCH
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig, with_place
 from wayfarer.errors import BadConfig, BadInput, MissingPackage
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments import run_campaign as campaigns
-from wayfarer.experiments.campaign import Campaign, Task
-from wayfarer.experiments.executors import RunTrial, TrialRunner, field_trial, logged_trial
-from wayfarer.experiments.progress_bar import drawing, fault_line, say, shown_progress
-from wayfarer.experiments.results_folder import ResultsFolder
-from wayfarer.experiments.rows import columns_of, csv_line
-from wayfarer.experiments.run_campaign import CampaignResult
-from wayfarer.experiments.tables import FORESTS, Layout, print_table
-from wayfarer.simhal.world.forest_file import content_of
+from wayfarer.experiments.campaign import Campaign
 from wayfarer.simhal.world.grounds import GroundName
 
 if TYPE_CHECKING:
-    from wayfarer.experiments.dask_cluster import Cluster
     from wayfarer.simhal.mujoco.terrain import Terrains
     from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 PAPER = "paper"  # stands for the ten of the paper, which are the catalogue
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
-FAULT_FILE = "fault.txt"
-LEGEND = "success: escaped or left bounds; path: of the successes; time, anomalies: mean a trial"
-SITE_LEGEND = "time: from arming to the destination line, of the successes; interventions (overturned/off its wheels)"
 
 
 def algorithms(names: str) -> tuple[str, ...]:
@@ -159,145 +143,9 @@ def at_site(campaign: Campaign, scenario: str) -> Campaign:
     return replace(here, rover=here.site.equip(campaign.rover)) if here.site else here
 
 
-def run_all(
-    campaign: Campaign,
-    out: Path | None,
-    *,
-    resume: bool = False,
-    jobs: int | None = None,
-    cluster: str | None = None,
-    forests: str | Path | None = None,
-    log: Path | None = None,
-    run_trial: RunTrial = field_trial,
-) -> int:
-    """Run a campaign, show it, print its table, and return the exit code.
-
-    ``forests`` is what the campaign's forests were read from (``campaign.read_forest_file``); ``out`` keeps a copy.
-    With ``log`` each trial's full field log goes into a separate folder there. With ``cluster``, the address of a
-    Dask scheduler, the trials run on its workers, else in ``jobs`` processes.
-
-    Raises:
-        BadInput: ``out`` cannot be used, or there is no such cluster; nothing is left behind then. ``log`` is not new
-            or empty.
-        WayfarerError: a worker died, the cluster was lost, or ``out`` cannot be written any more; finished trials are
-            kept.
-    """
-    aside = Console(stderr=True)
-    total = len(campaign.algorithms) * campaign.trials
-    if log:
-        make_empty_folder(log, "the log")
-        run_trial = partial(logged_trial, log)
-    with (
-        _connected(cluster) as workers,
-        ResultsFolder(out, campaign.settings(), resume=resume) if out else nullcontext() as folder,
-    ):
-        if folder and forests:
-            folder.keep_forests(content_of(forests))
-        kept = len(folder.kept) if folder else 0
-        if kept:
-            say(aside, f"{kept} of {total} trials are in {out} already")
-        with shown_progress(aside, kept, total) as progress:
-            finished = campaigns.run(
-                campaign,
-                folder,
-                jobs=workers.jobs if workers else jobs or cores(),
-                progress=progress,
-                executor=workers.executor if workers else None,
-                run_trial=run_trial,
-            )
-    if finished.interrupted:
-        say(aside, _interruption(finished, total, out))
-        return INTERRUPTED
-    console = Console()
-    print_table(console, finished.summaries, _layout(campaign))
-    say(console, SITE_LEGEND if campaign.scenario else LEGEND)
-    say(console, _effort(finished))
-    if out:
-        say(aside, f"the results are in {out}")
-    return 0
-
-
-def run_alone(campaign: Campaign, trial: int, log: Path | None, run_trial: RunTrial = field_trial) -> int:
-    """Run one trial, print its row as in ``trials.csv``, and return the exit code: 1 after a fault.
-
-    With ``log`` the full field log goes there, and after a fault the traceback.
-
-    Raises:
-        BadInput: the campaign has no such trial or several algorithms, or ``log`` is not new or empty.
-    """
-    if trial >= campaign.trials:
-        raise BadInput(f"--trial {trial}: the trials of this campaign are 0 to {campaign.trials - 1} (see --trials)")
-    if len(campaign.algorithms) > 1:
-        raise BadInput(f"--trial runs one trial of one algorithm; choose one of {', '.join(campaign.algorithms)}")
-    if log:
-        make_empty_folder(log, "the log")
-    done = TrialRunner(campaign, run_trial).run(Task(campaign.algorithms[0], trial), log)
-    columns = columns_of(campaign.settings())
-    print(csv_line(columns) + csv_line(columns, done.row), end="")
-    if done.fault is None:
-        return 0
-    say(Console(stderr=True), fault_line(done))
-    if log:
-        (log / FAULT_FILE).write_text(done.fault.traceback, encoding="utf-8")
-    return 1
-
-
-def film_alone(campaign: Campaign, trial: int, log: Path | None, video: Path, speed: float) -> int:
-    """Run one trial in MuJoCo as ``run_alone`` does, film it, and return the exit code.
-
-    The film is drawn after the trial, which is the same as without it. A trial that ends before its first control tick
-    leaves no film.
-
-    Raises:
-        BadInput: as of ``run_alone``; or the film cannot be written or drawn, which is found out before the trial.
-    """
-    from wayfarer.experiments.film.footage import Recorder
-    from wayfarer.experiments.film.video import film
-
-    aside, recorder = Console(stderr=True), Recorder()
-    with film(video) as shown:
-        code = run_alone(campaign, trial, log, recorder)
-        if recorder.footage is None:
-            raise BadInput(
-                f"--video {video}: trial {trial} ended before its first control tick; there is nothing to film"
-            )
-        with drawing(aside) as done:
-            shown.show(recorder.footage, speed, done)
-    say(aside, f"the film is {video}")
-    return code
-
-
 def cores() -> int:
     """Count the cores that this process may use."""
     return len(os.sched_getaffinity(0))
-
-
-def _connected(cluster: str | None) -> AbstractContextManager[Cluster | None]:
-    if cluster is None:
-        return nullcontext()
-    from wayfarer.experiments.dask_cluster import connected
-
-    return connected(cluster)
-
-
-def _layout(campaign: Campaign) -> Layout:
-    if campaign.scenario is None:
-        return FORESTS
-    from wayfarer.experiments.site_table import layout_of
-
-    return layout_of(campaign.scenario, campaign.rover.name)
-
-
-def _interruption(finished: CampaignResult, total: int, out: Path | None) -> str:
-    count = f"interrupted: {finished.trials} of {total} trials are"
-    return f"{count} kept in {out}; add --resume to go on" if out else f"{count} done; with --out DIR they are kept"
-
-
-def _effort(finished: CampaignResult) -> str:
-    effort = finished.effort
-    simulated_h = finished.totals.simulated_s / 3600
-    per_tick = f", {effort.cpu_us_per_tick:.1f} us of CPU a control tick" if effort.cpu_us_per_tick else ""
-    return f"{simulated_h:.1f} h simulated; this run took {effort.wall_s:.1f} s{per_tick}"
 
 
 def make_empty_folder(path: Path, what: str) -> None:

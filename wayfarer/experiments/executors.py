@@ -12,16 +12,17 @@ import os
 import signal
 import threading
 import traceback
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sized
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from functools import partial
+from itertools import islice, takewhile
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeVar
 from uuid import uuid4
 
-from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.experiments.campaign import Plan, Task
 from wayfarer.experiments.rows import TrialRow, rounded_row, row_of
 
 if TYPE_CHECKING:
@@ -33,12 +34,15 @@ P = ParamSpec("P")
 T = TypeVar("T")
 TaskT = TypeVar("TaskT")
 DoneT = TypeVar("DoneT")
-TaskT_contra = TypeVar("TaskT_contra", contravariant=True)
-DoneT_co = TypeVar("DoneT_co", covariant=True)
+TaskT_co = TypeVar("TaskT_co", covariant=True)
 
 LARGEST_CHUNK = 4  # handing over a chunk costs the parent 0.3 ms; what is in flight at Ctrl-C is lost
 CHUNKS_AHEAD = 2  # a worker: one that it runs and one that waits for it
 POLL_S = 0.1  # how soon a stop is noticed
+
+
+class SizedIterable(Iterable[TaskT_co], Sized, Protocol[TaskT_co]):
+    """Tasks that know how many they are; they may be made one by one."""
 
 
 class RunTrial(Protocol):
@@ -78,44 +82,35 @@ def logged_trial(logs: Path, spec: TrialSpec, _log_dir: Path | None = None) -> T
     return field_trial(spec, logs / f"{spec.algorithm.replace(':', '-')}-{spec.trial:05d}")
 
 
-class Runner(Protocol[TaskT_contra, DoneT_co]):
-    """Runs whatever tasks there are; what it needs can be sent to another process."""
-
-    def run_chunk(self, tasks: Sequence[TaskT_contra], /) -> Sequence[DoneT_co]:
-        """Run several tasks."""
-
-
 class TrialRunner:
-    """Runs the trials of a campaign one after the other; what it needs can be sent to another process."""
+    """Runs trials of a campaign or sweep; what it needs can be sent to another process."""
 
-    def __init__(self, campaign: Campaign, run_trial: RunTrial = field_trial) -> None:
-        self._campaign = campaign
+    def __init__(self, plan: Plan, run_trial: RunTrial = field_trial) -> None:
+        self._points = plan.points
         self._run_trial = run_trial
-        self._latest: tuple[int, Forest] | None = None
-
-    def run_chunk(self, tasks: Sequence[Task]) -> list[Done]:
-        """Run several trials."""
-        return [self.run(task) for task in tasks]
+        self._latest: tuple[list[int], Forest] | None = None
 
     def run(self, task: Task, log_dir: Path | None = None) -> Done:
         """Run one trial; whatever it raises becomes its row's ``fault`` and goes no further."""
         try:
-            spec = self._campaign.spec(task, self._forest(task.trial))
-            return Done(row_of(self._run_trial(spec, log_dir)))
+            spec = self._points[task.point].spec(task, self._forest(task))
+            return Done(row_of(self._run_trial(spec, log_dir))._replace(point=task.point))
         except Exception as error:
             return Done(self._fault_row(task), _fault(error))
 
-    def _forest(self, trial: int) -> Forest:
+    def _forest(self, task: Task) -> Forest:
         """Make a trial's forest, once for all the algorithms that follow each other in it."""
+        _, *wanted = task
         latest = self._latest  # another thread of this worker may set it meanwhile
-        if latest is None or latest[0] != trial:
-            latest = self._latest = trial, self._campaign.make_forest(trial)
+        if latest is None or latest[0] != wanted:
+            latest = self._latest = wanted, self._points[task.point].make_forest(task.trial)
         return latest[1]
 
     def _fault_row(self, task: Task) -> TrialRow:
-        campaign = self._campaign
-        forest, noise = campaign.forest_and_noise(task.trial)
-        row = TrialRow(task.trial, task.algorithm, forest, noise, campaign.trial_seed(task.trial), "fault")
+        name, trial, point = task
+        campaign = self._points[point]
+        forest, noise = campaign.forest_and_noise(trial)
+        row = TrialRow(trial, name, forest, noise, campaign.trial_seed(trial), "fault", point=point)
         if campaign.terrains is None:
             return row
         from wayfarer.simhal.random_streams import RandomStreams  # wants numpy, as what follows a campaign need not
@@ -131,19 +126,6 @@ class MakeExecutor(Protocol):
 
     def __call__(self, *, initializer: Callable[..., object], initargs: tuple[Any, ...]) -> Executor:
         """Return the executor; leaving it as a context ends it."""
-
-
-class InProcess(Executor):
-    """Runs what is submitted at once, in this process."""
-
-    def __init__(self, *, initializer: Callable[..., object], initargs: tuple[Any, ...]) -> None:
-        initializer(*initargs)
-
-    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Return a future that is done."""
-        future: Future[T] = Future()
-        future.set_result(fn(*args, **kwargs))
-        return future
 
 
 class SpawnedProcesses(ProcessPoolExecutor):
@@ -169,39 +151,41 @@ class SpawnedProcesses(ProcessPoolExecutor):
 
 
 def stream(
-    runner: Runner[TaskT, DoneT],
-    tasks: Sequence[TaskT],
+    run: Callable[[TaskT], DoneT],
+    tasks: SizedIterable[TaskT],
     jobs: int,
     stop: threading.Event,
     executor: MakeExecutor | None = None,
 ) -> Generator[DoneT]:
-    """Run ``tasks`` and yield what is done, in the order of completion.
+    """Run ``tasks``, each by ``run``, and yield what is done, in the order of completion.
 
     Without an ``executor``, one job runs in this process and more of them in a pool of that many processes; with one,
-    ``jobs`` is how many it runs at a time.
+    ``jobs`` is how many it runs at a time. What ``run`` needs is sent to each worker once.
 
     Raises:
         Stopped: ``stop`` was set; what runs on a pool at that moment is given up.
         BrokenExecutor: a worker died.
     """
-    make = executor or (partial(SpawnedProcesses, jobs) if jobs > 1 else InProcess)
+    if executor is None and jobs == 1:
+        yield from map(run, takewhile(lambda _: not stop.is_set(), tasks))
+        if stop.is_set():
+            raise Stopped
+        return
     key = uuid4().hex
+    make = executor or partial(SpawnedProcesses, jobs)
     try:
-        with make(initializer=_install, initargs=(key, runner)) as pool:
-            yield from _drive(lambda chunk: pool.submit(_run_installed, key, chunk), tasks, jobs, stop)
+        with make(initializer=_install, initargs=(key, run)) as pool:
+            yield from _run_on(pool, key, tasks, jobs, stop)
     finally:
         forget(key)
 
 
-Submit = Callable[[Sequence[TaskT]], "Future[Sequence[DoneT]]"]
-
-
-def _drive(submit: Submit[TaskT, DoneT], tasks: Sequence[TaskT], jobs: int, stop: threading.Event) -> Iterator[DoneT]:
+def _run_on(pool: Executor, key: str, tasks: SizedIterable[Any], jobs: int, stop: threading.Event) -> Iterator[Any]:
     chunks = _chunks(tasks, jobs)
-    running: set[Future[Sequence[DoneT]]] = set()
+    running: set[Future[list[Any]]] = set()
     while True:
         while not stop.is_set() and len(running) < CHUNKS_AHEAD * jobs and (chunk := next(chunks, None)):
-            running.add(submit(chunk))
+            running.add(pool.submit(_run_installed, key, chunk))
         if not running and not stop.is_set():
             return
         finished, running = wait(running, POLL_S, FIRST_COMPLETED)
@@ -213,13 +197,13 @@ def _drive(submit: Submit[TaskT, DoneT], tasks: Sequence[TaskT], jobs: int, stop
             raise Stopped
 
 
-def _chunks(tasks: Sequence[TaskT], jobs: int) -> Iterator[Sequence[TaskT]]:
+def _chunks(tasks: SizedIterable[TaskT], jobs: int) -> Iterator[list[TaskT]]:
     """Cut ``tasks`` into chunks that get smaller towards the end, so that all workers finish together."""
-    start = 0
-    while start < len(tasks):
-        size = min(LARGEST_CHUNK, max(1, (len(tasks) - start) // (8 * jobs)))
-        yield tasks[start : start + size]
-        start += size
+    left, rest = len(tasks), iter(tasks)
+    while left:
+        size = min(LARGEST_CHUNK, max(1, left // (8 * jobs)))
+        yield list(islice(rest, size))
+        left -= size
 
 
 @contextmanager
@@ -231,15 +215,15 @@ def _sigint_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-_installed: dict[str, Runner[Any, Any]] = {}  # in a worker: what runs its chunks, by the key of the stream
+_installed: dict[str, Callable[[Any], Any]] = {}  # in a worker: what runs its tasks, by the key of the stream
 
 
-def _install(key: str, runner: Runner[Any, Any]) -> None:
-    _installed[key] = runner
+def _install(key: str, run: Callable[[Any], Any]) -> None:
+    _installed[key] = run
 
 
-def _run_installed(key: str, tasks: Sequence[Any]) -> Sequence[Any]:
-    return _installed[key].run_chunk(tasks)
+def _run_installed(key: str, tasks: list[Any]) -> list[Any]:
+    return [_installed[key](task) for task in tasks]
 
 
 def forget(key: str) -> None:

@@ -1,4 +1,4 @@
-"""Writes Parquet files row by row; memory holds one row group, independent of the file's length.
+"""Copies a table of trials into a Parquet file, block by block, so that memory does not grow with the table.
 
 pyarrow is imported here only, and only where a file is written.
 """
@@ -7,52 +7,35 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import NoneType
-from typing import Any, Self, get_args, get_type_hints
+from typing import Any
 
 import pyarrow as pa
-from pyarrow import parquet
+from pyarrow import csv, parquet
 
-ROW_GROUP = 1000  # rows; waiting to be written they take a kilobyte each
+from wayfarer.experiments.rows import DECIMALS, TEXT_COLUMNS, TrialRow
+
 ARROW = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
 
-def types_of(row: type[Any], names: Sequence[str]) -> dict[str, type]:
-    """Return the type of each of these fields of a typed row; ``X | None`` counts as ``X``."""
-    hints = get_type_hints(row)
-    return {name: next((each for each in get_args(hints[name]) if each is not NoneType), hints[name]) for name in names}
-
-
-class ParquetRows:
-    """A Parquet file under a path, with these columns and their types (bool, int, float, str); None is no value.
-
-    It is a context manager: the file is readable once that is left.
+def copy_as_parquet(table: Path, copy: Path, swept: Sequence[Mapping[str, Any]]) -> None:
+    """Write what a ``trials.csv`` holds as Parquet; ``swept`` has the swept values at each point, for their types.
 
     Raises:
         OSError: the file cannot be written.
     """
+    types = {name: ARROW[_type(name)] for name in TrialRow._fields}
+    types |= {key: ARROW[_common_type({type(values[key]) for values in swept})] for key in swept[0]}
+    options = csv.ConvertOptions(column_types=types, null_values=[""])
+    with csv.open_csv(table, convert_options=options) as rows, parquet.ParquetWriter(copy, rows.schema) as file:
+        for batch in rows:
+            file.write_batch(batch)
 
-    def __init__(self, path: Path, columns: Mapping[str, type]) -> None:
-        self._schema = pa.schema([pa.field(name, ARROW[kind]) for name, kind in columns.items()])
-        self._writer = parquet.ParquetWriter(path, self._schema)
-        self._rows: list[Sequence[Any]] = []
 
-    def __enter__(self) -> Self:
-        return self
+def _type(name: str) -> type:
+    return str if name in TEXT_COLUMNS else float if name in DECIMALS else int
 
-    def __exit__(self, *exc_info: object) -> None:
-        self._flush()
-        self._writer.close()
 
-    def append(self, row: Sequence[Any]) -> None:
-        """Add a row, its values in the order of the columns."""
-        self._rows.append(row)
-        if len(self._rows) == ROW_GROUP:
-            self._flush()
-
-    def _flush(self) -> None:
-        if self._rows:
-            by_column = zip(*self._rows, strict=True)
-            columns = [pa.array(values, field.type) for values, field in zip(by_column, self._schema, strict=True)]
-            self._writer.write_table(pa.Table.from_arrays(columns, schema=self._schema))
-            self._rows = []
+def _common_type(kinds: set[type]) -> type:
+    if kinds == {int, float}:
+        return float
+    return kinds.pop() if len(kinds) == 1 else str

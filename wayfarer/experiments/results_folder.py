@@ -1,10 +1,10 @@
-"""The results folder of a campaign: partial results that survive a crash, and the final files.
+"""The results folder of a campaign or a sweep: partial results that survive a crash, and the final files.
 
-``campaign.json`` is written first and says whose folder this is; ``forests.jsonl`` beside it is a copy of the
-campaign's forest file, if it has one, so that its trials can be run again. While the campaign runs, each finished trial
+``campaign.json`` or ``sweep.json`` is written first and says whose folder this is; ``forests.jsonl`` beside it is a
+copy of a campaign's forest file, if it has one, so that its trials can be run again. While it runs, each finished trial
 is appended to ``trials.partial.csv`` in the order of completion. At the end ``trials.csv``, the same as
-``trials.parquet``, and ``summary.json`` appear whole, and the partial file goes. A line that a crash cut short has no
-newline; resuming drops it and runs that trial again.
+``trials.parquet``, and the ``summary.json`` of a campaign appear whole, and the partial file goes. A line that a crash
+cut short has no newline; resuming drops it and runs that trial again.
 """
 
 from __future__ import annotations
@@ -14,30 +14,26 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, Self
 
-from wayfarer.config.chassis import AT_A_BRANCH, Chassis
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.experiments.campaign import Tasks
+from wayfarer.experiments.folder_settings import kind_of, refuse_another, swept_values, tasks_of
 from wayfarer.experiments.rows import TrialRow, columns_of, csv_line
 from wayfarer.experiments.store import TrialStore, columns_in, rows_in
 from wayfarer.fieldlog.atomic_file import whole_file
-from wayfarer.simhal.world.grounds import GroundName
 
 SETTINGS = "campaign.json"
+SWEEP_SETTINGS = "sweep.json"
 FORESTS = "forests.jsonl"
 PARTIAL = "trials.partial.csv"
 TRIALS = "trials.csv"
 PARQUET = "trials.parquet"
 SUMMARY = "summary.json"
-CHASSIS = "rover.chassis"  # where its keys stand in the settings
-UNSAID = {"ground": GroundName.ideal.value}  # what settings that do not name it stand for
 
 
 class ResultsFolder:
-    """The folder of a campaign with these ``settings`` (``Campaign.settings``), locked while it is open.
+    """The folder of a campaign or sweep with these ``settings`` (``Campaign.settings``), locked while it is open.
 
     ``kept`` are its finished trials; ``complete`` says that they are all there are.
 
@@ -48,13 +44,14 @@ class ResultsFolder:
 
     def __init__(self, path: Path, settings: Mapping[str, Any], *, resume: bool = False) -> None:
         self.path = path
+        self._settings = settings
         self._columns = columns_of(settings)
         with _one_line_errors(path), _removed_on_failure(path):
             path.mkdir(parents=True, exist_ok=True)
             self._open = ExitStack()
             with self._open:
-                self._open.callback(os.close, _locked(path))
-                self.kept = self._claim(settings, resume)
+                self._open.callback(os.close, _locked(path, kind_of(settings)))
+                self.kept = self._claim(resume)
                 self._open = self._open.pop_all()
 
     def __enter__(self) -> Self:
@@ -96,47 +93,43 @@ class ResultsFolder:
         Raises:
             WayfarerError: the folder cannot be written any more.
         """
-        from wayfarer.experiments.parquet import ParquetRows, types_of
+        from wayfarer.experiments.parquet import copy_as_parquet
 
-        with (
-            self._writing(),
-            whole_file(self.path / TRIALS) as text_draft,
-            whole_file(self.path / PARQUET) as parquet_draft,
-            text_draft.open("w", encoding="utf-8") as text,
-            ParquetRows(parquet_draft, types_of(TrialRow, self._columns)) as parquet,
-        ):
-            text.write(csv_line(self._columns))
-            for row in rows:
-                text.write(csv_line(self._columns, row))
-                parquet.append([getattr(row, name) for name in self._columns])
-                yield row
+        values = swept_values(self._settings)
+        with self._writing(), whole_file(self.path / TRIALS) as draft, whole_file(self.path / PARQUET) as parquet_draft:
+            with draft.open("w", encoding="utf-8") as text:
+                text.write(csv_line(self._columns))
+                for row in rows:
+                    text.write(csv_line(self._columns, row, values[row.point]))
+                    yield row
+            copy_as_parquet(draft, parquet_draft, values)
 
     def finish(self, summary: Mapping[str, Any]) -> None:
-        """Write the summary; with it the campaign is complete.
+        """Write the summary, which a sweep does not have; with it the campaign is complete.
 
         Raises:
             WayfarerError: the folder cannot be written any more.
         """
         with self._writing():
-            write_whole(self.path / SUMMARY, _json(summary))
+            if kind_of(self._settings) == "campaign":
+                write_whole(self.path / SUMMARY, _json(summary))
             (self.path / PARTIAL).unlink()
 
-    def _claim(self, settings: Mapping[str, Any], resume: bool) -> TrialStore:
+    def _claim(self, resume: bool) -> TrialStore:
         """Make the folder this campaign's and return the trials that it holds."""
         if not any(self.path.iterdir()):
-            write_whole(self.path / SETTINGS, _json(settings))
+            write_whole(self.path / f"{kind_of(self._settings)}.json", _json(self._settings))
         elif not resume:
             raise BadInput(f"{self.path} is not empty; give a new folder, or add --resume to go on with what is in it")
         else:
-            _refuse_another_campaign(self.path, settings)
-        tasks = Tasks(settings["algorithms"], settings["trials"])
-        if self.complete:
-            path = self.path / TRIALS
-            return TrialStore(self._open.enter_context(path.open("rb")), tasks, str(path), self._columns)
-        path, columns = self.path / PARTIAL, (*self._columns, "ticks")
-        _drop_torn_line(path, columns)
-        _add_kinds(path, columns)
-        return TrialStore(self._open.enter_context(path.open("r+b")), tasks, str(path), columns)
+            refuse_another(self.path, self._settings)
+        path, columns, mode = self.path / TRIALS, self._columns, "rb"
+        if not self.complete:
+            path, columns, mode = self.path / PARTIAL, partial_columns(self._settings), "r+b"
+            _drop_torn_line(path, columns)
+            _add_kinds(path, columns)
+        file: Any = self._open.enter_context(path.open(mode))
+        return TrialStore(file, tasks_of(self._settings), str(path), columns)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -170,53 +163,19 @@ def _removed_on_failure(path: Path) -> Iterator[None]:
         raise
 
 
-def _locked(path: Path) -> int:
+def _locked(path: Path, kind: str) -> int:
     descriptor = os.open(path, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(descriptor)
-        raise BadInput(f"{path} is in use by another campaign; wait for it, or give another folder") from None
+        raise BadInput(f"{path} is in use by another {kind}; wait for it, or give another folder") from None
     return descriptor
 
 
-def _refuse_another_campaign(path: Path, settings: Mapping[str, Any]) -> None:
-    try:
-        kept = json.loads((path / SETTINGS).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        raise BadInput(f"{path} cannot be resumed: it holds no campaign ({SETTINGS} is missing or damaged)") from None
-    for name, here, there in differences(json.loads(_json(settings)), kept):
-        raise BadInput(
-            f"{path} belongs to another campaign: {name} is {there!r} there and "
-            f"{here!r} here; repeat its settings, or give another folder"
-        )
-
-
-def differences(here: Mapping[str, Any], there: Any) -> Iterator[tuple[str, Any, Any]]:
-    """Yield the dotted name and both values of each setting that makes two campaigns differ.
-
-    What a rover file says of its chassis decides only where this campaign reads it. Files of older versions say less,
-    and their campaigns can be gone on with.
-    """
-    ours, theirs = UNSAID | _flat(here), UNSAID | _flat(there)
-    unread = {f"{CHASSIS}.{field.name}" for field in fields(Chassis)} - {f"{CHASSIS}.{key}" for key in _read(here)}
-    for name in dict.fromkeys((*ours, *theirs)):
-        if name not in unread and ours.get(name) != theirs.get(name):
-            yield name, ours.get(name), theirs.get(name)
-
-
-def _read(settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return which keys of the chassis a campaign with these settings reads."""
-    if settings.get("mujoco") or settings.get("ground"):
-        return tuple(field.name for field in fields(Chassis))
-    return AT_A_BRANCH if settings.get("scenario") else ()
-
-
-def _flat(value: Any, name: str = "") -> dict[str, Any]:
-    """Return nested settings by their dotted names."""
-    if not isinstance(value, dict):
-        return {name: value}
-    return {key: leaf for k, v in value.items() for key, leaf in _flat(v, f"{name}.{k}" if name else k).items()}
+def partial_columns(settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the columns of ``trials.partial.csv``: those that are fields of a row, and the ticks."""
+    return (*(name for name in columns_of(settings) if name in TrialRow._fields), "ticks")
 
 
 def _drop_torn_line(path: Path, columns: tuple[str, ...]) -> None:
@@ -238,16 +197,6 @@ def _add_kinds(path: Path, columns: tuple[str, ...]) -> None:
         with whole_file(path) as draft, draft.open("w", encoding="utf-8") as text:
             text.write(csv_line(columns))
             text.writelines(csv_line(columns, row) for _, row in rows_in(file, str(path), there))
-
-
-def read_rows(path: Path, fields: tuple[str, ...]) -> list[TrialRow]:
-    """Read the rows of a file that has these columns.
-
-    Raises:
-        BadInput: the file is no text or has other columns, or a line is no row; the text names it.
-    """
-    with path.open("rb") as file:
-        return [row for _, row in rows_in(file, str(path), fields)]
 
 
 def _json(value: Mapping[str, Any]) -> bytes:

@@ -24,6 +24,7 @@ DECIMALS: Mapping[str, int] = {
     "path_m": 3, "reverse_m": 3, "time_s": 3, "shortest_path_m": 3, "spl": 4,
     "friction": 4, "roughness_m": 5, "torque_scale": 4,
 }  # fmt: skip
+NOTHING: Mapping[str, Any] = {}
 
 
 class TrialRow(NamedTuple):
@@ -31,7 +32,7 @@ class TrialRow(NamedTuple):
 
     ``interventions`` are counted in scenarios only: of a rover that has ``overturned``, and of one that is
     ``off_wheels``. ``friction`` and what follows was drawn for a trial in MuJoCo. ``ticks``, the control ticks, has no
-    column in ``trials.csv``.
+    column in ``trials.csv``; ``point`` has one in that of a sweep.
     """
 
     trial: int
@@ -54,19 +55,25 @@ class TrialRow(NamedTuple):
     roughness_m: float | None = None
     torque_scale: float | None = None
     ticks: int | None = None
+    point: int = 0
 
     @property
-    def key(self) -> tuple[str, int]:
-        """Algorithm and trial, which name a row within its campaign."""
-        return self.algorithm, self.trial
+    def key(self) -> tuple[str, int, int]:
+        """Algorithm, trial and point, which name a row within its campaign or sweep."""
+        return self.algorithm, self.trial, self.point
 
 
 TERRAIN = ("friction", "roughness_m", "torque_scale")
-COLUMNS = tuple(name for name in TrialRow._fields if name not in (*TERRAIN, "ticks"))
+COLUMNS = tuple(name for name in TrialRow._fields if name not in (*TERRAIN, "ticks", "point"))
 
 
 def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the columns of ``trials.csv`` in a campaign with these settings; in MuJoCo it has the terrain as well."""
+    """Return the columns of ``trials.csv`` in a campaign or sweep with these settings.
+
+    In MuJoCo it has the terrain as well, in a sweep the point and the swept keys before all else.
+    """
+    if axes := settings.get("axes"):
+        return ("point", *(axis["key"] for axis in axes), *COLUMNS)
     return (*COLUMNS, *TERRAIN) if settings.get("mujoco") else COLUMNS
 
 
@@ -85,20 +92,24 @@ def rounded_row(**values: Any) -> TrialRow:
     return TrialRow(**{name: _kept(name, value) for name, value in values.items()})
 
 
-def csv_line(columns: Sequence[str], row: TrialRow | None = None) -> str:
-    """Return these columns of a row as a line of CSV; without a row their names."""
-    return ",".join(columns if row is None else (_text(name, getattr(row, name)) for name in columns)) + "\n"
+def csv_line(columns: Sequence[str], row: TrialRow | None = None, swept: Mapping[str, Any] = NOTHING) -> str:
+    """Return these columns of a row as a line of CSV, of which ``swept`` are not its own; without a row their names."""
+    if row is None:
+        return ",".join(columns) + "\n"
+    cells = (str(swept[name]) if name in swept else _text(name, getattr(row, name)) for name in columns)
+    return ",".join(cells) + "\n"
 
 
-def parse_row(line: str, fields: tuple[str, ...], where: str) -> TrialRow:
-    """Return the row that ``csv_line`` wrote.
+def parse_row(line: str, columns: tuple[str, ...], where: str) -> TrialRow:
+    """Return the row that ``csv_line`` wrote; columns that are no fields of a row are left out.
 
     Raises:
         BadInput: the line is no such row; the text names ``where``.
     """
     texts = line.rstrip("\n").split(",")
     try:
-        row = TrialRow(**{name: _value(name, text) for name, text in zip(fields, texts, strict=True)})
+        cells = zip(columns, texts, strict=True)
+        row = TrialRow(**{name: _value(name, text) for name, text in cells if name in TrialRow._fields})
         if row.outcome not in OUTCOMES:
             raise ValueError(f"unknown outcome '{row.outcome}'")
     except ValueError as error:
@@ -121,7 +132,7 @@ def _text(name: str, value: Any) -> str:
 def _value(name: str, text: str) -> Any:
     if name in TEXT_COLUMNS:
         return text
-    if not text and name in TrialRow._field_defaults:
+    if not text and TrialRow._field_defaults.get(name, 0) is None:
         return None
     if name not in DECIMALS:
         return int(text)

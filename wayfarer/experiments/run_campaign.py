@@ -18,8 +18,9 @@ from tempfile import TemporaryFile
 from typing import Any, NamedTuple
 
 from wayfarer.errors import WayfarerError
-from wayfarer.experiments.campaign import Campaign
+from wayfarer.experiments.campaign import Plan
 from wayfarer.experiments.executors import MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
+from wayfarer.experiments.folder_settings import tasks_of
 from wayfarer.experiments.progress_bar import ProgressDisplay
 from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.rows import TrialRow
@@ -64,11 +65,12 @@ class Totals:
 class CampaignResult:
     """How a run ended: how many trials there are, what this run took, and what all of them say once none is missing.
 
-    ``summaries`` has one line an algorithm.
+    ``summaries`` has one line an algorithm, and in a sweep one at each point: the points one after the other.
     """
 
-    campaign: Campaign
+    plan: Plan
     trials: int
+    total: int
     effort: ComputeCost
     totals: Totals
     summaries: Sequence[AlgorithmSummary] = ()
@@ -76,12 +78,12 @@ class CampaignResult:
     @property
     def interrupted(self) -> bool:
         """Tell whether trials are missing."""
-        return self.trials < len(self.campaign.tasks_by_forest())
+        return self.trials < self.total
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``summary.json`` holds; ``last_run`` is this run, without what was kept before."""
         return {
-            **self.campaign.settings(),
+            **self.plan.settings(),
             "table": [_rounded(asdict(summary)) for summary in self.summaries],
             "simulated_s": round(self.totals.simulated_s, 3),
             "ticks": self.totals.ticks,
@@ -90,7 +92,7 @@ class CampaignResult:
 
 
 def run(
-    campaign: Campaign,
+    plan: Plan,
     folder: ResultsFolder | None = None,
     *,
     jobs: int = 1,
@@ -108,44 +110,42 @@ def run(
     """
     progress = progress or ProgressDisplay()
     began, ticks = os.times(), 0
-    with _kept(campaign, folder) as kept, stop_on_signals() as stop:
+    with _kept(plan, folder) as kept, stop_on_signals() as stop:
         todo = kept.missing()
         jobs = max(1, min(jobs, len(todo)))
         keep = folder.append if folder else kept.append
         with (
             suppress(Stopped),
             _worker_death_explained(kept, stop),
-            closing(stream(TrialRunner(campaign, run_trial), todo, jobs, stop, executor)) as finished,
+            closing(stream(TrialRunner(plan, run_trial).run, todo, jobs, stop, executor)) as finished,
         ):
             for done in finished:
                 keep(done.row)
                 ticks += done.row.ticks or 0
                 progress.advance(done)
         effort = _effort(began, ticks, elsewhere=executor is not None)
-        return _summed_up(campaign, kept, folder, effort)
+        return _summed_up(plan, kept, folder, effort)
 
 
 @contextmanager
-def _kept(campaign: Campaign, folder: ResultsFolder | None) -> Iterator[TrialStore]:
+def _kept(plan: Plan, folder: ResultsFolder | None) -> Iterator[TrialStore]:
     if folder:
         yield folder.kept
         return
     with TemporaryFile() as file:
-        yield TrialStore.begun(file, campaign.tasks_by_forest())
+        yield TrialStore.begun(file, tasks_of(plan.settings()))
 
 
-def _summed_up(
-    campaign: Campaign, kept: TrialStore, folder: ResultsFolder | None, effort: ComputeCost
-) -> CampaignResult:
+def _summed_up(plan: Plan, kept: TrialStore, folder: ResultsFolder | None, effort: ComputeCost) -> CampaignResult:
     """Go once through all trials, if none is missing: for the summaries, and the tables of a folder without them."""
     totals = Totals()
-    finished = CampaignResult(campaign, len(kept), effort, totals)
+    finished = CampaignResult(plan, len(kept), kept.total, effort, totals)
     if finished.interrupted:
         return finished
     to_finish = folder if folder and not folder.complete else None
     rows = totals.over(to_finish.into_tables(kept) if to_finish else kept)
-    summaries = [summarise(name, its_rows) for name, its_rows in groupby(rows, lambda row: row.algorithm)]
-    finished = replace(finished, summaries=summaries)
+    cells = groupby(rows, lambda row: (row.point, row.algorithm))
+    finished = replace(finished, summaries=[summarise(name, its_rows) for (_, name), its_rows in cells])
     if to_finish:
         to_finish.finish(finished.as_json())
     return finished

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import closing
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import track
@@ -38,24 +38,13 @@ def run_batch(
     """
     done, workers = 0, max(1, min(jobs or cores(), len(tasks)))
     try:
-        with stop_on_signals() as stop, closing(stream(_Each(run), tasks, workers, stop)) as running:
+        with stop_on_signals() as stop, closing(stream(run, tasks, workers, stop)) as running:
             for result in _shown(running, len(tasks), what, console):
                 yield result
                 done += 1
     except BrokenExecutor as error:
         text = f"a worker process died after {done} {what}, most likely for want of memory: try fewer --jobs"
         raise WayfarerError(text) from error
-
-
-class _Each(Generic[TaskT, DoneT]):
-    """Runs a function for each task of a chunk; implements ``executors.Runner``."""
-
-    def __init__(self, run: Callable[[TaskT], DoneT]) -> None:
-        self._run = run
-
-    def run_chunk(self, tasks: Sequence[TaskT]) -> list[DoneT]:
-        """Run several tasks."""
-        return [self._run(task) for task in tasks]
 
 
 def _shown(done: Iterable[DoneT], total: int, what: str, console: Console) -> Iterator[DoneT]:

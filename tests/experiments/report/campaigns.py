@@ -8,7 +8,7 @@ from pathlib import Path
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments import commands
+from wayfarer.experiments import sim_command
 from wayfarer.experiments.campaign import Campaign, read_forest_file
 from wayfarer.experiments.executors import RunTrial, field_trial
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
@@ -41,7 +41,7 @@ def run_campaign(
     algorithms: Sequence[str] = ALGORITHMS,
     run_trial: RunTrial = field_trial,
 ) -> None:
-    code = commands.run_all(campaign_of(forests, algorithms), out, jobs=1, forests=forests, run_trial=run_trial)
+    code = sim_command.run_all(campaign_of(forests, algorithms), out, jobs=1, forests=forests, run_trial=run_trial)
     assert code == 0
 
 

@@ -15,15 +15,16 @@ from tests.experiments.report.test_campaign import Page
 from tests.experiments.report.test_campaign_figures import assert_readable
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
+from wayfarer.experiments.folder_settings import tasks_of
+from wayfarer.experiments.report.reading import SweepResults, SweepSettings, read_sweep
 from wayfarer.experiments.report.sweep import write_sweep_report
 from wayfarer.experiments.report.sweep_curves import curves_figure
 from wayfarer.experiments.report.sweep_maps import maps_figure
-from wayfarer.experiments.report.sweep_reading import SweepResults, SweepSettings, read_sweep
+from wayfarer.experiments.results_folder import TRIALS
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.sweep.axes import Axis
 from wayfarer.experiments.sweep.command import run_all
-from wayfarer.experiments.sweep.folder import TRIALS
-from wayfarer.experiments.sweep.grid import PointTask, make_sweep
+from wayfarer.experiments.sweep.grid import make_sweep
 from wayfarer.experiments.sweep.measures import mean, spl_difference
 from wayfarer.views.run_report.drawing import house_style
 
@@ -35,15 +36,13 @@ WORDS = Axis("anomaly_source", ("motion", "contact"))
 def results_of(*axes: Axis, algorithms: tuple[str, ...] = ("pledge",), spl: bool = True) -> SweepResults:
     """At point p 8 - p of 8 trials escape, each on 60 + 10 p metres; the rest end entrapped."""
     sweep = make_sweep(fake_trials.campaign_of(8, *algorithms), axes)
-    rows = {}
-    for task in sweep.tasks():
+    rows = []
+    for task in tasks_of(sweep.settings()).in_table_order():
         out = task.trial >= task.point
         path_m = 60.0 + 10 * task.point + task.trial if out else 1000.0
         shortest_m, share = (36.0, 36.0 / path_m if out else 0.0) if spl else (None, None)
-        rows[task] = TrialRow(
-            task.trial, task.algorithm, 0, 0, 1, "escaped" if out else "entrapped", path_m,
-            shortest_path_m=shortest_m, spl=share,
-        )  # fmt: skip
+        row = TrialRow(task.trial, task.algorithm, 0, 0, 1, "escaped" if out else "entrapped", path_m)
+        rows.append(row._replace(shortest_path_m=shortest_m, spl=share, point=task.point))
     return SweepResults(SweepSettings.model_validate(sweep.settings()), rows)
 
 
@@ -139,10 +138,9 @@ def test_unfinished_and_damaged_sweeps_are_told(tmp_path: Path) -> None:
     sweep = make_sweep(fake_trials.campaign_of(3), [SLIPS])
     run_all(sweep, tmp_path, run_trial=fake_trials.quick)
     whole = (tmp_path / TRIALS).read_text()
-    assert [task.point for task in read_sweep(tmp_path).rows] == [0, 0, 0, 1, 1, 1]
-    assert PointTask(1, "forest-pledge", 2) in read_sweep(tmp_path).rows
+    assert [(row.point, row.trial) for row in read_sweep(tmp_path).rows] == [(p, n) for p in range(2) for n in range(3)]
     (tmp_path / TRIALS).write_text(whole.rpartition("\n1,")[0] + "\n")
-    with pytest.raises(BadInput, match="has not the 6 rows"):
+    with pytest.raises(BadInput, match="the 6 rows"):
         read_sweep(tmp_path)
     (tmp_path / TRIALS).unlink()
     with pytest.raises(BadInput, match="is not finished"):

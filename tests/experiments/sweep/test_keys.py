@@ -44,14 +44,14 @@ def test_each_kind_of_key_reaches_what_a_trial_is_made_of() -> None:
 
 def test_all_points_meet_the_same_forests_and_seeds() -> None:
     sweep = sweep_of(escape__turn_angle_deg=(10, 30), slip_mean_m=(2, 10))
-    assert [point.values for point in sweep.points] == [(10, 2), (10, 10), (30, 2), (30, 10)]
+    assert sweep.values == [(10, 2), (10, 10), (30, 2), (30, 10)]
     for trial in range(BASE.trials):
-        met = {(p.campaign.trial_seed(trial), p.campaign.make_forest(trial)) for p in sweep.points}
+        met = {(p.trial_seed(trial), p.make_forest(trial)) for p in sweep.points}
         assert met == {(BASE.trial_seed(trial), BASE.make_forest(trial))}
 
 
 def test_denser_forest_has_the_trees_of_the_sparser_one_and_more() -> None:
-    sparse, dense = (point.campaign.make_forest(0) for point in sweep_of(sim__trees_per_ha=(40, 400)).points)
+    sparse, dense = (point.make_forest(0) for point in sweep_of(sim__trees_per_ha=(40, 400)).points)
     assert dense.trunks == sparse.trunks
     assert dense.trees_m[:10] == sparse.trees_m
     assert (len(sparse.trees_m), len(dense.trees_m)) == (10, 100)

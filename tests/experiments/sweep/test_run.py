@@ -10,11 +10,11 @@ from pyarrow import parquet
 
 from tests.experiments import fake_trials
 from wayfarer.errors import BadInput
-from wayfarer.experiments.campaign import Task
 from wayfarer.experiments.executors import RunTrial, TrialRunner
+from wayfarer.experiments.folder_settings import tasks_of
+from wayfarer.experiments.results_folder import PARQUET, PARTIAL, SWEEP_SETTINGS, TRIALS, ResultsFolder
 from wayfarer.experiments.sweep import command
 from wayfarer.experiments.sweep.axes import Axis
-from wayfarer.experiments.sweep.folder import KEPT, PARQUET, PARTIAL, SETTINGS, TRIALS, SweepFolder, read_trials
 from wayfarer.experiments.sweep.grid import Sweep, make_sweep
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec
@@ -81,10 +81,10 @@ def test_jobs_change_nothing(tmp_path: Path) -> None:
 
 def test_interrupted_sweep_goes_on_to_the_same_table(tmp_path: Path) -> None:
     run(tmp_path / "whole")
-    some = {task: TrialRunner(SMALL.points[task.point].campaign, angle_matters) for task in SMALL.tasks()[5:30:3]}
-    with SweepFolder(tmp_path / "out", SMALL) as folder:
-        for task, runner in some.items():
-            folder.append(task.point, runner.run(Task(task.algorithm, task.trial)).row)
+    some, runner = [*tasks_of(SMALL.settings())][5:30:3], TrialRunner(SMALL, angle_matters)
+    with ResultsFolder(tmp_path / "out", SMALL.settings()) as folder:
+        for task in some:
+            folder.append(runner.run(task).row)
     partial = tmp_path / "out" / PARTIAL
     partial.write_text(partial.read_text()[:-9])  # the last line is torn
     asked: list[TrialSpec] = []
@@ -101,47 +101,41 @@ def test_interrupted_sweep_goes_on_to_the_same_table(tmp_path: Path) -> None:
     assert asked == [], "what is finished is not run again"
 
 
-def test_another_sweeps_folder_is_refused(tmp_path: Path) -> None:
-    run(tmp_path)
-    with pytest.raises(BadInput, match="is not empty"):
-        run(tmp_path)
-    with pytest.raises(BadInput, match="its keys or values differ"):
-        run(tmp_path, make_sweep(SMALL.base, AXES[:1]), resume=True)
-    with pytest.raises(BadInput, match="another sweep: trials differ"):
-        run(tmp_path, make_sweep(fake_trials.campaign_of(7, "pledge", "levy-walk"), AXES), resume=True)
-    (tmp_path / SETTINGS).write_text("{}")
-    with pytest.raises(BadInput, match="holds no sweep"):
+@pytest.mark.parametrize(
+    ("other", "difference"),
+    [
+        (make_sweep(SMALL.base, AXES[:1]), r"keys is \['escape.turn_angle_deg', 'anomaly_source'\] there"),
+        (make_sweep(SMALL.base, AXES[::-1]), "keys is "),
+        (make_sweep(SMALL.base, (Axis(AXES[0].key, (10, 31)), AXES[1])), r"escape.turn_angle_deg is \[10, 30.5\] t"),
+        (make_sweep(fake_trials.campaign_of(7, "pledge", "levy-walk"), AXES), "trials is 6 there and 7 here"),
+    ],
+)
+def test_another_sweeps_folder_is_refused_by_its_first_difference(
+    tmp_path: Path, other: Sweep, difference: str
+) -> None:
+    ResultsFolder(tmp_path, SMALL.settings()).close()
+    with pytest.raises(BadInput, match=f"belongs to another sweep: {difference}"):
+        run(tmp_path, other, resume=True)
+
+
+@pytest.mark.parametrize("damage", ["{}", "[]", '{"axes": [1]}', '{"axes": [], "campaign": 1}', "not json"])
+def test_folder_without_a_sweeps_settings_is_refused(tmp_path: Path, damage: str) -> None:
+    (tmp_path / SWEEP_SETTINGS).write_text(damage)
+    with pytest.raises(BadInput, match=r"holds no sweep|belongs to another sweep"):
         run(tmp_path, resume=True)
 
 
-def test_folder_in_use_and_no_folder_are_refused(tmp_path: Path) -> None:
-    with SweepFolder(tmp_path / "out", SMALL), pytest.raises(BadInput, match="in use by another sweep"):
-        run(tmp_path / "out", resume=True)
-    (tmp_path / "file").write_text("")
-    with pytest.raises(BadInput, match="cannot be used for the output"):
-        run(tmp_path / "file")
-
-
-@pytest.mark.parametrize("damage", ["point,no,columns\n", "\xff", "{columns}x,1,2\n", "{columns}1,0,pledge,0\n"])
+@pytest.mark.parametrize("damage", ["point,no,columns\n", "{columns}x,1,2\n", "{columns}1,0,pledge,0\n"])
 def test_damaged_table_is_told(tmp_path: Path, damage: str) -> None:
     run(tmp_path)
     columns = (tmp_path / TRIALS).read_text().partition("\n")[0] + "\n"
-    (tmp_path / TRIALS).write_text(damage.replace("{columns}", columns), encoding="latin-1")
+    (tmp_path / TRIALS).write_text(damage.replace("{columns}", columns))
     with pytest.raises(BadInput, match=TRIALS):
         run(tmp_path, resume=True)
 
 
 def test_settings_say_what_the_campaign_has_without_a_sweep(tmp_path: Path) -> None:
     run(tmp_path)
-    axes = json.loads((tmp_path / SETTINGS).read_text())["axes"]
+    axes = json.loads((tmp_path / SWEEP_SETTINGS).read_text())["axes"]
     assert axes[0] == {"key": "escape.turn_angle_deg", "values": [10, 30.5], "now": 30.0}
     assert axes[1]["now"] == "motion"
-
-
-def test_kept_rows_are_those_that_were_written(tmp_path: Path) -> None:
-    row = TrialRunner(SMALL.base, fake_trials.quick).run(Task("pledge", 3)).row
-    with SweepFolder(tmp_path, SMALL) as folder:
-        folder.append(2, row)
-    kept = read_trials(tmp_path / PARTIAL, KEPT, 0)
-    assert [(task.point, *task[1:]) for task in kept] == [(2, "pledge", 3)]
-    assert list(kept.values()) == [row]

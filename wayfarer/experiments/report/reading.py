@@ -1,24 +1,30 @@
-"""Reads the folder of a finished campaign: settings, rows, and the campaign itself if it can be rebuilt."""
+"""Reads the folder of a finished campaign or sweep: settings, rows, and a campaign itself if it can be rebuilt."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby, product
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from wayfarer.config.messages import most_telling
+from wayfarer.config.messages import key_and_problem
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign, ForestFile, read_forest_file
-from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, read_rows
+from wayfarer.experiments.folder_settings import tasks_of
+from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, SWEEP_SETTINGS, TRIALS
 from wayfarer.experiments.rows import TrialRow, columns_of, csv_line, without_kinds
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
+from wayfarer.experiments.store import read_rows
+from wayfarer.experiments.sweep.axes import MOST_AXES, Value
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.grounds import GroundName
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
 class ForestsSettings(BaseModel):
@@ -124,6 +130,67 @@ class Results:
         return found
 
 
+class SweptAxis(BaseModel):
+    """A key, its values, and the value that the campaign had where it was not swept."""
+
+    model_config = ConfigDict(strict=True)
+
+    key: str
+    values: list[Value] = Field(min_length=1)
+    now: Value | None
+
+    @property
+    def numeric(self) -> bool:
+        """Tell whether all values are numbers."""
+        return not any(isinstance(value, str | bool) for value in self.values)
+
+
+class SweepSettings(BaseModel):
+    """``sweep.json``, as ``Sweep.settings`` wrote it."""
+
+    axes: list[SweptAxis] = Field(min_length=1, max_length=MOST_AXES)
+    campaign: Settings
+
+
+@dataclass(frozen=True)
+class SweepResults:
+    """What a sweep's folder holds: ``rows`` are those of ``trials.csv``, complete and in its order."""
+
+    settings: SweepSettings
+    rows: list[TrialRow]
+
+    @property
+    def axes(self) -> list[SweptAxis]:
+        """What was swept."""
+        return self.settings.axes
+
+    @property
+    def algorithms(self) -> list[str]:
+        """Who decided, in the campaign's order."""
+        return self.settings.campaign.algorithms
+
+    @cached_property
+    def points(self) -> list[tuple[Value, ...]]:
+        """The values at each point."""
+        return list(product(*(axis.values for axis in self.axes)))
+
+    @cached_property
+    def cells(self) -> dict[tuple[int, str], list[TrialRow]]:
+        """The rows of each point and algorithm."""
+        return {cell: list(rows) for cell, rows in groupby(self.rows, lambda row: (row.point, row.algorithm))}
+
+    @cached_property
+    def now(self) -> int | None:
+        """The point that is the campaign as it is without a sweep, None where no point is."""
+        values = tuple(axis.now for axis in self.axes)
+        return next((number for number, point in enumerate(self.points) if point == values), None)
+
+
+def is_sweep(folder: Path) -> bool:
+    """Tell whether a folder is a sweep's."""
+    return (folder / SWEEP_SETTINGS).is_file()
+
+
 def read_results(folder: Path) -> Results:
     """Read the folder of a finished campaign.
 
@@ -132,40 +199,46 @@ def read_results(folder: Path) -> Results:
     """
     if not folder.is_dir():
         raise BadInput(f"{folder}: no such folder; give one that `wayfarer sim --out` has filled")
-    settings = _read_settings(folder)
-    if (folder / PARTIAL).exists() or not (folder / TRIALS).exists():
-        raise BadInput(
-            f"{folder}: its campaign is not finished; repeat its `wayfarer sim` and add --resume to finish it first"
-        )
-    return Results(folder, settings, _read_trials(folder / TRIALS, settings))
+    if not (folder / SETTINGS).exists():
+        raise BadInput(f"{folder} holds no campaign: {SETTINGS} is missing; give a folder of `wayfarer sim --out`")
+    settings = _read_settings(folder / SETTINGS, Settings, "campaign")
+    return Results(folder, settings, _read_trials(folder, settings, "campaign", "sim"))
 
 
-def _read_settings(folder: Path) -> Settings:
-    path = folder / SETTINGS
+def read_sweep(folder: Path) -> SweepResults:
+    """Read the folder of a finished sweep.
+
+    Raises:
+        BadInput: the sweep is not finished, or its folder is damaged; the text says what to do.
+    """
+    settings = _read_settings(folder / SWEEP_SETTINGS, SweepSettings, "sweep")
+    return SweepResults(settings, _read_trials(folder, settings, "sweep", "sweep"))
+
+
+def _read_settings(path: Path, model: type[ModelT], kind: str) -> ModelT:
     try:
-        return Settings.model_validate_json(path.read_bytes())
-    except FileNotFoundError:
-        raise BadInput(
-            f"{folder} holds no campaign: {SETTINGS} is missing; give a folder of `wayfarer sim --out`"
-        ) from None
+        return model.model_validate_json(path.read_bytes())
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
     except ValidationError as error:
-        problem = most_telling(error)
-        key = ".".join(map(str, problem["loc"])) or "the file"
-        raise BadInput(f"{path} is damaged: {key}: {problem['msg']}; the campaign must be run again") from None
+        raise BadInput(f"{path} is damaged: {key_and_problem(error)}; the {kind} must be run again") from None
 
 
-def _read_trials(path: Path, settings: Settings) -> list[TrialRow]:
+def _read_trials(folder: Path, model: BaseModel, kind: str, command: str) -> list[TrialRow]:
+    path, settings = folder / TRIALS, model.model_dump()
+    if (folder / PARTIAL).exists() or not path.exists():
+        raise BadInput(
+            f"{folder}: its {kind} is not finished; repeat its `wayfarer {command}` and add --resume to finish it first"
+        )
+    columns, tasks = columns_of(settings), tasks_of(settings)
     try:
-        header, columns = path.read_text(encoding="utf-8").partition("\n")[0] + "\n", columns_of(settings.model_dump())
+        header = path.read_text(encoding="utf-8").partition("\n")[0] + "\n"
         rows = read_rows(path, columns) if header in map(csv_line, (columns, without_kinds(columns))) else []
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"{path}: cannot be read: {error}") from None
-    expected = [(algorithm, trial) for algorithm in settings.algorithms for trial in range(settings.trials)]
-    if [row.key for row in rows] != expected:
+    if [row.key for row in rows] != list(tasks.in_table_order()):
         raise BadInput(
-            f"{path} is damaged: it has not the columns and the {len(expected)} rows, one a trial, that the campaign "
-            "wrote; run the campaign again into another folder"
+            f"{path} is damaged: it has not the columns and the {len(tasks)} rows, one a trial, that the {kind} "
+            f"wrote; run the {kind} again into another folder"
         )
     return rows

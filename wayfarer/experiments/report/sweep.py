@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from wayfarer.experiments.report import words
+from wayfarer.experiments.report.reading import SweepResults, read_sweep
 from wayfarer.experiments.report.sweep_curves import curves_figure
 from wayfarer.experiments.report.sweep_maps import maps_figure
-from wayfarer.experiments.report.sweep_reading import SweepResults, read_sweep
 from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.sweep.axes import Value
 from wayfarer.experiments.sweep.measures import MEASURES, spl_difference

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from wayfarer.experiments.report.escape_figure import COLOURS, DASHES
 from wayfarer.experiments.report.groups import short
-from wayfarer.experiments.report.sweep_reading import SweepResults
+from wayfarer.experiments.report.reading import SweepResults
 from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.sweep.measures import MEASURES, Measure
 from wayfarer.views.run_report.drawing import GREY, WIDTH_IN, Style

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from wayfarer.experiments.report.sweep_reading import SweepResults, SweptAxis
+from wayfarer.experiments.report.reading import SweepResults, SweptAxis
 from wayfarer.experiments.sweep.measures import MEASURES, Measure
 from wayfarer.views.run_report.drawing import PALE, WIDTH_IN
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import threading
 from collections.abc import Mapping, Sequence
 from concurrent.futures import BrokenExecutor
@@ -10,7 +9,6 @@ from contextlib import closing
 from functools import partial
 from itertools import chain, zip_longest
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from wayfarer.errors import WayfarerError
@@ -52,43 +50,41 @@ def run_again(campaign: Campaign, rows: Sequence[TrialRow], jobs: int, progress:
     Raises:
         WayfarerError: a worker process died.
     """
-    with TemporaryDirectory(prefix="wayfarer-") as name:
-        runner = TrialRunner(campaign, partial(_trace_into, Path(name)))
-        tasks = [Task(*row.key) for row in rows]
-        done: dict[tuple[str, int], Done] = {}
-        try:
-            with closing(stream(runner, tasks, max(1, min(jobs, len(tasks))), threading.Event())) as finished:
-                for each in finished:
-                    done[each.row.key] = each
-                    progress.advance(each)
-        except BrokenExecutor as error:
-            raise WayfarerError(
-                "a worker process died while trials were run again, most likely for want of memory; try --jobs 1"
-            ) from error
-        return [_compare(row, done[row.key], Path(name)) for row in rows]
+    found: dict[tuple[str, int, int], RerunTrial] = {}
+    jobs, again = max(1, min(jobs, len(rows))), partial(_traced, campaign)
+    try:
+        with closing(stream(again, rows, jobs, threading.Event())) as finished:
+            for row, done, trace in finished:
+                found[row.key] = _compare(row, done, trace)
+                progress.advance(done)
+    except BrokenExecutor as error:
+        raise WayfarerError(
+            "a worker process died while trials were run again, most likely for want of memory; try --jobs 1"
+        ) from error
+    return [found[row.key] for row in rows]
 
 
-def _trace_into(folder: Path, spec: TrialSpec, _log_dir: Path | None = None) -> TrialResult:
-    """Run a trial and leave its way in a file, for the process that asked for it."""
-    result, trace = run_traced(spec)
-    _file(folder, (spec.algorithm, spec.trial)).write_bytes(pickle.dumps(trace))
-    return result
+def _traced(campaign: Campaign, row: TrialRow) -> tuple[TrialRow, Done, Trace | None]:
+    """Run a trial and return its way too, if it did not end in a fault."""
+    traces: list[Trace] = []
+
+    def run_trial(spec: TrialSpec, _log_dir: Path | None = None) -> TrialResult:
+        result, trace = run_traced(spec)
+        traces.append(trace)
+        return result
+
+    done = TrialRunner(campaign, run_trial).run(Task(*row.key))
+    return row, done, traces[0] if traces else None
 
 
-def _file(folder: Path, key: tuple[str, int]) -> Path:
-    return folder / f"{key[1]}-{key[0]}"
-
-
-def _compare(row: TrialRow, done: Done, folder: Path) -> RerunTrial:
+def _compare(row: TrialRow, done: Done, trace: Trace | None) -> RerunTrial:
     """Return the way only where the trial came out as in the table, in every column."""
     if done.fault is not None:
         return RerunTrial(row, None, f"cannot be run again: {done.fault.text}")
     again = done.row._replace(ticks=None)
     if row.overturned is None:  # a table of an older version counts all kinds together
         again = again._replace(overturned=None, off_wheels=None)
-    if again != row:
-        return RerunTrial(row, None, _difference(row, again))
-    return RerunTrial(row, pickle.loads(_file(folder, row.key).read_bytes()))
+    return RerunTrial(row, trace) if again == row else RerunTrial(row, None, _difference(row, again))
 
 
 def _difference(row: TrialRow, again: TrialRow) -> str:

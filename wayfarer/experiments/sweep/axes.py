@@ -9,6 +9,7 @@ from wayfarer.errors import BadInput
 
 Value = bool | int | float | str
 
+MOST_AXES = 2  # a curve or a map; more cannot be drawn
 MOST_VALUES = 1000  # of one key; more is a mistyped step
 MOST_DIGITS = 15  # before or after the point
 

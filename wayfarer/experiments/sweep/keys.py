@@ -8,25 +8,21 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from annotated_types import Interval
-from pydantic import TypeAdapter, ValidationError
 
-from wayfarer.config.messages import explain, most_telling
+from wayfarer.config.messages import validated
 from wayfarer.config.rover_overlay import laid_over
-from wayfarer.errors import BadConfig, BadInput, UnknownName
+from wayfarer.errors import BadInput, UnknownName
 from wayfarer.experiments.campaign import Campaign
+from wayfarer.experiments.folder_settings import flat
 from wayfarer.experiments.sweep.axes import Value
-from wayfarer.simhal.world.forest import TREES_PER_HA
 from wayfarer.simhal.world.grounds import GroundName
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.units import Metres
-
-T = TypeVar("T")
 
 FOOTPRINT = "footprint_m"
 BODY = ("vehicle.length_m", "vehicle.width_m")
@@ -47,7 +43,7 @@ class OwnKeys:
 class ForestKeys:
     """The numbers of the generator; of 20,000 trees a hectare half would touch."""
 
-    trees_per_ha: Annotated[float, Interval(ge=0, le=1000)] = TREES_PER_HA
+    trees_per_ha: Annotated[float, Interval(ge=0, le=1000)]
 
 
 OWN = tuple(field.name for field in fields(OwnKeys))
@@ -57,7 +53,7 @@ PHYSICS = tuple(field.name for field in fields(Physics) if field.name not in OWN
 
 def known_keys(campaign: Campaign) -> list[str]:
     """Return every key that can be swept, but for those of parts that have their default."""
-    rover = [key for key, _ in _leaves(campaign.rover.model_dump(mode="json"))]
+    rover = flat(campaign.rover.model_dump(mode="json"))
     return [FOOTPRINT, *OWN, *(WORLD + name for name in (*FOREST, *PHYSICS)), *rover]
 
 
@@ -68,7 +64,7 @@ def current(campaign: Campaign, key: str) -> Any:
         return getattr(campaign, name)
     if name != key:
         return getattr(campaign.physics, name)
-    rover = dict(_leaves(campaign.rover.model_dump(mode="json")))
+    rover = flat(campaign.rover.model_dump(mode="json"))
     if key == FOOTPRINT:
         length_m, width_m = (rover[each] for each in BODY)
         return length_m if length_m == width_m else None
@@ -98,9 +94,10 @@ def laid_over_campaign(campaign: Campaign, values: Mapping[str, Value]) -> Campa
     Raises:
         BadConfig: a value is out of its range, or two do not go together; the text names the key and what is allowed.
     """
-    own = _checked(OwnKeys, {name: getattr(campaign, name) for name in OWN}, _under("", OWN, values), "")
-    forest = _checked(ForestKeys, {FOREST[0]: campaign.trees_per_ha}, _under(WORLD, FOREST, values), WORLD)
-    physics = _checked(Physics, asdict(campaign.physics), _under(WORLD, PHYSICS, values), WORLD)
+    now_own, now_forest = ({name: getattr(campaign, name) for name in names} for names in (OWN, FOREST))
+    own = validated(OwnKeys, now_own | _under("", OWN, values))
+    forest = validated(ForestKeys, now_forest | _under(WORLD, FOREST, values), WORLD)
+    physics = validated(Physics, asdict(campaign.physics) | _under(WORLD, PHYSICS, values), WORLD)
     rover = campaign.rover
     if of_rover := _of_rover(values):
         rover = laid_over(rover, _nested(of_rover))
@@ -109,13 +106,6 @@ def laid_over_campaign(campaign: Campaign, values: Mapping[str, Value]) -> Campa
 
 def _under(prefix: str, names: tuple[str, ...], values: Mapping[str, Value]) -> dict[str, Value]:
     return {name: values[prefix + name] for name in names if prefix + name in values}
-
-
-def _checked(model: type[T], below: dict[str, Any], above: dict[str, Value], prefix: str) -> T:
-    try:
-        return TypeAdapter(model).validate_json(json.dumps({**below, **above}), strict=True)
-    except ValidationError as error:
-        raise BadConfig(explain(most_telling(error), model, prefix)) from None
 
 
 def _of_rover(values: Mapping[str, Value]) -> dict[str, Value]:
@@ -136,11 +126,3 @@ def _nested(values: Mapping[str, Value]) -> dict[str, Any]:
             inner = inner.setdefault(section, {})
         inner[key] = value
     return table
-
-
-def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            yield from _leaves(value, f"{prefix}{key}.")
-        else:
-            yield prefix + key, value

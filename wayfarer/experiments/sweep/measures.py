@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.experiments.statistics import Z_95, Estimate, wilson_interval
-from wayfarer.experiments.sweep.grid import PointTask
 
 
 def share(rows: Sequence[TrialRow], outcomes: Sequence[str]) -> Estimate:
@@ -52,14 +51,6 @@ MEASURES = (
     Measure("path", "path, m", 1, _path_m),
     Measure("left_bounds", "left the map, %", 1, lambda rows: share(rows, ("left_bounds",))),
 )
-
-
-def by_cell(rows: Mapping[PointTask, TrialRow]) -> dict[tuple[int, str], list[TrialRow]]:
-    """Return the rows of each point and algorithm, in the order of ``trials.csv``."""
-    cells: dict[tuple[int, str], list[TrialRow]] = {}
-    for task, row in rows.items():
-        cells.setdefault((task.point, task.algorithm), []).append(row)
-    return cells
 
 
 def spl_difference(rows: Sequence[TrialRow], others: Sequence[TrialRow]) -> Estimate | None:

@@ -1,0 +1,98 @@
+"""Options that the commands share which run trials: ``sim`` and ``sweep``, and some of them ``run`` and ``faults``."""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+if TYPE_CHECKING:
+    from wayfarer.experiments.campaign import Campaign
+
+RUNNING = "Running"
+
+
+class DepthOption(StrEnum):
+    """The depth of the simulation: simulated parts, or simulated chips under the real drivers."""
+
+    device = "device"
+    bus = "bus"
+
+
+class PhysicsOption(StrEnum):
+    """The physics that moves the body."""
+
+    light = "light"
+    mujoco = "mujoco"
+
+
+def _positive(value: float) -> float:
+    if not (math.isfinite(value) and value > 0):
+        raise typer.BadParameter(f"{value:g} is not a finite number above 0")
+    return value
+
+
+AlgorithmNames = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME[,NAME...]|paper",
+        help="Escape algorithms; 'paper' means all ten of the paper. A name given twice runs once.",
+    ),
+]
+Forests = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE|reference",
+        help="Forest file, used in file order; 'reference': the 500 of the paper's released simulator. Default: "
+        "generated layouts, each with two noise seeds.",
+    ),
+]
+RoverName = Annotated[str, typer.Option(metavar="NAME|FILE", help="Name of a built-in rover, or a rover file (TOML).")]
+Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Random seed of the campaign.")]
+SlipMeanM = Annotated[float, typer.Option(callback=_positive, metavar="M", help="Mean distance between slip events.")]
+BudgetM = Annotated[
+    float, typer.Option(callback=_positive, metavar="M", help="Path length after which a rover counts as entrapped.")
+]
+AnomalySource = Annotated[
+    Literal["motion", "contact"] | None,
+    typer.Option(help="Detect an obstacle by lack of motion, or by contact as well. (default: from the rover file)"),
+]
+Depth = Annotated[
+    DepthOption, typer.Option(help="device: simulated parts; bus: the real drivers over simulated chips (slower).")
+]
+Spl = Annotated[
+    bool,
+    typer.Option("--spl", help="Compute unknown shortest paths, for SPL (success weighted by path length); slower."),
+]
+Jobs = Annotated[
+    int | None,
+    typer.Option(min=1, metavar="N", help="Number of processes. (default: one per core)", rich_help_panel=RUNNING),
+]
+
+
+def campaign_of(
+    *,
+    algorithm: str,
+    rover: str,
+    anomaly_source: Literal["motion", "contact"] | None,
+    forests: str | None,
+    **settings: Any,
+) -> Campaign:
+    """Return the campaign that options ask for; ``settings`` are its other fields.
+
+    Raises:
+        BadInput: no such algorithm, rover or forest file, or one that cannot be used.
+    """
+    from wayfarer.config.rover_file import load_rover
+    from wayfarer.experiments.campaign import Campaign, read_forest_file
+    from wayfarer.experiments.commands import algorithms
+
+    config = load_rover(rover)
+    return Campaign(
+        algorithms(algorithm),
+        rover=config.with_anomaly_source(anomaly_source) if anomaly_source else config,
+        forests=read_forest_file(forests) if forests else None,
+        **settings,
+    )
