@@ -23,19 +23,10 @@ from wayfarer.errors import WayfarerError
 from wayfarer.experiments import run_campaign
 from wayfarer.experiments.campaign import Campaign, ForestFile, Task
 from wayfarer.experiments.executors import Done, RunTrial, TrialRunner, field_trial
-from wayfarer.experiments.progress_bar import ProgressDisplay
 from wayfarer.experiments.results_folder import PARTIAL, SUMMARY, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import TrialRow
 
 START_UP_S = 30.0  # a generous deadline; nothing waits for it unless something is broken
-
-
-class Recorded(ProgressDisplay):
-    def __init__(self) -> None:
-        self.done: list[Done] = []
-
-    def advance(self, done: Done) -> None:
-        self.done.append(done)
 
 
 def run_into(
@@ -136,12 +127,12 @@ def test_results_do_not_depend_on_workers_or_order_of_completion(tmp_path: Path)
     plan = campaign_of(40, "pledge", "levy-walk")
     alone = run_into(tmp_path / "1", plan)
     assert run_into(tmp_path / "2", plan, fake_trials.early_ones_last, jobs=2) == alone
-    seen = Recorded()
+    seen: list[Done] = []
     with ResultsFolder(tmp_path / "4", plan.settings()) as folder:
         slowly, threads = fake_trials.early_ones_last, partial(ThreadPoolExecutor, 4)
-        run_campaign.run(plan, folder, jobs=4, executor=threads, progress=seen, run_trial=slowly)
+        run_campaign.run(plan, folder, jobs=4, executor=threads, progress=seen.append, run_trial=slowly)
     assert (tmp_path / "4" / TRIALS).read_bytes() == alone
-    assert [done.row.key for done in seen.done] != list(plan.tasks_by_forest())
+    assert [done.row.key for done in seen] != list(plan.tasks_by_forest())
 
 
 def test_real_trials_do_not_mind_each_other_in_threads(tmp_path: Path) -> None:
@@ -160,10 +151,10 @@ def test_resuming_runs_only_what_is_missing_and_ends_in_the_same_bytes(tmp_path:
     with ResultsFolder(tmp_path / "cut", plan.settings()) as folder:
         for trial in (4, 17, 2):
             folder.append(TrialRunner(plan, fake_trials.quick).run(Task("forest-pledge", trial)).row)
-    seen = Recorded()
+    seen: list[Done] = []
     with ResultsFolder(tmp_path / "cut", plan.settings(), resume=True) as folder:
-        run_campaign.run(plan, folder, progress=seen, run_trial=fake_trials.quick)
-    assert {done.row.trial for done in seen.done} == set(range(20)) - {4, 17, 2}
+        run_campaign.run(plan, folder, progress=seen.append, run_trial=fake_trials.quick)
+    assert {done.row.trial for done in seen} == set(range(20)) - {4, 17, 2}
     assert (tmp_path / "cut" / TRIALS).read_bytes() == whole
 
 
@@ -184,13 +175,13 @@ def test_summary_says_all_that_was_asked_and_never_nan(tmp_path: Path) -> None:
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_trial_that_raises_becomes_a_fault_and_the_others_go_on(tmp_path: Path, jobs: int) -> None:
     plan = campaign_of(8)
-    seen = Recorded()
+    seen: list[Done] = []
     with ResultsFolder(tmp_path, plan.settings()) as folder:
-        finished = run_campaign.run(plan, folder, jobs=jobs, progress=seen, run_trial=fake_trials.third_fails)
+        finished = run_campaign.run(plan, folder, jobs=jobs, progress=seen.append, run_trial=fake_trials.third_fails)
         rows = list(folder.kept)
     assert finished.trials == len(rows) == 8
     assert rows[3] == TrialRow(3, "forest-pledge", 1, 1, plan.trial_seed(3), "fault")
-    (fault,) = [done.fault for done in seen.done if done.fault]
+    (fault,) = [done.fault for done in seen if done.fault]
     assert re.fullmatch(r"KeyError: 'no such\\nphase' \(fake_trials\.py:\d+\)", fault.text)
     assert "Traceback" in fault.traceback
 

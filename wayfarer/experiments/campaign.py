@@ -207,10 +207,6 @@ class Campaign:
 class Plan(Protocol):
     """What can be run: a campaign, or a sweep, which is the same campaign at several points."""
 
-    def tasks_by_forest(self) -> Tasks:
-        """Return every trial in the order of running."""
-        return Tasks(self.algorithms, self.trials)
-
     @property
     def points(self) -> Sequence[Campaign]:
         """The campaign at each point; all have the same algorithms and the same number of trials."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Iterable, Iterator, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from concurrent.futures import BrokenExecutor
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
@@ -19,9 +19,8 @@ from typing import Any, NamedTuple
 
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments.campaign import Plan
-from wayfarer.experiments.executors import MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
+from wayfarer.experiments.executors import Done, MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
 from wayfarer.experiments.folder_settings import tasks_of
-from wayfarer.experiments.progress_bar import ProgressDisplay
 from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
@@ -96,19 +95,18 @@ def run(
     folder: ResultsFolder | None = None,
     *,
     jobs: int = 1,
-    progress: ProgressDisplay | None = None,
+    progress: Callable[[Done], object] | None = None,
     executor: MakeExecutor | None = None,
     run_trial: RunTrial = field_trial,
 ) -> CampaignResult:
     """Run the trials that ``folder`` does not hold yet, and write the final files when none is missing.
 
-    Results depend neither on ``jobs``, the number of processes, nor on an ``executor`` in their place. Without a
-    folder finished trials are in a file that nobody sees, not in memory.
+    ``progress`` is told each trial when it is done. Results depend neither on ``jobs``, the number of processes, nor on
+    an ``executor`` in their place. Without a folder finished trials are in a file that nobody sees, not in memory.
 
     Raises:
         WayfarerError: a worker died, or the folder cannot be written any more; finished trials are kept.
     """
-    progress = progress or ProgressDisplay()
     began, ticks = os.times(), 0
     with _kept(plan, folder) as kept, stop_on_signals() as stop:
         todo = kept.missing()
@@ -122,7 +120,8 @@ def run(
             for done in finished:
                 keep(done.row)
                 ticks += done.row.ticks or 0
-                progress.advance(done)
+                if progress:
+                    progress(done)
         effort = _effort(began, ticks, elsewhere=executor is not None)
         return _summed_up(plan, kept, folder, effort)
 

@@ -13,22 +13,13 @@ from hypothesis import strategies as st
 
 from tests.experiments.report.campaigns import ALGORITHMS, campaign_of, row
 from wayfarer.experiments.executors import Done
-from wayfarer.experiments.progress_bar import ProgressDisplay
 from wayfarer.experiments.report.reading import read_results
 from wayfarer.experiments.report.worst_trials import RerunTrial, choose, ending, run_again
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 
 
-class Counted(ProgressDisplay):
-    def __init__(self) -> None:
-        self.done: list[Done] = []
-
-    def advance(self, done: Done) -> None:
-        self.done.append(done)
-
-
 def again(rows: Sequence[TrialRow], folder: Path, jobs: int = 1) -> list[RerunTrial]:
-    return run_again(read_results(folder).rebuild(), rows, jobs, ProgressDisplay())
+    return run_again(read_results(folder).rebuild(), rows, jobs, lambda _: None)
 
 
 @st.composite
@@ -89,10 +80,10 @@ def test_way_is_that_of_the_trial_in_the_table(finished: Path) -> None:
 @pytest.mark.slow
 def test_a_pool_gives_the_same_ways_and_tells_of_each_trial(finished: Path) -> None:
     rows = choose(read_results(finished).by_algorithm, 3)
-    progress = Counted()
-    ran = run_again(read_results(finished).rebuild(), rows, 2, progress)
+    told: list[Done] = []
+    ran = run_again(read_results(finished).rebuild(), rows, 2, told.append)
     assert ran == again(rows, finished)
-    assert {done.row.key for done in progress.done} == {row.key for row in rows}
+    assert {done.row.key for done in told} == {row.key for row in rows}
 
 
 @pytest.mark.parametrize(

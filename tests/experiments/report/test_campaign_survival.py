@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.experiments.report.campaigns import row
-from wayfarer.experiments.report.escape_figure import escape_figure
-from wayfarer.experiments.report.survival import escape_curve
+from wayfarer.experiments.report.escape_figure import escape_curve, escape_figure
 from wayfarer.experiments.rows import OUTCOMES, TrialRow
 from wayfarer.experiments.statistics import summarise
 
@@ -22,8 +21,10 @@ TRIALS = st.lists(ENDS, min_size=1, max_size=60).map(
 @given(TRIALS)
 def test_curve_is_the_share_of_all_trials_that_has_escaped(rows: list[TrialRow]) -> None:
     escaped_m = [each.path_m for each in rows if each.outcome in ("escaped", "left_bounds")]
-    for step in escape_curve(rows).steps:
-        assert step.escaped == pytest.approx(sum(path_m <= step.path_m for path_m in escaped_m if path_m) / len(rows))
+    steps = dict(zip(*escape_curve(rows).steps(0.1), strict=True))  # of equal paths the last, highest one
+    for reached_m, percent in steps.items():
+        escaped = sum(path_m <= reached_m for path_m in escaped_m if path_m)
+        assert percent == pytest.approx(100 * escaped / len(rows))
 
 
 @given(TRIALS)
@@ -38,17 +39,16 @@ def test_failure_counts_wherever_it_ended() -> None:
     escaped = [row("pledge", trial, "escaped", path_m) for trial, path_m in enumerate((50.0, 1020.0))]
     for failed_m in (10.0, 1000.0, 2000.0):
         curve = escape_curve([*escaped, row("pledge", 2, "entrapped", failed_m), row("pledge", 3, "tipped", failed_m)])
-        assert curve.steps == [(50.0, 0.25), (1020.0, 0.5)]
+        assert curve.steps(1.0) == ([1.0, 50.0, 1020.0, max(1020.0, failed_m)], [0.0, 25.0, 50.0, 50.0])
 
 
 def test_trials_are_sorted_by_outcome_and_one_of_unknown_path_has_failed() -> None:
     rows = [row("pledge", n, outcome, 10.0 * (n + 1)) for n, outcome in enumerate(OUTCOMES)]
     curve = escape_curve([*rows, row("pledge", 9, "fault", None)])
-    assert [step.path_m for step in curve.steps] == [10.0, 20.0]
-    assert curve.failed_m == [30.0, 40.0, 50.0]
-    assert curve.escaped == pytest.approx(2 / 6)
+    assert (curve.escaped_m, curve.failed_m) == ([10.0, 20.0], [30.0, 40.0, 50.0])
+    assert curve.escaped_percent == pytest.approx(200 / 6)
 
 
 def test_nobody_escaped() -> None:
     curve = escape_curve([row("levy-walk", 0, "entrapped", 1000.0)])
-    assert (curve.steps, curve.failed_m, curve.escaped) == ([], [1000.0], 0.0)
+    assert curve.steps(5.0) == ([5.0, 1000.0], [0.0, 0.0])

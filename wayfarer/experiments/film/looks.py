@@ -27,6 +27,7 @@ LUGS = 14  # round each tyre
 SPOKES = 5
 
 BOX, CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
+SPHERE = mujoco.mjtGeom.mjGEOM_SPHERE
 ACROSS = (2**-0.5, 2**-0.5, 0.0, 0.0)  # the quaternion that lays a cylinder's axis along y
 
 
@@ -44,7 +45,8 @@ def add_rover(spec: Any, body: WheeledBody) -> None:
 
 def _show(body: Any, kind: Any, size: tuple[float, float, float], rgba: tuple[float, ...], **where: Any) -> None:
     """Add a geom that is seen and weighs something, and meets nothing."""
-    body.add_geom(type=kind, size=size, rgba=rgba, contype=0, conaffinity=0, mass=0.1, material="paint", **where)
+    plain = {"contype": 0, "conaffinity": 0, "mass": 0.1, "material": "paint"}
+    body.add_geom(type=kind, size=size, rgba=rgba, **plain | where)
 
 
 def _add_hull(rover: Any, body: WheeledBody) -> None:
@@ -62,48 +64,23 @@ def _add_hull(rover: Any, body: WheeledBody) -> None:
     _show(rover, BOX, (0.5 * long_m, 0.6 * wide_m, 0.004), DECK, pos=(-0.25 * long_m, 0.0, top_m))
     _add_nose(rover, long_m, wide_m, rail_m, middle_m, top_m)
     for left in (1, -1):
-        _show(
-            rover,
-            BOX,
-            (0.004, 0.12 * wide_m, 0.012),
-            TAIL_LAMP,
-            pos=(-long_m, left * 0.75 * wide_m, 0.5 * (rail_m + middle_m)),
-        )
-    mast_m = 0.5 * top_m + 0.3 * long_m
-    _show(
-        rover,
-        CYLINDER,
-        (0.026 * long_m, mast_m / 2.0, 0.0),
-        METAL,
-        pos=(-0.7 * long_m, 0.4 * wide_m, top_m + mast_m / 2.0),
-    )
-    _show(rover, CYLINDER, (0.115 * long_m, 0.008, 0.0), NOSE, pos=(-0.7 * long_m, 0.4 * wide_m, top_m + mast_m))
+        tail_m = (-long_m, left * 0.75 * wide_m, 0.5 * (rail_m + middle_m))
+        _show(rover, BOX, (0.004, 0.12 * wide_m, 0.012), TAIL_LAMP, pos=tail_m)
+    mast_m, ahead_m, left_m = 0.5 * top_m + 0.3 * long_m, -0.7 * long_m, 0.4 * wide_m
+    mast = (0.026 * long_m, mast_m / 2.0, 0.0)
+    _show(rover, CYLINDER, mast, METAL, pos=(ahead_m, left_m, top_m + mast_m / 2.0))
+    _show(rover, CYLINDER, (0.115 * long_m, 0.008, 0.0), NOSE, pos=(ahead_m, left_m, top_m + mast_m))
 
 
 def _add_nose(rover: Any, long_m: float, wide_m: float, rail_m: float, middle_m: float, top_m: float) -> None:
     """Add a white bumper, lamps, and a white arrow on the roof that points ahead."""
     _show(rover, BOX, (0.008, wide_m, 0.014), NOSE, pos=(long_m + 0.004, 0.0, rail_m))
     for left in (1, -1):
-        lamp = (long_m + 0.004, left * 0.7 * wide_m, (rail_m + middle_m) / 2.0 + 0.008)
-        rover.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=(0.09 * long_m, 0.0, 0.0),
-            rgba=LAMP,
-            pos=lamp,
-            contype=0,
-            conaffinity=0,
-            mass=0.1,
-            material="lamp",
-        )
-        turn = left * -0.35 * pi
-        _show(
-            rover,
-            BOX,
-            (0.010, 0.30 * wide_m, 0.003),
-            NOSE,
-            pos=(0.56 * long_m, left * 0.20 * wide_m, top_m + 0.002),
-            quat=(cos((turn + 0.5 * pi) / 2.0), 0.0, 0.0, sin((turn + 0.5 * pi) / 2.0)),
-        )
+        lamp_m = (long_m + 0.004, left * 0.7 * wide_m, (rail_m + middle_m) / 2.0 + 0.008)
+        _show(rover, SPHERE, (0.09 * long_m, 0.0, 0.0), LAMP, material="lamp", pos=lamp_m)
+        turn, arrow_m = left * -0.35 * pi + 0.5 * pi, (0.56 * long_m, left * 0.20 * wide_m, top_m + 0.002)
+        across = (cos(turn / 2.0), 0.0, 0.0, sin(turn / 2.0))
+        _show(rover, BOX, (0.010, 0.30 * wide_m, 0.003), NOSE, pos=arrow_m, quat=across)
 
 
 def _add_wheel(wheel: Any, body: WheeledBody, left: int) -> None:
@@ -111,26 +88,18 @@ def _add_wheel(wheel: Any, body: WheeledBody, left: int) -> None:
     radius_m, half_m = body.wheel_radius_m, body.tyre_width_m / 2.0
     _show(wheel, CYLINDER, (0.93 * radius_m, 0.9 * half_m, 0.0), RUBBER, quat=ACROSS)
     for lug in range(LUGS):
-        turn = 2.0 * pi * lug / LUGS
-        slant = (lug % 2 - 0.5) * 0.8 * half_m
-        _show(
-            wheel,
-            BOX,
-            (0.05 * radius_m, 0.6 * half_m, 0.10 * radius_m),
-            LUG,
-            pos=(0.90 * radius_m * sin(turn), slant, 0.90 * radius_m * cos(turn)),
-            quat=(cos(turn / 2.0), 0.0, sin(turn / 2.0), 0.0),
-        )
-    out_m = left * 0.92 * half_m
-    _show(wheel, CYLINDER, (0.60 * radius_m, 0.003, 0.0), DECK, pos=(0.0, out_m, 0.0), quat=ACROSS)
-    _show(wheel, CYLINDER, (0.20 * radius_m, 0.008, 0.0), METAL, pos=(0.0, out_m, 0.0), quat=ACROSS)
+        turn, slant_m, out_m = 2.0 * pi * lug / LUGS, (lug % 2 - 0.5) * 0.8 * half_m, 0.90 * radius_m
+        size = (0.05 * radius_m, 0.6 * half_m, 0.10 * radius_m)
+        _show(wheel, BOX, size, LUG, **_round_the_axle(turn, out_m, slant_m))
+    side_m = left * 0.92 * half_m
+    _show(wheel, CYLINDER, (0.60 * radius_m, 0.003, 0.0), DECK, pos=(0.0, side_m, 0.0), quat=ACROSS)
+    _show(wheel, CYLINDER, (0.20 * radius_m, 0.008, 0.0), METAL, pos=(0.0, side_m, 0.0), quat=ACROSS)
     for spoke in range(SPOKES):
-        turn = 2.0 * pi * spoke / SPOKES
-        _show(
-            wheel,
-            BOX,
-            (0.07 * radius_m, 0.006, 0.28 * radius_m),
-            METAL,
-            pos=(0.34 * radius_m * sin(turn), out_m, 0.34 * radius_m * cos(turn)),
-            quat=(cos(turn / 2.0), 0.0, sin(turn / 2.0), 0.0),
-        )
+        turn, size = 2.0 * pi * spoke / SPOKES, (0.07 * radius_m, 0.006, 0.28 * radius_m)
+        _show(wheel, BOX, size, METAL, **_round_the_axle(turn, 0.34 * radius_m, side_m))
+
+
+def _round_the_axle(turn: float, out_m: float, side_m: float) -> dict[str, tuple[float, ...]]:
+    """Return place and attitude of what stands so far out from a wheel's axle."""
+    quat = (cos(turn / 2.0), 0.0, sin(turn / 2.0), 0.0)
+    return {"pos": (out_m * sin(turn), side_m, out_m * cos(turn)), "quat": quat}

@@ -68,10 +68,7 @@ def add_bars(scene: Any, bars: TyreMarks, numbers: NDArray[np.intp], body: Wheel
 
 def _turns(quaternions: Array) -> Array:
     """Return rotation matrices."""
-    w, x, y, z = quaternions.T
-    rows = (
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    )
-    return np.moveaxis(np.array(rows), 2, 0)
+    turns = np.empty((len(quaternions), 9))
+    for turn, quaternion in zip(turns, quaternions, strict=True):
+        mujoco.mju_quat2Mat(turn, quaternion)
+    return turns.reshape(-1, 3, 3)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import closing
 from functools import partial
@@ -14,7 +14,6 @@ from typing import NamedTuple
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.executors import Done, TrialRunner, stream
-from wayfarer.experiments.progress_bar import ProgressDisplay
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.experiments.trajectory import Trace, run_traced
 from wayfarer.experiments.trial import TrialResult
@@ -44,8 +43,12 @@ def _worst(row: TrialRow) -> tuple[bool, float, int]:
     return row.outcome in SUCCESSES, -(row.path_m or 0.0), row.trial
 
 
-def run_again(campaign: Campaign, rows: Sequence[TrialRow], jobs: int, progress: ProgressDisplay) -> list[RerunTrial]:
+def run_again(
+    campaign: Campaign, rows: Sequence[TrialRow], jobs: int, progress: Callable[[Done], object]
+) -> list[RerunTrial]:
     """Run these trials of a campaign again, and return them with their ways, in the same order.
+
+    ``progress`` is told each trial when it is done.
 
     Raises:
         WayfarerError: a worker process died.
@@ -56,7 +59,7 @@ def run_again(campaign: Campaign, rows: Sequence[TrialRow], jobs: int, progress:
         with closing(stream(again, rows, jobs, threading.Event())) as finished:
             for row, done, trace in finished:
                 found[row.key] = _compare(row, done, trace)
-                progress.advance(done)
+                progress(done)
     except BrokenExecutor as error:
         raise WayfarerError(
             "a worker process died while trials were run again, most likely for want of memory; try --jobs 1"
