@@ -188,11 +188,12 @@ BAD_INPUT = {
 
 
 @pytest.mark.parametrize("arguments, says", BAD_INPUT.values(), ids=BAD_INPUT)
-def test_bad_input_is_one_line_exit_code_2_and_leaves_no_output_folder(
-    run: Run, tmp_path: Path, arguments: list[str], says: str
+def test_bad_input_is_one_line_and_exit_code_2_and_leaves_no_folder(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], says: str
 ) -> None:
-    folder = [] if {"--resume", "--trial", "smi"} & set(arguments) else ["--out", tmp_path / "out"]
-    code, out, err = run(*arguments, *folder)
+    monkeypatch.chdir(tmp_path)
+    own = {"--resume", "--trial"} & set(arguments)  # these go with no folder
+    code, out, err = run(*arguments, *([] if own else ["--out", "out"]))
     assert (code, out) == (2, "")
     assert err.startswith("wayfarer: ")
     assert err.count("\n") == 1

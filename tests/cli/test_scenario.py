@@ -34,17 +34,6 @@ def test_what_cannot_be_run_is_one_line(run: Run, arguments: tuple[str, ...], sa
     assert says in err
 
 
-def test_rover_of_unknown_weight_is_one_line(run: Run, tmp_path: Path) -> None:
-    file = tmp_path / "plain.toml"
-    file.write_text(
-        'name = "plain"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.4\n',
-        encoding="utf-8",
-    )
-    code, out, err = run("sim", "--scenario", "extended-maze", "--rover", file)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "rover 'plain' gives no chassis.ground_clear" in err
-
-
 def test_papers_trials_stand_below_ours(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.quick)
     code, out, _ = run(*MAZE, "--trials", "2", "--algorithm", "forest-pledge,levy-walk,pledge")

@@ -1,29 +1,21 @@
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from tests.conftest import Run
 from tests.experiments import fake_trials
-from wayfarer import cli
 
-Run = Callable[..., tuple[int, str, str]]
 ANGLES = "escape.turn_angle_deg=10,30"
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    """Run the command in this process, on a terminal of 100 columns; trials end at once."""
-    monkeypatch.setenv("COLUMNS", "100")
+def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run a sweep in this process, with trials that end at once."""
     monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.quick)
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = cli.run(["sweep", *map(str, arguments)])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return run
+    return partial(run, "sweep")
 
 
 def test_sweep_prints_a_line_a_point_and_fills_its_folder(run: Run, tmp_path: Path) -> None:
@@ -65,9 +57,3 @@ def test_out_is_needed(run: Run) -> None:
     code, _, err = run(ANGLES)
     assert code == 2
     assert "--out" in err
-
-
-def test_full_folder_is_refused_without_resume(run: Run, tmp_path: Path) -> None:
-    (tmp_path / "mine.txt").write_text("mine")
-    assert run(ANGLES, "--out", tmp_path)[0] == 2
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]

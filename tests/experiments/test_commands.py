@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import Run
 from wayfarer import cli
 from wayfarer.fieldlog.reader import read_header
 
@@ -32,35 +33,22 @@ UNBUILDABLE = {
 }
 
 
-@pytest.mark.parametrize("options", [["--out", "out"], ["--trial", "0", "--log", "log"]], ids=["all", "alone"])
+COMMANDS = {
+    "all": ["sim", "--jobs", "1", "--out", "out", "--rover"],
+    "alone": ["sim", "--trial", "0", "--log", "log", "--rover"],
+    "daemon": ["run", "--sim", "--config"],
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
 @pytest.mark.parametrize(("parts", "says"), UNBUILDABLE.values(), ids=UNBUILDABLE)
-def test_rover_that_cannot_be_built_is_one_line_before_any_trial(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    parts: str,
-    says: str,
-    options: list[str],
+def test_rover_that_cannot_be_built_is_one_line_before_anything_starts(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, parts: str, says: str, command: list[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("wayfarer.experiments.trial.run_trial", lambda *_: pytest.fail("a trial was run"))
     Path("rover.toml").write_text(BODY + parts, encoding="utf-8")
-    code = cli.run(["sim", "--depth", "bus", "--jobs", "1", "--rover", "./rover.toml", *options])
-    out, err = capsys.readouterr()
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert err.startswith("wayfarer: ./rover.toml: key 'parts.")
-    assert says in err
-    assert [path.name for path in tmp_path.iterdir()] == ["rover.toml"]
-
-
-@pytest.mark.parametrize(("parts", "says"), UNBUILDABLE.values(), ids=UNBUILDABLE)
-def test_rover_that_cannot_be_built_is_one_line_before_a_daemon_starts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], parts: str, says: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("rover.toml").write_text(BODY + parts, encoding="utf-8")
-    code = cli.run(["run", "--sim", "--depth", "bus", "--config", "./rover.toml"])
-    out, err = capsys.readouterr()
+    code, out, err = run(*command, "./rover.toml", "--depth", "bus")
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert err.startswith("wayfarer: ./rover.toml: key 'parts.")
     assert says in err

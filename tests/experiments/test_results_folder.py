@@ -78,9 +78,15 @@ def test_row_never_holds_nan_or_a_negative_zero() -> None:
     assert csv_line(COLUMNS, row_of(result)) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,,,,\n"
 
 
-def finish(folder: ResultsFolder, summary: dict[str, Any]) -> None:
-    list(folder.into_tables(folder.kept))
-    folder.finish(summary)
+def fill(path: Path, *rows: TrialRow, finished: bool = False) -> None:
+    """Make a folder with these rows, which may be all there are."""
+    with ResultsFolder(path, SETTINGS_HERE) as folder:
+        for row in rows:
+            folder.append(row)
+        if finished:
+            assert list(folder.into_tables(folder.kept)) == list(rows)
+            folder.finish({"ticks": 27})
+            assert folder.complete
 
 
 WHOLE = csv_line(KEPT, ROWS[0])
@@ -104,14 +110,10 @@ def test_line_that_is_no_row_is_refused_with_its_place(line: str) -> None:
 
 
 def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
-    with ResultsFolder(tmp_path / "new" / "run", SETTINGS_HERE) as folder:
-        for row in ROWS:
-            folder.append(row)
-        finish(folder, {"ticks": 27})
-        assert folder.complete
-    assert {path.name for path in folder.path.iterdir()} == {SETTINGS, TRIALS, PARQUET, SUMMARY}
-    assert (folder.path / TRIALS).read_text() == csv_line(COLUMNS) + "".join(csv_line(COLUMNS, row) for row in ROWS)
-    assert json.loads((folder.path / SUMMARY).read_text()) == {"ticks": 27}
+    fill(folder := tmp_path / "new" / "run", *ROWS, finished=True)
+    assert {path.name for path in folder.iterdir()} == {SETTINGS, TRIALS, PARQUET, SUMMARY}
+    assert (folder / TRIALS).read_text() == csv_line(COLUMNS) + "".join(csv_line(COLUMNS, row) for row in ROWS)
+    assert json.loads((folder / SUMMARY).read_text()) == {"ticks": 27}
 
 
 def test_row_is_on_disk_as_soon_as_it_is_kept(tmp_path: Path) -> None:
@@ -121,9 +123,7 @@ def test_row_is_on_disk_as_soon_as_it_is_kept(tmp_path: Path) -> None:
 
 
 def test_resuming_after_a_cut_anywhere_keeps_exactly_the_whole_lines(tmp_path: Path) -> None:
-    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
-        for row in ROWS[:2]:
-            folder.append(row)
+    fill(tmp_path, *ROWS[:2])
     whole = (tmp_path / PARTIAL).read_bytes()
     for length in range(len(whole) + 1):
         (tmp_path / PARTIAL).write_bytes(whole[:length])
@@ -135,39 +135,31 @@ def test_resuming_after_a_cut_anywhere_keeps_exactly_the_whole_lines(tmp_path: P
 
 
 def test_complete_folder_resumes_to_what_it_holds(tmp_path: Path) -> None:
-    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
-        for row in ROWS:
-            folder.append(row)
-        finish(folder, {})
+    fill(tmp_path, *ROWS, finished=True)
     with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
         assert folder.complete
         assert list(folder.kept) == [row._replace(ticks=None) for row in ROWS]
 
 
-def test_damaged_row_in_the_middle_is_named(tmp_path: Path) -> None:
-    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
-        folder.append(ROWS[0])
-    with (tmp_path / PARTIAL).open("a") as partial:
-        partial.write("\0\0\0\n")
-    with pytest.raises(BadInput, match=r"trials\.partial\.csv, line 3 is not a row"):
-        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
-
-
-@pytest.mark.parametrize("damage", [b"\x80", b"\xff\xfe"])
-def test_rows_that_are_no_text_are_refused_with_the_file(tmp_path: Path, damage: bytes) -> None:
-    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
-        folder.append(ROWS[0])
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (b"\0\0\0\n", ", line 3 is not a row"),
+        (b"\x80\n", r" is damaged: byte \d+ is no text"),
+        (b"\xff\xfe\n", r" is damaged: byte \d+ is no text"),
+    ],
+)
+def test_damaged_row_is_named(tmp_path: Path, damage: bytes, said: str) -> None:
+    fill(tmp_path, ROWS[0])
     with (tmp_path / PARTIAL).open("ab") as partial:
-        partial.write(damage + b"\n")
-    with pytest.raises(BadInput, match=r"trials\.partial\.csv is damaged: byte \d+ is no text"):
+        partial.write(damage)
+    with pytest.raises(BadInput, match=rf"trials\.partial\.csv{said}"):
         ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
 
 
 @pytest.mark.parametrize("content", [b"", b"trial,algorithm\n"])
 def test_table_without_its_columns_is_refused(tmp_path: Path, content: bytes) -> None:
-    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
-        folder.append(ROWS[0])
-        finish(folder, {})
+    fill(tmp_path, *ROWS, finished=True)
     (tmp_path / TRIALS).write_bytes(content)
     with pytest.raises(BadInput, match=r"trials\.csv is damaged: its first line does not name its columns"):
         ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
@@ -229,10 +221,10 @@ def test_folder_that_is_in_use_is_refused(tmp_path: Path) -> None:
     ResultsFolder(tmp_path, SETTINGS_HERE, resume=True).close()
 
 
-@pytest.mark.parametrize("resume", [False, True])
-def test_folder_with_something_else_in_it_is_refused_and_left_alone(tmp_path: Path, resume: bool) -> None:
+@pytest.mark.parametrize(("resume", "said"), [(False, "not empty"), (True, "holds no campaign")])
+def test_folder_with_something_else_in_it_is_refused_and_left_alone(tmp_path: Path, resume: bool, said: str) -> None:
     (tmp_path / "holiday.jpg").touch()
-    with pytest.raises(BadInput, match="holds no campaign" if resume else "not empty"):
+    with pytest.raises(BadInput, match=said):
         ResultsFolder(tmp_path, SETTINGS_HERE, resume=resume)
     assert [path.name for path in tmp_path.iterdir()] == ["holiday.jpg"]
 

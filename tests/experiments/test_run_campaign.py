@@ -6,18 +6,17 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from threading import Event
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.experiments import fake_trials
+from tests.experiments.dask_processes import UP_S, eventually
 from tests.experiments.fake_trials import campaign_of
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments import run_campaign
@@ -25,8 +24,6 @@ from wayfarer.experiments.campaign import Campaign, ForestFile, Task
 from wayfarer.experiments.executors import Done, RunTrial, TrialRunner, field_trial
 from wayfarer.experiments.results_folder import PARTIAL, SUMMARY, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import TrialRow
-
-START_UP_S = 30.0  # a generous deadline; nothing waits for it unless something is broken
 
 
 def run_into(
@@ -113,16 +110,6 @@ def test_one_forest_serves_all_algorithms() -> None:
 # --- running
 
 
-def test_rows_come_by_algorithm_as_asked_then_by_trial(tmp_path: Path) -> None:
-    plan = campaign_of(3, "pledge", "levy-walk")
-    with ResultsFolder(tmp_path, plan.settings()) as folder:
-        finished = run_campaign.run(plan, folder, run_trial=fake_trials.quick)
-        keys = [row.key for row in folder.kept]
-    assert keys == [Task(name, n) for name in ("pledge", "levy-walk") for n in range(3)]
-    assert not finished.interrupted
-    assert finished.effort.ticks == 600
-
-
 def test_results_do_not_depend_on_workers_or_order_of_completion(tmp_path: Path) -> None:
     plan = campaign_of(40, "pledge", "levy-walk")
     alone = run_into(tmp_path / "1", plan)
@@ -160,7 +147,10 @@ def test_resuming_runs_only_what_is_missing_and_ends_in_the_same_bytes(tmp_path:
 
 def test_summary_says_all_that_was_asked_and_never_nan(tmp_path: Path) -> None:
     plan = campaign_of(12, "pledge", "levy-walk")
-    run_into(tmp_path, plan)
+    with ResultsFolder(tmp_path, plan.settings()) as folder:
+        finished = run_campaign.run(plan, folder, run_trial=fake_trials.quick)
+    assert not finished.interrupted
+    assert finished.effort.ticks == 2400
     summary = json.loads((tmp_path / SUMMARY).read_text(), parse_constant=pytest.fail)
     assert summary["seed"] == 0
     assert summary["rover"]["name"] == "sim"
@@ -204,15 +194,6 @@ def test_worker_that_dies_is_told_and_finished_trials_are_kept(tmp_path: Path) -
     assert run_into(tmp_path, plan, resume=True) == run_into(tmp_path / "other", plan)
 
 
-def eventually(condition: Callable[[], bool]) -> bool:
-    pause = Event()
-    for _ in range(int(START_UP_S / 0.02)):
-        if condition():
-            return True
-        pause.wait(0.02)
-    return False
-
-
 def lines_in(path: Path) -> int:
     return path.read_text().count("\n") if path.exists() else 0
 
@@ -239,7 +220,7 @@ def test_signal_keeps_finished_trials_and_resuming_ends_in_the_same_bytes(
     ) as process:
         assert eventually(lambda: lines_in(out / PARTIAL) > 4)
         os.killpg(process.pid, number)
-        stdout, stderr = process.communicate(timeout=START_UP_S)
+        stdout, stderr = process.communicate(timeout=UP_S)
     *_, last = stderr.splitlines()
     count = rf"(\d+) of {fake_trials.MANY} trials"
     told = re.fullmatch(rf"interrupted: {count} are kept in {re.escape(str(out))}; add --resume to go on", last)

@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
-from wayfarer.experiments.statistics import Estimate
+from wayfarer.experiments.statistics import Estimate, spread_of
 
 RESAMPLES = 4000
 TAIL = 0.025  # on either side of a 95 % interval
@@ -72,21 +73,13 @@ def _compared(name: str, own: dict[PairKey, TrialRow], base: dict[PairKey, Trial
         name,
         len(rows),
         len({row.forest for row in rows}),
-        _mean([spl for row in rows if (spl := _spl(row)) is not None]),
-        _gain(pairs, _spl),
+        spread_of([spl for row in rows if (spl := row.counted_spl) is not None]).mean,
+        _gain(pairs, attrgetter("counted_spl")),
         _gain(pairs, _path_m),
         _share(rows, "entrapped"),
         _share(rows, "left_bounds"),
         max(rows, key=lambda row: (row.outcome not in SUCCESSES, row.path_m or 0.0)),
     )
-
-
-def _mean(values: Sequence[float]) -> float | None:
-    return math.fsum(values) / len(values) if values else None
-
-
-def _spl(row: TrialRow) -> float | None:
-    return None if row.shortest_path_m is None else row.spl or 0.0
 
 
 def _path_m(row: TrialRow) -> float | None:

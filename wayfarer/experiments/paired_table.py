@@ -24,14 +24,11 @@ def print_comparison(console: Console, algorithms: Sequence[Comparison]) -> None
 
 
 def _gain(gain: Estimate | None, decimals: int) -> str:
-    if gain is None:
-        return ""
-    return f"{gain.value:+.{decimals}f} [{gain.low:+.{decimals}f}, {gain.high:+.{decimals}f}]"
+    return "" if gain is None else gain.text(decimals, "+")
 
 
 def _share(share: Estimate, decimals: int) -> str:
-    percent, low, high = (100 * part for part in share)
-    return f"{percent:.{decimals}f} [{low:.{decimals}f}, {high:.{decimals}f}]"
+    return Estimate(*(100 * part for part in share)).text(decimals)
 
 
 def _worst(one: Comparison) -> str:

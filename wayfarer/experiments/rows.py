@@ -62,6 +62,11 @@ class TrialRow(NamedTuple):
         """Algorithm, trial and point, which name a row within its campaign or sweep."""
         return self.algorithm, self.trial, self.point
 
+    @property
+    def counted_spl(self) -> float | None:
+        """SPL as it counts in a mean: 0 for a failure; None where the shortest path is not known."""
+        return None if self.shortest_path_m is None else self.spl or 0.0
+
 
 TERRAIN = ("friction", "roughness_m", "torque_scale")
 COLUMNS = tuple(name for name in TrialRow._fields if name not in (*TERRAIN, "ticks", "point"))

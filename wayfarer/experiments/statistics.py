@@ -10,8 +10,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from wayfarer.experiments.rows import SUCCESSES, TrialRow
+from wayfarer.experiments.rows import OUTCOMES, SUCCESSES, TrialRow
 
+AVERAGED = ("counted_spl", "time_s", "anomalies", "interventions", "overturned", "off_wheels")
 Z_95 = statistics.NormalDist().inv_cdf(0.975)
 
 
@@ -21,6 +22,11 @@ class Estimate(NamedTuple):
     value: float
     low: float
     high: float
+
+    def text(self, decimals: int, sign: str = "") -> str:
+        """Return the value with its interval in brackets; with ``+`` for a sign each number has one."""
+        value, low, high = (f"{number:{sign}.{decimals}f}" for number in self)
+        return f"{value} [{low}, {high}]"
 
 
 class SampleSpread(NamedTuple):
@@ -116,11 +122,6 @@ class Mean:
         return self._sum / self._count if self._count else None
 
 
-def _append(values: array[float], value: float | None) -> None:
-    if value is not None:
-        values.append(value)
-
-
 def summarise(algorithm: str, rows: Iterable[TrialRow]) -> AlgorithmSummary:
     """Return what ``rows``, all of one algorithm and at least one, say of it.
 
@@ -128,44 +129,19 @@ def summarise(algorithm: str, rows: Iterable[TrialRow]) -> AlgorithmSummary:
     """
     outcomes: Counter[str] = Counter()
     paths_m, escapes_s = array("d"), array("d")  # a median needs all of them, 8 bytes each
-    spl, time_s, anomalies = Mean(), Mean(), Mean()
-    interventions, overturned, off_wheels = Mean(), Mean(), Mean()
+    means = {name: Mean() for name in AVERAGED}
     for row in rows:
         outcomes[row.outcome] += 1
         if row.outcome in SUCCESSES:
-            _append(paths_m, row.path_m)
-            _append(escapes_s, row.time_s)
-        spl.add(None if row.shortest_path_m is None else row.spl or 0.0)
-        time_s.add(row.time_s)
-        anomalies.add(row.anomalies)
-        interventions.add(row.interventions)
-        overturned.add(row.overturned)
-        off_wheels.add(row.off_wheels)
-    trials = outcomes.total()
-    successes = sum(outcomes[outcome] for outcome in SUCCESSES)
+            paths_m.extend([row.path_m] if row.path_m is not None else [])
+            escapes_s.extend([row.time_s] if row.time_s is not None else [])
+        for name, mean in means.items():
+            mean.add(getattr(row, name))
+    trials, successes = outcomes.total(), sum(outcomes[outcome] for outcome in SUCCESSES)
     low, high = wilson_interval(successes, trials)
-    path_m, escape_s = spread_of(paths_m), spread_of(escapes_s)
+    spl, time_s, anomalies, *helped = (mean.value for mean in means.values())
     return AlgorithmSummary(
-        algorithm,
-        trials,
-        escaped=outcomes["escaped"],
-        left_bounds=outcomes["left_bounds"],
-        entrapped=outcomes["entrapped"],
-        tipped=outcomes["tipped"],
-        fault=outcomes["fault"],
-        success_percent=100 * successes / trials,
-        success_low_percent=100 * low,
-        success_high_percent=100 * high,
-        path_mean_m=path_m.mean,
-        path_sd_m=path_m.sd,
-        path_median_m=path_m.median,
-        spl=spl.value,
-        time_mean_s=time_s.value,
-        anomalies_mean=anomalies.value,
-        escape_mean_s=escape_s.mean,
-        escape_sd_s=escape_s.sd,
-        escape_median_s=escape_s.median,
-        interventions_mean=interventions.value,
-        overturned_mean=overturned.value,
-        off_wheels_mean=off_wheels.value,
-    )
+        algorithm, trials, *(outcomes[outcome] for outcome in OUTCOMES),
+        100 * successes / trials, 100 * low, 100 * high,
+        *spread_of(paths_m), spl, time_s, anomalies, *spread_of(escapes_s), *helped,
+    )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -88,8 +88,7 @@ FORESTS = Layout(OUTCOMES, PATHS, PAPER)
 
 def print_table(console: Console, summaries: Sequence[AlgorithmSummary], layout: Layout = FORESTS) -> None:
     """Print one table, or where the console is too narrow for it outcomes and measures below each other."""
-    faults = (FAULTS,) if any(summary.fault for summary in summaries) else ()
-    outcomes = (*layout.outcomes, *faults)
+    outcomes = (*layout.outcomes, *fault_columns(summaries))
     whole, *parts = (
         _table(summaries, (NAME, *columns), layout.paper)
         for columns in ((*outcomes, *layout.measures), outcomes, layout.measures)
@@ -97,12 +96,25 @@ def print_table(console: Console, summaries: Sequence[AlgorithmSummary], layout:
     print_in_full(console, whole, parts)
 
 
+def fault_columns(summaries: Iterable[AlgorithmSummary]) -> tuple[PaperColumn, ...]:
+    """Return the column of faults where there are any."""
+    return (FAULTS,) if any(summary.fault for summary in summaries) else ()
+
+
+def lines_of(
+    summary: AlgorithmSummary, columns: Sequence[PaperColumn], papers: Mapping[str, Any]
+) -> Iterator[tuple[str, list[str]]]:
+    """Yield an algorithm's line (``ours``), and below it the ``paper`` one where the paper has any of these columns."""
+    yield "ours", [str(column.cell(summary)) for column in columns]
+    if paper := papers.get(summary.algorithm):
+        cells = [column.papers(paper) for column in columns]
+        if any(cells[1:]):
+            yield "paper", cells
+
+
 def _table(summaries: Sequence[AlgorithmSummary], columns: Sequence[PaperColumn], papers: Mapping[str, Any]) -> Table:
     made = table(columns)
     for summary in summaries:
-        add_row(made, (column.cell(summary) for column in columns))
-        paper = papers.get(summary.algorithm)
-        cells = [column.papers(paper) for column in columns] if paper else []
-        if any(cells[1:]):
-            add_row(made, cells, style="dim")
+        for whose, cells in lines_of(summary, columns, papers):
+            add_row(made, cells, style="dim" if whose == "paper" else "")
     return made

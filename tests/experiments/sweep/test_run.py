@@ -101,6 +101,20 @@ def test_interrupted_sweep_goes_on_to_the_same_table(tmp_path: Path) -> None:
     assert asked == [], "what is finished is not run again"
 
 
+def test_each_point_has_its_forests_although_algorithms_share_one() -> None:
+    plan = make_sweep(fake_trials.campaign_of(2, "pledge", "levy-walk"), [Axis("sim.trees_per_ha", (40, 400))])
+    met: list[tuple[int, int]] = []
+
+    def remembered(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+        met.append((spec.trial, len(spec.forest.trees_m)))
+        return fake_trials.quick(spec)
+
+    runner = TrialRunner(plan, remembered)
+    rows = [runner.run(task).row for task in tasks_of(plan.settings())]
+    assert met == [(trial, trees) for trial in range(2) for trees in (10, 100) for _ in range(2)]
+    assert [row.point for row in rows] == [0, 0, 1, 1] * 2
+
+
 @pytest.mark.parametrize(
     ("other", "difference"),
     [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.entrapment import entrapment
 from wayfarer.experiments.progress_bar import shown_progress
 from wayfarer.experiments.report import words
+from wayfarer.experiments.report.drawn import file_name, write_drawn
 from wayfarer.experiments.report.escape_figure import escape_figure
 from wayfarer.experiments.report.forest_figure import close_up_figure, forest_figure, legend_figure
 from wayfarer.experiments.report.paths_figure import paths_figure
@@ -20,9 +20,8 @@ from wayfarer.experiments.report.ratio_figure import ratio_figure
 from wayfarer.experiments.report.reading import Results, read_results
 from wayfarer.experiments.report.table import causes_table, results_table
 from wayfarer.experiments.report.worst_trials import RerunTrial, choose, run_again
-from wayfarer.experiments.rows import TrialRow
 from wayfarer.views.run_report import page
-from wayfarer.views.run_report.drawing import house_style, save
+from wayfarer.views.run_report.drawing import save
 
 
 def write_report(folder: Path, out: Path | None = None, *, gallery: int = 12, jobs: int) -> Path:
@@ -38,10 +37,9 @@ def write_report(folder: Path, out: Path | None = None, *, gallery: int = 12, jo
     results = read_results(folder)
 
     def body(figures: Path) -> list[str]:
-        with house_style():
-            return [*_overview(results, figures), _gallery(results, figures, gallery, jobs)]
+        return [*_overview(results, figures), _gallery(results, figures, gallery, jobs)]
 
-    return page.write_page(folder / page.PAGE if out is None else out, words.title(results), body)
+    return write_drawn(folder, out, words.title(results), body)
 
 
 def _overview(results: Results, figures: Path) -> Iterator[str]:
@@ -94,7 +92,8 @@ def _drawn(campaign: Campaign, ran: Sequence[RerunTrial], figures: Path) -> Iter
     yield '<div class="gallery">'
     for row, trace in drawn:
         picture = forest_figure(campaign.make_forest(row.trial), trace)
-        drawing = save(picture, figures, _file_name("forest", row), words.trial_alt(row, len(trace.slips_m)))
+        name, alt = file_name("forest", row.algorithm, row.trial), words.trial_alt(row, len(trace.slips_m))
+        drawing = save(picture, figures, name, alt)
         yield page.figure(drawing, words.trial_caption(row), "forest")
     yield "</div>"
 
@@ -112,13 +111,9 @@ def _entrapped(campaign: Campaign, ran: Sequence[RerunTrial], figures: Path) -> 
     parts.append('<div class="gallery">')
     for row, trace, found in seen:
         picture = close_up_figure(campaign.make_forest(row.trial), trace, found.middle_m, found.extent_m)
-        drawing = save(picture, figures, _file_name("entrapped", row), words.entrapped_caption(row, found))
-        parts.append(page.figure(drawing, words.entrapped_caption(row, found), "forest"))
+        name, caption = file_name("entrapped", row.algorithm, row.trial), words.entrapped_caption(row, found)
+        parts.append(page.figure(save(picture, figures, name, caption), caption, "forest"))
     yield page.section("Why trials were entrapped", *parts, "</div>")
-
-
-def _file_name(what: str, row: TrialRow) -> str:
-    return re.sub(r"[^\w.-]", "_", f"{what}-{row.algorithm}-{row.trial}")
 
 
 def _not_drawn(ran: Sequence[RerunTrial], version: str) -> Iterator[str]:

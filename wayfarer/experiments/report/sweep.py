@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from wayfarer.experiments.report import words
+from wayfarer.experiments.report.drawn import file_name, write_drawn
 from wayfarer.experiments.report.reading import SweepResults, read_sweep
 from wayfarer.experiments.report.sweep_curves import curves_figure
 from wayfarer.experiments.report.sweep_maps import maps_figure
-from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.sweep.axes import Value
 from wayfarer.experiments.sweep.measures import MEASURES, spl_difference
 from wayfarer.views.run_report import page
-from wayfarer.views.run_report.drawing import house_style, save
+from wayfarer.views.run_report.drawing import save
 
 PAIRED = (
     "All points met the same forests and noise, so they can be compared trial by trial: the last column is "
@@ -34,12 +33,7 @@ def write_sweep_report(folder: Path, out: Path | None = None) -> Path:
         BadInput: the folder holds no finished sweep, is damaged, or cannot be written.
     """
     results = read_sweep(folder)
-
-    def body(figures: Path) -> list[str]:
-        with house_style():
-            return list(_body(results, figures))
-
-    return page.write_page(folder / page.PAGE if out is None else out, _title(results), body)
+    return write_drawn(folder, out, _title(results), lambda figures: list(_body(results, figures)))
 
 
 def _body(results: SweepResults, figures: Path) -> Iterator[str]:
@@ -60,10 +54,9 @@ def _curves(results: SweepResults, figures: Path) -> Iterator[str]:
 def _maps(results: SweepResults, figures: Path) -> Iterator[str]:
     up, right = results.axes
     for name in results.algorithms:
-        file = re.sub(r"[^\w.-]", "_", f"maps-{name}")
         alt = f"Four maps of {name} over {up.key} and {right.key}: {_ends(results, name)}"
         caption = f"{name}. Colours mean the same for every algorithm; grey: not known. The intervals are in the table."
-        yield page.figure(save(maps_figure(results, name), figures, file, alt), caption)
+        yield page.figure(save(maps_figure(results, name), figures, file_name("maps", name), alt), caption)
 
 
 def _ends(results: SweepResults, name: str) -> str:
@@ -89,17 +82,11 @@ def _table(results: SweepResults) -> str:
 
 def _row(results: SweepResults, point: int, values: Sequence[Value], name: str) -> list[str]:
     rows = results.cells[point, name]
-    cells = [_text(measure.of(rows), measure.decimals) for measure in MEASURES]
+    found = ((measure.of(rows), measure.decimals) for measure in MEASURES)
+    cells = ["" if estimate is None else estimate.text(decimals) for estimate, decimals in found]
     others = None if results.now in {None, point} else results.cells[results.now, name]
-    difference = _text(spl_difference(rows, others), 3, sign="+") if others else ""
-    return ["", *map(str, values), *cells, difference]
-
-
-def _text(estimate: Estimate | None, decimals: int, sign: str = "") -> str:
-    if estimate is None:
-        return ""
-    value, low, high = (f"{number:{sign}.{decimals}f}" for number in estimate)
-    return f"{value} [{low}, {high}]"
+    difference = spl_difference(rows, others) if others else None
+    return ["", *map(str, values), *cells, "" if difference is None else difference.text(3, "+")]
 
 
 def _title(results: SweepResults) -> str:

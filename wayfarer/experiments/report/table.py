@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from wayfarer.experiments.entrapment import Cause
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.reading import Results
-from wayfarer.experiments.tables import FAULTS, NAME, OUTCOMES, PAPER, PATHS, PaperColumn
+from wayfarer.experiments.tables import NAME, OUTCOMES, PAPER, PATHS, PaperColumn, fault_columns, lines_of
 from wayfarer.views.run_report import page
 
 CAPTION = "Success with its 95 % interval; path: of the successes; time and anomalies: mean a trial."
@@ -16,8 +16,7 @@ CAPTION = "Success with its 95 % interval; path: of the successes; time and anom
 
 def results_table(results: Results) -> str:
     """Return a row for each algorithm, under its group, with a row of the paper's below where the paper has one."""
-    faults = (FAULTS,) if any(summary.fault for summary in results.summaries.values()) else ()
-    columns = (NAME, *OUTCOMES, *faults, *PATHS)
+    columns = (NAME, *OUTCOMES, *fault_columns(results.summaries.values()), *PATHS)
     return page.table(CAPTION, [column.title for column in columns], _rows(results, columns))
 
 
@@ -35,6 +34,5 @@ def _rows(results: Results, columns: Sequence[PaperColumn]) -> Iterator[tuple[st
     for group in grouped(results.settings.algorithms):
         yield "group", [group.title, *[""] * (len(columns) - 1)]
         for name in group.algorithms:
-            yield "ours", [str(column.cell(results.summaries[name])) for column in columns]
-            if paper := PAPER.get(name):
-                yield "paper", [column.papers(paper).strip() for column in columns]
+            for whose, cells in lines_of(results.summaries[name], columns, PAPER):
+                yield whose, [cell.strip() for cell in cells]

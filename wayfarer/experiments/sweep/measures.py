@@ -32,7 +32,7 @@ def _path_m(rows: Sequence[TrialRow]) -> Estimate | None:
 
 
 def _spl(rows: Sequence[TrialRow]) -> Estimate | None:
-    return mean([row.spl or 0.0 for row in rows if row.shortest_path_m is not None])
+    return mean([spl for row in rows if (spl := row.counted_spl) is not None])
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,5 @@ MEASURES = (
 
 def spl_difference(rows: Sequence[TrialRow], others: Sequence[TrialRow]) -> Estimate | None:
     """Return by how much the SPL exceeds that of the same trials at another point; None where it is unknown."""
-    pairs = zip(rows, others, strict=True)
-    return mean(
-        [(a.spl or 0.0) - (b.spl or 0.0) for a, b in pairs if None not in (a.shortest_path_m, b.shortest_path_m)]
-    )
+    pairs = ((row.counted_spl, other.counted_spl) for row, other in zip(rows, others, strict=True))
+    return mean([here - there for here, there in pairs if here is not None and there is not None])
