@@ -5,12 +5,15 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from tests.conftest import Run
 from tests.experiments import fake_trials
+from wayfarer.cli.sim import Ground
 from wayfarer.fieldlog.reader import read_header
+from wayfarer.simhal.world.grounds import GroundName
 
 MAZE = ("sim", "--scenario", "extended-maze", "--rover", "forestrover", "--jobs", "1")
 
@@ -81,3 +84,7 @@ def test_challenge_logs_positions(run: Run, tmp_path: Path) -> None:
     assert header["parts"]["position"] == "simulated receiver"
     records = [json.loads(line) for line in (tmp_path / "log" / "run.jsonl").read_text(encoding="utf-8").splitlines()]
     assert any("latitude_deg" in record for record in records)
+
+
+def test_command_knows_the_grounds_of_the_simulator() -> None:
+    assert get_args(Ground) == tuple(GroundName)

@@ -1,8 +1,8 @@
-"""Executors of trials: this process, a pool of processes, or any other executor.
+"""Runs a function over tasks: in this process, in a pool of processes, or on any other executor.
 
-Each worker receives the campaign once, as executors of the standard library do it: by an initializer. The workers of
-a pool are spawned, so that they inherit neither threads nor locks. They are born with SIGINT blocked: Ctrl-C reaches
-the whole process group, and only the parent is to answer it.
+Each worker receives the function once, as executors of the standard library do it: by an initializer. The workers of
+a pool are spawned, so that they inherit neither threads nor locks. They start with SIGINT blocked: Ctrl-C reaches the
+whole process group, and only the parent is to answer it.
 """
 
 from __future__ import annotations

@@ -139,9 +139,24 @@ def summarise(algorithm: str, rows: Iterable[TrialRow]) -> AlgorithmSummary:
             mean.add(getattr(row, name))
     trials, successes = outcomes.total(), sum(outcomes[outcome] for outcome in SUCCESSES)
     low, high = wilson_interval(successes, trials)
-    spl, time_s, anomalies, *helped = (mean.value for mean in means.values())
+    path_m, escape_s = spread_of(paths_m), spread_of(escapes_s)
     return AlgorithmSummary(
-        algorithm, trials, *(outcomes[outcome] for outcome in OUTCOMES),
-        100 * successes / trials, 100 * low, 100 * high,
-        *spread_of(paths_m), spl, time_s, anomalies, *spread_of(escapes_s), *helped,
-    )  # fmt: skip
+        algorithm,
+        trials,
+        **{outcome: outcomes[outcome] for outcome in OUTCOMES},
+        success_percent=100 * successes / trials,
+        success_low_percent=100 * low,
+        success_high_percent=100 * high,
+        path_mean_m=path_m.mean,
+        path_sd_m=path_m.sd,
+        path_median_m=path_m.median,
+        spl=means["counted_spl"].value,
+        time_mean_s=means["time_s"].value,
+        anomalies_mean=means["anomalies"].value,
+        escape_mean_s=escape_s.mean,
+        escape_sd_s=escape_s.sd,
+        escape_median_s=escape_s.median,
+        interventions_mean=means["interventions"].value,
+        overturned_mean=means["overturned"].value,
+        off_wheels_mean=means["off_wheels"].value,
+    )

@@ -75,7 +75,7 @@ def _between(one: NDArray[np.float64], other: NDArray[np.float64], share: float)
 
 
 class Recorder:
-    """Runs one trial and keeps its footage; a ``workers.RunTrial``."""
+    """Runs one trial and keeps its footage; an ``executors.RunTrial``."""
 
     def __init__(self) -> None:
         self._taken: Footage | None = None
