@@ -14,7 +14,7 @@ import pytest
 
 from wayfarer import cli
 from wayfarer.cli import demo
-from wayfarer.daemon.socket.paths import SingleDaemon, daemon_socket
+from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
 from wayfarer.safety.mission_limits import RunEnd
 
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
@@ -47,7 +47,7 @@ def served(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         kept.service = service
         (service.logs / "00001-20261121T061405Z").mkdir(parents=True)
         (service.logs / "00001-20261121T061405Z" / "run.jsonl").touch()
-        kept.alone = SingleDaemon(service.socket)
+        kept.alone = single_daemon(service.socket)
         with kept.alone:
             for viewer in service.viewers:
                 getattr(viewer, "_viewer", viewer).close()
@@ -70,7 +70,7 @@ def test_demo_says_where_the_page_is_how_it_ended_and_what_to_try_next(
 
 
 def test_demo_drives_only_the_simulated_rover_and_disturbs_no_daemon(served: SimpleNamespace) -> None:
-    with SingleDaemon(daemon_socket()):
+    with single_daemon(daemon_socket()):
         assert cli.run(["demo", "--live-port", "0"]) == 0
     service = served.service
     assert (service.simulated, service.config.name, service.dry_run) == (True, "sim", False)

@@ -26,8 +26,8 @@ from wayfarer.config.calibration_file import (
 )
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.daemon import Service
-from wayfarer.daemon.motors_lock import MotorsLock
-from wayfarer.daemon.socket.paths import SingleDaemon, daemon_socket
+from wayfarer.daemon.motors_lock import motors_lock
+from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
@@ -218,7 +218,7 @@ def test_buses_that_cannot_be_are_told_by_file_key_and_line(
 
 
 def test_second_daemon_is_refused_with_the_exit_code_for_later(capsys: pytest.CaptureFixture[str]) -> None:
-    with SingleDaemon(daemon_socket()):
+    with single_daemon(daemon_socket()):
         assert cli.run(["run", "--sim"]) == 75
     assert "is running already" in capsys.readouterr().err
 
@@ -301,7 +301,7 @@ def test_check_for_people_gives_cause_and_remedy(rover_file: Path, capsys: pytes
 
 
 def test_check_leaves_a_running_daemon_alone(rover_file: Path) -> None:
-    with SingleDaemon(daemon_socket()):
+    with single_daemon(daemon_socket()):
         assert cli.run(["check", "--config", str(rover_file)]) == 75
 
 
@@ -311,7 +311,7 @@ def test_motors_of_a_daemon_on_another_socket_are_left_alone(
 ) -> None:
     monkeypatch.setattr(terminal, "is_there", lambda: True)
     monkeypatch.setattr("wayfarer.daemon.motors_lock.motors_device", lambda config: "/dev/ptmx")
-    with MotorsLock("/dev/ptmx"):
+    with motors_lock("/dev/ptmx"):
         assert cli.run([*command, "--config", str(rover_file)]) == 75
     assert "drives these motors (/dev/ptmx)" in capsys.readouterr().err
 

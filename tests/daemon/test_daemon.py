@@ -25,7 +25,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon import host_health
 from wayfarer.daemon.daemon import Daemon, RoverSetup, Service, serve
 from wayfarer.daemon.socket.client import ask
-from wayfarer.daemon.socket.paths import AlreadyRunning, SingleDaemon
+from wayfarer.daemon.socket.paths import AlreadyRunning, single_daemon
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.live_rover import live_rover_setup
@@ -100,7 +100,7 @@ class Running:
 
     async def __aenter__(self) -> Running:
         before = self.site.runs()
-        self.site.socket.unlink(missing_ok=True)  # as ``SingleDaemon`` does
+        self.site.socket.unlink(missing_ok=True)  # as ``single_daemon`` does
         self._run = asyncio.create_task(Daemon(self.site.service).run())
         await self.until(lambda: self.site.runs() > before and any(each.get("heading_deg") for each in self.site.log()))
         return self
@@ -362,7 +362,7 @@ async def test_systemd_is_told_when_it_is_up_that_it_lives_and_when_it_stops(
 
 
 def test_second_daemon_leaves_the_first_alone(site: Site) -> None:
-    with SingleDaemon(site.socket), pytest.raises(AlreadyRunning):
+    with single_daemon(site.socket), pytest.raises(AlreadyRunning):
         serve(site.service)
     assert not site.logs.exists(), "a run that never was leaves no log"
 
@@ -384,5 +384,5 @@ def test_part_that_does_not_open_is_named_and_everything_is_let_go(site: Site) -
         serve(site.service)
     assert site.closed == 1
     assert site.log()[-1]["reason"] == "failed"
-    with SingleDaemon(site.socket):
+    with single_daemon(site.socket):
         pass  # the socket is free again

@@ -10,7 +10,7 @@ import pytest
 from wayfarer import cli
 from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.config.rover_file import load_rover
-from wayfarer.daemon.device_files import refuse_missing_ports
+from wayfarer.daemon.device_files import device_files, refuse_missing_ports
 from wayfarer.errors import BadConfig
 
 PORTS = ("/dev/i2c-1", "/dev/spidev0.1", "/dev/ttyAMA0")
@@ -37,6 +37,13 @@ def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def test_every_port_of_a_rover_is_looked_at(tmp_path: Path, looked_at: list[str]) -> None:
     refuse_missing_ports(load_rover("forestrover"), "forestrover", host(tmp_path))
     assert looked_at == list(PORTS)
+
+
+def test_device_file_of_two_parts_is_given_once_and_none_of_other_buses() -> None:
+    config = load_rover("minirover")
+    assert {config.parts[part]["driver"] for part in ("compass", "motors")} == {"cmps14", "thunderborg"}
+    assert device_files(config).count("/dev/i2c-1") == 1
+    assert device_files(config.model_copy(update={"buses": "some:buses"})) == ()
 
 
 @pytest.mark.parametrize(

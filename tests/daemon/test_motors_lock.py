@@ -12,15 +12,15 @@ import pytest
 
 from tests.daemon.socket.fake_daemon import open_files
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.daemon.motors_lock import MotorsLock, MotorsTaken, device_of, motors_device, other_commander
+from wayfarer.daemon.motors_lock import MotorsTaken, device_of, motors_device, motors_lock, other_commander
 from wayfarer.daemon.socket.paths import AlreadyRunning
 from wayfarer.drivers.gpio_motors import GpioMotorsSettings
 from wayfarer.drivers.thunderborg import ThunderBorgSettings
 
 HOLDER = """
 import sys
-from wayfarer.daemon.motors_lock import MotorsLock
-with MotorsLock(sys.argv[1]):
+from wayfarer.daemon.motors_lock import motors_lock
+with motors_lock(sys.argv[1]):
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -47,18 +47,18 @@ def test_second_program_is_told_who_drives_and_gets_the_motors_when_that_one_was
         assert first.stdout.readline() == b"held\n"
         assert other_commander(device) == f"another wayfarer (process {first.pid})"
         with pytest.raises(AlreadyRunning, match=rf"process {first.pid}\) drives these motors \({device}\): end it"):
-            MotorsLock(device).__enter__()
+            motors_lock(device).__enter__()
         first.kill()
-    with MotorsLock(device):
+    with motors_lock(device):
         pass
 
 
 def test_lock_ends_with_its_context_and_leaves_no_file_open(device: str) -> None:
     before = open_files()
-    with MotorsLock(device):
+    with motors_lock(device):
         assert other_commander(device) == f"another wayfarer (process {os.getpid()})"
         with pytest.raises(MotorsTaken):
-            MotorsLock(device).__enter__()
+            motors_lock(device).__enter__()
         assert open_files() == before + 1
     assert other_commander(device) is None
     assert open_files() == before
@@ -68,13 +68,13 @@ def test_kernel_that_does_not_tell_leaves_the_holder_unnamed(
     device: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("wayfarer.daemon.motors_lock.LOCKS", tmp_path / "none")
-    with MotorsLock(device):
+    with motors_lock(device):
         assert other_commander(device) == "another wayfarer"
 
 
 @pytest.mark.parametrize("name", [None, "/dev/no-such-device"])
 def test_motors_without_a_file_have_no_lock(name: str | None) -> None:
-    with MotorsLock(name), MotorsLock(name):
+    with motors_lock(name), motors_lock(name):
         assert other_commander(name) is None
 
 
@@ -83,7 +83,7 @@ def test_file_that_may_not_be_opened_is_the_drivers_to_tell(device: str, monkeyp
         raise PermissionError
 
     monkeypatch.setattr(os, "open", refuse)
-    with MotorsLock(device), MotorsLock(device):
+    with motors_lock(device), motors_lock(device):
         assert other_commander(device) is None
 
 

@@ -18,10 +18,10 @@ import pytest
 from tests.daemon.socket.fake_daemon import FakeDaemon, serve
 from wayfarer import cli
 from wayfarer.config.registry import find_driver
-from wayfarer.daemon.motors_lock import MotorsLock
+from wayfarer.daemon.motors_lock import motors_lock
 from wayfarer.daemon.salvage import SHIPPED
 from wayfarer.daemon.socket.client import NoDaemon
-from wayfarer.daemon.socket.driven import DrivenBoard, DrivenRecord
+from wayfarer.daemon.socket.driven import DrivenBoard, write_record
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.errors import BadInput, NotResponding, WayfarerError
@@ -227,7 +227,7 @@ def test_shipped_rover_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.fixture
 def record(control_socket: Path) -> Path:
     """What a daemon that drives the ThunderBorg left beside its socket."""
-    DrivenRecord(control_socket).write(DrivenBoard({"driver": "thunderborg"}, "tests.daemon.test_stop_motors:buses"))
+    write_record(control_socket, DrivenBoard({"driver": "thunderborg"}, "tests.daemon.test_stop_motors:buses"))
     return control_socket.with_name("motors.json")
 
 
@@ -268,7 +268,7 @@ def test_board_that_does_not_answer_is_told_beside_the_one_that_was_stopped(
 ) -> None:
     if silent == "motors.json":
         elsewhere = DrivenBoard({"driver": "thunderborg", "address": 0x18}, "tests.daemon.test_stop_motors:buses")
-        DrivenRecord(control_socket).write(elsewhere)
+        write_record(control_socket, elsewhere)
     with pytest.raises(WayfarerError) as caught:
         stop(rover_file, table)
     assert caught.value.exit_code == 1
@@ -278,7 +278,7 @@ def test_board_that_does_not_answer_is_told_beside_the_one_that_was_stopped(
 
 
 def test_recorded_driver_that_is_gone_is_no_success(rover_file: Path, control_socket: Path) -> None:
-    DrivenRecord(control_socket).write(DrivenBoard({"driver": "no.such:Driver"}, "linux"))
+    write_record(control_socket, DrivenBoard({"driver": "no.such:Driver"}, "linux"))
     with pytest.raises(
         WayfarerError, match=r"motors\.json: driver 'no\.such:Driver': cannot import.*are stopped"
     ) as caught:
@@ -466,7 +466,7 @@ def test_daemon_of_another_user_is_found_by_its_lock(rover_file: Path, monkeypat
     monkeypatch.setattr("wayfarer.daemon.stop_board.make_buses", lambda name: bench.buses)
     table = SABERTOOTH + f'port = "{port}"\n'
     who = rf"another wayfarer \(process {os.getpid()}\)"
-    with MotorsLock(port), pytest.raises(WayfarerError, match=f"stop was sent, but {who} still commands these wheels"):
+    with motors_lock(port), pytest.raises(WayfarerError, match=f"stop was sent, but {who} still commands these wheels"):
         stop(rover_file, table)
     assert bench.by_serial.commanded == STILL
     assert "stop was sent to" in stop(rover_file, table)

@@ -114,8 +114,8 @@ def _at_the_rover(
     from wayfarer.config.calibration_file import load
     from wayfarer.config.factory import UNCALIBRATED, connect
     from wayfarer.config.rover_file import load_rover
-    from wayfarer.daemon.motors_lock import MotorsLock, motors_device
-    from wayfarer.daemon.socket.paths import SingleDaemon, daemon_socket
+    from wayfarer.daemon.motors_lock import motors_device, motors_lock
+    from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
 
     where = chosen(config)
     loaded = load_rover(where)
@@ -129,7 +129,7 @@ def _at_the_rover(
             await buses.close()
 
     # Two programs on one bus corrupt each other's answers; a daemon on another socket is found by its motors.
-    with SingleDaemon(daemon_socket()), MotorsLock(motors_device(loaded)):
+    with single_daemon(daemon_socket()), motors_lock(motors_device(loaded)):
         return terminal.with_a_person(run)
 
 
@@ -144,12 +144,8 @@ def _print(findings: Iterable[Finding]) -> None:
 
 def _host(config: RoverConfig, logs: Path) -> HostEnvironment:
     from wayfarer.commissioning.checks import HostEnvironment
-    from wayfarer.commissioning.checks.system import device_files
     from wayfarer.config.calibration_file import calibration_file
-    from wayfarer.config.rover_file import part_settings
+    from wayfarer.daemon.device_files import device_files
     from wayfarer.fieldlog.clock import wall_clock
 
-    devices = device_files(part_settings(part, table)[1] for part, table in config.parts.items())
-    if config.buses != "linux":
-        devices = ()  # somebody else's buses, with names of their own
-    return HostEnvironment(logs, calibration_file(os.environ, Path.home()), devices, wall_clock(0.0))
+    return HostEnvironment(logs, calibration_file(os.environ, Path.home()), device_files(config), wall_clock(0.0))

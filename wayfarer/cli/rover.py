@@ -116,14 +116,15 @@ def _real(
     from wayfarer.config.calibration_file import calibration_file, load
     from wayfarer.config.factory import calibrated, connect
     from wayfarer.daemon.daemon import RoverSetup
-    from wayfarer.daemon.device_files import refuse_missing_ports
+    from wayfarer.daemon.device_files import device_files, refuse_missing_ports
     from wayfarer.fieldlog.clock import wall_clock
 
     file = calibration_file(os.environ, Path.home())
     calibration = load(file)
     buses, rover = connect(config, where, calibration)
     refuse_missing_ports(config, where, HostEnvironment(logs, file, (), wall_clock(0.0)))
-    return calibrated(config, calibration), lambda _: RoverSetup(rover, calibration), buses.close
+    setup = RoverSetup(rover, calibration, devices=device_files(config))
+    return calibrated(config, calibration), lambda _: setup, buses.close
 
 
 def simulated(

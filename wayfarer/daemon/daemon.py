@@ -17,10 +17,9 @@ from typing import Any
 import orjson
 
 from wayfarer import __version__
-from wayfarer.commissioning.checks import ARMING, CALIBRATED, HostEnvironment, system
-from wayfarer.commissioning.checks.system import device_files
+from wayfarer.commissioning.checks import ARMING, Check, HostEnvironment, system
 from wayfarer.config.calibration_file import Calibration, calibration_file
-from wayfarer.config.rover_file import RoverConfig, part_settings
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.records import RunLog, Tee
 from wayfarer.control.shutdown import STOP_DEADLINE_S
 from wayfarer.control.supervisor import Supervisor, check_parts, first_cause
@@ -28,11 +27,11 @@ from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.console_log import ConsoleLog
 from wayfarer.daemon.dry_run import DryMotors
-from wayfarer.daemon.host_health import Health, HostHealthMonitor
-from wayfarer.daemon.motors_lock import MotorsLock, motors_device
+from wayfarer.daemon.host_health import Health, monitor_host_health
+from wayfarer.daemon.motors_lock import motors_device, motors_lock
 from wayfarer.daemon.signals import handle_signals
-from wayfarer.daemon.socket.driven import DrivenBoard, DrivenRecord
-from wayfarer.daemon.socket.paths import SingleDaemon
+from wayfarer.daemon.socket.driven import DrivenBoard, remove_record, write_record
+from wayfarer.daemon.socket.paths import single_daemon
 from wayfarer.daemon.socket.server import ControlServer
 from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.daemon.viewer import Viewer
@@ -52,13 +51,17 @@ from wayfarer.safety.mission_limits import RunEnd
 
 @dataclass(frozen=True, slots=True)
 class RoverSetup:
-    """A rover to serve, and for its log what is known of it: how it was calibrated; of a simulated one, the truth.
+    """A rover to serve, and what is known of it.
 
-    ``world`` is the forest, for the log's first record, and ``ground_truth_log`` makes what writes the truth beside it.
+    ``checks`` must not fail before it is armed, and ``devices`` are the device files that its parts are on. The rest is
+    for its log: how it was calibrated; of a simulated rover ``world`` is the forest, for the first record, and
+    ``ground_truth_log`` makes what writes the truth beside it.
     """
 
     rover: Rover
     calibration: Calibration | None = None
+    checks: Sequence[Check] = ARMING
+    devices: tuple[str, ...] = ()
     world: Mapping[str, Any] | None = None
     ground_truth_log: Callable[[FieldLog], RunLog] | None = None
 
@@ -100,18 +103,21 @@ def serve(service: Service) -> RunEnd:
     config = service.config
     motors = None if service.simulated else config.parts.get("motors")
     device = None if motors is None else motors_device(config)
-    record = DrivenRecord(service.socket)
 
     async def run() -> RunEnd:
         daemon = Daemon(service)
         end = await daemon.run()
         if motors is not None and daemon.wheels_stopped:
-            record.remove()
+            remove_record(service.socket)
         return end
 
-    with SingleDaemon(service.socket), MotorsLock(device), asyncio.Runner(loop_factory=service.loop_factory) as runner:
+    with (
+        single_daemon(service.socket),
+        motors_lock(device),
+        asyncio.Runner(loop_factory=service.loop_factory) as runner,
+    ):
         if motors is not None:
-            record.write(DrivenBoard(motors, config.buses))
+            write_record(service.socket, DrivenBoard(motors, config.buses))
         try:
             return runner.run(run())
         except Exception as error:
@@ -126,7 +132,7 @@ class Daemon:
         self._service = service
         self._loop = asyncio.get_running_loop()
         config = service.config
-        rover_setup = service.make_rover(self._finish)
+        self._setup = rover_setup = service.make_rover(self._finish)
         rover = rover_setup.rover
         check_parts(rover, service.algorithm, config)  # before there is a log of a run that cannot be
         self._rover = replace(rover, motors=DryMotors(rover.motors)) if service.dry_run else rover
@@ -146,8 +152,7 @@ class Daemon:
         self._lines = StderrWriter()
         self._writer = WriterThread(RunFiles(folder, config.log, self._lines.write))
         shown_to = [viewer.show for viewer in service.viewers]
-        header = self._header(about, rover_setup)
-        self._field_log = FieldLog(self._writer, header, t_s=self._loop.time(), viewers=shown_to)
+        self._field_log = FieldLog(self._writer, self._header(about), t_s=self._loop.time(), viewers=shown_to)
         if before is not None:
             self._tell_of_unfinished(before)
         ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []
@@ -155,11 +160,11 @@ class Daemon:
         self._log = Tee(self._field_log, *ground_truth_logs, console, watchdog_feed)
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
-        checks = [check for check in ARMING if not (service.simulated and check in CALIBRATED)]
-        checks.append(partial(system.log, lambda: self._writer.trouble))
+        checks: list[Check] = [*rover_setup.checks, partial(system.log, lambda: self._writer.trouble)]
         self._commands = RoverCommands(
-            self._supervisor, self._rover.motors, self._inspect, self._log, about, checks, self._records_lost
-        )
+            self._supervisor, self._rover.motors, self._inspect, self._log, about, checks,
+            lambda: self._field_log.dropped,
+        )  # fmt: skip
 
     @property
     def wheels_stopped(self) -> bool:
@@ -179,7 +184,7 @@ class Daemon:
             async with server, AsyncExitStack() as stack:
                 for viewer in self._service.viewers:
                     await stack.enter_async_context(viewer.serving(self._commands))
-                stack.enter_context(HostHealthMonitor(self._service.logs, self._note_computer, self._note_power))
+                stack.enter_context(monitor_host_health(self._service.logs, self._note_computer, self._note_power))
                 return await self._run_watched()
         finally:
             self._guard.stop()
@@ -202,27 +207,20 @@ class Daemon:
                 if feeding is not None:
                     feeding.cancel()
 
-    def _records_lost(self) -> int:
-        return self._field_log.dropped
-
-    def _header(self, about: dict[str, Any], rover_setup: RoverSetup) -> dict[str, Any]:
-        parts = {name: part.name for name, part in self._rover.parts.items()}
-        world = {"world": rover_setup.world} if rover_setup.world else {}
+    def _header(self, about: dict[str, Any]) -> dict[str, Any]:
         config = self._service.config.model_dump(mode="json")
-        return (
-            about
-            | world
-            | {
-                "seed": self._service.seed,
-                "algorithm_seed": self._service.seed,
-                "parts": parts,
-                "calibration": rover_setup.calibration,
-                "config": config,
-                "config_hash": _hash(config),
-                "time_scale": self._service.time_scale,
-                "boot_id": _boot_id(),
-            }
-        )
+        return {
+            **about,
+            **({"world": self._setup.world} if self._setup.world else {}),
+            "seed": self._service.seed,
+            "algorithm_seed": self._service.seed,
+            "parts": {name: part.name for name, part in self._rover.parts.items()},
+            "calibration": self._setup.calibration,
+            "config": config,
+            "config_hash": _hash(config),
+            "time_scale": self._service.time_scale,
+            "boot_id": _boot_id(),
+        }
 
     def _note_computer(self, health: Health) -> None:
         """Write the computer's health down; called in another thread."""
@@ -246,12 +244,9 @@ class Daemon:
         self._lines.write(unclean_text(before._asdict()))
 
     def _inspect(self) -> RunningInspection:
-        config, logs = self._service.config, self._service.logs
-        has_files = config.buses == "linux" and not self._service.simulated
-        settings = [part_settings(*part)[1] for part in config.parts.items()] if has_files else []
         calibrated = calibration_file(os.environ, Path.home())
-        host = HostEnvironment(logs, calibrated, device_files(settings), wall_clock(self._loop.time()))
-        return RunningInspection(config, self._rover, host, self._supervisor)
+        host = HostEnvironment(self._service.logs, calibrated, self._setup.devices, wall_clock(self._loop.time()))
+        return RunningInspection(self._service.config, self._rover, host, self._supervisor)
 
     def _finish(self, reason: str, text: str) -> None:
         self._supervisor.finish(reason, text)

@@ -1,4 +1,4 @@
-"""Checks that the ports of a run exist and are accessible, before anything is opened; names the key of a bad one."""
+"""The device files that a rover's parts are on, and the check that they exist and are accessible before a run."""
 
 from __future__ import annotations
 
@@ -9,6 +9,11 @@ from wayfarer.commissioning.checks.api import HostEnvironment
 from wayfarer.commissioning.checks.system import diagnose
 from wayfarer.config.rover_file import RoverConfig, line_in, part_settings
 from wayfarer.errors import BadConfig
+
+
+def device_files(config: RoverConfig) -> tuple[str, ...]:
+    """Return the device files that a rover's parts are on, each once, in their order."""
+    return tuple(dict.fromkeys(device for _, device in _ports(config)))
 
 
 def refuse_missing_ports(config: RoverConfig, where: str, host: HostEnvironment) -> None:
@@ -22,8 +27,6 @@ def refuse_missing_ports(config: RoverConfig, where: str, host: HostEnvironment)
     Raises:
         BadConfig: the text names file, key and device, and what to do, such as which group to join.
     """
-    if config.buses != "linux":
-        return
     for key, device in _ports(config):
         trouble = diagnose(host, device)
         if trouble is not None:
@@ -33,7 +36,9 @@ def refuse_missing_ports(config: RoverConfig, where: str, host: HostEnvironment)
 
 
 def _ports(config: RoverConfig) -> Iterator[tuple[str, str]]:
-    """Give each device file and the key that names it."""
+    """Give each device file and the key that names it; only buses of Linux have device files."""
+    if config.buses != "linux":
+        return
     for part, table in config.parts.items():
         _, settings = part_settings(part, table)
         for field in fields(settings):

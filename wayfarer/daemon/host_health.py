@@ -9,11 +9,9 @@ from __future__ import annotations
 import os
 import shutil
 import threading
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from wayfarer.commissioning.checks.system import THROTTLED
 
@@ -24,47 +22,38 @@ CPU_TEMPERATURE = "/sys/class/thermal/thermal_zone0/temp"  # thousandths of a de
 Health = Mapping[str, float | str | None]
 
 
-class HostHealthMonitor:
-    """Reads the computer's health every ``EVERY_S``, and its power flags every ``POWER_EVERY_S``, while it is entered.
+@contextmanager
+def monitor_host_health(
+    logs: Path,
+    take: Callable[[Health], None],
+    take_power: Callable[[int | None], None],
+    root: Path = Path("/"),
+) -> Iterator[None]:
+    """Read the computer's health every ``EVERY_S``, and its power flags every ``POWER_EVERY_S``, while entered.
 
     Args:
         logs: the folder whose disk is of interest; it need not be there.
-        take: takes the health, in a thread of the watch.
-        take_power: takes the firmware's power flags, None where it does not tell; in another thread of the watch.
+        take: takes the health, in a thread of the monitor.
+        take_power: takes the firmware's power flags, None where it does not tell; in another thread of the monitor.
         root: where the file system begins; another one in a test.
     """
+    ended = threading.Event()
 
-    def __init__(
-        self,
-        logs: Path,
-        take: Callable[[Health], None],
-        take_power: Callable[[int | None], None],
-        root: Path = Path("/"),
-    ) -> None:
-        self._logs = logs
-        self._take = take
-        self._take_power = take_power
-        self._root = root
-        self._ended = threading.Event()
+    def start(name: str, every_s: float, tell: Callable[[], None]) -> None:
+        def watch() -> None:
+            while not ended.is_set():
+                with suppress(RuntimeError):  # the loop that is told has ended
+                    tell()
+                ended.wait(every_s)
 
-    def __enter__(self) -> Self:
-        self._start("computer watch", EVERY_S, lambda: self._take(health(self._logs, self._root)))
-        self._start("power watch", POWER_EVERY_S, lambda: self._take_power(power_flags(self._root)))
-        return self
+        threading.Thread(target=watch, name=name, daemon=True).start()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
-    ) -> None:
-        self._ended.set()
-
-    def _start(self, name: str, every_s: float, tell: Callable[[], None]) -> None:
-        threading.Thread(target=self._watch, args=(every_s, tell), name=name, daemon=True).start()
-
-    def _watch(self, every_s: float, tell: Callable[[], None]) -> None:
-        while not self._ended.is_set():
-            with suppress(RuntimeError):  # the loop that is told has ended
-                tell()
-            self._ended.wait(every_s)
+    start("computer watch", EVERY_S, lambda: take(health(logs, root)))
+    start("power watch", POWER_EVERY_S, lambda: take_power(power_flags(root)))
+    try:
+        yield
+    finally:
+        ended.set()
 
 
 def health(logs: Path, root: Path = Path("/")) -> Health:

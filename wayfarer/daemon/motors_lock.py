@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import fcntl
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from wayfarer.daemon.socket.paths import AlreadyRunning
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 LOCKS = Path("/proc/locks")
 # A serial port must neither be waited for nor become the terminal of this process.
 _QUIETLY = os.O_NONBLOCK | os.O_NOCTTY
-_NONE = -1
 
 
 class MotorsTaken(AlreadyRunning):
@@ -52,56 +51,41 @@ def device_of(buses: str, settings: object) -> str | None:
     return name if Path(name).is_char_device() else None
 
 
-class MotorsLock:
-    """Holds the lock of a device file for as long as it is entered; without one, or if it may not be opened, none.
+@contextmanager
+def motors_lock(device: str | None) -> Iterator[None]:
+    """Hold the lock of a device file while entered; without a file, or if it may not be opened, there is none.
 
     Raises:
         MotorsTaken: another process holds it (it is an ``AlreadyRunning``).
     """
-
-    def __init__(self, device: str | None) -> None:
-        self._device = device
-        self._file = _NONE
-
-    def __enter__(self) -> Self:
-        if self._device is not None:
-            self._take(self._device)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
-    ) -> None:
-        if self._file != _NONE:
-            os.close(self._file)
-            self._file = _NONE
-
-    def _take(self, device: str) -> None:
-        file = _opened(device)
-        if file == _NONE:
-            return
+    file = None if device is None else _opened(device)
+    if device is None or file is None:
+        yield
+        return
+    try:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            who = _holder(file)
-            os.close(file)
-            raise MotorsTaken(who, device) from None
-        self._file = file
+            raise MotorsTaken(_holder(file), device) from None
+        yield
+    finally:
+        os.close(file)
 
 
 def other_commander(device: str | None) -> str | None:
     """Return who else holds the lock of a device file, such as "another wayfarer (process 123)"; None if nobody."""
     try:
-        with MotorsLock(device):
+        with motors_lock(device):
             return None
     except MotorsTaken as taken:
         return taken.who
 
 
-def _opened(device: str) -> int:
+def _opened(device: str) -> int | None:
     for mode in (os.O_RDONLY, os.O_RDWR):
         with suppress(OSError):
             return os.open(device, mode | _QUIETLY)
-    return _NONE
+    return None
 
 
 def _holder(file: int) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
+from wayfarer.commissioning.checks import ARMING, CALIBRATED
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.daemon.daemon import RoverSetup
 from wayfarer.experiments.ground_truth_log import GroundTruthLog
@@ -33,4 +34,7 @@ def live_rover_setup(config: RoverConfig, depth: Depth, seed: int, finish: Calla
 
     world.after_step = OutcomeMonitor(forest, NO_BUDGET_M, physics.tip_deg, tell).watch
     rover = build(depth, world, streams, config, clock)
-    return RoverSetup(rover, world=as_row(forest), ground_truth_log=lambda log: GroundTruthLog(log, world))
+    checks = [check for check in ARMING if check not in CALIBRATED]
+    return RoverSetup(
+        rover, checks=checks, world=as_row(forest), ground_truth_log=lambda log: GroundTruthLog(log, world)
+    )

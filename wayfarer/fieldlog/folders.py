@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.disk_errors import error_advice
 
 FILE_NAME = "run.jsonl"  # the newest segment of a run's log; older ones are run.00001.jsonl and so on
@@ -34,7 +35,7 @@ def new_run_folder(logs: Path) -> Path:
         logs.mkdir(parents=True, exist_ok=True)
         with _only_one(logs):
             last = max((number for path in logs.iterdir() if (number := run_number(path)) is not None), default=0)
-            folder = logs / f"{last + 1:05d}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}"
+            folder = logs / f"{last + 1:05d}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime(wall_clock(0.0)))}"
             folder.mkdir()
     except OSError as error:
         raise BadInput(f"{logs}: no folder can be made for the field log: {error_advice(error)}") from None

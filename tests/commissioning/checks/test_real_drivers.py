@@ -13,10 +13,8 @@ from tests.commissioning.checks.rigs import ChipRig, Rig, Script, run
 from wayfarer.commissioning.calibrate import calibrate
 from wayfarer.commissioning.calibrate.compass import OFF
 from wayfarer.commissioning.checks import CheckVerdict, Finding, board, parts, run_checks
-from wayfarer.commissioning.checks.system import device_files
 from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings
 from wayfarer.drivers.sabertooth import SabertoothSettings
-from wayfarer.drivers.thunderborg import ThunderBorgSettings
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.cmps14 import CALIBRATED
@@ -115,8 +113,3 @@ def test_a_real_board_and_compass_measure_how_the_rover_turns(rig: ChipRig) -> N
     assert found.on_the_spot is not None
     assert found.on_the_spot.from_duty < 0.02
     assert found.on_the_spot.deg_s_per_duty == pytest.approx(degrees(2.0 * 1.4 / 0.5), rel=0.02)
-
-
-def test_the_device_files_of_real_settings_are_found() -> None:
-    settings = (CMPS14Settings(), ThunderBorgSettings(), SabertoothSettings())
-    assert device_files(settings) == ("/dev/i2c-1", "/dev/serial0")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import pwd
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -92,20 +92,6 @@ def test_a_port_that_is_the_debug_connector_of_a_pi_5_is_a_warning(
 
 def test_forestrovers_port_is_on_the_header_of_its_pi_5() -> None:
     assert load_rover("forestrover").parts["motors"]["port"] == "/dev/ttyAMA0"
-
-
-def test_device_files_are_found_in_the_settings_of_parts_each_once() -> None:
-    @dataclass
-    class OnI2C:
-        bus: str = "/dev/i2c-1"
-        address: int = 0x60
-
-    @dataclass
-    class OnSerial:
-        port: str = "/dev/serial0"
-        note: str = "see /dev/null"
-
-    assert system.device_files([OnI2C(), OnSerial(), OnI2C(), object()]) == ("/dev/i2c-1", "/dev/serial0")
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,14 @@ from stat import S_IMODE
 import pytest
 
 from wayfarer.daemon.socket import paths
-from wayfarer.daemon.socket.driven import MOST_BYTES, DrivenBoard, DrivenRecord, known_records, read_record
+from wayfarer.daemon.socket.driven import (
+    MOST_BYTES,
+    DrivenBoard,
+    known_records,
+    read_record,
+    remove_record,
+    write_record,
+)
 from wayfarer.errors import BadInput
 
 DRIVEN = DrivenBoard({"driver": "sabertooth", "port": "/dev/ttyAMA0", "duty_limit": 0.5}, "linux")
@@ -21,7 +28,7 @@ ME, NOBODY = os.geteuid(), 65534
 @pytest.fixture
 def record(path: Path) -> Path:
     """A record beside a daemon's socket."""
-    DrivenRecord(path).write(DRIVEN)
+    write_record(path, DRIVEN)
     return path.with_name("motors.json")
 
 
@@ -29,19 +36,19 @@ def test_what_was_written_is_read_and_gone_when_it_is_removed(path: Path, record
     assert read_record(record) == (DRIVEN, ME)
     assert S_IMODE(record.stat().st_mode) == 0o600
     assert list(record.parent.iterdir()) == [record]
-    DrivenRecord(path).remove()
+    remove_record(path)
     assert read_record(record) is None
-    DrivenRecord(path).remove()
+    remove_record(path)
 
 
 def test_next_daemon_s_takes_the_place_of_one_that_was_left(path: Path, record: Path) -> None:
-    DrivenRecord(path).write(DrivenBoard({"driver": "thunderborg"}, "some:buses"))
+    write_record(path, DrivenBoard({"driver": "thunderborg"}, "some:buses"))
     assert read_record(record) == (({"driver": "thunderborg"}, "some:buses"), ME)
 
 
 def test_folder_that_cannot_be_written_to_is_told(path: Path) -> None:
     with pytest.raises(BadInput, match=r"motors\.json: what is driven cannot be written down: No such file"):
-        DrivenRecord(path.parent / "none" / "control.sock").write(DRIVEN)
+        write_record(path.parent / "none" / "control.sock", DRIVEN)
 
 
 def other_link(record: Path) -> None:

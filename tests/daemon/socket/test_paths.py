@@ -13,12 +13,12 @@ import pytest
 
 from tests.daemon.socket.fake_daemon import open_files
 from wayfarer.daemon.socket import paths
-from wayfarer.daemon.socket.paths import AlreadyRunning, SingleDaemon, daemon_socket, known_sockets
+from wayfarer.daemon.socket.paths import AlreadyRunning, daemon_socket, known_sockets, single_daemon
 from wayfarer.errors import BadInput
 
 HOLDER = """
 import sys, pathlib, wayfarer.daemon.socket.paths as paths
-with paths.SingleDaemon(pathlib.Path(sys.argv[1])):
+with paths.single_daemon(pathlib.Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -41,7 +41,7 @@ def test_folder_where_the_socket_is_to_be_is_told_and_left_alone(tmp_path: Path)
     path = tmp_path / "control.sock"
     (path / "somebody's").mkdir(parents=True)
     files = open_files()
-    with pytest.raises(BadInput) as caught, SingleDaemon(path):
+    with pytest.raises(BadInput) as caught, single_daemon(path):
         pytest.fail("it was entered")
     assert str(caught.value).startswith(f"{path}: the control socket cannot be made: it is a folder; remove")
     assert (path / "somebody's").is_dir()
@@ -111,7 +111,7 @@ def test_root_s_client_looks_into_the_sessions_of_users_too(
 
 
 def test_own_private_folder_is_used_again(places: Path) -> None:
-    with SingleDaemon(daemon_socket()):
+    with single_daemon(daemon_socket()):
         pass
     assert daemon_socket().parent.is_dir()
 
@@ -150,7 +150,7 @@ def test_shared_folder_matters_only_where_it_is_needed(places: Path, monkeypatch
 
 
 def test_folder_of_the_socket_is_made_for_its_owner(path: Path) -> None:
-    with SingleDaemon(path.parent / "new" / "control.sock"):
+    with single_daemon(path.parent / "new" / "control.sock"):
         assert S_IMODE((path.parent / "new").stat().st_mode) == 0o700
 
 
@@ -162,33 +162,33 @@ def test_second_daemon_is_told_who_runs_and_leaves_the_first_alone(path: Path) -
         assert first.stdout.readline() == b"held\n"
         path.touch()
         with pytest.raises(AlreadyRunning, match=rf"process {first.pid}, socket {path}\): .*'wayfarer stop'"):
-            SingleDaemon(path).__enter__()
+            single_daemon(path).__enter__()
         assert path.exists()
         first.kill()
-    with SingleDaemon(path):
+    with single_daemon(path):
         assert not path.exists(), "what the killed one left is cleared away by the next"
 
 
 def test_second_in_the_same_process_is_refused_too(path: Path) -> None:
     before = open_files()
-    with SingleDaemon(path):
+    with single_daemon(path):
         for _ in range(2):
             with pytest.raises(AlreadyRunning, match=f"process {os.getpid()},"):
-                SingleDaemon(path).__enter__()
+                single_daemon(path).__enter__()
         assert open_files() == before + 1
     assert open_files() == before
 
 
 def test_holder_that_has_not_signed_yet_is_not_named(path: Path) -> None:
-    with SingleDaemon(path):
+    with single_daemon(path):
         path.with_name("control.sock.lock").write_bytes(b"")
         with pytest.raises(AlreadyRunning, match="process not known yet,"):
-            SingleDaemon(path).__enter__()
+            single_daemon(path).__enter__()
 
 
 def test_next_daemon_may_begin_when_the_first_has_ended(path: Path) -> None:
     for _ in range(3):
-        with SingleDaemon(path), socket.socket(socket.AF_UNIX) as listening:
+        with single_daemon(path), socket.socket(socket.AF_UNIX) as listening:
             listening.bind(str(path))
         assert not path.exists()
 
@@ -196,7 +196,7 @@ def test_next_daemon_may_begin_when_the_first_has_ended(path: Path) -> None:
 def test_longer_process_id_of_before_leaves_no_digits(path: Path) -> None:
     lock = path.with_name("control.sock.lock")
     lock.write_bytes(b"99999999999\n")
-    with SingleDaemon(path):
+    with single_daemon(path):
         assert lock.read_text() == f"{os.getpid()}\n"
     assert lock.read_bytes() == b""
 
@@ -204,11 +204,11 @@ def test_longer_process_id_of_before_leaves_no_digits(path: Path) -> None:
 def test_lock_that_is_a_link_is_refused(path: Path) -> None:
     path.with_name("control.sock.lock").symlink_to(path.parent / "victim")
     with pytest.raises(BadInput, match="the daemon's lock cannot be made"):
-        SingleDaemon(path).__enter__()
+        single_daemon(path).__enter__()
     assert not (path.parent / "victim").exists()
 
 
 def test_folder_that_cannot_be_made_is_the_users_to_mend(path: Path) -> None:
     path.touch()
     with pytest.raises(BadInput, match=r"control\.sock/x\.lock: the daemon's lock cannot be made"):
-        SingleDaemon(path / "x").__enter__()
+        single_daemon(path / "x").__enter__()

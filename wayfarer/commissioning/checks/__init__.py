@@ -78,7 +78,7 @@ async def check(config: RoverConfig, rover: Rover, host: HostEnvironment, ask: A
     Args:
         config: the rover file.
         rover: its parts, not open; they are closed afterwards.
-        host: files, clock and device files (``system.device_files`` lists those of the parts' settings).
+        host: files, clock and device files.
         ask: asks a person, who must agree before a wheel turns; None where there is nobody.
     """
     devices = [partial(system.device, name) for name in host.devices]

@@ -7,8 +7,7 @@ import os
 import pwd
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
@@ -70,17 +69,6 @@ DEVICE_KINDS = (
     ),
 )
 OTHER_DEVICE = DeviceKind(("",), "root", "no such device", "correct its name in the rover file")
-
-
-def device_files(settings: Iterable[object]) -> tuple[str, ...]:
-    """Return the device files that parts' settings (dataclasses) name, each once, in their order."""
-    values = [
-        getattr(each, field.name)
-        for each in settings
-        if is_dataclass(each) and not isinstance(each, type)
-        for field in fields(each)
-    ]
-    return tuple(dict.fromkeys(value for value in values if isinstance(value, str) and value.startswith("/dev/")))
 
 
 def diagnose(host: HostEnvironment, device: str) -> DeviceProblem | None:

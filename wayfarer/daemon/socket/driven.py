@@ -39,30 +39,28 @@ class FoundRecord(NamedTuple):
     owner: int
 
 
-class DrivenRecord:
-    """The file of a daemon, which holds ``paths.SingleDaemon`` for this socket."""
+def write_record(socket_path: Path, driven: DrivenBoard) -> None:
+    """Write the record of a daemon, which holds ``paths.single_daemon`` for this socket.
 
-    def __init__(self, socket_path: Path) -> None:
-        self._path = socket_path.with_name(NAME)
+    It replaces what a daemon that was killed may have left.
 
-    def write(self, driven: DrivenBoard) -> None:
-        """Put the file in the place of what a daemon that was killed may have left.
+    Raises:
+        BadInput: it cannot be written.
+    """
+    path = socket_path.with_name(NAME)
+    try:
+        with whole_file(path) as draft:
+            file = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with os.fdopen(file, "w", encoding="utf-8") as writer:
+                json.dump(driven._asdict(), writer)
+    except OSError as error:
+        raise BadInput(f"{path}: what is driven cannot be written down: {error.strerror}") from None
 
-        Raises:
-            BadInput: it cannot be written.
-        """
-        try:
-            with whole_file(self._path) as draft:
-                file = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-                with os.fdopen(file, "w", encoding="utf-8") as writer:
-                    json.dump(driven._asdict(), writer)
-        except OSError as error:
-            raise BadInput(f"{self._path}: what is driven cannot be written down: {error.strerror}") from None
 
-    def remove(self) -> None:
-        """Remove it: the wheels stand, and nobody drives them any more."""
-        with suppress(OSError):
-            self._path.unlink(missing_ok=True)
+def remove_record(socket_path: Path) -> None:
+    """Remove the record: the wheels stand, and nobody drives them any more."""
+    with suppress(OSError):
+        socket_path.with_name(NAME).unlink(missing_ok=True)
 
 
 def known_records() -> Iterator[Path]:

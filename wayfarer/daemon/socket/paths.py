@@ -12,10 +12,9 @@ from __future__ import annotations
 import fcntl
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from stat import S_IMODE, S_ISDIR
-from types import TracebackType
-from typing import Self
 
 from wayfarer.errors import BadInput, WayfarerError
 
@@ -76,8 +75,9 @@ def _refuse_if_shared(folder: Path) -> None:
         )
 
 
-class SingleDaemon:
-    """Holds the lock of a socket for as long as it is entered; only the holder may remove the socket's file.
+@contextmanager
+def single_daemon(socket_path: Path) -> Iterator[None]:
+    """Hold the lock of a socket while entered; only the holder may remove the socket's file.
 
     The lock is the kernel's (flock on ``<socket>.lock``), so it ends with the process, however that ends, and what a
     killed daemon left behind is cleared away by the next one. The lock's file stays: removing it would let two
@@ -87,47 +87,43 @@ class SingleDaemon:
         AlreadyRunning: another process holds it; the text names its process id.
         BadInput: the folder or the lock cannot be made, or something else is where the socket is to be.
     """
-
-    def __init__(self, socket_path: Path) -> None:
-        self._socket_path = socket_path
-        self._lock_path = socket_path.with_name(f"{socket_path.name}.lock")
-        self._lock = -1
-
-    def __enter__(self) -> Self:
+    lock_path = socket_path.with_name(f"{socket_path.name}.lock")
+    try:
+        socket_path.parent.mkdir(mode=_PRIVATE, parents=True, exist_ok=True)
+        lock = os.open(lock_path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+    except OSError as error:
+        raise BadInput(f"{lock_path}: the daemon's lock cannot be made: {error.strerror}") from None
+    try:
+        _take(lock, socket_path)
+        _remove(socket_path)
         try:
-            self._socket_path.parent.mkdir(mode=_PRIVATE, parents=True, exist_ok=True)
-            self._lock = os.open(self._lock_path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
-        except OSError as error:
-            raise BadInput(f"{self._lock_path}: the daemon's lock cannot be made: {error.strerror}") from None
-        try:
-            self._take()
-        except BaseException:
-            os.close(self._lock)
-            raise
-        return self
+            yield
+        finally:
+            socket_path.unlink(missing_ok=True)
+            os.ftruncate(lock, 0)
+    finally:
+        os.close(lock)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
-    ) -> None:
-        self._socket_path.unlink(missing_ok=True)
-        os.ftruncate(self._lock, 0)
-        os.close(self._lock)
 
-    def _take(self) -> None:
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            holder = os.pread(self._lock, 20, 0).decode("ascii", "replace").strip() or "not known yet"
-            raise AlreadyRunning(
-                f"a wayfarer daemon is running already (process {holder}, socket {self._socket_path}): talk to it with"
-                " 'wayfarer status', or end it with 'wayfarer stop'"
-            ) from None
-        os.ftruncate(self._lock, 0)
-        os.pwrite(self._lock, f"{os.getpid()}\n".encode(), 0)
-        try:
-            self._socket_path.unlink(missing_ok=True)
-        except OSError as error:
-            what = "it is a folder" if self._socket_path.is_dir() else error.strerror
-            raise BadInput(
-                f"{self._socket_path}: the control socket cannot be made: {what}; remove what is at that path"
-            ) from None
+def _take(lock: int, socket_path: Path) -> None:
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        holder = os.pread(lock, 20, 0).decode("ascii", "replace").strip() or "not known yet"
+        raise AlreadyRunning(
+            f"a wayfarer daemon is running already (process {holder}, socket {socket_path}): talk to it with"
+            " 'wayfarer status', or end it with 'wayfarer stop'"
+        ) from None
+    os.ftruncate(lock, 0)
+    os.pwrite(lock, f"{os.getpid()}\n".encode(), 0)
+
+
+def _remove(socket_path: Path) -> None:
+    """Remove what a killed daemon has left at the socket's path."""
+    try:
+        socket_path.unlink(missing_ok=True)
+    except OSError as error:
+        what = "it is a folder" if socket_path.is_dir() else error.strerror
+        raise BadInput(
+            f"{socket_path}: the control socket cannot be made: {what}; remove what is at that path"
+        ) from None

@@ -48,7 +48,7 @@ class ControlServer:
     """Serves ``commands`` on a socket while it is entered (``async with``).
 
     The file is the daemon's alone (mode 0600), and a peer must be its user or root besides. The process must hold
-    ``paths.SingleDaemon`` for the same path, which also clears a dead daemon's socket away.
+    ``paths.single_daemon`` for the same path, which also clears a dead daemon's socket away.
 
     Args:
         path: where the socket is made; a Unix socket's path has 107 bytes at most.
