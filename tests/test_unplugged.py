@@ -6,7 +6,7 @@ import errno
 from pathlib import Path
 from typing import Any
 
-from tests.control.test_controller import Bench
+from tests.control.bench import Bench
 from wayfarer.control.controller import Mode
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.drivers.threaded import ThreadedSerial

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.records import TickRecord
+from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import CATALOGUE
@@ -142,6 +142,27 @@ class Light(Part):
     async def show(self, colour: Colour) -> None:
         await self.shop.point("light.show")
         self.shop.colours.append((asyncio.get_running_loop().time(), colour))
+
+
+class EventLog(PartialLog):
+    """Keeps ticks, events and positions."""
+
+    def __init__(self) -> None:
+        self.ticks: list[TickRecord] = []
+        self.events: list[tuple[str, dict[str, Any]]] = []
+        self.fixes: list[PositionFix | None] = []
+
+    def tick(self, record: TickRecord) -> None:
+        self.ticks.append(record)
+
+    def event(self, name: str, t_s: float, **details: object) -> None:
+        self.events.append((name, details))
+
+    def position(self, fix: PositionFix | None) -> None:
+        self.fixes.append(fix)
+
+    def named(self, name: str) -> list[dict[str, Any]]:
+        return [details for event, details in self.events if event == name]
 
 
 class Log:

@@ -6,30 +6,14 @@ from math import inf, nan
 
 import pytest
 
-from tests.control.test_controller import TICK_S, Bench, Motors
+from tests.control.bench import TICK_S, Bench
 from wayfarer.control.controller import Mode
 from wayfarer.hal import STOP, ContactReading, MotionReading, PositionFix, Side, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 
 
-class CountingMotors(Motors):
-    """Counts the stops that are sent besides the commands."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.halts = 0
-
-    def halt(self) -> None:
-        self.halts += 1
-
-
 class Rolling(Bench):
     """A rover of which the ground goes by, whatever it is told."""
-
-    def __init__(self) -> None:
-        self.counting = CountingMotors()
-        super().__init__(wheels=self.counting)
-        self.motors = self.counting
 
     async def roll(self, ticks: int, speed_m_s: float = 0.5) -> None:
         for _ in range(ticks):
@@ -45,11 +29,11 @@ async def test_rover_that_goes_on_while_held_is_a_fault_within_half_a_second_and
     await bench.roll(11)  # the first of them sends the stop
     assert bench.health == (Level.FAULT, Condition.RUNAWAY)
     assert bench.log.named("disarmed") == [{"reason": "fault: runaway"}]
-    assert bench.counting.halts == 1
+    assert bench.motors.halts == 1
     await bench.roll(20)
-    assert bench.counting.halts == 21, "it goes on being stopped though it is disarmed now"
+    assert bench.motors.halts == 21, "it goes on being stopped though it is disarmed now"
     await bench.roll(20, speed_m_s=0.0)
-    assert bench.counting.halts == 21
+    assert bench.motors.halts == 21
     assert set(bench.motors.commands[-40:]) == {STOP}
 
 
@@ -71,7 +55,7 @@ async def test_person_may_push_a_rover_that_is_not_armed() -> None:
     await bench.roll(40)
     assert bench.health == (Level.WELL, None)
     assert bench.controller.conditions == ()
-    assert bench.counting.halts == 0
+    assert bench.motors.halts == 0
 
 
 async def test_contact_that_cannot_be_reaches_no_decision() -> None:

@@ -1,11 +1,11 @@
-"""The supervisor in virtual time: sensors, arming, board and light beside the controller, each with its troubles."""
+"""The supervisor in virtual time: sensors and arming, each with its troubles."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 
@@ -13,9 +13,7 @@ from tests.workshop import (
     AHEAD,
     PARTS,
     Contact,
-    Handler,
     Light,
-    Motors,
     Part,
     Position,
     Script,
@@ -28,24 +26,18 @@ from tests.workshop import (
 )
 from wayfarer.control.controller import Mode
 from wayfarer.control.sensors import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S
-from wayfarer.control.status_light import BLUE, GREEN, OFF, RED, YELLOW
 from wayfarer.control.supervisor import Supervisor
-from wayfarer.errors import DriverError, MissingPart, NotArmed, NotResponding, WayfarerError
-from wayfarer.escape.api import Decision, Observation
+from wayfarer.errors import MissingPart, NotArmed, NotResponding, WayfarerError
 from wayfarer.hal import (
     STOP,
-    Colour,
     WheelCommand,
 )
-from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 # -- a run as it should be ---------------------------------------------------------------------------------------
 
 
-def test_run_opens_the_motors_first_drives_and_closes_them_last() -> None:
-    shop = Workshop()
+def test_run_opens_the_motors_first_drives_and_closes_them_last(shop: Workshop) -> None:
     end = drive(shop)
     assert end == RunEnd("requested", "enough")
     assert shop.done[1:4] == ["motors.open", "compass.open", "motion.open"]
@@ -59,15 +51,13 @@ def test_run_opens_the_motors_first_drives_and_closes_them_last() -> None:
     assert_wheels_stopped_first(shop)
 
 
-def test_sensors_and_ticks_keep_their_own_rates() -> None:
-    shop = Workshop()
+def test_sensors_ticks_and_questions_to_the_board_keep_their_own_rates(shop: Workshop) -> None:
     drive(shop, for_s=10.0, position=Position(shop, "position"))
-    done = {"log.tick": 198, "compass.read": 198, "position.read": 10, "log.position": 10}
+    done = {"log.tick": 198, "compass.read": 198, "position.read": 10, "log.position": 10, "motors.health": 40}
     assert {what: sum(t_s < 9.88 for t_s in shop.times(what)) for what in done} == done
 
 
-def test_unarmed_run_never_moves() -> None:
-    shop = Workshop()
+def test_unarmed_run_never_moves(shop: Workshop) -> None:
     wheels = []
     script: dict[float, Callable[[Supervisor], object]] = {0.01: lambda it: it.disarm("not yet")}
     script |= {0.1 * n: lambda it: wheels.append((it.mode, shop.wheels)) for n in range(1, 9)}
@@ -82,8 +72,7 @@ def test_contact_sensor_is_read_only_where_it_is_needed() -> None:
         assert bool(shop.times("contact.read")) == expected
 
 
-async def test_run_on_the_stock_loop_is_the_same() -> None:
-    shop = Workshop()
+async def test_run_on_the_stock_loop_is_the_same(shop: Workshop) -> None:
     under_test = supervisor(shop)
     await under_test.arm(0.0)
     asyncio.get_running_loop().call_later(0.12, under_test.finish, "requested", "enough")
@@ -103,16 +92,14 @@ async def test_run_on_the_stock_loop_is_the_same() -> None:
         ({"motion": None}, "anomaly_source = 'motion' needs a motion sensor, and rover 'bench' has none"),
     ],
 )
-def test_missing_part_is_refused_before_anything_is_opened(rover: dict[str, Any], text: str) -> None:
-    shop = Workshop()
+def test_missing_part_is_refused_before_anything_is_opened(shop: Workshop, rover: dict[str, Any], text: str) -> None:
     with pytest.raises(MissingPart, match=text):
         supervisor(shop, **rover)
     assert shop.trace == []
 
 
 @pytest.mark.parametrize("part", sorted(PARTS))
-def test_part_that_does_not_open_ends_the_run_with_its_error(part: str) -> None:
-    shop = Workshop()
+def test_part_that_does_not_open_ends_the_run_with_its_error(shop: Workshop, part: str) -> None:
     shop.broken[f"{part}.open"] = NotResponding(f"{part}: no answer")
     with pytest.raises(NotResponding, match=f"{part}: no answer"):
         drive(shop)
@@ -123,8 +110,7 @@ def test_part_that_does_not_open_ends_the_run_with_its_error(part: str) -> None:
 
 
 @pytest.mark.parametrize("part", ["light", "position"])
-def test_run_begins_without_a_light_or_a_receiver_that_does_not_open(part: str) -> None:
-    shop = Workshop()
+def test_run_begins_without_a_light_or_a_receiver_that_does_not_open(shop: Workshop, part: str) -> None:
     shop.broken[f"{part}.open"] = NotResponding(f"{part}: no answer")
     kind: Callable[[Workshop, str], Part] = {"light": Light, "position": Position}[part]
     rover: dict[str, Any] = {part: kind(shop, part)}
@@ -134,8 +120,7 @@ def test_run_begins_without_a_light_or_a_receiver_that_does_not_open(part: str) 
 
 
 @pytest.mark.parametrize("sensor", ["compass", "motion"])
-def test_one_missed_answer_is_asked_again_soon_and_nothing_stops(sensor: str) -> None:
-    shop = Workshop()
+def test_one_missed_answer_is_asked_again_soon_and_nothing_stops(shop: Workshop, sensor: str) -> None:
     missed = NotResponding("once")
     end = drive(shop, {0.49: breaking(shop, f"{sensor}.read", missed), 0.51: mending(shop)}, for_s=2.0)
     assert end.reason == "requested"
@@ -145,8 +130,7 @@ def test_one_missed_answer_is_asked_again_soon_and_nothing_stops(sensor: str) ->
     assert shop.named("health") == [], "nor at the start: the first tick waits for the first readings"
 
 
-def test_sensor_that_keeps_failing_is_reopened_with_growing_pauses_while_the_others_go_on() -> None:
-    shop = Workshop()
+def test_sensor_that_keeps_failing_is_reopened_with_growing_pauses_while_the_others_go_on(shop: Workshop) -> None:
     drive(shop, {0.97: breaking(shop, "compass.read", NotResponding("gone"))}, for_s=12.0)
     pauses_s = [details["retry_in_s"] for details in shop.named("sensor_failed")]
     assert pauses_s[:7] == [RETRY_PAUSE_S * 2**n for n in range(6)] + [RETRY_PAUSE_MAX_S]
@@ -158,8 +142,7 @@ def test_sensor_that_keeps_failing_is_reopened_with_growing_pauses_while_the_oth
     assert len(shop.times("motion.read")) == pytest.approx(240, abs=1)
 
 
-def test_sensor_that_does_not_open_again_is_tried_again() -> None:
-    shop = Workshop()
+def test_sensor_that_does_not_open_again_is_tried_again(shop: Workshop) -> None:
 
     def unplug(_: Supervisor) -> None:
         shop.broken |= {"motion.read": NotResponding("gone"), "motion.open": NotResponding("still gone")}
@@ -169,8 +152,7 @@ def test_sensor_that_does_not_open_again_is_tried_again() -> None:
     assert shop.times("motion.read")[-1] > 7.9
 
 
-def test_wheels_are_held_while_the_compass_is_silent_and_go_on_afterwards() -> None:
-    shop = Workshop()
+def test_wheels_are_held_while_the_compass_is_silent_and_go_on_afterwards(shop: Workshop) -> None:
     wheels: dict[float, WheelCommand] = {}
 
     def look(t_s: float) -> Callable[[Supervisor], object]:
@@ -181,31 +163,17 @@ def test_wheels_are_held_while_the_compass_is_silent_and_go_on_afterwards() -> N
     assert wheels == {0.99: AHEAD, 1.26: AHEAD, 1.42: STOP, 2.9: STOP, 5.5: AHEAD}
 
 
-def test_wheels_are_held_all_the_time_while_the_motion_sensor_is_gone() -> None:
+def test_wheels_are_held_all_the_time_while_the_motion_sensor_is_gone(shop: Workshop) -> None:
     """Each attempt to reopen it fails anew; that must not count as a sign of life."""
-    shop = Workshop()
     drive(shop, {1.01: breaking(shop, "motion.read", NotResponding("gone"))}, for_s=20.0)
     assert 1.01 < max(shop.times("handler.decide")) < 1.7
 
 
-def test_sensor_that_hangs_stops_the_wheels_and_not_the_others() -> None:
-    shop = Workshop()
+def test_sensor_that_hangs_stops_the_wheels_and_not_the_others(shop: Workshop) -> None:
     end = drive(shop, {1.0: lambda _: shop.silent.add("compass.read")}, for_s=3.0)
     assert end.reason == "requested"
     assert [details["cause"] for details in shop.named("health")][-1] == "compass_stale"
     assert shop.times("motion.read")[-1] > 2.9
-    assert_wheels_stopped_first(shop)
-
-
-def test_motors_that_do_not_answer_disarm_and_the_run_goes_on() -> None:
-    shop = Workshop()
-    modes = []
-    script = {
-        0.5: breaking(shop, "motors.drive", DriverError("no acknowledgement")),
-        0.9: lambda it: modes.append(it.mode),
-    }
-    assert drive(shop, script).reason == "requested"
-    assert modes == [Mode.DISARMED]
     assert_wheels_stopped_first(shop)
 
 
@@ -229,9 +197,9 @@ class Armer:
         self.task = asyncio.ensure_future(self._arm(it))
 
 
-def test_arming_opens_the_motors_anew_before_the_wheels_may_turn() -> None:
+def test_arming_opens_the_motors_anew_before_the_wheels_may_turn(shop: Workshop) -> None:
     """A board that lost its power for a moment has forgotten its deadman."""
-    shop, arm = Workshop(), Armer()
+    arm = Armer()
     drive(shop, {0.31: lambda it: it.disarm("asked"), 0.51: arm})
     assert arm.refusals == []
     assert shop.times("motors.open") == pytest.approx([0.0, 0.51])
@@ -240,10 +208,10 @@ def test_arming_opens_the_motors_anew_before_the_wheels_may_turn() -> None:
     assert decided[-1] > 0.9
 
 
-def test_motor_board_that_does_not_open_refuses_to_arm_and_nothing_has_changed() -> None:
-    shop, arm = Workshop(), Armer()
+def test_motor_board_that_does_not_open_refuses_to_arm_and_nothing_has_changed(shop: Workshop) -> None:
+    arm = Armer()
     modes: list[tuple[Mode, str]] = []
-    script: dict[float, Callable[[Supervisor], object]] = {
+    script: Script = {
         0.31: lambda it: it.disarm("asked"),
         0.4: breaking(shop, "motors.open", NotResponding("board: no answer; switch it on")),
         0.51: arm,
@@ -256,9 +224,9 @@ def test_motor_board_that_does_not_open_refuses_to_arm_and_nothing_has_changed()
     assert max(shop.times("handler.decide")) < 0.4
 
 
-def test_motors_that_failed_are_opened_anew_by_arming_and_drive_again() -> None:
-    shop, arm = Workshop(), Armer()
-    script: dict[float, Callable[[Supervisor], object]] = {
+def test_motors_that_failed_are_opened_anew_by_arming_and_drive_again(shop: Workshop) -> None:
+    arm = Armer()
+    script: Script = {
         0.5: breaking(shop, "motors.drive", NotResponding("no acknowledgement")),
         0.9: mending(shop),
         1.5: arm,
@@ -269,13 +237,14 @@ def test_motors_that_failed_are_opened_anew_by_arming_and_drive_again() -> None:
     decided = shop.times("handler.decide")
     assert [t_s for t_s in decided if 0.56 < t_s < 1.5] == []
     assert decided[-1] > 1.9
+    assert_wheels_stopped_first(shop)
 
 
-def test_check_that_speaks_against_arming_is_made_before_the_motors_are_touched() -> None:
+def test_check_that_speaks_against_arming_is_made_before_the_motors_are_touched(shop: Workshop) -> None:
     async def refuse() -> None:
         raise NotArmed("the compass is not calibrated")
 
-    shop, arm = Workshop(), Armer(refuse)
+    arm = Armer(refuse)
     drive(shop, {0.31: lambda it: it.disarm("asked"), 0.51: arm})
     assert [str(refusal) for refusal in arm.refusals] == ["the compass is not calibrated"]
     assert shop.done.count("motors.open") == 1
@@ -284,6 +253,7 @@ def test_check_that_speaks_against_arming_is_made_before_the_motors_are_touched(
 
 @pytest.mark.parametrize("act", [lambda it: it.disarm("stop!"), lambda it: it.finish("requested", "stop!")])
 def test_rover_that_is_disarmed_while_it_is_checked_is_not_armed_afterwards(
+    shop: Workshop,
     act: Callable[[Supervisor], object],
 ) -> None:
     """Whoever says stop last must be right."""
@@ -291,259 +261,8 @@ def test_rover_that_is_disarmed_while_it_is_checked_is_not_armed_afterwards(
     async def takes_long() -> None:
         await asyncio.sleep(0.17)
 
-    shop, arm = Workshop(), Armer(takes_long)
+    arm = Armer(takes_long)
     drive(shop, {0.31: lambda it: it.disarm("asked"), 0.51: arm, 0.67: act})
     assert [type(refusal) for refusal in arm.refusals] == [NotArmed]
     assert max(shop.times("handler.decide")) < 0.36
     assert len(shop.named("arming")) == 1, "only that at the start of the run"
-
-
-# -- the motor board ---------------------------------------------------------------------------------------------
-
-
-def test_board_is_asked_at_its_own_rate() -> None:
-    shop = Workshop()
-    drive(shop, for_s=10.0)
-    assert len(shop.times("motors.health")) == pytest.approx(40, abs=1)
-
-
-def test_board_that_falls_silent_is_told_once_and_the_rover_drives_on() -> None:
-    shop = Workshop()
-    gone = NotResponding("board: no answer")
-    script: dict[float, Callable[[Supervisor], object]] = {
-        1.1: breaking(shop, "motors.health", gone),
-        4.1: mending(shop),
-        6.1: breaking(shop, "motors.health", gone),
-    }
-    assert drive(shop, script, for_s=8.0).reason == "requested"
-    assert shop.named("board_silent") == [{"error": "board: no answer"}] * 2, "once for each time"
-    causes = [details["cause"] for details in shop.named("health")]
-    assert causes[-3:] == ["board_silent", None, "board_silent"]
-    assert len(shop.times("handler.decide")) == pytest.approx(8.0 * 20, abs=5)
-
-
-def test_board_fault_stops_the_wheels_within_half_a_second() -> None:
-    shop = Workshop()
-    drive(shop, {1.01: lambda _: setattr(shop, "faults", ("motor A: drive fault",))}, for_s=3.0)
-    assert shop.named("disarmed") == [{"reason": "fault: board_fault"}]
-    assert 1.01 < max(shop.times("handler.decide")) <= 1.51
-
-
-def halts_between(shop: Workshop, from_s: float, to_s: float) -> int:
-    return sum(from_s <= t_s < to_s for t_s in shop.times("motors.halt"))
-
-
-@pytest.mark.parametrize("at_s", [1.01, 1.06, 1.11, 1.16, 1.21, 1.249, 1.251])
-def test_board_that_turns_the_wheels_by_itself_is_a_fault_within_half_a_second(at_s: float) -> None:
-    """It answers what it was told, until a hold that it does not take."""
-    shop, seen = Workshop(), []
-    script: Script = {
-        0.4: lambda it: setattr(shop, "answer", AHEAD),
-        at_s: lambda it: it.controller.hold(at_s, held=True),
-        at_s + 0.5: lambda it: seen.append((it.mode, it.controller.why_disarmed)),
-    }
-    drive(shop, script, for_s=3.0)
-    assert seen == [(Mode.DISARMED, "fault: board_disagrees")]
-    assert halts_between(shop, 2.0, 3.0) == pytest.approx(20, abs=1), "the stop is repeated at each tick"
-
-
-def test_board_that_turns_the_wheels_of_a_disarmed_rover_is_stopped_again_and_again() -> None:
-    shop, seen = Workshop(), []
-    script: Script = {
-        1.01: lambda it: it.disarm("asked"),
-        2.01: lambda it: setattr(shop, "answer", WheelCommand(0.2, 0.0)),
-        2.51: lambda it: seen.append(it.controller.conditions),
-        4.01: lambda it: setattr(shop, "answer", STOP),
-        5.01: lambda it: seen.append(it.controller.conditions),
-    }
-    drive(shop, script, for_s=6.0)
-    assert seen == [(Condition.BOARD_DISAGREES,), ()]
-    assert halts_between(shop, 2.51, 4.01) == pytest.approx(30, abs=1)
-    assert halts_between(shop, 4.6, 5.9) == 0
-
-
-def test_stop_that_comes_between_a_command_and_the_board_is_no_fault() -> None:
-    """A halt reaches the board before the next tick does: for a moment it says less than was applied."""
-    shop, seen = Workshop(), []
-
-    def halt(it: Supervisor) -> None:
-        shop.answer = STOP
-        it.controller.hold(1.249, held=True)
-
-    drive(
-        shop,
-        {0.4: lambda it: setattr(shop, "answer", AHEAD), 1.249: halt, 3.0: lambda it: seen.append(it.mode)},
-        for_s=4.0,
-    )
-    assert seen == [Mode.ARMED]
-
-
-# -- what parts get over by themselves ---------------------------------------------------------------------------
-
-
-class CountingContact(Contact):
-    """A bumper that counts."""
-
-    def __init__(self, shop: Workshop, name: str) -> None:
-        super().__init__(shop, name)
-        self.troubles = {"reads retried": 0, "garbage": 0}
-
-
-def test_troubles_of_a_part_are_noted_when_they_grow_at_most_once_a_second() -> None:
-    shop = Workshop()
-    contact = CountingContact(shop, "contact")
-
-    def fail_often(it: Supervisor) -> None:
-        contact.troubles["reads retried"] += 1
-        if it.controller.end is None:
-            asyncio.get_running_loop().call_later(0.01, fail_often, it)
-
-    drive(shop, {0.2: fail_often}, for_s=3.5, contact=contact, source="contact")
-    noted = shop.named("part_troubles")
-    assert [each["part"] for each in noted] == ["contact"] * 3
-    assert [each["counts"] for each in noted] == [
-        {"reads retried": pytest.approx(count, abs=3)} for count in (80, 180, 280)
-    ]
-
-
-def test_board_that_hangs_stops_neither_the_ticks_nor_the_end() -> None:
-    shop = Workshop()
-    shop.silent.add("motors.health")
-    assert drive(shop, for_s=2.0).reason == "requested"
-    assert len(shop.times("handler.decide")) == pytest.approx(40, abs=5)
-    assert_wheels_stopped_first(shop)
-
-
-# -- the status light --------------------------------------------------------------------------------------------
-
-
-def shown(shop: Workshop, from_s: float, to_s: float) -> set[Colour]:
-    return {colour for t_s, colour in shop.colours if from_s <= t_s < to_s}
-
-
-def test_light_shows_arming_driving_and_fault() -> None:
-    shop = Workshop()
-    broken = breaking(shop, "motors.drive", NotResponding("gone"))
-    drive(shop, {0.01: lambda it: None, 4.01: broken}, for_s=6.0, light=Light(shop, "light"), start_delay_s=2.0)
-    assert shown(shop, 0.1, 1.9) == {YELLOW, OFF}
-    assert shown(shop, 2.2, 4.0) == {GREEN}
-    assert shown(shop, 4.3, 6.0) == {RED, OFF}
-
-
-def test_light_shows_a_rover_that_is_disarmed() -> None:
-    shop = Workshop()
-    drive(shop, {0.5: lambda it: it.disarm("asked")}, for_s=2.0, light=Light(shop, "light"))
-    assert shown(shop, 0.8, 2.0) == {BLUE}
-
-
-def test_light_that_fails_stops_nothing_and_is_told_once() -> None:
-    shop = Workshop()
-    gone = NotResponding("light: no answer")
-    script: dict[float, Callable[[Supervisor], object]] = {
-        1.1: breaking(shop, "light.show", gone),
-        3.1: mending(shop),
-        5.1: breaking(shop, "light.show", gone),
-    }
-    assert drive(shop, script, for_s=6.0, light=Light(shop, "light")).reason == "requested"
-    assert shop.named("light_failed") == [{"error": "light: no answer"}] * 2, "once for each time"
-    assert len(shop.times("handler.decide")) == pytest.approx(6.0 * 20, abs=5)
-    assert shown(shop, 3.3, 5.0) == {GREEN}, "it is tried again"
-
-
-def test_light_that_hangs_stops_nothing() -> None:
-    shop = Workshop()
-    script = {1.1: lambda _: shop.silent.add("light.show")}
-    assert drive(shop, script, for_s=2.0, light=Light(shop, "light")).reason == "requested"
-    assert shop.times("handler.decide")[-1] > 1.9
-    assert "light.close" in shop.done
-    assert_wheels_stopped_first(shop)
-
-
-# -- freshness, for the watchdog ---------------------------------------------------------------------------------
-
-
-def freshness(shop: Workshop, script: Script, at_s: tuple[float, ...], **rover: Any) -> list[bool]:
-    """Return what ``is_fresh`` says at some times of a run."""
-    fresh: list[bool] = []
-    asking = {t_s: lambda it: fresh.append(it.is_fresh()) for t_s in at_s}
-    drive(shop, {**asking, **script}, for_s=max(at_s) + 0.1, **rover)
-    return fresh
-
-
-def test_run_is_not_fresh_before_its_first_tick_and_fresh_while_it_drives() -> None:
-    shop = Workshop()
-    assert not supervisor(shop).is_fresh()
-    assert freshness(shop, {}, (0.3, 1.0, 9.0)) == [True, True, True]
-
-
-def test_run_is_not_fresh_while_a_tick_hangs() -> None:
-    shop = Workshop()
-    script = {1.01: lambda _: shop.silent.add("motors.drive")}
-    fresh: list[bool] = []
-    ask = {t_s: lambda it: fresh.append(it.is_fresh()) for t_s in (1.5, 2.2)}
-    cancel = {3.0: lambda _: shop.run is not None and shop.run.cancel()}
-    with pytest.raises(asyncio.CancelledError):
-        drive(shop, {**ask, **script, **cancel}, for_s=9.0)
-    assert fresh == [True, False]
-
-
-@pytest.mark.parametrize("sensor", ["compass", "motion", "contact"])
-def test_run_is_not_fresh_while_a_sensor_that_it_needs_is_silent(sensor: str) -> None:
-    shop = Workshop()
-    script = {1.01: lambda _: shop.silent.add(f"{sensor}.read")}
-    rover = {"algorithm": "cv-pledge", "contact": Contact(shop, "contact")}
-    assert freshness(shop, script, (0.9, 2.0, 5.0), **rover) == [True, False, False]
-
-
-@pytest.mark.parametrize("sensor", ["compass", "motion", "contact"])
-def test_run_is_fresh_again_when_the_sensor_is_back(sensor: str) -> None:
-    shop = Workshop()
-    script = {1.01: breaking(shop, f"{sensor}.read", NotResponding("gone")), 3.01: mending(shop)}
-    rover = {"algorithm": "cv-pledge", "contact": Contact(shop, "contact")}
-    assert freshness(shop, script, (0.9, 2.0, 5.5), **rover) == [True, False, True]
-
-
-def test_run_is_fresh_without_a_position_a_light_or_a_battery() -> None:
-    shop = Workshop()
-    shop.broken = {what: NotResponding("gone") for what in ("position.read", "light.show", "motors.health")}
-    parts = {"position": Position(shop, "position"), "light": Light(shop, "light")}
-    assert freshness(shop, {}, (1.0, 4.0), **parts) == [True, True]
-
-
-class RecordingMotors(Motors):
-    """Motors that keep what they were told and when."""
-
-    told: ClassVar[list[tuple[float, WheelCommand]]] = []
-
-    async def drive(self, command: WheelCommand) -> WheelCommand:
-        self.told.append((asyncio.get_running_loop().time(), command))
-        return await super().drive(command)
-
-
-class SuspendedHandler(Handler):
-    """A handler amid whose decision the process is suspended for three seconds, once."""
-
-    suspended_at_s = 0.0
-
-    def decide(self, observation: Observation) -> Decision:
-        loop = asyncio.get_running_loop()
-        if self.suspended_at_s == 0.0 and loop.time() > 0.5:
-            assert isinstance(loop, VirtualLoop)
-            SuspendedHandler.suspended_at_s = loop.time()
-            loop.stall(3.0)
-        return super().decide(observation)
-
-
-def test_decision_amid_which_the_process_was_suspended_turns_no_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tests.workshop.Motors", RecordingMotors)
-    monkeypatch.setattr("tests.workshop.Handler", SuspendedHandler)
-    monkeypatch.setattr(RecordingMotors, "told", [])
-    monkeypatch.setattr(SuspendedHandler, "suspended_at_s", 0.0)
-    drive(Workshop(), for_s=6.0)
-    woken_s = SuspendedHandler.suspended_at_s + 3.0
-    before = [command for t_s, command in RecordingMotors.told if t_s < woken_s]
-    warned = [command for t_s, command in RecordingMotors.told if woken_s <= t_s < woken_s + 1.0]
-    after = [command for t_s, command in RecordingMotors.told if t_s > woken_s + 1.2]
-    assert before[-1] == AHEAD
-    assert set(warned) == {STOP}
-    assert after[0] == AHEAD

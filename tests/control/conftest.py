@@ -1,0 +1,12 @@
+"""Fixtures of the control loop's tests."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.workshop import Workshop
+
+
+@pytest.fixture
+def shop() -> Workshop:
+    return Workshop()
