@@ -121,6 +121,10 @@ class Running:
             while await self.site.wheels() == STOP:
                 await asyncio.sleep(0.01)
 
+    async def stop(self) -> RunEnd:
+        await self.site.ask("stop")
+        return await self.end()
+
     async def end(self) -> RunEnd:
         async with asyncio.timeout(LONG_S):
             try:
@@ -164,15 +168,6 @@ async def test_log_is_named_so_that_it_is_found_from_any_folder(site: Site, monk
     assert stopped["log"] == site.log()[0]["log"] == told
 
 
-async def test_it_is_armed_asked_and_ended_over_its_socket(site: Site) -> None:
-    async with Running(site) as daemon:
-        assert (await site.ask("status"))["mode"] == "disarmed"
-        await daemon.drives()
-        assert (await site.ask("status"))["mode"] == "armed"
-        await site.ask("stop")
-        assert (await daemon.end()).reason == "requested"
-
-
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1, signal.SIGALRM])
 async def test_signal_stops_the_wheels_at_once_and_ends_the_run_in_order(site: Site, number: signal.Signals) -> None:
     signal.signal(number, signal.SIG_DFL)  # it may be ignored where these tests run
@@ -192,8 +187,7 @@ async def test_hangup_that_is_ignored_ends_nothing(site: Site) -> None:
             await daemon.drives()
             os.kill(os.getpid(), signal.SIGHUP)
             assert (await site.ask("status"))["mode"] == "armed"
-            await site.ask("stop")
-            assert (await daemon.end()).reason == "requested"
+            assert (await daemon.stop()).reason == "requested"
     finally:
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
@@ -206,20 +200,11 @@ async def test_loop_that_stands_still_has_its_wheels_stopped_meanwhile(site: Sit
         assert site.stops, "nobody stopped the wheels"
         assert site.stops[0] - began_s < 0.45
         await daemon.until(lambda: bool(site.events("loop_stalled")))
-        assert site.events("loop_stalled")[0]["stall_s"] >= 0.4
-        await site.ask("stop")
-        await daemon.end()
-
-
-async def test_log_says_where_the_loop_stood_still(site: Site) -> None:
-    async with Running(site) as daemon:
-        time.sleep(0.5)  # noqa: ASYNC251 - the bug that is guarded against
-        await daemon.until(lambda: bool(site.events("loop_stalled")))
-        await site.ask("stop")
-        await daemon.end()
-    where = site.events("loop_stalled")[0]["where"]
-    assert where.startswith("daemon/test_daemon.py:"), where
-    assert "test_log_says_where_the_loop_stood_still" in where.split(" < ")[0]
+        await daemon.stop()
+    (told,) = site.events("loop_stalled")
+    assert told["stall_s"] >= 0.4
+    assert told["where"].startswith("daemon/test_daemon.py:"), told
+    assert "test_loop_that_stands_still" in told["where"].split(" < ")[0]
 
 
 async def test_settings_of_two_runs_are_told_apart_by_their_hash(site: Site) -> None:
@@ -227,9 +212,9 @@ async def test_settings_of_two_runs_are_told_apart_by_their_hash(site: Site) -> 
     for control_hz in (20.0, 20.0, 25.0):
         site.service = replace(site.service, config=site.service.config.model_copy(update={"control_hz": control_hz}))
         async with Running(site) as daemon:
-            await site.ask("stop")
-            await daemon.end()
+            await daemon.stop()
         hashes.append(site.log()[0]["config_hash"])
+        assert site.events("unclean_shutdown") == [], "the run before was ended in order"
     assert hashes[0] == hashes[1] != hashes[2]
     assert all(len(bytes.fromhex(each)) == 8 for each in hashes)
 
@@ -244,27 +229,17 @@ async def test_run_that_was_cut_off_is_told_by_the_next_which_stands_disarmed(
     write(site.logs / before, numbered([HEADER, event("armed", 1.0), *drive(1.0, 2.0, phase="follow")]))
     async with Running(site) as daemon:
         assert (await site.ask("status"))["mode"] == "disarmed"
-        await site.ask("stop")
-        await daemon.end()
+        await daemon.stop()
     (told,) = site.events("unclean_shutdown")
     assert (told["run"], told["last_t_s"], told["mode"], told["error"]) == (before, 101.95, "armed", None)
     assert f"the run before ({before}) was cut off while armed at " in capfd.readouterr().err
     assert site.log()[-1]["record"] == "outcome", "and the next one will not speak of this"
 
 
-async def test_run_that_was_ended_in_order_is_not_spoken_of(site: Site) -> None:
-    for _ in range(2):
-        async with Running(site) as daemon:
-            await site.ask("stop")
-            await daemon.end()
-        assert site.events("unclean_shutdown") == []
-
-
 async def test_log_of_the_run_before_that_cannot_be_read_stops_no_daemon(site: Site) -> None:
     (site.logs / "00016-20261121T061405Z" / "run.jsonl").mkdir(parents=True)
     async with Running(site) as daemon:
-        await site.ask("stop")
-        await daemon.end()
+        await daemon.stop()
     assert "directory" in site.events("unclean_shutdown")[0]["error"]
 
 
@@ -291,8 +266,7 @@ async def test_disk_that_takes_no_records_lets_the_rover_drive_on_and_refuses_th
         disk.failures = 0
         await asyncio.sleep(2.5)
         await daemon.drives()
-        await site.ask("stop")
-        await daemon.end()
+        await daemon.stop()
 
 
 async def test_low_voltage_of_the_computer_is_noticed_within_a_second(
@@ -305,8 +279,7 @@ async def test_low_voltage_of_the_computer_is_noticed_within_a_second(
         async with asyncio.timeout(1.5):  # a second, and this machine's patience
             while "undervoltage" not in (await site.ask("status"))["conditions"]:
                 await asyncio.sleep(0.05)
-        await site.ask("stop")
-        await daemon.end()
+        await daemon.stop()
     (told,) = site.events("power")
     assert (told["flags"], told["text"].split(",")[0]) == ("0x50005", "under-voltage now")
 
@@ -317,8 +290,7 @@ async def test_dry_run_does_everything_but_turn_the_wheels(site: Site) -> None:
         await site.ask("arm", heading_deg=0.0)
         await daemon.until(lambda: any(record.get("wanted_left") for record in site.log()))
         assert await site.wheels() == STOP
-        await site.ask("stop")
-        await daemon.end()
+        await daemon.stop()
 
 
 async def test_bug_ends_the_run_and_is_in_its_log(site: Site) -> None:

@@ -7,12 +7,13 @@ import os
 import socket
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from tests.virtual import virtual
 from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, feed_watchdog, watchdog_period_s
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 
 class Listener:
@@ -87,18 +88,14 @@ def test_watchdog_period_is_a_quarter_of_the_limit(environment: dict[str, str], 
     assert watchdog_period_s(environment) == period_s
 
 
-def test_watchdog_is_fed_only_while_all_is_fresh(listener: Listener) -> None:
+@virtual
+async def test_watchdog_is_fed_only_while_all_is_fresh(listener: Listener) -> None:
     notifier = SystemdNotifier(listener.socket.getsockname())
-
-    async def main() -> None:
-        time = asyncio.get_running_loop().time
-        stale_from_s = time() + 5.0
-        with pytest.raises(TimeoutError):
-            async with asyncio.timeout(20.0):
-                await feed_watchdog(notifier, lambda: time() < stale_from_s, 2.5)
-
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        runner.run(main())
+    time = asyncio.get_running_loop().time
+    stale_from_s = time() + 5.0
+    with pytest.raises(TimeoutError):
+        async with asyncio.timeout(20.0):
+            await feed_watchdog(notifier, lambda: time() < stale_from_s, 2.5)
     assert listener.heard() == ["WATCHDOG=1"] * 2
 
 
@@ -122,6 +119,13 @@ class Wheels:
         """A guard with more patience than the rover's, for a busy test machine."""
         return StallGuard(self.halt, self.recovered, limit_s)
 
+    @contextmanager
+    def guarded(self, limit_s: float = 0.4) -> Iterator[StallGuard]:
+        guard = self.guard(limit_s)
+        guard.start()
+        yield guard
+        guard.stop()
+
 
 def block(seconds_s: float) -> None:
     """Hold the loop as a bug would."""
@@ -136,45 +140,32 @@ async def beat_for(guard: StallGuard, seconds_s: float) -> None:
 
 async def test_blocked_loop_has_its_wheels_stopped_again_and_again(capfd: pytest.CaptureFixture[str]) -> None:
     wheels = Wheels()
-    guard = wheels.guard()
     time = asyncio.get_running_loop().time
     began_s = time()
-    guard.start()
-    block(1.0)
-    ended_s = time()
-    await beat_for(guard, 0.2)
-    guard.stop()
-    while_blocked_s = [t_s - began_s for t_s in wheels.halts_s if t_s < ended_s]
-    assert while_blocked_s[0] >= 0.4
-    assert len(while_blocked_s) >= 3
-    assert wheels.recoveries_s == [pytest.approx(ended_s - began_s, abs=0.1)]
-    (where,) = wheels.places
+    with wheels.guarded() as guard:
+        block(1.0)
+        ended_s = time()
+        await beat_for(guard, 0.2)
+        while_blocked_s = [t_s - began_s for t_s in wheels.halts_s if t_s < ended_s]
+        assert while_blocked_s[0] >= 0.4
+        assert len(while_blocked_s) >= 3
+        assert wheels.recoveries_s == [pytest.approx(ended_s - began_s, abs=0.1)]
+        block(0.8)
+        await beat_for(guard, 0.2)
+    assert len(wheels.recoveries_s) == 2
+    where, _ = wheels.places
     assert "daemon/test_watchdog.py:" in where, where
     assert " block < " in where, "taken while it stood still, and who called"
     assert "\n" not in where
     told = capfd.readouterr().err
-    assert told.count("the event loop is blocked") == 1
+    assert told.count("the event loop is blocked") == 2, "each stall is told once"
     assert "in block" in told, "the stacks show what blocks"
-
-
-async def test_each_stall_is_told_once(capfd: pytest.CaptureFixture[str]) -> None:
-    wheels = Wheels()
-    guard = wheels.guard()
-    guard.start()
-    for _ in range(2):
-        block(0.8)
-        await beat_for(guard, 0.2)
-    guard.stop()
-    assert len(wheels.recoveries_s) == 2
-    assert capfd.readouterr().err.count("the event loop is blocked") == 2
 
 
 async def test_beating_loop_is_left_alone() -> None:
     wheels = Wheels()
-    guard = wheels.guard(limit_s=1.0)
-    guard.start()
-    await beat_for(guard, 1.5)
-    guard.stop()
+    with wheels.guarded(limit_s=1.0) as guard:
+        await beat_for(guard, 1.5)
     assert wheels.halts_s == []
 
 
@@ -194,11 +185,9 @@ async def test_stopped_guard_watches_no_more_and_starts_anew(capfd: pytest.Captu
 
 
 async def test_start_twice_makes_one_watcher() -> None:
-    guard = Wheels().guard()
-    guard.start()
-    guard.start()
-    assert [thread.name for thread in threading.enumerate()].count("stall guard") == 1
-    guard.stop()
+    with Wheels().guarded() as guard:
+        guard.start()
+        assert [thread.name for thread in threading.enumerate()].count("stall guard") == 1
 
 
 async def test_stderr_that_nobody_reads_holds_up_no_halt(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -207,11 +196,9 @@ async def test_stderr_that_nobody_reads_holds_up_no_halt(monkeypatch: pytest.Mon
     with os.fdopen(writing, "w") as stalled:
         monkeypatch.setattr("sys.stderr", stalled)
         wheels = Wheels()
-        guard = wheels.guard(limit_s=0.2)
-        guard.start()
-        block(1.0)
-        guard.stop()
-        os.close(reading)  # whoever waits is woken by an error
+        with wheels.guarded(limit_s=0.2):
+            block(1.0)
+        os.close(reading)  # what waits for it is woken by an error
         assert len(wheels.halts_s) >= 4
 
 
@@ -226,10 +213,8 @@ async def test_wheels_are_stopped_before_stacks_are_taken_and_again_where_no_mem
 
     monkeypatch.setattr(os, "memfd_create", refuse)
     wheels = Wheels()
-    guard = wheels.guard()
-    guard.start()
-    block(0.9)
-    guard.stop()
+    with wheels.guarded():
+        block(0.9)
     assert halts_before == [1]
     assert len(wheels.halts_s) >= 2
 
@@ -237,8 +222,6 @@ async def test_wheels_are_stopped_before_stacks_are_taken_and_again_where_no_mem
 async def test_without_stderr_the_wheels_are_stopped_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stderr", None)
     wheels = Wheels()
-    guard = wheels.guard()
-    guard.start()
-    block(0.9)
-    guard.stop()
+    with wheels.guarded():
+        block(0.9)
     assert len(wheels.halts_s) >= 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ import orjson
 
 from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.daemon.socket.server import LIMITS, ControlServer, SocketLimits
+
+STATUS = b'{"do": "status"}\n'
 
 
 class FakeDaemon:
@@ -104,3 +107,16 @@ class RawClient:
         except TimeoutError:
             return False
         return True
+
+
+async def answers(path: Path) -> bool:
+    """Whether the server at this path still answers."""
+    async with RawClient(path) as client:
+        return (await client.reply_to(STATUS))["ok"] is True
+
+
+async def until(happened: Callable[[], object]) -> None:
+    """Give the server a moment; fail if it does not happen."""
+    async with asyncio.timeout(2.0):
+        while not happened():  # noqa: ASYNC110  (nothing there tells of it)
+            await asyncio.sleep(0.002)

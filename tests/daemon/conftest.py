@@ -1,0 +1,39 @@
+"""Fixtures of the daemon's tests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+
+from tests.commissioning.checks.rigs import Rig
+from tests.daemon.left_turning import AHEAD, bench
+from tests.daemon.played import Run
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    return Run(Rig(tmp_path))
+
+
+@pytest.fixture
+def path() -> Iterator[Path]:
+    """A place for a socket; short, because a Unix socket's path has 107 bytes at most."""
+    with TemporaryDirectory(prefix="wayfarer-", dir="/tmp") as folder:
+        yield Path(folder) / "control.sock"
+
+
+@pytest.fixture
+def left_turning(monkeypatch: pytest.MonkeyPatch, path: Path) -> None:
+    """The bench's wheels turn; daemons that may run on this machine are not looked for."""
+    monkeypatch.setattr("wayfarer.daemon.socket.paths.known_sockets", lambda: iter([path]))
+    bench.reset()
+    assert bench.by_i2c.commanded == pytest.approx(AHEAD, abs=0.01)
+    assert bench.by_serial.commanded == AHEAD
+
+
+@pytest.fixture
+def rover_file(tmp_path: Path) -> Path:
+    return tmp_path / "rover.toml"

@@ -1,0 +1,68 @@
+"""A rover whose wheels turn though its daemon is gone, for the tests of what stops them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+from wayfarer.daemon.stop_motors import stop_motors
+from wayfarer.escape.api import Vehicle
+from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.chips.sabertooth import SabertoothChip
+from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.world import World
+
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+AHEAD = (1.0, 1.0)
+STILL = (0.0, 0.0)
+BUSES = 'buses = "tests.daemon.left_turning:buses"\n'
+THUNDERBORG = '[parts.motors]\ndriver = "thunderborg"\n'
+SABERTOOTH = '[parts.motors]\ndriver = "sabertooth"\n'
+
+
+class Bench:
+    """A rover whose wheels turn though its daemon is gone; a ThunderBorg's world and a Sabertooth's."""
+
+    def reset(self) -> None:
+        self.buses = FakeBuses()
+        self.by_i2c, self.by_serial = (
+            World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(0)) for _ in "12"
+        )
+        thunderborg, sabertooth = ThunderBorgChip(self.by_i2c, self.clock), SabertoothChip(self.by_serial, self.clock)
+        self.buses.i2c("/dev/i2c-1").attach(0x15, thunderborg)
+        self.buses.serial("/dev/serial0").chip = sabertooth
+        for letter in (8, 11):
+            thunderborg.write(bytes((letter, 242)))
+        sabertooth.receive(bytes.fromhex("80 00 7F 7F 80 04 7F 03"))
+
+    def clock(self) -> float:
+        return 0.0
+
+
+class StuckThunderBorg(ThunderBorgChip):
+    """Takes every command and goes on turning."""
+
+    def write(self, data: bytes) -> None:
+        super().write(data)
+        self.levels = (100, 100)
+
+
+bench = Bench()
+
+
+def buses() -> FakeBuses:
+    return bench.buses
+
+
+class Careless:
+    """A third party's driver without settings."""
+
+    part: ClassVar[str] = "motors"
+
+
+def stop(rover_file: Path, text: str) -> str:
+    rover_file.write_text(text, encoding="utf-8")
+    return stop_motors(str(rover_file))

@@ -1,0 +1,113 @@
+"""What the checks before arming look at: the latest values of the sensor tasks."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from tests.commissioning.checks.rigs import Flow, Needle, Rig
+from tests.daemon.played import Run, played
+from tests.virtual import virtual
+from wayfarer.commissioning.checks import CheckVerdict, run_checks
+from wayfarer.commissioning.checks.parts import contact
+from wayfarer.daemon.arming_inspection import FRESH_S
+from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.errors import NotResponding
+from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.hal import STOP, CompassReading, MotionReading, Side
+from wayfarer.simhal.random_streams import RandomStreams
+
+
+@played
+async def test_inspection_gives_what_the_sensor_tasks_read_last(run: Run) -> None:
+    now_s = asyncio.get_running_loop().time()
+    compass, motion = await run.inspect.compass(), await run.inspect.motion()
+    assert motion is not None
+    assert now_s - compass.t_s < 0.1
+    assert now_s - motion.t_s < 0.2
+    assert (await run.inspect.motor_health()).battery_v == 12.0
+
+
+class MuteCompass(Needle):
+    """A compass that can fall silent."""
+
+    silent = False
+
+    async def read(self) -> CompassReading:
+        if self.silent:
+            raise self.error
+        return await super().read()
+
+
+class MuteFlow(Flow):
+    """A motion sensor that can fall silent."""
+
+    silent = False
+
+    async def read(self) -> MotionReading:
+        if self.silent:
+            raise NotResponding("PMW3901: no answer")
+        return await super().read()
+
+
+@virtual
+async def test_compass_that_fell_silent_is_stale_and_keeps_the_rover_from_arming(tmp_path: Path) -> None:
+    rig = Rig(tmp_path)
+    compass = MuteCompass(rig.world, RandomStreams(0))
+    rig.rover = dataclasses.replace(rig.rover, compass=compass)
+
+    async with Run(rig) as run:
+        compass.silent = True
+        await asyncio.sleep(FRESH_S / 2)
+        assert (await run.inspect.compass()).calibration == 3, "half a second is no silence yet"
+        await asyncio.sleep(FRESH_S)
+        with pytest.raises(NotResponding, match="compass has said nothing for 1 s"):
+            await run.inspect.compass()
+        with pytest.raises(Refused, match="compass has said nothing"):
+            await run.commands.arm()
+        assert run.mode == "disarmed"
+
+
+@virtual
+async def test_motion_sensor_that_fell_silent_lets_no_rover_drive(tmp_path: Path) -> None:
+    rig = Rig(tmp_path)
+    motion = MuteFlow(rig.world, RandomStreams(0))
+    rig.rover = dataclasses.replace(rig.rover, motion=motion)
+
+    async with Run(rig) as run:
+        motion.silent = True
+        await asyncio.sleep(5.0)
+        with suppress(Refused):
+            await run.commands.arm(0.0)
+        for _ in range(200):
+            await asyncio.sleep(0.1)
+            assert run.mode != "armed"
+            assert run.wheels == STOP
+        assert run.mode == "disarmed"
+
+
+@virtual
+async def test_inspection_before_the_first_tick_says_to_wait(tmp_path: Path) -> None:
+    with pytest.raises(NotResponding, match="still being opened"):
+        await Run(Rig(tmp_path)).inspect.compass()
+
+
+@played
+async def test_bumper_that_no_decision_uses_is_not_asked(run: Run) -> None:
+    assert await run.inspect.contact() is None
+    (finding,) = await run_checks(run.inspect, [contact])
+    assert finding.verdict is CheckVerdict.SKIPPED
+
+
+@virtual
+async def test_bumper_that_the_algorithm_uses_is_read(tmp_path: Path) -> None:
+    async with Run(Rig(tmp_path), next(name for name, each in CATALOGUE.items() if "contact" in each.requires)) as run:
+        run.rig.contact.sides = (Side.FRONT,)
+        await asyncio.sleep(0.1)
+        reading = await run.inspect.contact()
+        assert reading is not None
+        assert reading.sides == (Side.FRONT,)

@@ -1,0 +1,211 @@
+"""Stopping one board from a rover file: whatever else is wrong, its wheels stop; what is uncertain is said."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from tests.daemon.left_turning import (
+    BUSES,
+    SABERTOOTH,
+    STILL,
+    THUNDERBORG,
+    StuckThunderBorg,
+    bench,
+    stop,
+)
+from wayfarer.daemon.salvage import SHIPPED
+from wayfarer.daemon.stop_motors import stop_motors
+from wayfarer.errors import BadInput, NotResponding, WayfarerError
+from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+
+pytestmark = pytest.mark.usefixtures("left_turning")
+
+
+def test_board_that_can_be_asked_says_that_the_wheels_stand_still(rover_file: Path) -> None:
+    said = stop(rover_file, BUSES + THUNDERBORG)
+    assert bench.by_i2c.commanded == STILL
+    assert said == f"{rover_file}: ThunderBorg at 0x15 on /dev/i2c-1 says that the wheels are stopped"
+
+
+def test_board_that_cannot_be_asked_is_stopped_and_nothing_is_claimed(rover_file: Path) -> None:
+    said = stop(rover_file, BUSES + SABERTOOTH)
+    assert bench.by_serial.commanded == STILL
+    assert said == f"{rover_file}: stop was sent to Sabertooth 128 on /dev/serial0, which cannot confirm it"
+
+
+def test_settings_of_the_motors_are_used(rover_file: Path) -> None:
+    bench.buses.i2c("/dev/i2c-7").attach(0x16, chip := ThunderBorgChip(bench.by_i2c, bench.clock))
+    chip.write(bytes((8, 200)))
+    assert bench.by_i2c.commanded != STILL
+    stop(rover_file, BUSES + THUNDERBORG + 'bus = "/dev/i2c-7"\naddress = 0x16\n')
+    assert bench.by_i2c.commanded == STILL
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        "control_hz = -3\nnonsense = true\n",
+        "[vehicle]\nlength_m = 0\n",
+        '[parts.compass]\ndriver = "no_such_compass"\n',
+        '[parts.compass]\ndriver = "cmps14"\naddress = "somewhere"\n',
+        "[safety]\nstart_delay_s = nan\n",
+        "[escape]\nturn_angle = 3\n",
+    ],
+)
+def test_mistake_elsewhere_in_the_file_does_not_keep_the_wheels_turning(rover_file: Path, broken: str) -> None:
+    stop(rover_file, BUSES + broken + THUNDERBORG)
+    assert bench.by_i2c.commanded == STILL
+
+
+def test_silent_board_is_told_with_what_to_do(rover_file: Path) -> None:
+    with pytest.raises(WayfarerError) as caught:
+        stop(rover_file, BUSES + THUNDERBORG + "address = 0x17\n")
+    assert not isinstance(caught.value, BadInput)
+    said = str(caught.value)
+    assert said.startswith(f"{rover_file}: no stop was acknowledged: ")
+    assert "0x17" in said
+    assert said.endswith("power off")
+
+
+def test_board_that_goes_on_turning_is_told_with_what_to_do(rover_file: Path) -> None:
+    bench.buses.i2c("/dev/i2c-1").attach(0x16, StuckThunderBorg(bench.by_i2c, bench.clock))
+    with pytest.raises(WayfarerError, match=r"was told to stop and still says .*: switch its power off"):
+        stop(rover_file, BUSES + THUNDERBORG + "address = 0x16\n")
+
+
+def test_mistyped_key_does_not_keep_the_wheels_turning(rover_file: Path) -> None:
+    stop(rover_file, BUSES + THUNDERBORG + "adress = 0x16\n")
+    assert bench.by_i2c.commanded == STILL
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[parts.motors]\n", "parts = 3\n", "[parts]\nmotors = 3\n", '[parts.compass]\ndriver = "cmps14"\n']
+)
+def test_rover_without_motors_has_no_wheels_to_stop(rover_file: Path, text: str) -> None:
+    with pytest.raises(BadInput, match=r"rover\.toml: no \[parts\.motors\] with a driver"):
+        stop(rover_file, BUSES + text)
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "said"),
+    [
+        (BUSES + THUNDERBORG + 'address = "x"\n', BadInput, r"\[parts\.motors\] cannot be used"),
+        ('[parts.motors]\ndriver = "cmps14"\n', BadInput, "'cmps14' in .parts.motors. drives no motors"),
+        ('[parts.motors]\ndriver = "thunderbrg"\n', BadInput, "unknown driver 'thunderbrg': did you mean thunderb"),
+        ('buses = "lunix"\n' + THUNDERBORG, BadInput, "unknown buses 'lunix': did you mean linux"),
+        ("a = = 3", BadInput, r"rover\.toml: not valid TOML"),
+        ("a = " + "[" * 100_000, BadInput, r"rover\.toml: not valid TOML"),
+        (BUSES + '[parts.motors]\ndriver = "gpio_motors"\nleft_forward = 17\n', BadInput, "missing 3 required"),
+        ('buses = "os:getcwd"\n' + THUNDERBORG, BadInput, "os:getcwd gives no wayfarer.drivers.buses.Buses"),
+        (
+            '[parts.motors]\ndriver = "tests.daemon.left_turning:Careless"\n',
+            WayfarerError,
+            "nothing may have been stopped",
+        ),
+    ],
+)
+def test_what_keeps_the_motors_from_being_found_is_told(
+    rover_file: Path, text: str, error: type[Exception], said: str
+) -> None:
+    with pytest.raises(error, match=said):
+        stop(rover_file, text)
+
+
+@pytest.mark.parametrize("name", ["no/such.toml", "nosuchrover"])
+def test_rover_file_that_is_not_there_is_told(name: str) -> None:
+    with pytest.raises(BadInput, match=r"no\w*.*\.toml: cannot be read: No such file"):
+        stop_motors(name)
+
+
+@pytest.mark.parametrize("name", ["rover.toml", "./rover"])
+def test_rover_file_is_found_in_the_working_folder_and_without_a_suffix(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(name).write_text(BUSES + THUNDERBORG, encoding="utf-8")
+    assert "are stopped" in stop_motors(name)
+
+
+def test_shipped_rover_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wayfarer.daemon.stop_board.make_buses", lambda name: bench.buses)
+    port = tomllib.loads((SHIPPED / "forestrover.toml").read_text(encoding="utf-8"))["parts"]["motors"]["port"]
+    bench.buses.serial(port).chip = bench.buses.serial("/dev/serial0").chip
+    assert "Sabertooth" in stop_motors("forestrover")
+    assert "ThunderBorg" in stop_motors("minirover")
+    assert (bench.by_i2c.commanded, bench.by_serial.commanded) == (STILL, STILL)
+
+
+# -- mistakes that stopping does not need --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("table", "left_out"),
+    [
+        (SABERTOOTH + "timeout_s = 30\n", "timeout_s"),
+        (SABERTOOTH + 'timeout_s = "x"\nbattery_min_v = 99\nduty_limit = 0\n', "timeout_s, battery_min_v, duty_limit"),
+        (THUNDERBORG + "duty_limit = 0\n", "duty_limit"),
+        (THUNDERBORG + 'left = "A"\nduty_limit = nan\nreverse_left = true\n', "duty_limit"),
+    ],
+)
+def test_value_that_does_not_say_where_the_board_is_does_not_keep_the_wheels_turning(
+    rover_file: Path, table: str, left_out: str
+) -> None:
+    said = stop(rover_file, BUSES + table)
+    assert (bench.by_serial if "sabertooth" in table else bench.by_i2c).commanded == STILL
+    assert said.endswith(f"([parts.motors] {left_out}: of no use, left out)")
+
+
+@pytest.mark.parametrize("where", ['address = "x"', "address = 0x1G", "bus = 3.5.1", 'address = 0x17 "'])
+def test_board_is_never_looked_for_elsewhere_than_where_the_file_says(rover_file: Path, where: str) -> None:
+    with pytest.raises(WayfarerError):
+        stop(rover_file, BUSES + THUNDERBORG + "duty_limit = 0\n" + where)
+    assert bench.by_i2c.commanded != STILL
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        BUSES + "control_hz = = 3\n" + THUNDERBORG + "[vehicle\nlength_m = 1\n",
+        BUSES + "[vehicle]\nlength_m = 0,4\n" + THUNDERBORG + "[parts.light]\nbuses = 3\ndriver = 'nope\n",
+        BUSES + THUNDERBORG + 'left = "B\nduty_limit = 0,9\n[[[\n',
+        BUSES + "[ parts . motors ] # both sides\ndriver = thunderborg\n",
+        BUSES + "# f\xfcr \x00 den Wald\n" + THUNDERBORG,
+        BUSES + THUNDERBORG + "[escape]\na = 1\na = 2\n",
+    ],
+)
+def test_broken_line_does_not_keep_the_wheels_turning(rover_file: Path, text: str) -> None:
+    rover_file.write_text(text, encoding="latin-1")
+    stop_motors(str(rover_file))
+    assert bench.by_i2c.commanded == STILL
+
+
+def test_place_of_the_board_is_kept_from_a_broken_file(rover_file: Path) -> None:
+    bench.buses.i2c("/dev/i2c-7").attach(0x16, chip := ThunderBorgChip(bench.by_i2c, bench.clock))
+    chip.write(bytes((8, 200)))
+    said = stop(rover_file, BUSES + THUNDERBORG + "bus = /dev/i2c-7\naddress = 0x16\n[vehicle\n")
+    assert said.startswith(f"{rover_file}: ThunderBorg at 0x16 on /dev/i2c-7 says")
+
+
+# -- motors that cannot be opened ----------------------------------------------------------------------------------
+
+PINS = '[parts.motors]\ndriver = "gpio_motors"\n' + "".join(
+    f"{key} = {pin}\n"
+    for key, pin in (("left_forward", 17), ("left_backward", 18), ("right_forward", 22), ("right_backward", 23))
+)
+
+
+def test_pins_of_another_program_are_told_with_their_reason(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def claim(name: str, make: object) -> None:
+        raise NotResponding(f"{name}: cannot have these pins: 'GPIO busy'")
+
+    monkeypatch.setattr("wayfarer.drivers.gpio_motors.claim", claim)
+    with pytest.raises(WayfarerError) as caught:
+        stop(rover_file, BUSES + PINS)
+    said = str(caught.value)
+    assert said.startswith(
+        f"{rover_file}: no stop could be sent, switch the motors' power off: motors on GPIO 17/18 and 22/23:"
+    )
+    assert said.endswith("'GPIO busy'")
