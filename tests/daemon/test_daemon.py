@@ -50,7 +50,6 @@ class Site:
             algorithm=CATALOGUE["forest-pledge"],
             seed=7,
             make_rover=self.make_rover,
-            close_buses=self.close_buses,
             logs=self.logs,
             socket=self.socket,
             simulated=True,
@@ -60,6 +59,7 @@ class Site:
     def make_rover(self, finish: Finish) -> RoverSetup:
         self.finish = finish
         rover_setup = live_rover_setup(self.service.config, Depth.DEVICE, 7, finish)
+        rover_setup = replace(rover_setup, close_buses=self.close_buses)
         self.rover = rover_setup.rover
         halt = self.rover.motors.halt
 

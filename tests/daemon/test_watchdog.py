@@ -42,11 +42,11 @@ def listener(tmp_path: Path) -> Iterator[Listener]:
 
 def test_each_word_reaches_systemd_as_it_expects(listener: Listener) -> None:
     notifier = SystemdNotifier(listener.socket.getsockname())
-    notifier.ready()
+    notifier.tell("READY=1")
     notifier.status("armed,\n3 m travelled")
-    notifier.watchdog()
+    notifier.tell("WATCHDOG=1")
     notifier.status("half a character: \ud83e")
-    notifier.stopping()
+    notifier.tell("STOPPING=1")
     told = ["READY=1", "STATUS=armed, 3 m travelled", "WATCHDOG=1", "STATUS=half a character: ?", "STOPPING=1"]
     assert listener.heard() == told
 
@@ -54,20 +54,20 @@ def test_each_word_reaches_systemd_as_it_expects(listener: Listener) -> None:
 def test_abstract_socket_is_named_with_an_at_sign() -> None:
     name = f"wayfarer-test-{os.getpid()}"
     listener = Listener(f"\0{name}")
-    SystemdNotifier(f"@{name}").ready()
+    SystemdNotifier(f"@{name}").tell("READY=1")
     assert listener.heard() == ["READY=1"]
     listener.socket.close()
 
 
 @pytest.mark.parametrize("address", [None, "", "/nowhere/notify", "@nobody-listens-here", "/" + 200 * "x"])
 def test_without_a_listener_nothing_is_raised(address: str | None) -> None:
-    SystemdNotifier(address).ready()
+    SystemdNotifier(address).tell("READY=1")
 
 
 def test_full_socket_makes_nobody_wait(listener: Listener) -> None:
     notifier = SystemdNotifier(listener.socket.getsockname())
     for _ in range(5000):
-        notifier.watchdog()
+        notifier.tell("WATCHDOG=1")
     assert 0 < len(listener.heard()) < 5000
 
 

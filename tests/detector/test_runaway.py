@@ -48,30 +48,29 @@ def test_runaway_ends_with_the_motion() -> None:
     assert not any(runs_away(rover, 0.0))
 
 
-@pytest.mark.parametrize("speed_m_s", [0.0, 0.08, -0.08])
-def test_rover_that_stands_or_hardly_creeps_is_not_running_away(speed_m_s: float) -> None:
-    assert not any(runs_away(stopped(), speed_m_s))
+@pytest.mark.parametrize(
+    ("speed_m_s", "fields", "away"),
+    [
+        (0.0, {}, False),
+        (0.08, {}, False),
+        (-0.08, {}, False),
+        (1.0, {"quality": 0.1}, False),
+        (0.5, {"signed": False}, True),
+    ],
+)
+def test_creeping_and_poor_sight_are_no_runaway_and_a_sense_without_direction_sees_one(
+    speed_m_s: float, fields: dict[str, Any], away: bool
+) -> None:
+    found = runs_away(stopped(BACK), speed_m_s, **fields)
+    assert (found[-1], any(found)) == (away, away)
 
 
-def test_rover_that_is_told_to_go_is_not_running_away() -> None:
+@pytest.mark.parametrize(("wheels", "moved_m"), [(FULL, [TICK_S]), (STOP, [0.02, -0.02])], ids=["it goes", "it rocks"])
+def test_rover_that_is_told_to_go_or_rocks_to_and_fro_is_not_running_away(
+    wheels: WheelCommand, moved_m: list[float]
+) -> None:
     rover = stopped()
-    for _ in range(40):
-        assert rover.tick(FULL, TICK_S).conditions == ()
-
-
-def test_poor_sight_of_the_ground_is_no_runaway() -> None:
-    assert not any(runs_away(stopped(), 1.0, quality=0.1))
-
-
-def test_ground_that_goes_to_and_fro_is_no_runaway() -> None:
-    """Random counts, or a rover that rocks."""
-    rover = stopped()
-    for tick in range(100):
-        assert rover.tick(STOP, 0.02 * (-1) ** tick).conditions == ()
-
-
-def test_sense_without_a_direction_sees_a_runaway_too() -> None:
-    assert runs_away(stopped(BACK), 0.5, signed=False)[-1]
+    assert {rover.tick(wheels, each).conditions for each in moved_m * 40} == {()}
 
 
 @given(

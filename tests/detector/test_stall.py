@@ -98,28 +98,25 @@ def test_one_zero_sample_does_not_fake_a_stall() -> None:
     assert found == [()] * 40
 
 
-def test_stall_ends_when_the_rover_moves() -> None:
-    rover = started()
-    assert rover.drive(8)[-1]
-    assert not rover.drive(4, moved_m=STEP_M)[-1]
-
-
 @pytest.mark.parametrize("wheels", [STOP, PIVOT, WheelCommand(0.05, 0.05)], ids=["stopped", "pivoting", "creeping"])
 def test_nothing_is_claimed_while_little_motion_is_commanded(wheels: WheelCommand) -> None:
     assert not any(started().drive(20, wheels))
 
 
-def test_pivot_forgets_what_was_before() -> None:
+@pytest.mark.parametrize(
+    ("legs", "found"),
+    [
+        ([(8, FULL, 0.0), (4, FULL, STEP_M)], [False]),
+        ([(3, FULL, 0.0), (1, PIVOT, 0.0), (4, FULL, 0.0)], [False, False, False, True]),
+        ([(8, FULL, 0.0), (4, BACK, 0.0)], [False, False, False, True]),
+    ],
+    ids=["it moves again", "a pivot", "the other way"],
+)
+def test_new_leg_needs_a_whole_new_window(legs: list[tuple[int, WheelCommand, float]], found: list[bool]) -> None:
     rover = started()
-    assert rover.drive(3) == [False] * 3
-    assert rover.drive(1, PIVOT) == [False]
-    assert rover.drive(4) == [False, False, False, True]
-
-
-def test_change_of_direction_needs_a_whole_new_window() -> None:
-    rover = started()
-    assert rover.drive(8)[-1]
-    assert rover.drive(4, BACK) == [False, False, False, True]
+    said = [rover.drive(*leg) for leg in legs]
+    assert said[0][-1] is (legs[0][0] == 8)
+    assert said[-1][-len(found) :] == found
 
 
 @pytest.mark.parametrize(("quality", "claims"), [(0.0, False), (0.19, False), (0.2, True), (1.0, True)])

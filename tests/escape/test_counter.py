@@ -96,22 +96,14 @@ def test_whole_turn_is_forgiven_within_5_degrees_by_forest_pledge_alone(name: st
     assert (walk.decision.phase is Phase.FOLLOW) is ends
 
 
-def test_forest_pledge_goes_on_just_outside_5_degrees() -> None:
-    walk = in_episode("forest-pledge")
+@pytest.mark.parametrize(("name", "ends_deg", "why"), [("forest-pledge", 5.0, "realigned"), ("pledge", 0.0, "unwound")])
+def test_forest_pledge_ends_at_5_degrees_and_pledge_unwinds_every_degree(name: str, ends_deg: float, why: str) -> None:
+    walk = in_episode(name)
     walk.to(Phase.TURN_AWAY)
     walk.tick(turn_deg=30.0)
     walk.to(Phase.PROBE)
-    assert walk.tick(turn_deg=-24.75).phase is Phase.PROBE
-    assert walk.tick(turn_deg=-0.25).why == "probe.realigned"
-
-
-def test_pledge_unwinds_every_degree() -> None:
-    walk = in_episode("pledge")
-    walk.to(Phase.TURN_AWAY)
-    walk.tick(turn_deg=30.0)
-    walk.to(Phase.PROBE)
-    assert walk.tick(turn_deg=-29.75).phase is Phase.PROBE
-    assert walk.tick(turn_deg=-0.25).why == "probe.unwound"
+    assert walk.tick(turn_deg=ends_deg - 29.75).phase is Phase.PROBE
+    assert walk.tick(turn_deg=-0.25).why == f"probe.{why}"
 
 
 def test_episode_starts_at_the_first_anomaly_in_follow_and_ends_with_it() -> None:

@@ -38,10 +38,6 @@ def test_commands_lead_along_the_compass(
     assert (reckoning.ahead_m, reckoning.right_m) == pytest.approx(expected)
 
 
-def test_what_was_commanded_before_the_first_tick_does_not_count(reckoning: Reckoning) -> None:
-    assert (reckoning.ahead_m, reckoning.right_m) == (0.0, 0.0)
-
-
 def test_stall_is_taken_back(reckoning: Reckoning) -> None:
     reckoning.take_back_stall(BEGIN)
     assert reckoning.ahead_m == 0.0
@@ -50,6 +46,7 @@ def test_stall_is_taken_back(reckoning: Reckoning) -> None:
 
 
 def test_reset_begins_here(reckoning: Reckoning) -> None:
+    assert (reckoning.ahead_m, reckoning.right_m) == (0.0, 0.0), "what was commanded before the first tick"
     reckoning.follow(BEGIN._replace(travelled_m=9.0), Phase.FOLLOW)
     reckoning.reset()
     reckoning.follow(BEGIN._replace(travelled_m=50.0), Phase.FOLLOW)

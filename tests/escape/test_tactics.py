@@ -70,14 +70,17 @@ def test_third_lap_of_a_circle_makes_pledge_strict_for_a_while() -> None:
     assert strict == [False] * left + [True] * (STRICT - left)
 
 
-def test_way_that_never_comes_back_is_no_circle() -> None:
+@pytest.mark.parametrize(
+    "way",
+    [
+        [{"ahead_m": 1.5 * k} for k in range(500)],
+        [{"bearing_deg": 45.0 * k - 180.0} for k in range(8) for _ in range(LOOP - 1)],
+    ],
+    ids=["never comes back", "the same place with other headings"],
+)
+def test_way_that_never_repeats_itself_is_no_circle(way: list[dict[str, float]]) -> None:
     guard = LoopGuard()
-    assert all(plan(guard, ahead_m=1.5 * k).resets for k in range(500))
-
-
-def test_same_place_with_another_heading_is_another_anomaly() -> None:
-    guard = LoopGuard()
-    assert all(plan(guard, bearing_deg=45.0 * k - 180.0).resets for k in range(8) for _ in range(LOOP - 1))
+    assert all(plan(guard, **met).resets for met in way)
 
 
 def test_bearings_either_side_of_backwards_are_the_same() -> None:
@@ -100,12 +103,9 @@ def test_first_anomaly_of_a_free_run_is_retried_straight_and_the_next_one_answer
     assert turns == [0.0, 30.0, 30.0, 0.0]
 
 
-def test_contacts_along_a_wall_are_not_retried() -> None:
-    assert plan(RETRY(), new_episode=False, travelled_m=5.0).turn_deg == 30.0
-
-
-def test_body_that_is_wedged_does_not_retry() -> None:
-    assert plan(RETRY(), blocked_turns=1, travelled_m=5.0).turn_deg == 30.0
+@pytest.mark.parametrize("met", [{"new_episode": False}, {"blocked_turns": 1}], ids=["along a wall", "wedged"])
+def test_body_that_is_wedged_or_follows_a_wall_does_not_retry(met: dict[str, Any]) -> None:
+    assert plan(RETRY(), travelled_m=5.0, **met).turn_deg == 30.0
 
 
 @pytest.mark.parametrize(("nose_up_deg", "turn_deg"), [(0.4, 0.0), (-5.0, 0.0), (8.0, 30.0)])

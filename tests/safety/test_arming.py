@@ -33,10 +33,8 @@ def captured(
 
 def test_given_heading_is_used_at_the_end_of_the_delay() -> None:
     assert captured(lambda _: 77.0, goal_heading_deg=123.0) == (10.0, 123.0)
-
-
-def test_given_heading_needs_no_rest() -> None:
-    assert captured(lambda t_s: 90.0 * t_s, goal_heading_deg=5.0) == (10.0, 5.0)
+    assert captured(lambda t_s: 90.0 * t_s, goal_heading_deg=5.0) == (10.0, 5.0), "it needs no rest"
+    assert captured(lambda t_s: 45.0 * t_s) is None, "which its own heading does"
 
 
 def test_own_heading_is_taken_after_the_delay_not_before() -> None:
@@ -66,10 +64,6 @@ def test_capture_waits_until_the_rover_has_come_to_rest() -> None:
 def test_spread_decides(spread_deg: float) -> None:
     swing = iter([spread_deg, -spread_deg] * 1000)
     assert (captured(lambda _: next(swing)) is None) is (spread_deg > SETTINGS.settle_spread_deg)
-
-
-def test_heading_that_never_settles_is_refused() -> None:
-    assert captured(lambda t_s: 45.0 * t_s) is None
 
 
 def test_patience_is_bounded() -> None:

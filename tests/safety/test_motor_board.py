@@ -26,17 +26,6 @@ def said(settings: BoardSettings, *answers: MotorHealth, step_s: float = STEP_S)
     return found
 
 
-def test_nothing_is_known_before_the_first_answer() -> None:
-    watch = MotorBoardMonitor(SETTINGS)
-    assert (watch.health, watch.conditions) == (None, ())
-
-
-def test_answer_is_kept_for_who_asks() -> None:
-    watch = MotorBoardMonitor(SETTINGS)
-    watch.update(0.0, FULL)
-    assert watch.health == FULL
-
-
 def test_low_battery_counts_after_ten_seconds_and_critical_after_five() -> None:
     low = said(SETTINGS, *[MotorHealth(10.5, ())] * 50)
     assert [conditions != () for conditions in low] == [False] * 40 + [True] * 10
@@ -83,13 +72,14 @@ def test_fault_counts_when_the_board_says_it_twice_in_a_row(faulty: list[bool]) 
 
 def test_board_that_falls_silent_says_nothing_any_more() -> None:
     watch = MotorBoardMonitor(SETTINGS)
+    assert (watch.health, watch.conditions) == (None, ()), "nothing is known before the first answer"
     for count in range(50):
         watch.update(count * STEP_S, MotorHealth(9.0, ("motor A: drive fault",)))
     assert Condition.BOARD_FAULT in watch.conditions
     watch.silent()
     assert (watch.health, watch.conditions) == (None, (Condition.BOARD_SILENT,))
     watch.update(50 * STEP_S, FULL)
-    assert watch.conditions == ()
+    assert (watch.health, watch.conditions) == (FULL, ())
 
 
 @pytest.mark.parametrize("critical_v", [11.0, 12.0])

@@ -35,8 +35,13 @@ class Rover:
         return sum(self.ticks(3 * WARNING_S)) * TICK_S
 
 
-def test_rover_that_never_stood_does_not_warn() -> None:
-    assert Rover().warns_for_s() == 0.0
+@pytest.mark.parametrize(
+    "conditions", [(), (Condition.OPERATOR_HOLD,), (Condition.MOTION_UNKNOWN, Condition.BATTERY_LOW)]
+)
+def test_rover_that_never_stood_or_was_held_by_a_person_does_not_warn(conditions: tuple[Condition, ...]) -> None:
+    rover = Rover()
+    rover.ticks(60.0, conditions)
+    assert rover.warns_for_s() == 0.0
 
 
 @pytest.mark.parametrize(("held_s", "warns"), [(LONG_HOLD_S - TICK_S, False), (LONG_HOLD_S + TICK_S, True)])
@@ -53,23 +58,11 @@ def test_it_warns_after_a_second_in_which_no_tick_came(gap_s: float, warns: bool
     assert rover.warns_for_s() == pytest.approx(WARNING_S * warns, abs=TICK_S)
 
 
-def test_hold_of_a_person_needs_no_warning() -> None:
-    rover = Rover()
-    rover.ticks(60.0, (Condition.OPERATOR_HOLD,))
-    assert rover.warns_for_s() == 0.0
-
-
 def test_hold_of_the_rover_during_that_of_a_person_warns_once_the_person_lets_it_go() -> None:
     rover = Rover()
     rover.ticks(2.0, (Condition.OPERATOR_HOLD, *SILENT))
     assert not any(rover.ticks(5.0, (Condition.OPERATOR_HOLD,))), "the light would say that it drives off"
     assert rover.warns_for_s() == pytest.approx(WARNING_S, abs=TICK_S)
-
-
-def test_what_lets_the_wheels_turn_is_no_hold() -> None:
-    rover = Rover()
-    rover.ticks(60.0, (Condition.MOTION_UNKNOWN, Condition.BATTERY_LOW))
-    assert rover.warns_for_s() == 0.0
 
 
 def test_hold_that_comes_again_while_it_warns_begins_the_warning_again() -> None:

@@ -68,7 +68,7 @@ def demo(
 
     config = load_rover(ROVER)
     found = find_algorithm(algorithm)
-    make_rover, close_buses = simulated(config, ROVER, DepthOption.device, seed)
+    make_rover = simulated(config, ROVER, DepthOption.device, seed)
     page = live_page(None, live_port, speed)
     folder = logs or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
     with tempfile.TemporaryDirectory(prefix="wayfarer-") as own:  # where no other daemon is disturbed
@@ -77,7 +77,6 @@ def demo(
             algorithm=found,
             seed=seed,
             make_rover=make_rover,
-            close_buses=close_buses,
             logs=folder,
             socket=Path(own) / "control.sock",
             simulated=True,

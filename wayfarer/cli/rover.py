@@ -66,15 +66,14 @@ def run(
     if seed is None:  # a real run draws its seed; the log's first record has it
         seed = 0 if sim else SystemRandom().randrange(2**31)
     if sim:
-        make_rover, close_buses = simulated(loaded, name, depth or DepthOption.device, seed)
+        make_rover = simulated(loaded, name, depth or DepthOption.device, seed)
     else:
-        loaded, make_rover, close_buses = _real(loaded, name, folder)
+        loaded, make_rover = _real(loaded, name, folder)
     service = Service(
         config=loaded,
         algorithm=find_algorithm(algorithm),
         seed=seed,
         make_rover=make_rover,
-        close_buses=close_buses,
         logs=folder,
         socket=daemon_socket(),
         simulated=sim,
@@ -108,10 +107,8 @@ def chosen(config: str | None, default: str | None = None) -> str:
     )
 
 
-def _real(
-    config: RoverConfig, where: str, logs: Path
-) -> tuple[RoverConfig, Callable[[Any], RoverSetup], Callable[[], Any]]:
-    """Return the rover as calibrated, what makes it, and what closes it."""
+def _real(config: RoverConfig, where: str, logs: Path) -> tuple[RoverConfig, Callable[[Any], RoverSetup]]:
+    """Return the rover as calibrated, and what makes it."""
     from wayfarer.commissioning.checks import HostEnvironment
     from wayfarer.config.calibration_file import calibration_file, load
     from wayfarer.config.factory import calibrated, connect
@@ -123,14 +120,12 @@ def _real(
     calibration = load(file)
     buses, rover = connect(config, where, calibration)
     refuse_missing_ports(config, where, HostEnvironment(logs, file, (), wall_clock(0.0)))
-    setup = RoverSetup(rover, calibration, devices=device_files(config))
-    return calibrated(config, calibration), lambda _: setup, buses.close
+    setup = RoverSetup(rover, calibration, devices=device_files(config), close_buses=buses.close)
+    return calibrated(config, calibration), lambda _: setup
 
 
-def simulated(
-    config: RoverConfig, where: str, depth: DepthOption, seed: int
-) -> tuple[Callable[[Any], RoverSetup], Callable[[], Any]]:
-    """Return what makes a simulated rover and what closes it, as ``daemon.daemon.Service`` wants them.
+def simulated(config: RoverConfig, where: str, depth: DepthOption, seed: int) -> Callable[[Any], RoverSetup]:
+    """Return what makes a simulated rover, as ``daemon.daemon.Service`` wants it.
 
     ``where`` is the rover's file, or the name of a shipped one.
 
@@ -144,8 +139,4 @@ def simulated(
     from wayfarer.simhal import build_rover
 
     check_rover(config, depth.value, where)
-
-    async def nothing_to_close() -> None:
-        """Nothing is open."""
-
-    return lambda finish: live_rover_setup(config, build_rover.Depth(depth.value), seed, finish), nothing_to_close
+    return lambda finish: live_rover_setup(config, build_rover.Depth(depth.value), seed, finish)

@@ -53,15 +53,16 @@ from wayfarer.safety.mission_limits import RunEnd
 class RoverSetup:
     """A rover to serve, and what is known of it.
 
-    ``checks`` must not fail before it is armed, and ``devices`` are the device files that its parts are on. The rest is
-    for its log: how it was calibrated; of a simulated rover ``world`` is the forest, for the first record, and
-    ``ground_truth_log`` makes what writes the truth beside it.
+    ``checks`` must not fail before it is armed, and ``devices`` are the device files that its parts are on;
+    ``close_buses`` is called last. The rest is for its log: how it was calibrated; of a simulated rover ``world`` is
+    the forest, for the first record, and ``ground_truth_log`` makes what writes the truth beside it.
     """
 
     rover: Rover
     calibration: Calibration | None = None
     checks: Sequence[Check] = ARMING
     devices: tuple[str, ...] = ()
+    close_buses: Callable[[], Awaitable[None]] | None = None
     world: Mapping[str, Any] | None = None
     ground_truth_log: Callable[[FieldLog], RunLog] | None = None
 
@@ -71,17 +72,15 @@ class Service:
     """What one daemon runs.
 
     ``make_rover`` is called on the running loop with a function that ends the run (a simulated rover calls it when it
-    has escaped), and ``close_buses`` afterwards. ``seed`` is for an algorithm that draws lots. ``hint`` says on the
-    terminal what to do with a rover that is ready. ``viewers`` show the run.
-    ``loop_factory`` makes the event loop; None is asyncio's own. ``time_scale`` is how many times faster than the clock
-    the time of such a loop goes.
+    has escaped). ``seed`` is for an algorithm that draws lots. ``hint`` says on the terminal what to do with a rover
+    that is ready. ``viewers`` show the run. ``loop_factory`` makes the event loop; None is asyncio's own.
+    ``time_scale`` is how many times faster than the clock the time of such a loop goes.
     """
 
     config: RoverConfig
     algorithm: Algorithm
     seed: int
     make_rover: Callable[[Callable[[str, str], None]], RoverSetup]
-    close_buses: Callable[[], Awaitable[None]]
     logs: Path
     socket: Path
     simulated: bool
@@ -189,7 +188,8 @@ class Daemon:
         finally:
             self._guard.stop()
             try:
-                await self._service.close_buses()
+                if self._setup.close_buses is not None:
+                    await self._setup.close_buses()
             finally:
                 self._lines.close()
 
@@ -236,11 +236,7 @@ class Daemon:
 
     def _tell_of_unfinished(self, before: UnfinishedRun) -> None:
         """Tell of the run before, which was cut off (field catalogue, fault 33), in the log and on the terminal."""
-        run, last_t_s, last_t_wall, mode, error = before
-        self._field_log.event(
-            "unclean_shutdown", self._loop.time(),
-            run=run, last_t_s=last_t_s, last_t_wall=last_t_wall, mode=mode, error=error,
-        )  # fmt: skip
+        self._field_log.event("unclean_shutdown", self._loop.time(), **before._asdict())
         self._lines.write(unclean_text(before._asdict()))
 
     def _inspect(self) -> RunningInspection:

@@ -15,11 +15,11 @@ import os
 import socket
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
-from types import FrameType
+from traceback import walk_stack
 
 from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.safety.gate import STALL_LIMIT_S
@@ -42,23 +42,12 @@ class SystemdNotifier:
         # An abstract socket has a zero byte where its printed name has the @ (unix(7)).
         self._address = "\0" + address[1:] if address and address.startswith("@") else address
 
-    def ready(self) -> None:
-        """Say that the service is up: the parts are open and the control loop ticks."""
-        self._tell("READY=1")
-
     def status(self, text: str) -> None:
         """Show a line in ``systemctl status``."""
-        self._tell("STATUS=" + " ".join(text.split()))
+        self.tell("STATUS=" + " ".join(text.split()))
 
-    def watchdog(self) -> None:
-        """Say that all is well: systemd's watchdog counts from zero again."""
-        self._tell("WATCHDOG=1")
-
-    def stopping(self) -> None:
-        """Say that the service has begun to end."""
-        self._tell("STOPPING=1")
-
-    def _tell(self, message: str) -> None:
+    def tell(self, message: str) -> None:
+        """Send a message of sd_notify(3), such as ``READY=1``."""
         if not self._address:
             return
         with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
@@ -81,7 +70,7 @@ async def feed_watchdog(notifier: SystemdNotifier, is_fresh: Callable[[], bool],
     """Feed systemd's watchdog for ever, but only while ``is_fresh`` says that the tick and the sensors are."""
     while True:
         if is_fresh():
-            notifier.watchdog()
+            notifier.tell("WATCHDOG=1")
         await asyncio.sleep(period_s)
 
 
@@ -156,18 +145,12 @@ class StallGuard:
 
 def _where(thread: int) -> str:
     """Return the innermost calls of a thread, the innermost first; no source file is read for it."""
-    calls = islice(_calls(sys._current_frames().get(thread)), WHERE_FRAMES)
-    return " < ".join(f"{_short(frame)}:{frame.f_lineno} {frame.f_code.co_qualname}" for frame in calls)
+    calls = islice(walk_stack(sys._current_frames().get(thread)), WHERE_FRAMES)
+    return " < ".join(f"{_short(frame.f_code.co_filename)}:{line} {frame.f_code.co_qualname}" for frame, line in calls)
 
 
-def _calls(frame: FrameType | None) -> Iterator[FrameType]:
-    while frame is not None:
-        yield frame
-        frame = frame.f_back
-
-
-def _short(frame: FrameType) -> str:
-    return "/".join(Path(frame.f_code.co_filename).parts[-2:])
+def _short(file: str) -> str:
+    return "/".join(Path(file).parts[-2:])
 
 
 def _stacks() -> str:

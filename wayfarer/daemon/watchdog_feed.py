@@ -19,7 +19,7 @@ class WatchdogFeed(PartialLog):
         if not self._ready:
             self._ready = True
             self._guard.start()
-            self._notifier.ready()
+            self._notifier.tell("READY=1")
             self._notifier.status("disarmed")
         self._guard.beat()
 
@@ -27,7 +27,7 @@ class WatchdogFeed(PartialLog):
         """Show what systemctl should; once the wheels are stopped for good nobody need guard them."""
         if name == "wheels_stopped":
             self._guard.stop()
-            self._notifier.stopping()
+            self._notifier.tell("STOPPING=1")
         elif name in {"arming", "armed", "disarmed", "health"}:
             shown = ", ".join(str(value) for value in details.values() if isinstance(value, str))
             self._notifier.status(f"{name}: {shown}" if shown else name)

@@ -27,9 +27,6 @@ SAMPLE_LOGS = Path("field_logs")
 async def outing(logs: Path, drive_s: float) -> None:
     """Drive for so many seconds, then mark, hold, resume, change the goal, disarm and stop."""
 
-    async def nothing_to_close() -> None:
-        """Nothing is open."""
-
     config = load_rover("sim")
     with tempfile.TemporaryDirectory(prefix="wf-") as folder:  # a socket's path must be short
         socket = Path(folder) / "control.sock"
@@ -38,7 +35,6 @@ async def outing(logs: Path, drive_s: float) -> None:
             algorithm=CATALOGUE["forest-pledge"],
             seed=SEED,
             make_rover=lambda finish: live_rover_setup(config, Depth.DEVICE, SEED, finish),
-            close_buses=nothing_to_close,
             logs=logs,
             socket=socket,
             simulated=True,
