@@ -10,8 +10,14 @@ import pytest
 from tests.commissioning.checks.rigs import Rig
 from tests.daemon.played import DELAY_S, Run, played
 from tests.virtual import virtual
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.commands import RoverCommands
+from wayfarer.daemon.socket.protocol import VERBS, Refused
 from wayfarer.hal import STOP, MotorHealth
+
+
+def test_every_verb_of_the_socket_is_a_command() -> None:
+    assert all(callable(getattr(RoverCommands, verb, None)) for verb in VERBS)
+
 
 # -- what stops the wheels ---------------------------------------------------------------------------------------------
 

@@ -19,7 +19,6 @@ from typing import Any
 import pytest
 
 from tests.fieldlog.disks import FailingCall
-from tests.system.buggy_algorithms import RAISES
 from tests.views.text.records import HEADER, drive, event, numbered, write
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon import host_health
@@ -291,17 +290,6 @@ async def test_dry_run_does_everything_but_turn_the_wheels(site: Site) -> None:
         await daemon.until(lambda: any(record.get("wanted_left") for record in site.log()))
         assert await site.wheels() == STOP
         await daemon.stop()
-
-
-async def test_bug_ends_the_run_and_is_in_its_log(site: Site) -> None:
-    site.service = replace(site.service, algorithm=RAISES)
-    async with Running(site) as daemon:
-        await site.ask("arm", heading_deg=0.0)
-        with pytest.raises(ExceptionGroup) as caught:
-            await daemon.end()
-        assert caught.group_contains(ZeroDivisionError, depth=None)
-    assert site.log()[-1]["text"] == "ZeroDivisionError: the bug of a third party"
-    assert site.closed == 1
 
 
 async def test_systemd_is_told_when_it_is_up_that_it_lives_and_when_it_stops(

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import replace
-from typing import Any
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.dry_run import DryMotors
-from wayfarer.experiments import trial, trial_setup
-from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand, troubles_of
-from wayfarer.simhal.build_rover import Depth, build
+from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand, troubles_of
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.testing import check_motors
 
 
@@ -95,18 +88,3 @@ def test_troubles_of_the_board_are_told_in_a_dry_run_too() -> None:
 
 async def test_dry_motors_keep_the_promises_of_motors() -> None:
     await check_motors(lambda: DryMotors(Motors()))
-
-
-def test_dry_run_of_a_whole_trial_at_bus_depth_moves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The rover feels that it does not move, and tries to escape from a place that it never leaves."""
-
-    def dry_build(*parts: Any) -> Rover:
-        rover = build(*parts)
-        return replace(rover, motors=DryMotors(rover.motors))
-
-    monkeypatch.setattr(trial_setup, "build", dry_build)
-    forest = generate_forest(1, 0, 0)
-    spec = trial_setup.TrialSpec(0, "forest-pledge", forest, 1, load_rover("sim"), budget_m=5.0, depth=Depth.BUS)
-    result = trial.run_trial(spec)
-    assert (result.path_m, result.reverse_m) == (0.0, 0.0)
-    assert result.ticks > 300

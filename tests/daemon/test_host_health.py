@@ -68,15 +68,8 @@ def test_card_that_hangs_does_not_hold_up_the_power_flags(tmp_path: Path, monkey
         answers.set()
 
 
-def test_power_is_asked_for_once_a_second() -> None:
-    assert host_health.POWER_EVERY_S == 1.0, "the field catalogue's bound, fault 32"
-
-
 @pytest.mark.parametrize(("text", "flags"), [("50005", 0x50005), ("0x1", 1), ("0", 0), ("", None), ("hot", None)])
 def test_power_flags_are_the_number_that_the_firmware_gives(tmp_path: Path, text: str, flags: int | None) -> None:
+    assert power_flags(tmp_path) is None, "no file, no Pi"
     write(tmp_path, THROTTLED, text)
     assert power_flags(tmp_path) == flags
-
-
-def test_computer_that_is_no_pi_tells_no_power_flags(tmp_path: Path) -> None:
-    assert power_flags(tmp_path) is None

@@ -86,26 +86,14 @@ def test_unit_starts_this_installation(root: Path, python: Path) -> None:
     assert unit["ExecStart"] == [f"{command} run --config /etc/wayfarer/rover.toml --logs /var/lib/wayfarer/field_logs"]
     assert unit["ExecStopPost"] == [f"-{command} stop-motors --config /etc/wayfarer/rover.toml"]
     assert "@" not in "".join(value for key in unit if key != "SystemCallFilter" for value in unit[key])
-
-
-def test_daemon_that_takes_too_much_memory_is_killed_and_comes_back(root: Path, python: Path) -> None:
-    unit = settings(install.unit_text(root, python))
-    assert unit["MemoryMax"] == ["50%"]
-    assert unit["Restart"] == ["on-failure"]
-
-
-def test_unit_names_only_the_groups_that_exist_there(root: Path, python: Path) -> None:
-    assert settings(install.unit_text(root, python))["SupplementaryGroups"] == ["i2c spi"]
+    assert unit["SupplementaryGroups"] == ["i2c spi"], "those that exist there"
+    assert "PrivateDevices" not in unit, "parts are not hidden from the service"
+    assert {"char-i2c rw", "char-spi rw", "char-gpiochip rw", "char-video4linux rw"} <= set(unit["DeviceAllow"])
+    assert (unit["MemoryMax"], unit["Restart"]) == (["50%"], ["on-failure"])
 
 
 def test_system_without_a_group_file_has_no_groups(tmp_path: Path, python: Path) -> None:
     assert settings(install.unit_text(tmp_path, python))["SupplementaryGroups"] == [""]
-
-
-def test_parts_are_not_hidden_from_the_service(root: Path, python: Path) -> None:
-    unit = settings(install.unit_text(root, python))
-    assert "PrivateDevices" not in unit
-    assert {"char-i2c rw", "char-spi rw", "char-gpiochip rw", "char-video4linux rw"} <= set(unit["DeviceAllow"])
 
 
 def test_install_writes_unit_and_rover_file_and_says_what_is_next(
@@ -134,17 +122,16 @@ def test_on_a_card_only_files_are_written_and_the_rest_is_to_be_done_there(
     assert not (root / "var").exists()
 
 
-def test_user_is_made_with_the_groups_there_are(root: Path, python: Path, given: list[list[str]]) -> None:
+@pytest.mark.parametrize(
+    ("groups", "joins"), [("spi:x:989:\ni2c:x:990:pi\n", ["--groups", "i2c,spi"]), ("root:x:0:\n", [])]
+)
+def test_user_is_made_with_the_groups_there_are(
+    root: Path, python: Path, given: list[list[str]], groups: str, joins: list[str]
+) -> None:
+    (root / "etc/group").write_text(groups, encoding="utf-8")
     install.install("sim", root, python, lambda line: None)
     (made,) = [command for command in given if command[0] == "useradd"]
-    assert made[-3:] == ["--groups", "i2c,spi", "wayfarer"]
-
-
-def test_user_is_made_without_groups_where_there_are_none(root: Path, python: Path, given: list[list[str]]) -> None:
-    (root / "etc/group").write_text("root:x:0:\n", encoding="utf-8")
-    install.install("sim", root, python, lambda line: None)
-    (made,) = [command for command in given if command[0] == "useradd"]
-    assert "--groups" not in made
+    assert made[made.index("/usr/sbin/nologin") + 1 :] == [*joins, "wayfarer"]
 
 
 @pytest.mark.parametrize(

@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.daemon.socket.fake_daemon import open_files
+from tests.daemon.socket.fake_daemon import held_elsewhere, open_files
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.daemon.motors_lock import MotorsTaken, device_of, motors_device, motors_lock, other_commander
 from wayfarer.daemon.socket.paths import AlreadyRunning
 from wayfarer.drivers.gpio_motors import GpioMotorsSettings
 from wayfarer.drivers.thunderborg import ThunderBorgSettings
-
-HOLDER = """
-import sys
-from wayfarer.daemon.motors_lock import motors_lock
-with motors_lock(sys.argv[1]):
-    print("held", flush=True)
-    sys.stdin.read()
-"""
 
 
 @pytest.fixture
@@ -40,15 +30,10 @@ def rover(motors: dict[str, object] | None, buses: str = "linux") -> RoverConfig
 
 
 def test_second_program_is_told_who_drives_and_gets_the_motors_when_that_one_was_killed(device: str) -> None:
-    with subprocess.Popen(
-        [sys.executable, "-c", HOLDER, device], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as first:
-        assert first.stdout is not None
-        assert first.stdout.readline() == b"held\n"
-        assert other_commander(device) == f"another wayfarer (process {first.pid})"
-        with pytest.raises(AlreadyRunning, match=rf"process {first.pid}\) drives these motors \({device}\): end it"):
+    with held_elsewhere(motors_lock, device) as first:
+        assert other_commander(device) == f"another wayfarer (process {first})"
+        with pytest.raises(AlreadyRunning, match=rf"process {first}\) drives these motors \({device}\): end it"):
             motors_lock(device).__enter__()
-        first.kill()
     with motors_lock(device):
         pass
 

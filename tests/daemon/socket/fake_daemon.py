@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -120,3 +123,25 @@ async def until(happened: Callable[[], object]) -> None:
     async with asyncio.timeout(2.0):
         while not happened():  # noqa: ASYNC110  (nothing there tells of it)
             await asyncio.sleep(0.002)
+
+
+HOLDER = """
+import sys
+from pathlib import Path
+from importlib import import_module
+module, name, path = sys.argv[1:]
+with getattr(import_module(module), name)(Path(path) if name == "single_daemon" else path):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+@contextmanager
+def held_elsewhere(lock: Callable[..., object], path: object) -> Iterator[int]:
+    """Have another process hold a lock, and kill it at the end; yields its number."""
+    arguments = [sys.executable, "-c", HOLDER, lock.__module__, lock.__name__, str(path)]
+    with subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == b"held\n"
+        yield holder.pid
+        holder.kill()

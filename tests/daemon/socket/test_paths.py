@@ -4,24 +4,15 @@ from __future__ import annotations
 
 import os
 import socket
-import subprocess
-import sys
 from pathlib import Path
 from stat import S_IMODE
 
 import pytest
 
-from tests.daemon.socket.fake_daemon import open_files
+from tests.daemon.socket.fake_daemon import held_elsewhere, open_files
 from wayfarer.daemon.socket import paths
 from wayfarer.daemon.socket.paths import AlreadyRunning, daemon_socket, known_sockets, single_daemon
 from wayfarer.errors import BadInput
-
-HOLDER = """
-import sys, pathlib, wayfarer.daemon.socket.paths as paths
-with paths.single_daemon(pathlib.Path(sys.argv[1])):
-    print("held", flush=True)
-    sys.stdin.read()
-"""
 
 
 @pytest.fixture
@@ -155,16 +146,11 @@ def test_folder_of_the_socket_is_made_for_its_owner(path: Path) -> None:
 
 
 def test_second_daemon_is_told_who_runs_and_leaves_the_first_alone(path: Path) -> None:
-    with subprocess.Popen(
-        [sys.executable, "-c", HOLDER, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as first:
-        assert first.stdout is not None
-        assert first.stdout.readline() == b"held\n"
+    with held_elsewhere(single_daemon, path) as first:
         path.touch()
-        with pytest.raises(AlreadyRunning, match=rf"process {first.pid}, socket {path}\): .*'wayfarer stop'"):
+        with pytest.raises(AlreadyRunning, match=rf"process {first}, socket {path}\): .*'wayfarer stop'"):
             single_daemon(path).__enter__()
         assert path.exists()
-        first.kill()
     with single_daemon(path):
         assert not path.exists(), "what the killed one left is cleared away by the next"
 
