@@ -20,6 +20,8 @@ import pytest
 
 from tests.fieldlog.disks import FailingCall
 from tests.views.text.records import HEADER, drive, event, numbered, write
+from wayfarer.commissioning.checks import Check, Finding, Inspection
+from wayfarer.commissioning.checks.api import fail
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon import host_health
 from wayfarer.daemon.daemon import Daemon, RoverSetup, Service, serve
@@ -44,6 +46,7 @@ class Site:
         self.logs, self.socket = folder / "logs", folder / "control.sock"
         self.closed = 0
         self.stops: list[float] = []
+        self.checks: list[Check] = []
         self.service = Service(
             config=load_rover("sim"),
             algorithm=CATALOGUE["forest-pledge"],
@@ -58,7 +61,8 @@ class Site:
     def make_rover(self, finish: Finish) -> RoverSetup:
         self.finish = finish
         rover_setup = live_rover_setup(self.service.config, Depth.DEVICE, 7, finish)
-        rover_setup = replace(rover_setup, close_buses=self.close_buses)
+        checks = [*rover_setup.checks, *self.checks]
+        rover_setup = replace(rover_setup, checks=checks, close_buses=self.close_buses)
         self.rover = rover_setup.rover
         halt = self.rover.motors.halt
 
@@ -281,6 +285,17 @@ async def test_low_voltage_of_the_computer_is_noticed_within_a_second(
         await daemon.stop()
     (told,) = site.events("power")
     assert (told["flags"], told["text"].split(",")[0]) == ("0x50005", "under-voltage now")
+
+
+async def test_check_of_the_rover_setup_that_fails_refuses_arming(site: Site) -> None:
+    async def mount(_: Inspection) -> Finding:
+        return fail("mount", "the compass is loose", "a screw", "tighten it")
+
+    site.checks.append(mount)
+    async with Running(site) as daemon:
+        with pytest.raises(WayfarerError, match=r"not armed: mount: the compass is loose \(tighten it\)"):
+            await site.ask("arm", heading_deg=0.0)
+        await daemon.stop()
 
 
 async def test_dry_run_does_everything_but_turn_the_wheels(site: Site) -> None:
