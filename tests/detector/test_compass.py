@@ -178,7 +178,7 @@ def test_heading_that_need_not_change_or_of_which_the_part_shows_life_is_not_fro
     """The ground holds a pivot, and wheels that push shake the body by the last digit of an angle."""
     rover = started()
     for n in range(100):
-        shaken = {jitters: n % 2 / 10} if jitters else {}
+        shaken: dict[str, Any] = {jitters: n % 2 / 10} if jitters else {}
         assert rover.tick(wheels, max(wheels.right, 0.0) * TICK_S, **shaken).conditions == ()
 
 
