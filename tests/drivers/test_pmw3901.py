@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from tests.drivers.benches import now_s
-from tests.simhal.chips.test_pmw3901 import Driven
+from tests.simhal.chips.bench import Driven
 from tests.virtual import virtual
 from wayfarer.drivers.pmw3901 import FRAME_S, PMW3901, Axis, Burst, PMW3901Settings, contradiction, decode, quality
 from wayfarer.drivers.pmw3901_table import trim
