@@ -18,6 +18,7 @@ from tests.daemon.left_turning import (
 )
 from wayfarer.daemon.salvage import SHIPPED
 from wayfarer.daemon.stop_motors import stop_motors
+from wayfarer.drivers.gpio import GpioPart
 from wayfarer.errors import BadInput, NotResponding, WayfarerError
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 
@@ -198,10 +199,10 @@ PINS = '[parts.motors]\ndriver = "gpio_motors"\n' + "".join(
 
 
 def test_pins_of_another_program_are_told_with_their_reason(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def claim(name: str, make: object) -> None:
-        raise NotResponding(f"{name}: cannot have these pins: 'GPIO busy'")
+    def claim(part: GpioPart) -> None:
+        raise NotResponding(f"{part.name}: cannot have these pins: 'GPIO busy'")
 
-    monkeypatch.setattr("wayfarer.drivers.gpio_motors.claim", claim)
+    monkeypatch.setattr(GpioPart, "_claim", claim)
     with pytest.raises(WayfarerError) as caught:
         stop(rover_file, BUSES + PINS)
     said = str(caught.value)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from benchmarks.stock_loop import JumpingStockLoop
 from tests.simhal.clock.programs import PROGRAMS, LoopFactory, Note, Program, sleeper, trace_of
 from tests.virtual import virtual
+from wayfarer.control.rate import Rate
 from wayfarer.errors import NothingScheduled
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
@@ -82,6 +83,25 @@ def test_equal_times_run_in_order_of_creation(loop: asyncio.AbstractEventLoop) -
     loop.call_later(1.0, loop.stop)
     loop.run_forever()
     assert ran == list(range(50))
+
+
+@virtual
+async def test_paced_task_and_sleeping_one_take_turns_as_their_timers_were_made() -> None:
+    order: list[str] = []
+
+    async def pace() -> None:
+        rate = Rate(8.0)
+        for _ in range(4):
+            await rate.wait()
+            order.append("paced")
+
+    async def sleep() -> None:
+        for _ in range(2):
+            await asyncio.sleep(0.25)
+            order.append("slept")
+
+    await asyncio.gather(pace(), sleep())
+    assert order == ["paced", "slept", "paced", "paced", "slept", "paced"]
 
 
 moments_s = st.floats(0, 1e6)

@@ -64,8 +64,9 @@ class VirtualLoop(asyncio.AbstractEventLoop):
 
     def __init__(self) -> None:
         self._now_s = 0.0
-        self._ready: deque[_Handle] = deque()
-        self._timers: list[list[Any]] = []  # handles, and what ``wake_at`` makes: a future in place of the callback
+        # Handles, and what ``wake_at`` makes: a future in place of the callback.
+        self._ready: deque[list[Any]] = deque()
+        self._timers: list[list[Any]] = []
         self._number = count(1).__next__
         self._running = False
         self._closed = False
@@ -157,9 +158,14 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         """Run what is ready, in turn; when nothing is, jump to the next timer."""
         ready, take, jump = self._ready, self._ready.popleft, self._jump
         while not self._stopping:
-            while not ready:
+            if not ready:
                 jump()
-            _, _, callback, args, context = take()
+            handle = take()
+            if type(handle) is not _Handle:  # of ``wake_at``
+                if not handle[_CALLBACK].done():  # cancelled with its task
+                    handle[_CALLBACK].set_result(None)
+                continue
+            _, _, callback, args, context = handle
             if callback is None:
                 continue
             try:
@@ -182,11 +188,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         now_s = timers[0][_WHEN]
         self._now_s = now_s if now_s > self._now_s else self._now_s
         while timers and timers[0][_WHEN] <= now_s:
-            timer = heappop(timers)
-            if type(timer) is _Handle:
-                self._ready.append(timer)
-            elif not (wake_up := timer[_CALLBACK]).done():  # cancelled with its task
-                wake_up.set_result(None)
+            self._ready.append(heappop(timers))
 
     def run_until_complete(self, future: Generator[Any, None, T] | Awaitable[T]) -> T:
         """Run until the future is done and return its result."""
