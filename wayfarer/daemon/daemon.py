@@ -236,7 +236,11 @@ class Daemon:
 
     def _tell_of_unfinished(self, before: UnfinishedRun) -> None:
         """Tell of the run before, which was cut off (field catalogue, fault 33), in the log and on the terminal."""
-        self._field_log.event("unclean_shutdown", self._loop.time(), **before._asdict())
+        run, last_t_s, last_t_wall, mode, error = before
+        self._field_log.event(
+            "unclean_shutdown", self._loop.time(),
+            run=run, last_t_s=last_t_s, last_t_wall=last_t_wall, mode=mode, error=error,
+        )  # fmt: skip
         self._lines.write(unclean_text(before._asdict()))
 
     def _inspect(self) -> RunningInspection:

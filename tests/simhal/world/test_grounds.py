@@ -77,7 +77,7 @@ def test_sweep_of_grounds_with_another_chassis_is_another_sweep(run: Run, tmp_pa
     run(*sweep)
     kept = tmp_path / "out" / "sweep.json"
     kept.write_text(kept.read_text(encoding="utf-8").replace('"weight_kg": 6.1', '"weight_kg": 7.1'), encoding="utf-8")
-    assert "another sweep: rover.chassis.weight_kg differ" in refusal(run, *sweep, "--resume")
+    assert "another sweep: rover.chassis.weight_kg is 7.1 there and 6.1 here" in refusal(run, *sweep, "--resume")
 
 
 def test_other_physics_has_a_ground_of_another_kind(run: Run) -> None:
