@@ -6,7 +6,6 @@ What is wrong with a file is told in one line: file, scenario, key, what is allo
 
 from __future__ import annotations
 
-import json
 import tomllib
 from dataclasses import field, fields, make_dataclass, replace
 from difflib import get_close_matches
@@ -16,9 +15,9 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
 from annotated_types import Interval
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, with_config
+from pydantic import BaseModel, ConfigDict, Field
 
-from wayfarer.config.messages import explain, line_of, most_telling, named_key, one_line
+from wayfarer.config.messages import line_of, named_key, one_line, validated
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_overlay import laid_over
@@ -90,9 +89,9 @@ class _FileLocation(NamedTuple):
             BadConfig: it cannot be one.
         """
         try:
-            return _adapter(kind).validate_json(json.dumps(table, default=str), strict=True)
-        except ValidationError as error:
-            raise self.error(explain(most_telling(error), kind, self.shown)) from None
+            return validated(kind, table, self.shown)
+        except BadConfig as error:
+            raise self.error(str(error)) from None
 
 
 def read_scenarios(path: Path) -> tuple[Scenario, ...]:
@@ -203,12 +202,6 @@ def _fault_table(kind: str) -> type:
             *((each.name, hints[each.name], field(default=each.default)) for each in fields(params)),
         ],
     )
-
-
-@cache
-def _adapter(kind: Any) -> TypeAdapter[Any]:
-    """Return what checks a table and knows no other keys."""
-    return TypeAdapter(kind if issubclass(kind, BaseModel) else with_config(ConfigDict(extra="forbid"))(kind))
 
 
 def _measured(target: str) -> tuple[str, ...]:
