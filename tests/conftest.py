@@ -8,7 +8,11 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.loop_guard import pytest_asyncio_loop_factories
+from tests.tiers import pytest_collection_modifyitems, pytest_runtest_protocol
 from wayfarer import cli
+
+__all__ = ["pytest_asyncio_loop_factories", "pytest_collection_modifyitems", "pytest_runtest_protocol"]  # hooks
 
 Run = Callable[..., tuple[int, str, str]]
 

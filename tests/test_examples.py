@@ -17,6 +17,8 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_trial
 
+pytestmark = pytest.mark.process
+
 FOLDER = Path(__file__).parents[1] / "examples"
 EXAMPLES = sorted(path.stem for path in FOLDER.glob("*.py"))
 LONG = "failsafe_under_a_planner"  # has another stack's planner and rover in it as well

@@ -219,6 +219,7 @@ def test_walk_over_imports_tells_types_functions_and_real_imports_apart() -> Non
     assert set(imports_when_run(tree, in_functions=True)) == {"scipy", "spidev.x", "cv2", "cv2.phaseCorrelate"}
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("modules", "kept_out"),
     [

@@ -1,4 +1,4 @@
-"""Running a test in virtual time."""
+"""Running in virtual time: a coroutine, or a test."""
 
 from __future__ import annotations
 
@@ -7,10 +7,16 @@ from collections.abc import Callable, Coroutine
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from tests.loop_guard import WatchedVirtualLoop
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+
+def run_virtually(main: Coroutine[Any, Any, T]) -> T:
+    """Run a coroutine in virtual time."""
+    with asyncio.Runner(loop_factory=WatchedVirtualLoop) as runner:
+        return runner.run(main)
 
 
 def virtual(test: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, T]:
@@ -18,7 +24,6 @@ def virtual(test: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, T]:
 
     @wraps(test)
     def run(*args: P.args, **kwargs: P.kwargs) -> T:
-        with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-            return runner.run(test(*args, **kwargs))
+        return run_virtually(test(*args, **kwargs))
 
     return run

@@ -43,6 +43,7 @@ def quick_trials(monkeypatch: pytest.MonkeyPatch) -> None:
 # --- what every command promises
 
 
+@pytest.mark.process
 def test_version_imports_nothing_heavy() -> None:
     script = (
         "import sys; from wayfarer.cli import run; code = run(['--version']);"
@@ -110,6 +111,7 @@ def test_missing_extra_says_how_to_get_it(
     assert err.endswith(" in wayfarer's checkout\n")
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("arguments", [["list"], ["logs", "list", "--logs", "field_logs"]], ids=" ".join)
 def test_nobody_who_reads_is_no_error(arguments: list[str]) -> None:
     command = f"{sys.executable} -c 'from wayfarer.cli import main; main()' {' '.join(arguments)} >&-"
@@ -117,6 +119,7 @@ def test_nobody_who_reads_is_no_error(arguments: list[str]) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.process
 def test_letters_that_the_terminal_does_not_know_are_written_out(tmp_path: Path) -> None:
     log = FieldLog(RunFiles(tmp_path), {}, wall=lambda t_s: t_s)
     log.event("mark", 1.0, text="Bäume")
@@ -303,6 +306,7 @@ def test_faults_are_told_with_how_to_look_into_them(run: Run, monkeypatch: pytes
     assert "third_fails" in (tmp_path / "log" / "fault.txt").read_text()
 
 
+@pytest.mark.process
 def test_real_trials_are_the_same_alone_and_on_any_number_of_workers(run: Run, tmp_path: Path) -> None:
     command = ("sim", "--trials", 4, "--budget-m", 15, "--algorithm", "forest-pledge")
     assert run(*command, "--jobs", 1, "--out", tmp_path / "1")[0] == 0

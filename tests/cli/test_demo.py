@@ -154,6 +154,7 @@ def test_foxglove_takes_a_port_or_its_own(
     assert asked == [port]
 
 
+@pytest.mark.process
 def test_command_line_loads_no_server_until_it_is_asked_for() -> None:
     code = "import sys, wayfarer.cli; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()

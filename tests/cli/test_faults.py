@@ -59,7 +59,7 @@ def test_scenario_with_a_wrong_bound_exits_1_and_says_why(tmp_path: Path, capsys
     assert out.splitlines()[-1] == "0 of 1 scenarios as expected: 1 in virtual time"
 
 
-@pytest.mark.slow
+@pytest.mark.process
 def test_several_processes_give_what_one_gives(tmp_path: Path) -> None:
     path = scenario_file(tmp_path, LOOSE + LOOSE.replace("loose-plug", "another").replace("compass", "motion", 1))
     for jobs in ("1", "2"):
@@ -236,7 +236,7 @@ def test_an_error_inside_one_scenario_does_not_hide_the_others(
     assert "1 of 2 scenarios as expected" in out
 
 
-@pytest.mark.slow
+@pytest.mark.process
 def test_ctrl_c_ends_it_with_130(tmp_path: Path) -> None:
     many = "".join(
         LOOSE.replace("loose-plug", f"loose-{number}").replace("for_s = 5.0", "for_s = 600.0", 1)
@@ -269,7 +269,7 @@ def test_page_names_the_test_of_every_fault_that_a_test_holds() -> None:
     assert [line for line in section.splitlines() if line.startswith("| ") and "`" in line] == kinds_page.held()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_pages_scenario_runs_and_prints_what_the_page_shows(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -207,11 +207,13 @@ def on_a_terminal(*arguments: object, **environment: str) -> str:
     return told.decode()
 
 
+@pytest.mark.process
 def test_terminal_gets_colours_unless_its_owner_wants_none(logs: Path) -> None:
     assert "\x1b[36m" in on_a_terminal("show", "1", "--logs", logs)
     assert "\x1b" not in on_a_terminal("show", "1", "--logs", logs, NO_COLOR="1")
 
 
+@pytest.mark.process
 def test_reader_that_has_enough_is_no_error(logs: Path) -> None:
     write(logs / SECOND, drive(3.0, 600.0))  # more than a pipe holds
     with subprocess.Popen(
@@ -225,6 +227,7 @@ def test_reader_that_has_enough_is_no_error(logs: Path) -> None:
         assert process.wait(LONG_S) == 0
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(("command", "code"), [(["summary", "1"], 0), (["check", "1", "2"], 3)])
 def test_answer_that_nobody_reads_keeps_its_exit_code(logs: Path, command: list[str], code: int) -> None:
     reader, writer = os.pipe()
@@ -238,6 +241,7 @@ def test_answer_that_nobody_reads_keeps_its_exit_code(logs: Path, command: list[
     assert (done.returncode, done.stderr) == (code, "")
 
 
+@pytest.mark.process
 def test_following_a_run_that_was_cut_off_says_that_it_waits(logs: Path) -> None:
     with subprocess.Popen(
         wayfarer("follow", "2", "--logs", logs), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -264,6 +268,7 @@ def following(logs: Path) -> Iterator[subprocess.Popen[str]]:
         process.kill()
 
 
+@pytest.mark.process
 def test_follow_tells_what_is_written_while_it_waits_and_ends_by_ctrl_c(
     following: subprocess.Popen[str], logs: Path
 ) -> None:

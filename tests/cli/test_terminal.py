@@ -31,6 +31,7 @@ print("went on", flush=True)
 """
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("waits", ["asyncio.sleep(30.0)", "Terminal().ask('Do they turn?')"], ids=["drive", "question"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signal_stops_the_wheels_and_ends_the_process(number: signal.Signals, waits: str) -> None:
@@ -47,6 +48,7 @@ def test_signal_stops_the_wheels_and_ends_the_process(number: signal.Signals, wa
         assert process.stderr.read() == b"\nwayfarer: interrupted; a stop was sent\n"
 
 
+@pytest.mark.process
 def test_signal_that_was_to_be_ignored_is() -> None:
     code = "import signal\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
     code += TURNS_WHEELS.format(waits="asyncio.sleep(0.5)")

@@ -29,6 +29,7 @@ def rover(motors: dict[str, object] | None, buses: str = "linux") -> RoverConfig
     return load_rover("sim").model_copy(update={"buses": buses, "parts": {} if motors is None else {"motors": motors}})
 
 
+@pytest.mark.process
 def test_second_program_is_told_who_drives_and_gets_the_motors_when_that_one_was_killed(device: str) -> None:
     with held_elsewhere(motors_lock, device) as first:
         assert other_commander(device) == f"another wayfarer (process {first})"

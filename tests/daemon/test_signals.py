@@ -19,6 +19,7 @@ os.kill(os.getpid(), number)
 """
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("number", sorted(signal.valid_signals() - UNCATCHABLE - {SUSPENDING, *IGNORED}), ids=name_of)
 def test_signals_that_end_a_process_are_known_as_such(number: int) -> None:
     """Let each do to a process what it does by default."""

@@ -87,6 +87,7 @@ def test_closing_waits_for_a_stalled_terminal_only_so_long() -> None:
         assert CLOSE_S <= time.monotonic() - began_s < CLOSE_S + 0.5
 
 
+@pytest.mark.process
 def test_process_ends_though_its_terminal_is_stalled() -> None:
     """The thread that waits holds nothing that Python needs to exit."""
     reading, writing = os.pipe()

@@ -110,6 +110,7 @@ def test_file_that_others_could_have_written_is_not_believed_and_that_is_told(ro
     assert str(refused.value).endswith(f"; {record}: not believed: others may write to it (mode 0646); remove it")
 
 
+@pytest.mark.process
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can take another user's rights")
 def test_root_stops_what_another_user_recorded_with_that_user_s_rights(
     rover_file: Path, record: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path

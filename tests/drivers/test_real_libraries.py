@@ -18,7 +18,7 @@ from tests.drivers.private_dev import Recorder
 from tests.drivers.real_site import BOTH, FORESTROVER, I2C, SPI, RealSite, requirements
 from wayfarer.simhal.hil_buses import SOCKET_VARIABLE
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.process
 
 WHICH = """
 import json

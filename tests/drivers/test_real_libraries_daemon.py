@@ -18,7 +18,7 @@ from tests.system.hil_setup import wait_for
 from tests.system.test_stop_owners import turn_wheels
 from tests.system.wheel_history import first_stop, spans, stop_after
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.process
 
 FROZEN_S, GONE_S = 2.5, 1.0
 MARGIN_S = 0.02  # between the two writes of one drive command

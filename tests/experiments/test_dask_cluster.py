@@ -38,7 +38,7 @@ def ended(process: subprocess.Popen[str]) -> tuple[int, list[str]]:
     return process.returncode, [line for line in err.splitlines() if not line.endswith(f"of {MANY} trials")]
 
 
-@pytest.mark.slow
+@pytest.mark.process
 def test_cluster_gives_the_bytes_of_two_jobs_although_a_worker_is_killed(dask: DaskProcesses, tmp_path: Path) -> None:
     doomed, _ = dask.worker(), dask.worker()
     out = tmp_path / "far"
@@ -51,7 +51,7 @@ def test_cluster_gives_the_bytes_of_two_jobs_although_a_worker_is_killed(dask: D
     assert two_jobs.count(b"\n") == MANY + 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_interrupted_on_one_cluster_it_is_resumed_on_another_after_the_first_was_lost(
     dask: DaskProcesses, tmp_path: Path
 ) -> None:
@@ -75,7 +75,7 @@ def test_interrupted_on_one_cluster_it_is_resumed_on_another_after_the_first_was
     assert run_into(out, campaign_of(MANY), resume=True) == run_into(tmp_path / "whole", campaign_of(MANY))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_workers_of_another_version_and_none_at_all_are_one_line(dask: DaskProcesses, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with started(out, dask.address) as campaign:

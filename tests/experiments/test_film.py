@@ -65,7 +65,7 @@ def lasts_s(row: str, speed: float) -> float:
 
 
 @needs_opengl
-@pytest.mark.slow
+@pytest.mark.long
 def test_film_shows_the_rover_in_the_middle_and_changes_nothing_of_the_trial(run: Run, tmp_path: Path) -> None:
     plain = run(*SIM, "--log", tmp_path / "plain")
     code, out, err = run(*SIM, *FAST, "--log", tmp_path / "filmed", "--video", tmp_path / "trial.mp4")
@@ -84,7 +84,7 @@ def test_film_shows_the_rover_in_the_middle_and_changes_nothing_of_the_trial(run
 
 
 @needs_opengl
-@pytest.mark.slow
+@pytest.mark.long
 def test_animated_picture_is_written_for_a_page(run: Run, tmp_path: Path) -> None:
     code, out, err = run(*SIM, "--video-speed", "100", "--video", tmp_path / "trial.webp")
     assert code == 0, err
@@ -202,6 +202,7 @@ def test_missing_opengl_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -
     assert "the system has no libEGL or libOSMesa: apt install" in err
 
 
+@pytest.mark.process
 def test_opengl_that_cannot_draw_off_screen_is_one_line_and_leaves_no_file(tmp_path: Path) -> None:
     command = [sys.executable, "-c", "from wayfarer.cli import main; main()", *SIM, "--video", str(tmp_path / "x.mp4")]
     done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "MUJOCO_GL": "glfw"}, check=False)

@@ -186,6 +186,7 @@ def test_forest_that_cannot_be_made_is_a_fault_of_its_trial(monkeypatch: pytest.
     assert done.fault is not None
 
 
+@pytest.mark.process
 def test_worker_that_dies_is_told_and_finished_trials_are_kept(tmp_path: Path) -> None:
     plan = campaign_of(12)
     with pytest.raises(WayfarerError, match=r"a worker process died after \d+ trials.*--resume"):
@@ -209,6 +210,7 @@ def running_in_group(group: int) -> list[str]:
     return [fields[0] for fields in stats if int(fields[2]) == group and fields[0] not in "ZX"]
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(("number", "jobs"), [(signal.SIGINT, 1), (signal.SIGINT, 2), (signal.SIGTERM, 2)])
 def test_signal_keeps_finished_trials_and_resuming_ends_in_the_same_bytes(
     tmp_path: Path, number: signal.Signals, jobs: int
@@ -233,6 +235,7 @@ def test_signal_keeps_finished_trials_and_resuming_ends_in_the_same_bytes(
     assert run_into(out, plan, resume=True) == run_into(tmp_path / "whole", plan)
 
 
+@pytest.mark.process
 def test_workers_of_a_killed_campaign_end_too(tmp_path: Path) -> None:
     out = tmp_path / "out"
     command = [sys.executable, "-m", "tests.experiments.fake_trials", str(out), "2"]

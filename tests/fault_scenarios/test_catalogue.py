@@ -26,9 +26,9 @@ def runs_of(name: str) -> tuple[RunResult, RunResult]:
 
 
 def rows() -> list[object]:
-    slow = [pytest.mark.slow]
+    long = [pytest.mark.long]
     return [
-        pytest.param(name, marks=slow if scenario.rover == CAMERA_ROVER else []) for name, scenario in SCENARIOS.items()
+        pytest.param(name, marks=long if scenario.rover == CAMERA_ROVER else []) for name, scenario in SCENARIOS.items()
     ]
 
 

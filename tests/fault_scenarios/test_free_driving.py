@@ -13,7 +13,7 @@ from wayfarer.simhal.faults.kinds import Drive, Fault
 from wayfarer.simhal.world.grounds import GroundName
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("torque_scale", [1.0, 3.0])
 @pytest.mark.parametrize("friction", [0.1, 0.15, 0.3, 0.5, 0.8])
 @pytest.mark.parametrize("rover", ["sim", "forestrover", "minirover"])

@@ -135,7 +135,7 @@ def test_trials_are_summed_up_and_each_has_its_row(tmp_path: Path) -> None:
     assert all(row["ticks"] > 0 and row["faults"] for row in rows)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_rows_are_the_same_on_any_number_of_workers(tmp_path: Path) -> None:
     for jobs in (1, 2):
         assert run(8, jobs=jobs, out=tmp_path / str(jobs), rover=None, depth=None)[0] == 0

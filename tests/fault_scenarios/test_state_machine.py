@@ -21,7 +21,7 @@ def find() -> None:
     run_state_machine_as_test(DaemonMachine, settings=asked)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_any_interleaving_keeps_the_safety_rules() -> None:
     run_state_machine_as_test(DaemonMachine, settings=machine_settings(EXAMPLES, STEPS, derandomize=True))
 
@@ -38,7 +38,7 @@ def test_machine_drives_the_rover_and_ends_it_with_its_wheels_still() -> None:
     assert daemon.setup.world.commanded == (0.0, 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_gate_that_forgets_to_hold_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     honest = Gate.limit
 
@@ -50,7 +50,7 @@ def test_gate_that_forgets_to_hold_is_found(monkeypatch: pytest.MonkeyPatch) -> 
         find()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_status_that_tells_another_mode_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     status = RoverCommands.status
 

@@ -83,6 +83,7 @@ def test_disk_that_is_full_at_any_byte_tears_no_line_and_tells_what_is_missing(m
         assert len(log.told) == (2 if dropped else 0)
 
 
+@pytest.mark.process
 def test_real_disk_runs_full_and_is_freed(card: Path) -> None:
     log = Log(card / "logs" / "run", LogSettings(part_mb=0.05, free_mb=0.0))
     ballast = card / "ballast"
@@ -107,6 +108,7 @@ def test_real_disk_runs_full_and_is_freed(card: Path) -> None:
     assert len(log.told) == 2
 
 
+@pytest.mark.process
 def test_read_only_disk_is_told_before_a_run_begins(card: Path) -> None:
     (card / "logs").mkdir()
     subprocess.run(["mount", "-o", "remount,ro", str(card)], check=True)

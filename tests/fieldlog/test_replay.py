@@ -61,7 +61,7 @@ def detecting(**settings: Any) -> RoverConfig:
     return SIM.model_copy(update={"detector": with_fields(SIM.detector, **settings)})
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("half", [0, 1])
 def test_every_run_of_a_campaign_of_50_trials_agrees_in_every_decision(tmp_path: Path, half: int) -> None:
     for trial in range(half * 25, half * 25 + 25):

@@ -231,12 +231,14 @@ def doomed(what: str, where: Path) -> subprocess.Popen[bytes]:
     return subprocess.Popen([sys.executable, "-m", "tests.fieldlog.doomed", what, str(where)], stdout=subprocess.PIPE)
 
 
+@pytest.mark.process
 def test_process_ends_though_its_disk_never_answers(tmp_path: Path) -> None:
     with doomed("hang", tmp_path) as process:
         assert process.wait(PATIENCE_S) == 0
     assert read_header(tmp_path)["part"] == 1
 
 
+@pytest.mark.process
 def test_everything_that_was_synced_survives_sigkill_and_the_next_run_has_its_own_folder(tmp_path: Path) -> None:
     random = Random(20)
     for run in range(1, 6):

@@ -113,7 +113,7 @@ def test_json_may_be_deeper_than_orjson_writes(depth: int) -> None:
     assert orjson.loads(as_json(nested("x", depth))) == nested("x", depth)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_command_prints_a_table_and_keeps_a_failing_case(tmp_path: Path) -> None:
     command = [sys.executable, "-c", PLANT, "--seconds", "20", "--keep", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=Path(__file__).parents[2])

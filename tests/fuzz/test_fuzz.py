@@ -11,7 +11,7 @@ from tests.fuzz.targets import TARGETS
 SLOW_BELOW = 10  # few cases are quick where each takes long
 
 PARAMETERS = [
-    pytest.param(target, id=target.name, marks=[pytest.mark.slow] * (target.quick < SLOW_BELOW)) for target in TARGETS
+    pytest.param(target, id=target.name, marks=[pytest.mark.long] * (target.quick < SLOW_BELOW)) for target in TARGETS
 ]
 
 

@@ -206,6 +206,7 @@ async def test_missing_bench_is_told_by_its_path() -> None:
     await over.close()
 
 
+@pytest.mark.process
 def test_bench_that_is_ended_while_a_client_is_connected_says_nothing(tmp_path: Path) -> None:
     path = tmp_path / "bench"
     command = [sys.executable, "-m", "wayfarer.simhal.hil_server", "--rover", "forestrover", "--socket", str(path)]

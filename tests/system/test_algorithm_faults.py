@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import resource
 
-import pytest
-
 from tests.system import buggy_algorithms
 from tests.system.bounds import bound_s
 from tests.system.hil_setup import MARGIN_S, PATIENCE_S, Site
 from tests.system.wheel_history import first_stop
 from wayfarer.safety.gate import STALL_LIMIT_S
-
-pytestmark = pytest.mark.slow
 
 ALGORITHMS = buggy_algorithms.__name__
 MEMORY_BYTES = 1_500_000_000  # of addresses; a daemon that is well has about 600 MB of them

@@ -14,8 +14,6 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.fieldlog.clock import wall_clock
 
-pytestmark = pytest.mark.slow
-
 
 @pytest.mark.parametrize("site", ["minirover"], indirect=True)
 def test_board_that_does_not_acknowledge_its_failsafe_is_not_armed(site: Site) -> None:

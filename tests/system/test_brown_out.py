@@ -19,8 +19,6 @@ from tests.system.bounds import bound_s
 from tests.system.hil_setup import DEADMAN_S, HilSetupError, Site, hil_site, wait_for
 from tests.system.wheel_history import stop_after, told_to_turn
 
-pytestmark = pytest.mark.slow
-
 KILLS = int(os.environ.get("KILLS", "6"))  # half of them on each rover; each takes about three seconds
 LATEST_S = 0.5  # from the board's loss of power to the kill: longer than the health poll needs to see it
 MARGIN_S = 0.05  # between the two writes of one drive command, on a busy computer
@@ -62,6 +60,7 @@ def _kill(where: Site, after_s: float) -> Kill:
     return Kill(where.rover, after_s, max(0.0, stop_s - killed_s))
 
 
+@pytest.mark.long
 def test_wheels_stand_within_the_deadman_after_a_brown_out_of_the_board_and_the_death_of_the_daemon() -> None:
     done = []
     for kill in kills(KILLS, seed=24):

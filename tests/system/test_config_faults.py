@@ -12,8 +12,6 @@ import pytest
 from tests.system.hil_setup import Site, rover_toml, wait_for
 from tests.system.subprocesses import command
 
-pytestmark = pytest.mark.slow
-
 BAD_INPUT = 2
 CRUISE = "cruise_m_s = 0.42"
 GENTLER = "cruise_m_s = 0.21"

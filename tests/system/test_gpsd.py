@@ -37,13 +37,10 @@ from wayfarer.simhal.world.world import World
 
 START_S = 20.0  # a busy machine takes seconds to start both
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        not (shutil.which("gpsfake") and shutil.which("gpsd")),
-        reason="gpsfake and gpsd are not on PATH; apt-get install gpsd gpsd-clients",
-    ),
-]
+pytestmark = pytest.mark.skipif(
+    not (shutil.which("gpsfake") and shutil.which("gpsd")),
+    reason="gpsfake and gpsd are not on PATH; apt-get install gpsd gpsd-clients",
+)
 
 
 class Daemon(NamedTuple):

@@ -6,15 +6,11 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
-import pytest
-
 from tests.system import broken_os
 from tests.system.bounds import bound_s
 from tests.system.hil_setup import Site
 from tests.system.jitter import jitter
 from tests.system.subprocesses import MAIN, python
-
-pytestmark = pytest.mark.slow
 
 ILL = python(f"from {broken_os.__name__} import patch_os; patch_os(); {MAIN}")
 QUIET_S = ILL_S = 2.5

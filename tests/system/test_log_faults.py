@@ -18,8 +18,6 @@ from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.fieldlog.folders import FILE_NAME, run_folders
 from wayfarer.fieldlog.reader import Record, RunReader
 
-pytestmark = pytest.mark.slow
-
 DISK_KB = 160_000  # of them the log leaves 100,000 to the computer, and a mission takes 50,000
 PART_MB = 1  # the smallest that a rover file may ask for: 70 s of log
 AT_ONCE = 50  # requests on their way

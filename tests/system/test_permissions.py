@@ -40,7 +40,6 @@ def root() -> Iterator[Path]:
         yield Path(folder)
 
 
-@pytest.mark.slow
 def test_user_without_rights_is_told_which_group_has_them(root: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", LOOK, root, str(NOBODY), *DEVICES], capture_output=True, text=True, check=False

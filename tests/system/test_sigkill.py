@@ -11,7 +11,7 @@ from tests.system.killer import Life, sweep
 KILLS = int(os.environ.get("KILLS", "12"))  # ten at one rover, then ten at the other; each takes about three seconds
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_kill_leaves_standing_wheels_and_a_whole_log() -> None:
     kills = []
     for kill in sweep(KILLS, seed=12):

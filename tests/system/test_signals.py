@@ -15,8 +15,6 @@ from tests.system.hil_setup import MARGIN_S, PATIENCE_S, Site, hil_site, wait_fo
 from tests.system.wheel_history import stop_after, told_to_turn
 from wayfarer.daemon.signals import ENDING, FAULTS, IGNORED, name_of
 
-pytestmark = pytest.mark.slow
-
 BY_PYTHON = {Signals.SIGPIPE, Signals.SIGXFSZ}  # ignored from the start of every Python process
 REAL_TIME = [Signals.SIGRTMIN, Signals.SIGRTMIN + 1, Signals.SIGRTMAX]
 ELSEWHERE = {Signals.SIGTERM}  # test_stop_owners.py

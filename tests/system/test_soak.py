@@ -19,7 +19,7 @@ MINUTES_S = 20 * 60.0
 SHORT_S = 5 * 60.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_twenty_minutes_of_faults_leave_nothing_behind() -> None:
     samples, broken = soak(MINUTES_S)
     assert growth(samples) == []
@@ -46,7 +46,7 @@ async def waits_for_ever() -> None:
     await asyncio.sleep(1e9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("what", ["blocks", "tasks", "handles"])
 def test_leak_that_was_planted_is_found(what: str) -> None:
     kept: list[Any] = []

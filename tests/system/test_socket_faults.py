@@ -16,8 +16,6 @@ from tests.system.hil_setup import Site, wait_for
 from tests.system.jitter import jitter
 from wayfarer.daemon.socket.protocol import Refused
 
-pytestmark = pytest.mark.slow
-
 QUIET_S = ABUSE_S = 2.5
 CLIENTS = 1000
 LONG_LINE_BYTES = 1_000_000_000

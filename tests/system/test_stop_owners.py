@@ -21,7 +21,7 @@ from tests.system.wheel_history import spans, stop_after
 from wayfarer.drivers.sabertooth import packet
 from wayfarer.simhal.hil_buses import HilI2C, HilSerial
 
-pytestmark = [pytest.mark.slow, pytest.mark.parametrize("site", sorted(DEADMAN_S), indirect=True)]
+pytestmark = pytest.mark.parametrize("site", sorted(DEADMAN_S), indirect=True)
 
 I2C, SERIAL = "/dev/i2c-1", "/dev/ttyAMA0"
 HANG_S = 1.0

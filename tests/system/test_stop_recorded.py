@@ -19,7 +19,7 @@ from tests.system.test_stop_owners import turn_wheels
 NOBODY = 65534
 OTHER = {"forestrover": "minirover", "minirover": "forestrover"}
 
-pytestmark = [pytest.mark.slow, pytest.mark.parametrize("site", sorted(OTHER), indirect=True)]
+pytestmark = pytest.mark.parametrize("site", sorted(OTHER), indirect=True)
 
 
 def as_nobody(site: Site) -> tuple[str, ...]:

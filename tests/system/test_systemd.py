@@ -11,8 +11,6 @@ import pytest
 
 from tests.system import nspawn
 
-pytestmark = pytest.mark.slow
-
 Report = dict[str, Any]
 
 

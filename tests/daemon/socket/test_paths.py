@@ -145,6 +145,7 @@ def test_folder_of_the_socket_is_made_for_its_owner(path: Path) -> None:
         assert S_IMODE((path.parent / "new").stat().st_mode) == 0o700
 
 
+@pytest.mark.process
 def test_second_daemon_is_told_who_runs_and_leaves_the_first_alone(path: Path) -> None:
     with held_elsewhere(single_daemon, path) as first:
         path.touch()

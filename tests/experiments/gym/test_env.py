@@ -62,6 +62,7 @@ def test_gymnasiums_own_checker_has_nothing_to_say() -> None:
     env.close()
 
 
+@pytest.mark.process
 def test_environment_is_found_by_the_name_of_its_module() -> None:
     name = "wayfarer.experiments.gym:Wayfarer-Forest-v0"
     code = f"import gymnasium as g; e = g.make({name!r}); print(len(e.reset(seed=1)[0]))"

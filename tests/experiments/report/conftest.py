@@ -16,10 +16,3 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("campaign")
     run_campaign(folder / "out", forests=some_forests(folder / "given.jsonl"))
     return folder / "out"
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Drawing takes most of the time of these tests, and the same on every Python: one of them is enough."""
-    for item in items:
-        if item.path.parent == Path(__file__).parent:
-            item.add_marker(pytest.mark.slow)

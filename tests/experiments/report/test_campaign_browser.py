@@ -10,8 +10,6 @@ import pytest
 from tests.browser import DESKTOP, PHONE, OpenPage
 from wayfarer.experiments.report.campaign import write_report
 
-pytestmark = pytest.mark.slow
-
 
 @pytest.fixture(scope="module")
 def report(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> str:

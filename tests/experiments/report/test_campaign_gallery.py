@@ -77,7 +77,6 @@ def test_way_is_that_of_the_trial_in_the_table(finished: Path) -> None:
         assert (end.y_m >= 50.0) is escaped
 
 
-@pytest.mark.slow
 def test_a_pool_gives_the_same_ways_and_tells_of_each_trial(finished: Path) -> None:
     rows = choose(read_results(finished).by_algorithm, 3)
     told: list[Done] = []

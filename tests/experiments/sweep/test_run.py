@@ -73,7 +73,7 @@ def test_parquet_holds_what_the_table_holds(tmp_path: Path) -> None:
             assert row[name] == (None if text == "" else type(row[name])(text)), name
 
 
-@pytest.mark.slow
+@pytest.mark.process
 def test_jobs_change_nothing(tmp_path: Path) -> None:
     assert run(tmp_path / "one") == run(tmp_path / "two", jobs=2) == 0
     assert (tmp_path / "one" / TRIALS).read_bytes() == (tmp_path / "two" / TRIALS).read_bytes()

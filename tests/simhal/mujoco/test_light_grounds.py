@@ -101,7 +101,7 @@ def test_ideal_ground_would_not_pass() -> None:
     assert ideal.turn_deg_s > 30.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_table_is_what_mujoco_does() -> None:
     kept = kept_steps()
     assert len(kept) == len(ROVERS) * len(FRICTIONS) * 20, TABLE

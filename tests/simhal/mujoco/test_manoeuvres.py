@@ -17,7 +17,7 @@ CELLS = [cell for cell in product(("sim", "forestrover", "minirover"), FRICTIONS
 DONE = "turn_away.done"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("rover", "friction", "torque_scale"), CELLS)
 def test_turn_is_as_far_as_was_asked(rover: str, friction: float, torque_scale: float) -> None:
     done = manoeuvres(rover, friction, torque_scale)
@@ -26,7 +26,7 @@ def test_turn_is_as_far_as_was_asked(rover: str, friction: float, torque_scale: 
     assert mean(done.turned_deg[1:]) == pytest.approx(30.0, abs=4.5 if rover == "sim" else 3.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("rover", "friction", "torque_scale"), CELLS)
 def test_arc_has_the_radius_that_was_asked(rover: str, friction: float, torque_scale: float) -> None:
     done = manoeuvres(rover, friction, torque_scale, turn_deg=90.0)

@@ -129,7 +129,7 @@ def test_report_of_a_campaign_in_mujoco_draws_its_trials(run: Run, tmp_path: Pat
     assert list((tmp_path / "out" / "figures").glob("forest-forest-pledge-*"))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_site_in_mujoco_tells_kinds_of_help_and_terrain_and_is_gone_on_with_and_drawn(run: Run, tmp_path: Path) -> None:
     clutter = ("--scenario", "dense-obstruction", "--rover", "forestrover")
     site = (*SIM, *clutter, "--budget-m", "3", "--friction", "0.3:0.6")
@@ -171,6 +171,7 @@ def test_spoilt_terrain_in_a_folder_is_one_line(
     assert says in err
 
 
+@pytest.mark.process
 def test_light_campaign_says_nothing_of_it_and_loads_no_engine() -> None:
     assert "mujoco" not in Campaign(("forest-pledge",), 1, load_rover("sim")).settings()
     code = (
@@ -264,7 +265,7 @@ def test_fixed_terrain_is_what_was_asked_for_and_a_range_is_drawn_within() -> No
     assert 0.38 < max(frictions) <= 0.4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_half_the_time_step_changes_outcomes_within_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     """On slippery ground, where the rover gets out; trials part ways in the end, as they do at any rounding."""
     terrains = Terrains(friction=Range(0.15, 0.15))

@@ -207,6 +207,7 @@ threading.Event().wait(0.3)
 """
 
 
+@pytest.mark.process
 def test_viewer_that_is_lost_prints_nothing() -> None:
     """In a process of its own: pytest's logging would keep the line from the terminal."""
     ended = subprocess.run([sys.executable, "-c", LOST_VIEWER], capture_output=True, text=True, check=True)

@@ -15,7 +15,7 @@ from tests.views.live.contrast import ratio, texts, weak_texts
 from tests.views.live.daemons import Daemon, running
 
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.process
 
 NARROW = (360, 640)
 STOP_S = 0.2

@@ -11,8 +11,6 @@ from tests.views.run_report.logs import HEADER, OUTCOME, episode, write_log
 from tests.views.text.records import event
 from wayfarer.views.run_report.run import write_run_report
 
-pytestmark = pytest.mark.slow
-
 
 @pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_page_shows_figures_and_tables_and_does_not_overflow(

@@ -1,0 +1,78 @@
+"""The three tiers of tests. Each test is in one: the longest that it is marked with, or that of its folder.
+
+unit     virtual time or none at all, in pytest's own process
+process  a real process: daemon, systemd, gpsd, browser, kernel shim, workers of a campaign; and pages that are drawn
+long     above about 10 s: soak, kills at random instants, replay of a campaign, planted leaks, minutes of fuzzing
+
+Plain ``pytest`` leaves out ``long``; ``pytest -m unit`` takes one tier. A unit test that starts a process fails.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from multiprocessing import util
+from pathlib import Path
+
+import pytest
+
+TIERS = ("unit", "process", "long")
+# Drawing takes most of the time of the tests of pages, and is the same on every Python: not a unit test's.
+PROCESS_FOLDERS = ("system", "experiments/report", "views/run_report")
+
+_STARTS = {"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system"}
+_in_unit_test = False
+
+
+def tier_of(item: pytest.Item) -> str:
+    """Return the tier of a test."""
+    marked = [mark.name for mark in item.iter_markers() if mark.name in TIERS]
+    folder = item.path.parent.relative_to(Path(__file__).parent).as_posix()
+    return max(marked, key=TIERS.index, default=TIERS[folder in PROCESS_FOLDERS])
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark each test with its tier only, and begin with those that wait long, so that all cores end at once."""
+    tiers = {item: tier_of(item) for item in items}
+    for item, tier in tiers.items():
+        for node in item.listchain():
+            node.own_markers[:] = [mark for mark in node.own_markers if mark.name not in TIERS]
+        item.add_marker(tier)
+    items.sort(key=lambda item: -TIERS.index(tiers[item]))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Let no unit test start a process, in its fixtures neither."""
+    global _in_unit_test  # noqa: PLW0603 - an audit hook has no other way to know
+    _in_unit_test = item.get_closest_marker("unit") is not None
+    try:
+        return (yield)
+    finally:
+        _in_unit_test = False
+
+
+def refuse_process() -> None:
+    """Fail a unit test."""
+    if _in_unit_test:
+        pytest.fail("a unit test starts no process: mark it @pytest.mark.process", pytrace=False)
+
+
+def _audit(event: str, _: object) -> None:
+    if event in _STARTS:
+        refuse_process()
+
+
+sys.addaudithook(_audit)
+
+# What multiprocessing spawns raises no audit event.
+_spawn = vars(util)["spawnv_passfds"]
+
+
+def _spawn_or_refuse(*args: object) -> object:
+    refuse_process()
+    return _spawn(*args)
+
+
+setattr(util, "spawnv_passfds", _spawn_or_refuse)  # noqa: B010 - no part of its stubs
