@@ -140,6 +140,14 @@ def test_fresh_fix_at_home_counts_more_than_dead_reckoning_and_an_old_one_less()
     assert reason(under_test, STARTS_S + 10.1 + FIX_FRESH_S) == "mission_radius"
 
 
+def test_fix_of_the_future_counts_less_than_dead_reckoning() -> None:
+    under_test = mission()
+    under_test.advance(150.0, 30.0)
+    under_test.position(fix(0.0, STARTS_S + 10.0))
+    assert reason(under_test, STARTS_S + 9.9) == "mission_radius"
+    assert reason(under_test, STARTS_S + 10.0) is None
+
+
 def test_old_fixes_beyond_the_radius_end_nothing() -> None:
     under_test = mission()
     for north_m in (0.0, *[150.0] * FIXES_BEYOND):
