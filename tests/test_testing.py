@@ -13,6 +13,7 @@ from typing import Any, cast
 
 import pytest
 
+from tests.virtual import run_virtually
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import NotResponding
 from wayfarer.escape import policies
@@ -33,7 +34,6 @@ from wayfarer.hal import (
     WheelCommand,
 )
 from wayfarer.simhal.build_rover import device_depth
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
@@ -144,8 +144,7 @@ def test_requirement_that_no_rover_can_meet_is_named() -> None:
 
 
 def run(check: Coroutine[Any, Any, None]) -> None:
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        runner.run(check)
+    run_virtually(check)
 
 
 def sim_rover() -> Rover:

@@ -18,7 +18,7 @@ import pytest
 
 TIERS = ("unit", "process", "long")
 # Drawing takes most of the time of the tests of pages, and is the same on every Python: not a unit test's.
-PROCESS_FOLDERS = ("system", "experiments/report", "views/run_report")
+PROCESS_FOLDERS = {Path(__file__).parent / folder for folder in ("system", "experiments/report", "views/run_report")}
 
 _STARTS = {"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system"}
 _in_unit_test = False
@@ -27,8 +27,7 @@ _in_unit_test = False
 def tier_of(item: pytest.Item) -> str:
     """Return the tier of a test."""
     marked = [mark.name for mark in item.iter_markers() if mark.name in TIERS]
-    folder = item.path.parent.relative_to(Path(__file__).parent).as_posix()
-    return max(marked, key=TIERS.index, default=TIERS[folder in PROCESS_FOLDERS])
+    return max(marked, key=TIERS.index, default="process" if item.path.parent in PROCESS_FOLDERS else "unit")
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from tests.virtual import run_virtually
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.records import PartialLog, TickRecord
 from wayfarer.control.supervisor import Supervisor
@@ -24,7 +25,6 @@ from wayfarer.hal import (
 )
 from wayfarer.safety.gate import SafetySettings
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 AHEAD = WheelCommand(0.5, 0.5)
 VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=1.0)
@@ -231,8 +231,7 @@ def drive(shop: Workshop, script: Script | None = None, *, for_s: float = 1.0, *
         finally:
             assert asyncio.all_tasks() == {asyncio.current_task()}, "a task was left running"
 
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(main())
+    return run_virtually(main())
 
 
 def breaking(shop: Workshop, what: str, error: Exception | None = None) -> Callable[[Supervisor], object]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tests.virtual import run_virtually
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.records import Tee
 from wayfarer.control.supervisor import Supervisor
@@ -15,7 +16,6 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.build_rover import Depth
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
@@ -40,8 +40,7 @@ def run_on_a_desk(
         loop.call_later(for_s, supervisors[0].finish, "requested", "enough")
         return await supervisors[0].run(), loop.time() - UPTIME_S
 
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(main())
+    return run_virtually(main())
 
 
 @pytest.mark.parametrize("depth", Depth)
