@@ -56,15 +56,6 @@ def test_blocked_loop_fails(run: Main, monkeypatch: pytest.MonkeyPatch) -> None:
         run(work_for(0.03))
 
 
-@pytest.mark.parametrize("run", LOOPS.values(), ids=LOOPS)
-def test_sleep_on_the_loop_fails(run: Main) -> None:
-    async def sleeps() -> None:
-        time.sleep(0.001)  # noqa: ASYNC251, TID251
-
-    with pytest.raises(pytest.fail.Exception, match=r"time\.sleep\(0\.001\) on an event loop"):
-        run(sleeps())
-
-
 def test_error_of_a_test_is_told_and_not_what_it_left() -> None:
     async def fails() -> None:
         await leave_a_task()
