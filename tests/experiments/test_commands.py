@@ -64,6 +64,7 @@ def test_rover_without_parts_can_be_simulated_at_device_depth(
     assert "entrapped" in capsys.readouterr().out
 
 
+@pytest.mark.process
 def test_campaign_with_a_log_gives_each_trial_its_own(tmp_path: Path) -> None:
     options = ["--trials", "2", "--algorithm", "pledge,levy-walk", "--budget-m", "5", "--jobs", "2"]
     assert cli.run(["sim", *options, "--log", str(tmp_path / "logs")]) == 0

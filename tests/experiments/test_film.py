@@ -179,6 +179,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.process
 @needs_opengl
 @pytest.mark.parametrize(("arguments", "says"), REFUSED.values(), ids=REFUSED)
 def test_what_cannot_be_filmed_is_one_line(run: Run, arguments: tuple[str, ...], says: str) -> None:

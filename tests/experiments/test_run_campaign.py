@@ -110,6 +110,7 @@ def test_one_forest_serves_all_algorithms() -> None:
 # --- running
 
 
+@pytest.mark.process
 def test_results_do_not_depend_on_workers_or_order_of_completion(tmp_path: Path) -> None:
     plan = campaign_of(40, "pledge", "levy-walk")
     alone = run_into(tmp_path / "1", plan)
@@ -162,6 +163,7 @@ def test_summary_says_all_that_was_asked_and_never_nan(tmp_path: Path) -> None:
 # --- what goes wrong
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_trial_that_raises_becomes_a_fault_and_the_others_go_on(tmp_path: Path, jobs: int) -> None:
     plan = campaign_of(8)
