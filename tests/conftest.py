@@ -16,8 +16,10 @@ __all__ = ["pytest_asyncio_loop_factories", "pytest_collection_modifyitems", "py
 
 Run = Callable[..., tuple[int, str, str]]
 
-# The same examples at every run, however busy the machine is.
-settings.register_profile("repeatable", derandomize=True, deadline=None)
+# The same examples at every run, however busy the machine is. Of the CPU time of the unit tier, Hypothesis's tests had a
+# fifth with 100 examples each; .ci/full takes them all.
+settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=40)
+settings.register_profile("thorough", settings.get_profile("repeatable"), max_examples=100)
 settings.load_profile("repeatable")
 
 REFERENCE_FOLDER = Path(__file__).resolve().parents[2] / "shared" / "reference"

@@ -145,7 +145,7 @@ SERVER = Target(
      "wayfarer.daemon.socket.protocol:refuse"],
     lambda kept: CLIENTS,
     _served,
-    quick=60,
+    quick=20,
 )  # fmt: skip
 
 

@@ -165,7 +165,7 @@ STOPPING = Target(
         bytes_of([b"", *ROVERS], WORDS, 2),
     ),
     _stopping,
-    quick=40,
+    quick=15,
 )  # fmt: skip
 
 

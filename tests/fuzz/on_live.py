@@ -134,7 +134,7 @@ LIVE = Target(
      "wayfarer.views.live.server:_plain", "wayfarer.views.live.broadcaster:PageViewer.acknowledge"],
     _conversations,
     _shown,
-    quick=60,
+    quick=20,
 )  # fmt: skip
 
 

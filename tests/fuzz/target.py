@@ -30,7 +30,7 @@ class Target(NamedTuple):
     covers: Sequence[str]
     cases: Callable[[Sequence[Case]], SearchStrategy[Case]]
     opened: Callable[[], AbstractContextManager[Try]]
-    quick: int = 100
+    quick: int = 30
 
 
 def refused(error: WayfarerError) -> str:
