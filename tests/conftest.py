@@ -16,8 +16,8 @@ __all__ = ["pytest_asyncio_loop_factories", "pytest_collection_modifyitems", "py
 
 Run = Callable[..., tuple[int, str, str]]
 
-# The same examples at every run, however busy the machine is. Of the CPU time of the unit tier, Hypothesis's tests had a
-# fifth with 100 examples each; .ci/full takes them all.
+# The same examples at every run, however busy the machine is. With 100 examples each, Hypothesis's tests had a fifth of
+# the unit tier's CPU time; .ci/full takes them all.
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=40)
 settings.register_profile("thorough", settings.get_profile("repeatable"), max_examples=100)
 settings.load_profile("repeatable")

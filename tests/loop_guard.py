@@ -82,4 +82,4 @@ def _checked_exit(
         _exit(runner, kind, error, trace)
 
 
-asyncio.Runner.__exit__ = _checked_exit  # type: ignore[method-assign]
+asyncio.Runner.__exit__ = _checked_exit  # type: ignore[assignment, method-assign]

@@ -24,7 +24,7 @@ def run_watched(main: Coroutine[Any, Any, None]) -> None:
         runner.run(main)
 
 
-LOOPS = {"in virtual time": run_virtually, "on asyncio's loop": run_watched}
+LOOPS: dict[str, Main] = {"in virtual time": run_virtually, "on asyncio's loop": run_watched}
 
 
 async def leave_a_task(*, cancelled: bool = False) -> None:

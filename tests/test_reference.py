@@ -57,6 +57,7 @@ def test_no_path_beats_the_geodesic(ours: list[TrialResult]) -> None:
     assert all(r.spl is not None and 0.1 < r.spl <= 1.0 for r in ours)
 
 
+@pytest.mark.long
 def test_levy_walk_takes_far_longer(file: ForestFile, ours: list[TrialResult]) -> None:
     walks = trials_of(file, "levy-walk", SAMPLE[::2], budget_m=150.0)
     assert sum(walk.outcome == "entrapped" for walk in walks) > len(walks) / 4

@@ -99,6 +99,7 @@ def test_animated_picture_is_written_for_a_page(run: Run, tmp_path: Path) -> Non
     assert data[loops : loops + 2] == b"\0\0", "for ever"
 
 
+@pytest.mark.long
 def test_model_of_the_film_has_the_joints_of_the_trial_and_meets_nothing() -> None:
     world = rover_on(0.5, roughness_m=0.01)
     seen = Scenery(CLEARING, world, 64, 64).model

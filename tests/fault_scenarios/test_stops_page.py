@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.fault_scenarios.stops_page import DETECTOR_HEAD, STOPPING, STOPS_HEAD, stops
 from wayfarer.escape.api import Anomaly
 from wayfarer.fault_scenarios.catalogue import catalogue
@@ -43,6 +45,7 @@ def test_nothing_took_longer_than_its_bound() -> None:
     assert [line for line in timed if float(line[5]) > float(line[6])] == []
 
 
+@pytest.mark.long
 def test_lines_are_what_the_scenarios_give() -> None:
     """Simulated times are the same at each run, so the page can be held to them."""
     rows = [scenarios()[name] for name in QUICK]

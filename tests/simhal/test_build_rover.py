@@ -201,6 +201,7 @@ def with_part(config: RoverConfig, **tables: dict[str, Any]) -> RoverConfig:
     return config.model_copy(update={"parts": config.parts | tables})
 
 
+@virtual
 async def test_light_at_a_pin_is_left_out_and_the_light_of_the_board_and_a_receiver_are_there() -> None:
     equipped = with_part(load_rover("sim"), position={"driver": "gpsd"}, light={"driver": "gpio_light", "red": 17})
     _, rover = rover_in(CLEARING, equipped, Depth.BUS)
@@ -221,6 +222,7 @@ async def test_part_without_a_simulated_chip_is_refused_at_bus_depth_only() -> N
     rover_in(CLEARING, bridged, Depth.DEVICE)
 
 
+@virtual
 async def test_settings_of_the_file_decide_where_the_chips_are() -> None:
     config = load_rover("sim")
     moved = with_part(

@@ -133,7 +133,7 @@ async def test_clients_that_take_all_places_keep_no_stop_out(path: Path, daemon:
 FLOODS = {"half a line": b"{", "a request": STATUS, "many requests": STATUS * 100, "nothing": b""}
 
 
-@pytest.mark.slow
+@pytest.mark.process
 @pytest.mark.parametrize("said", FLOODS.values(), ids=FLOODS)
 def test_flood_of_new_clients_refuses_no_stop_and_makes_no_tick_late(path: Path, said: bytes) -> None:
     """The attackers are processes: as threads they would wait for the server."""

@@ -235,13 +235,14 @@ def test_runner_cancels_what_is_left_and_lets_it_finish() -> None:
             await asyncio.sleep(1.0)
             notes.append("stopped")
 
-    @virtual
     async def main() -> asyncio.Task[None]:
         task = asyncio.create_task(stubborn())
         await asyncio.sleep(0)
         return task
 
-    task = main()
+    runner = asyncio.Runner(loop_factory=VirtualLoop)
+    task = runner.run(main())
+    runner.close()
     assert notes == ["stopped"]
     assert task.cancelled()
     assert task.get_loop().is_closed()

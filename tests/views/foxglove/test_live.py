@@ -186,6 +186,7 @@ async def test_viewer_that_ceases_to_read_holds_up_nobody() -> None:
         await mute.see(live, "/pose")
         for number in range(5000):  # far more than is kept for a viewer
             live.show(tick(2000.0 + number))
+            await asyncio.sleep(0.0)  # as the control loop does after each tick
         async with connected(live) as client:
             assert "/pose" in await client.see(live, "/pose")
 
