@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from tests.experiments import fake_trials
 from tests.experiments.report.campaigns import STRANGERS
@@ -45,6 +46,19 @@ def results_of(*axes: Axis, algorithms: tuple[str, ...] = ("pledge",), spl: bool
     return SweepResults(SweepSettings.model_validate(sweep.settings()), rows)
 
 
+def assert_seen_readable(figure: Figure) -> None:
+    """As ``assert_readable``, without the ticks beyond the ends of an axis: matplotlib keeps them, and draws none."""
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            for tick in axis.get_major_ticks():
+                if not low <= tick.get_loc() <= high:
+                    tick.label1.set_visible(False)
+                    tick.label2.set_visible(False)
+    assert_readable(figure)
+
+
 @pytest.fixture(autouse=True)
 def styled() -> Iterator[None]:
     with house_style():
@@ -66,7 +80,7 @@ def test_curves_show_what_the_rows_say_in_the_order_of_the_values() -> None:
 @pytest.mark.parametrize("algorithms", [("pledge",), ("pledge", "levy-walk", *STRANGERS)], ids=["one", "many"])
 @pytest.mark.parametrize("spl", [True, False])
 def test_curves_are_readable(axis: Axis, algorithms: tuple[str, ...], spl: bool) -> None:
-    assert_readable(curves_figure(results_of(axis, algorithms=algorithms, spl=spl)))
+    assert_seen_readable(curves_figure(results_of(axis, algorithms=algorithms, spl=spl)))
 
 
 def test_maps_put_each_point_where_its_keys_are() -> None:
@@ -81,8 +95,8 @@ def test_maps_put_each_point_where_its_keys_are() -> None:
 @pytest.mark.parametrize("values", [2, 8, 40])
 def test_maps_are_readable(spl: bool, values: int) -> None:
     axis = Axis("escape.turn_angle_deg", tuple(range(2, 2 * values + 1, 2)))
-    assert_readable(maps_figure(results_of(SLIPS, axis, spl=spl), "pledge"))
-    assert_readable(maps_figure(results_of(axis, SLIPS, spl=spl), "pledge"))
+    assert_seen_readable(maps_figure(results_of(SLIPS, axis, spl=spl), "pledge"))
+    assert_seen_readable(maps_figure(results_of(axis, SLIPS, spl=spl), "pledge"))
 
 
 def test_interval_of_a_mean_is_that_of_its_standard_error() -> None:
