@@ -1,7 +1,8 @@
 """The motor board loses its power for a moment while the rover drives, and then the computer dies: do the wheels stand?
 
 A board that has lost its power has forgotten its deadman. A daemon that drives on, and is killed before it has noticed,
-would leave wheels that nothing stops. ``KILLS=20 pytest -n 0 -m long -s tests/system/test_brown_out.py`` does it more often.
+would leave wheels that nothing stops. More often:
+``KILLS=20 pytest -n 0 -m long -s tests/system/test_brown_out.py``.
 """
 
 # ruff: noqa: TID251 - real processes need real time

@@ -1,4 +1,6 @@
-"""The daemon is killed at random instants; ``KILLS=200 pytest -n 0 -m long -s tests/system/test_sigkill.py`` does it more often."""
+"""The daemon is killed at random instants. More often:
+``KILLS=200 pytest -n 0 -m long -s tests/system/test_sigkill.py``.
+"""
 
 from __future__ import annotations
 
