@@ -290,3 +290,19 @@ async def test_job_that_waited_longer_than_its_deadline_is_not_begun_while_the_l
     results = await asyncio.gather(*calls, return_exceptions=True)
     assert isinstance(results[1], NotResponding)
     assert await bus.worker.call(bus.job("new command")) == "new command"
+
+
+async def test_computer_without_threads_refuses_a_call_and_keeps_a_stop_for_later(
+    bus: Bus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_thread(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(threading.Thread, "start", no_thread)
+        for _ in range(2):
+            bus.worker.post(bus.job("stop"))
+        with pytest.raises(NotResponding, match="can't start new thread"):
+            await bus.worker.call(bus.job("call"))
+    assert await bus.worker.call(bus.job("later")) == "later"
+    assert bus.done == ["stop", "stop", "later"]

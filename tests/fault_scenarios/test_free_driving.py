@@ -12,6 +12,8 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.faults.kinds import Drive, Fault
 from wayfarer.simhal.world.grounds import GroundName
 
+pytest.importorskip("mujoco", reason="MuJoCo is not installed")  # here, for its first import starts a process
+
 
 @pytest.mark.long
 @pytest.mark.parametrize("torque_scale", [1.0, 3.0])

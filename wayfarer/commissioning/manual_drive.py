@@ -58,7 +58,11 @@ async def sample_during(
     Raises:
         DriverError: the sensor did not answer.
     """
-    await read()  # what came before is not ours
+    try:
+        await read()  # what came before is not ours
+    except BaseException:
+        doing.close()
+        raise
     done, samples = asyncio.ensure_future(doing), []
     try:
         while not done.done():

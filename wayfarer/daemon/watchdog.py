@@ -145,7 +145,8 @@ class StallGuard:
 
 def _where(thread: int) -> str:
     """Return the innermost calls of a thread, the innermost first; no source file is read for it."""
-    calls = islice(walk_stack(sys._current_frames().get(thread)), WHERE_FRAMES)
+    innermost = sys._current_frames().get(thread)
+    calls = islice(walk_stack(innermost), WHERE_FRAMES) if innermost is not None else ()
     return " < ".join(f"{_short(frame.f_code.co_filename)}:{line} {frame.f_code.co_qualname}" for frame, line in calls)
 
 

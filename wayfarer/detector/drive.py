@@ -137,8 +137,8 @@ class DriveMonitor:
         """Tell of the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.
 
         Where hardly any side but that one was told to push, the anomaly may be that side's as well: that is told, but
-        is never a fault, for a controller asks for that beside a trunk too. Nor is what a body showed that hardly got
-        on: a healthy one on slippery ground was turned by the trunk that held it.
+        is never a fault, for a controller asks for that beside a trunk too. Nor is a side that lagged while the body
+        hardly got on: a healthy one on slippery ground was turned by the trunk that held it.
         """
         at_s, side, held = suspect
         suspected, other = applied if side == LEFT else reversed(applied)

@@ -63,7 +63,11 @@ class Worker(WaitingThread):
                     else f"{self.name}: an earlier transfer still hangs; a device holds the bus, check power and wiring"
                 )
             self._jobs.append((in_time, future))
-            self._wake()
+            try:
+                self._wake()
+            except RuntimeError as error:
+                self._jobs.pop()
+                raise NotResponding(f"{self.name}: {error}; the computer is out of threads or memory") from None
         try:
             async with asyncio.timeout(deadline_s) as deadline:
                 return await asyncio.wrap_future(future)
@@ -81,7 +85,8 @@ class Worker(WaitingThread):
         with self._changed:
             if not self._closed:
                 self._posted.append(job)
-                self._wake()
+                with suppress(RuntimeError):  # no more threads to be had: the next job tries again
+                    self._wake()
 
     async def close(self, last: Callable[[], Any] | None = None, wait_s: float = CLOSE_WAIT_S) -> None:
         """Let the thread end after what was posted, and ``last``; wait for it no longer than ``wait_s``."""

@@ -36,7 +36,7 @@ class Task(NamedTuple):
 
 
 class Tasks:
-    """Trials in the order of running: a forest serves all points and algorithms, then comes the next.
+    """Trials in the order of running: a forest serves all algorithms of a point, then comes the next.
 
     Each is made when it is asked for, so that a million take no more memory than a thousand. ``numbers`` are the places
     of these trials in that order; without them they are all that the campaign has.

@@ -99,8 +99,8 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
         where: the rover's file, or the name of a shipped one.
 
     Raises:
-        BadConfig: at bus depth the rover wants a part, or a chip for one; at device depth every rover can be built.
-            The text names file, key and line.
+        BadConfig: at bus depth the rover wants a part, or a chip for one; the text names file, key and line. At device
+            depth only a third party's chip can be wrong, which the first trial tells.
         MissingPackage: at bus depth one of its drivers needs a package that is not installed.
     """
     if depth == "device":

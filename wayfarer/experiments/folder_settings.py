@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from wayfarer.config.chassis import AT_A_BRANCH, Chassis
+from wayfarer.config.messages import shown
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Tasks
 from wayfarer.simhal.world.grounds import GroundName
@@ -49,8 +50,8 @@ def refuse_another(path: Path, settings: Mapping[str, Any]) -> None:
         raise BadInput(f"{path} cannot be resumed: it holds no {kind} ({kind}.json is missing or damaged)") from None
     for name, value, other in _differences(_comparable(json.loads(json.dumps(settings)), kind), there):
         raise BadInput(
-            f"{path} belongs to another {kind}: {name} is {other!r} there and "
-            f"{value!r} here; repeat its settings, or give another folder"
+            f"{path} belongs to another {kind}: {name} is {shown(other)} there and "
+            f"{shown(value)} here; repeat its settings, or give another folder"
         )
 
 

@@ -24,6 +24,7 @@ from wayfarer.fault_scenarios.table import print_results
 from wayfarer.fieldlog.atomic_file import write_whole
 
 CSV_FILE, JSON_FILE = "results.csv", "results.json"
+MOST_WELL_RUNS = 8  # in memory at a time: each holds all of its ticks
 COLUMNS = (*Result._fields, "passed")
 
 
@@ -46,6 +47,8 @@ class ScenarioRunner:
             run_result = run_scenario(scenario, self._logs / scenario.name if self._logs else None)
             key = repr(without_faults(scenario))
             if key not in self._well:
+                if len(self._well) >= MOST_WELL_RUNS:
+                    self._well.clear()
                 self._well[key] = run_without_faults(scenario)
             return judge(scenario, run_result, self._well[key])
         except Exception as error:

@@ -6,12 +6,10 @@ import asyncio
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
-from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.commissioning.checks import HostEnvironment
-from wayfarer.control.controller import Mode
 from wayfarer.control.records import RunLog, Tee
 from wayfarer.control.supervisor import first_cause
 from wayfarer.daemon.arming_inspection import RunningInspection
@@ -20,7 +18,6 @@ from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial import field_log
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.fault_scenarios.answers import answers, counts
 from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.fault_scenarios.safety_rules import Invariants
 from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
@@ -36,7 +33,6 @@ from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 BUDGET_M = 1000.0
-SETTLED_S = 2.0  # how long a run whose verdict stands goes on, so that the safety rules are watched; from no source
 
 
 class RunResult(NamedTuple):
@@ -102,7 +98,7 @@ async def _run_scenario(scenario: Scenario, log_dir: Path | None) -> RunResult:
     error, end, loop = None, None, asyncio.get_running_loop()
     stray: list[str] = []  # errors that nobody awaits: of the injection, or of a task that was forgotten
     loop.set_exception_handler(lambda _, context: stray.append(f"{context['message']}: {context.get('exception')!r}"))
-    asking = asyncio.ensure_future(_lead(setup, scenario, monitor))
+    asking = asyncio.ensure_future(_ask(setup, scenario.commands, monitor))
     loop.call_later(scenario.for_s, setup.supervisor.finish, "requested", "the scenario is over")
     try:
         end = await setup.supervisor.run()
@@ -123,35 +119,6 @@ async def _run_scenario(scenario: Scenario, log_dir: Path | None) -> RunResult:
 def _tell(watchers: Iterable[NoteFault], t_s: float, fault: Fault, *, begins: bool) -> None:
     for note in watchers:
         note(t_s, fault, begins=begins)
-
-
-async def _lead(setup: TrialSetup, scenario: Scenario, monitor: RunRecorder) -> None:
-    """Ask for what people ask for, and end the run before its time once nothing can change its verdict."""
-    await _ask(setup, scenario.commands, monitor)
-    expect, loop = scenario.expect, asyncio.get_running_loop()
-    to_the_end = expect.never or expect.answer or expect.ticks_within_s is not None
-    if expect.level is not Reached.FAULT or to_the_end or expect.ends not in {(), ("requested",)}:
-        return
-    over_s = max(fault.at_s + (0.0 if fault.for_s == inf else fault.for_s) for fault in scenario.faults)
-    await asyncio.sleep(over_s - loop.time())
-    while not _is_settled(setup, expect, monitor):  # noqa: ASYNC110 - looking once in a while is enough
-        await asyncio.sleep(SETTLED_S)
-    await asyncio.sleep(SETTLED_S)
-    setup.supervisor.finish("requested", "the scenario is over")
-
-
-def _is_settled(setup: TrialSetup, expect: Expectation, monitor: RunRecorder) -> bool:
-    """Tell whether the rover stands disarmed, and has given the answer and the event that are expected.
-
-    No later answer is severer than a fault, and the first one of a level counts. So without further faults and commands
-    the verdict is what it is, but for the safety rules.
-    """
-    if setup.supervisor.mode is not Mode.DISARMED or setup.world.commanded != (0.0, 0.0):
-        return False
-    begun_s = min(t_s for t_s, _, _ in monitor.faults)
-    told = {event.name for event in monitor.recorded_events if event.t_s >= begun_s}
-    faults = (answer for answer in answers(monitor, begun_s) if answer.level is Reached.FAULT)
-    return any(counts(answer, expect) for answer in faults) and expect.event in {None, *told}
 
 
 async def _ask(setup: TrialSetup, commands: tuple[Command, ...], log: RunLog) -> None:

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections import deque
 from math import inf, isfinite
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from wayfarer.control.controller import Mode
 from wayfarer.control.records import PartialLog, TickRecord
@@ -29,6 +29,7 @@ from wayfarer.experiments.trial_setup import TrialSetup
 from wayfarer.fault_scenarios.recorder import after_each_step
 from wayfarer.hal import STOP, CompassReading, Side
 from wayfarer.safety.conditions import LEVELS, Level
+from wayfarer.simhal.chip_wiring import MotorBoard
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
 
 PERIODS = 2
@@ -42,12 +43,6 @@ class Suspicion(NamedTuple):
     t_s: float
     since_s: float
     told: str
-
-
-class MotorBoard(Protocol):
-    """The chip of a motor board: by when its deadman stops the wheels, seconds on the run's clock."""
-
-    stops_by_s: float
 
 
 class Invariants(PartialLog):

@@ -86,10 +86,10 @@ def began_wall_s(header: Mapping[str, Any], first: Mapping[str, Any], last: Mapp
     return began_s if began_s is not None and began_s >= CLOCK_SET_S else None
 
 
-def local_time(wall_s: float, form: str) -> str:
-    """Return a wall time where the reader is; empty where no calendar reaches."""
+def local_time(wall_s: float, form: str, *, utc: bool = False) -> str:
+    """Return a wall time where the reader is, or in UTC; empty where no calendar reaches."""
     try:
-        return time.strftime(form, time.localtime(wall_s))
+        return time.strftime(form, time.gmtime(wall_s) if utc else time.localtime(wall_s))
     except (OverflowError, ValueError, OSError):
         return ""
 

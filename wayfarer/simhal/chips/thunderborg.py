@@ -73,7 +73,6 @@ class ThunderBorgChip(MotorBoardChip):
         self._power_up()
 
     def _power_up(self) -> None:
-        self.levels = (0, 0)
         self.failsafe = False
         self.shows_battery = True
         self.colours = [(0, 0, 0), (0, 0, 0)]

@@ -130,4 +130,4 @@ class Injector:
             case Layer.BUS:
                 return place_of(fault, self._config, self.buses)
             case _:
-                return self._parts.get(fault.target, self._take_power)
+                return self._take_power if fault.target == "process" else self._parts[fault.target]

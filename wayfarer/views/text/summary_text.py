@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Iterator, Mapping
 
 from wayfarer.fieldlog.fields import local_time, span
@@ -83,10 +82,8 @@ def _time(summary: RunSummary, *, utc: bool) -> Iterator[str]:
 
 
 def _began(summary: RunSummary, *, utc: bool) -> str:
-    if utc and summary.began_wall_s is not None:
-        return time.strftime(" from %Y-%m-%d %H:%M:%S UTC", time.gmtime(summary.began_wall_s))
     if summary.began_wall_s is not None:
-        return f" from {local_time(summary.began_wall_s, '%Y-%m-%d %H:%M:%S')}"
+        return f" from {local_time(summary.began_wall_s, '%Y-%m-%d %H:%M:%S', utc=utc)}{' UTC' if utc else ''}"
     return "" if summary.trial is not None else " (start time unknown: the clock was not set)"
 
 
