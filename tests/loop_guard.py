@@ -17,8 +17,8 @@ import pytest
 
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
-# The longest turn of any test, with the imports that it brings, is 0.06 s. A worker that had run thousands of tests once
-# spent 0.5 s in one turn, most likely on a full garbage collection.
+# The longest turn of any test, with the imports that it brings, is 0.06 s. A worker that had run thousands of tests
+# once spent 0.5 s in one turn, most likely on a full garbage collection.
 BLOCKED_S = 2.0
 
 
