@@ -6,6 +6,7 @@ gpiozero is imported when the first pin is claimed. Its pin library (lgpio) come
 from __future__ import annotations
 
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib import import_module
@@ -18,7 +19,7 @@ from wayfarer.errors import NotResponding
 Pin = Annotated[int, Interval(ge=0, le=27)]  # GPIO numbers of the 40-pin header, not positions on it
 
 
-class GpioPart:
+class GpioPart(ABC):
     """A part at GPIO pins: ``open`` claims them, ``close`` lets go of them. Each driver says in ``_make`` what for."""
 
     def __init__(self, name: str) -> None:
@@ -41,9 +42,9 @@ class GpioPart:
             with suppress(Exception):
                 device.close()
 
+    @abstractmethod
     def _make(self, gpiozero: Any) -> Mapping[Any, Any]:
         """Return the devices of the module gpiozero on this part's pins."""
-        raise NotImplementedError
 
     def _claim(self) -> Mapping[Any, Any]:
         try:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 
-class MotorBoardChip:
+class MotorBoardChip(ABC):
     """A board whose outputs have levels, negative for back; its deadman stops both at ``stops_by_s``.
 
     Args:
@@ -32,9 +33,9 @@ class MotorBoardChip:
         self._right_sign = -1 if reverse_right else 1
 
     @property
+    @abstractmethod
     def stops_by_s(self) -> float:
         """When the deadman stops the motors unless a command comes before; infinite while it is off."""
-        raise NotImplementedError
 
     def tick(self) -> None:
         """Let the deadman trip, at its own time, if that has come. Every access does this first."""
