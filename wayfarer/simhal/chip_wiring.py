@@ -33,7 +33,7 @@ _NAMES = {path: name for name, path in BUILT_IN_DRIVERS.items()}
 
 
 class MotorBoard(Protocol):
-    """A chip that drives the wheels, with a deadman of its own."""
+    """A chip that drives the wheels and has its own deadman."""
 
     @property
     def stops_by_s(self) -> float:
