@@ -15,7 +15,7 @@ from wayfarer.control.status_light import YELLOW, colour
 from wayfarer.errors import NotResponding
 from wayfarer.escape.api import EscapeHandler
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.hal import STOP, WheelCommand
+from wayfarer.hal import STOP, MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 
 # -- arming ------------------------------------------------------------------------------------------------------
@@ -153,6 +153,18 @@ async def test_rover_that_goes_to_and_fro_does_not_reach_its_radius() -> None:
         await bench.tick(30)
     assert bench.end is None
     assert bench.handler.seen[-1].travelled_m > 10.0
+
+
+async def test_wheels_that_spin_take_the_rover_no_nearer_to_its_radius() -> None:
+    """Commanded distance still counts for the limit on distance."""
+    bench = await Bench(mission_radius_m=1.0, mission_distance_m=4.0).armed()
+    for _ in range(200):
+        if bench.end is not None:
+            break
+        bench.buffers.motion.write(MotionReading(bench.t_s, 0.001, 0.0, 0.9))
+        await bench.tick()
+    assert bench.end == "mission_distance"
+    assert 0.0 < bench.handler.seen[-1].covered_m < 1.0
 
 
 async def test_fixes_count_more_than_dead_reckoning() -> None:

@@ -38,6 +38,18 @@ def test_without_a_sensor_it_counts_what_is_commanded_both_ways() -> None:
     assert way.drive(10, -0.05, None) == pytest.approx(1.5)
 
 
+def test_step_back_is_negative_and_the_steps_add_up_to_what_was_covered() -> None:
+    odometer = Odometer(quality_min=0.2)
+    steps_m = []
+    for tick in range(1, 41):
+        told_m = 0.05 if tick <= 20 else -0.05
+        interval = Interval(tick * TICK_S, TICK_S, TICK_S, WheelCommand(0.5, 0.5), told_m)
+        steps_m.append(odometer.update(interval, MotionReading(tick * TICK_S, 0.4 * told_m, 0.0, 0.8)))
+    assert all(step_m > 0.0 for step_m in steps_m[:20])
+    assert all(step_m < 0.0 for step_m in steps_m[20:])
+    assert sum(map(abs, steps_m)) == pytest.approx(odometer.covered_m) == pytest.approx(0.8)
+
+
 def test_with_a_sensor_it_counts_what_was_seen() -> None:
     assert Way().drive(40, 0.05, 0.04) == pytest.approx(0.8)
 

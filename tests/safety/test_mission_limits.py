@@ -54,22 +54,23 @@ def test_time_counts_from_the_start_of_the_mission() -> None:
 def test_distance_counts_both_ways() -> None:
     under_test = mission()
     for step in range(399):
-        under_test.advance(1.0 if step % 2 else -1.0, 0.0)
+        under_test.advance(1.0 if step % 2 else -1.0, 1.0 if step % 2 else -1.0, 0.0)
     assert reason(under_test) is None
-    under_test.advance(-1.0, 0.0)
+    under_test.advance(-1.0, -1.0, 0.0)
     assert reason(under_test) == "mission_distance"
 
 
-STEPS = st.lists(st.tuples(st.floats(-20, 20), st.floats(0, 360, exclude_max=True)), max_size=15)
+STEPS = st.lists(st.tuples(st.floats(-20, 20), st.floats(-20, 20), st.floats(0, 360, exclude_max=True)), max_size=15)
 
 
 @given(STEPS)
-def test_dead_reckoning_adds_up_commands_along_the_compass(steps: list[tuple[float, float]]) -> None:
+def test_dead_reckoning_adds_up_covered_ground_along_the_compass(steps: list[tuple[float, float, float]]) -> None:
     under_test = mission()
-    for forward_m, heading_deg in steps:
-        under_test.advance(forward_m, heading_deg)
-    north_m = sum(forward_m * cos(radians(heading_deg)) for forward_m, heading_deg in steps)
-    east_m = sum(forward_m * sin(radians(heading_deg)) for forward_m, heading_deg in steps)
+    for commanded_m, covered_m, heading_deg in steps:
+        under_test.advance(commanded_m, covered_m, heading_deg)
+    north_m = sum(covered_m * cos(radians(heading_deg)) for _, covered_m, heading_deg in steps)
+    east_m = sum(covered_m * sin(radians(heading_deg)) for _, covered_m, heading_deg in steps)
+    assert under_test.travelled_m == pytest.approx(sum(abs(commanded_m) for commanded_m, _, _ in steps))
     assert (under_test.north_m, under_test.east_m) == pytest.approx((north_m, east_m), abs=1e-6)
     off_m = hypot(north_m, east_m)
     assume(abs(off_m - 100.0) > 1e-6)
@@ -80,9 +81,9 @@ def test_dead_reckoning_adds_up_commands_along_the_compass(steps: list[tuple[flo
 def test_way_out_and_back_is_no_distance_from_the_start(heading_deg: float) -> None:
     under_test = mission()
     for _ in range(95):
-        under_test.advance(1.0, heading_deg)
+        under_test.advance(1.0, 1.0, heading_deg)
     for _ in range(95):
-        under_test.advance(1.0, (heading_deg + 180.0) % 360.0)
+        under_test.advance(1.0, 1.0, (heading_deg + 180.0) % 360.0)
     assert hypot(under_test.north_m, under_test.east_m) == pytest.approx(0.0, abs=1e-9)
     assert reason(under_test) is None
 
@@ -133,7 +134,7 @@ def test_first_fix_is_the_start_wherever_that_is() -> None:
 
 def test_fresh_fix_at_home_counts_more_than_dead_reckoning_and_an_old_one_less() -> None:
     under_test = mission()
-    under_test.advance(150.0, 30.0)
+    under_test.advance(150.0, 150.0, 30.0)
     assert reason(under_test) == "mission_radius"
     under_test.position(fix(0.0, STARTS_S + 10.0))
     assert reason(under_test, STARTS_S + 10.0 + FIX_FRESH_S) is None
@@ -142,7 +143,7 @@ def test_fresh_fix_at_home_counts_more_than_dead_reckoning_and_an_old_one_less()
 
 def test_fix_of_the_future_counts_less_than_dead_reckoning() -> None:
     under_test = mission()
-    under_test.advance(150.0, 30.0)
+    under_test.advance(150.0, 150.0, 30.0)
     under_test.position(fix(0.0, STARTS_S + 10.0))
     assert reason(under_test, STARTS_S + 9.9) == "mission_radius"
     assert reason(under_test, STARTS_S + 10.0) is None
@@ -158,14 +159,14 @@ def test_old_fixes_beyond_the_radius_end_nothing() -> None:
 
 def test_the_first_limit_of_several_is_told() -> None:
     under_test = mission()
-    under_test.advance(500.0, 0.0)
+    under_test.advance(500.0, 500.0, 0.0)
     assert reason(under_test) == "mission_distance"
     assert reason(under_test, inf) == "mission_time"
 
 
 def test_without_any_fix_dead_reckoning_counts_from_the_first_second_on() -> None:
     under_test = Mission(SETTINGS, 0.0)
-    under_test.advance(150.0, 30.0)
+    under_test.advance(150.0, 150.0, 30.0)
     for t_s in (0.0, 0.05, 2.9, 3.1):
         assert reason(under_test, t_s) == "mission_radius"
 
@@ -192,5 +193,5 @@ def test_fix_that_no_receiver_can_give_is_not_taken_for_the_start_and_lifts_no_l
 def test_fix_of_the_future_does_not_keep_dead_reckoning_out() -> None:
     under_test = mission()
     under_test.position(fix(0.0, t_s=STARTS_S + 1e6))
-    under_test.advance(150.0, 0.0)
+    under_test.advance(150.0, 150.0, 0.0)
     assert reason(under_test) == "mission_radius"

@@ -163,7 +163,7 @@ class Controller:
         dt_s = interval.dt_s
         self._travelled_m += abs(interval.forward_m)
         snapshot = self._buffers.snapshot(t_s)
-        self._odometer.update(interval, snapshot.motion)
+        covered_m = self._odometer.update(interval, snapshot.motion)
         anomalies, conditions = self._detector.update(interval, snapshot)
         if self.mode is _ARMED and self._entrapment.ends(interval, bool(anomalies), snapshot.motion):
             conditions += (Condition.ENTRAPPED,)
@@ -197,7 +197,7 @@ class Controller:
         if gate.cause is not self._last_cause or (armed and gate.level is _FAULT):
             self._note_health(t_s, gate.level, gate.cause)
         if mission is not None and observation is not None:
-            mission.advance(interval.forward_m, observation.heading_deg)
+            mission.advance(interval.forward_m, covered_m, observation.heading_deg)
             if self.end is None:
                 self.end = mission.end(t_s)
 

@@ -23,13 +23,19 @@ class Odometer:
         self._read_m = self._told_m = self._told_before_m = 0.0
         self._share = 1.0
 
-    def update(self, interval: Interval, motion: MotionReading | None) -> None:
-        """Take a tick: what was commanded since the last one, and what the sensor saw since its last reading."""
+    def update(self, interval: Interval, motion: MotionReading | None) -> float:
+        """Take a tick: what was commanded since the last one, and what the sensor saw since its last reading.
+
+        Returns metres covered since the last tick, negative where the rover was told to go backwards.
+        """
         self._told_m += abs(interval.forward_m)
         if motion is not None:
             self._take(motion)
         covered_m, before_m = self._read_m + self._share * self._told_m, self.covered_m
-        self.covered_m = covered_m if covered_m > before_m else before_m
+        if covered_m <= before_m:
+            return 0.0
+        self.covered_m = covered_m
+        return covered_m - before_m if interval.forward_m >= 0.0 else before_m - covered_m
 
     def _take(self, motion: MotionReading) -> None:
         told_m, before_m = self._told_m, self._told_before_m

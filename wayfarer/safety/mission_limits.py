@@ -1,7 +1,7 @@
 """Normal end of a mission: limits on time, commanded distance, and radius around the start. Pure.
 
-The radius is dead reckoning from commands and compass; where a receiver gives fixes, they count instead. Escape
-decisions see neither.
+The radius is dead reckoning by odometer and compass: wheels that spin take the rover nowhere. Where a receiver gives
+fixes, they count instead. Escape decisions see neither.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ class Mission:
         self._fix_t_s = -inf
         self._fixes_beyond = 0
 
-    def advance(self, forward_m: float, heading_deg: float) -> None:
-        """Take what was commanded since the last tick."""
-        self.travelled_m += abs(forward_m)
-        north_m, east_m = displacement_m(heading_deg, forward_m)
+    def advance(self, commanded_m: float, covered_m: float, heading_deg: float) -> None:
+        """Take what was commanded and what was covered since the last tick; both are negative backwards."""
+        self.travelled_m += abs(commanded_m)
+        north_m, east_m = displacement_m(heading_deg, covered_m)
         self.north_m += north_m
         self.east_m += east_m
 
