@@ -20,12 +20,14 @@ from pathlib import Path
 import wayfarer
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.atomic_file import write_whole
 
 HERE = Path("/")
 UNIT = Path("etc/systemd/system/wayfarer.service")
 ROVER_FILE = Path("etc/wayfarer/rover.toml")
 STATE_FOLDER = Path("var/lib/wayfarer")  # StateDirectory= in the unit
 USER = "wayfarer"
+READABLE = 0o644  # for everyone, whatever the caller's umask
 # Own the device files on Raspberry Pi OS (its udev rules; dialout is Debian's for serial ports): hardware.md 7.
 GROUPS = ("i2c", "spi", "gpio", "video", "dialout")
 OWN_FOLDERS = (Path("/tmp"), Path("/var/tmp"))  # PrivateTmp= in the unit
@@ -86,7 +88,8 @@ def install(
         if here:
             say(_make_user(root))
             _make_state_folder(root / STATE_FOLDER)
-        _write_whole(root / UNIT, unit)
+        _make_folder((root / UNIT).parent)
+        write_whole(root / UNIT, unit, READABLE)
     except OSError as error:
         raise BadInput(f"{error.filename or root}: cannot be written: {error.strerror}") from None
     say(f"wrote {root / UNIT}")
@@ -173,7 +176,8 @@ def _place_rover_file(rover: str | None, path: Path) -> str:
     load_rover(rover)
     shipped = files("wayfarer") / "rovers" / f"{rover}.toml"
     text = shipped.read_text(encoding="utf-8") if shipped.is_file() else Path(rover).read_text(encoding="utf-8")
-    _write_whole(path, text)
+    _make_folder(path.parent)
+    write_whole(path, text, READABLE)
     return f"wrote {path} (from {rover})"
 
 
@@ -219,15 +223,3 @@ def _make_folder(path: Path) -> None:
         _make_folder(path.parent)
         path.mkdir()
         path.chmod(0o755)
-
-
-def _write_whole(path: Path, text: str) -> None:
-    """Write a file so that it is there whole or not at all, even if the power fails; everyone may read it."""
-    _make_folder(path.parent)
-    draft = path.with_name(path.name + ".new")
-    with draft.open("w", encoding="utf-8") as file:
-        os.fchmod(file.fileno(), 0o644)
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    draft.replace(path)

@@ -1,4 +1,4 @@
-"""Progress of a campaign: a bar on a terminal, otherwise a line now and then."""
+"""Progress of a campaign or another batch: a bar on a terminal, otherwise a line for each tenth."""
 
 from __future__ import annotations
 
@@ -12,38 +12,50 @@ from rich.text import Text
 
 from wayfarer.experiments.executors import Done
 
-LINES = 10  # for a whole campaign
+LINES = 10  # for a whole batch
 FAULTS_TOLD = 5  # further ones are counted in the table
 
 
-class TrialRateColumn(ProgressColumn):
-    """Trials a second."""
+class RateColumn(ProgressColumn):
+    """Tasks a second."""
 
     def render(self, task: Task) -> Text:
         """Return the rate over the last half minute."""
-        return Text(f"{task.speed:.1f} trials/s" if task.speed else "")
+        return Text(f"{task.speed:.1f} {task.description}/s" if task.speed else "")
+
+
+@contextmanager
+def shown_count(console: Console, done: int, total: int, what: str) -> Iterator[Callable[[], None]]:
+    """Show how many of ``total`` tasks, called ``what`` in plural, are done; give what is to be called at each.
+
+    On a terminal it is a bar with the rate and the time left, elsewhere a line for each tenth of the tasks.
+    """
+    count, on_terminal = TextColumn("{task.completed} of {task.total} {task.description}"), console.is_terminal
+    columns, finished = (BarColumn(), count, RateColumn(), TimeRemainingColumn()), itertools.count(done + 1)
+    with Progress(*columns, console=console, transient=True, disable=not on_terminal) as bar:
+        shown = bar.add_task(what, total=total, completed=done)
+
+        def advance() -> None:
+            bar.advance(shown)
+            number = next(finished)
+            if not on_terminal and number * LINES // total > (number - 1) * LINES // total:
+                say(console, f"{number} of {total} {what}")
+
+        yield advance
 
 
 @contextmanager
 def shown_progress(console: Console, kept: int, total: int) -> Iterator[Callable[[Done], None]]:
-    """Show progress from ``kept`` to ``total`` trials and the first few faults; give what is to be told each trial.
+    """Show progress from ``kept`` to ``total`` trials and the first few faults; give what is to be told each trial."""
+    faults = itertools.count(1)
+    with shown_count(console, kept, total, "trials") as advance:
 
-    On a terminal it is a bar with the rate and the time left, elsewhere a line for each tenth of the trials.
-    """
-    count, on_terminal = TextColumn("{task.completed} of {task.total} trials"), console.is_terminal
-    columns = BarColumn(), count, TrialRateColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=console, transient=True, disable=not on_terminal) as bar:
-        task, faults = bar.add_task("trials", total=total, completed=kept), itertools.count(1)
-
-        def advance(done: Done) -> None:
-            bar.advance(task)
+        def take(done: Done) -> None:
             if done.fault and next(faults) <= FAULTS_TOLD:
                 say(console, fault_line(done))
-            finished = int(bar.tasks[0].completed)
-            if not on_terminal and finished * LINES // total > (finished - 1) * LINES // total:
-                say(console, f"{finished} of {total} trials")
+            advance()
 
-        yield advance
+        yield take
 
 
 @contextmanager

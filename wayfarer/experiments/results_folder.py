@@ -21,7 +21,7 @@ from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.folder_settings import kind_of, refuse_another, swept_values, tasks_of
 from wayfarer.experiments.rows import TrialRow, columns_of, csv_line
 from wayfarer.experiments.store import TrialStore, columns_in, rows_in
-from wayfarer.fieldlog.atomic_file import whole_file
+from wayfarer.fieldlog.atomic_file import whole_file, write_whole
 
 SETTINGS = "campaign.json"
 SWEEP_SETTINGS = "sweep.json"
@@ -201,9 +201,3 @@ def _add_kinds(path: Path, columns: tuple[str, ...]) -> None:
 
 def _json(value: Mapping[str, Any]) -> bytes:
     return (json.dumps(value, indent=2, allow_nan=False) + "\n").encode()
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that it is there whole or not at all."""
-    with whole_file(path) as draft:
-        draft.write_bytes(content)

@@ -24,7 +24,7 @@ class TrialStore(Iterable[TrialRow]):
     Iterating gives them in the order of ``trials.csv``. The file is its opener's to close.
 
     Raises:
-        BadInput: the file is no text or has other columns, or a line is no row of this campaign; the text names it.
+        BadInput: the file is no text or has other columns, or a line is no row of these trials; the text names it.
     """
 
     def __init__(self, file: BinaryIO, tasks: Tasks, name: str, columns: tuple[str, ...]) -> None:
@@ -49,7 +49,7 @@ class TrialStore(Iterable[TrialRow]):
 
     @property
     def total(self) -> int:
-        """How many trials the campaign has."""
+        """How many trials there are."""
         return len(self._starts)
 
     def __iter__(self) -> Iterator[TrialRow]:
@@ -87,7 +87,7 @@ class TrialStore(Iterable[TrialRow]):
         number = self._tasks.number(task)
         if number is None:
             at = f" at point {task.point}" if task.point else ""
-            raise BadInput(f"{self._name} is damaged: the campaign has no trial {task.trial} of {task.algorithm!r}{at}")
+            raise BadInput(f"{self._name} is damaged: there is no trial {task.trial} of {task.algorithm!r}{at}")
         return number
 
 
@@ -102,7 +102,7 @@ def columns_in(file: BinaryIO, name: str, columns: tuple[str, ...]) -> tuple[str
     for known in (columns, without_kinds(columns)):
         if header == csv_line(known):
             return known
-    raise BadInput(f"{name} is damaged: its first line does not name its columns; run the campaign again")
+    raise BadInput(f"{name} is damaged: its first line does not name its columns; run the trials again")
 
 
 def read_rows(path: Path, columns: tuple[str, ...]) -> list[TrialRow]:
@@ -133,4 +133,4 @@ def _text(line: bytes, start: int, name: str) -> str:
     try:
         return line.decode()
     except UnicodeDecodeError as error:
-        raise BadInput(f"{name} is damaged: byte {start + error.start} is no text; run the campaign again") from None
+        raise BadInput(f"{name} is damaged: byte {start + error.start} is no text; run the trials again") from None

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import closing
 from typing import TypeVar
 
 from rich.console import Console
-from rich.progress import track
 
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments.commands import cores
 from wayfarer.experiments.executors import stream
-from wayfarer.experiments.progress_bar import LINES, say
+from wayfarer.experiments.progress_bar import shown_count
 from wayfarer.experiments.run_campaign import stop_on_signals
 
 TaskT = TypeVar("TaskT")
@@ -38,21 +37,15 @@ def run_batch(
     """
     done, workers = 0, max(1, min(jobs or cores(), len(tasks)))
     try:
-        with stop_on_signals() as stop, closing(stream(run, tasks, workers, stop)) as running:
-            for result in _shown(running, len(tasks), what, console):
+        with (
+            stop_on_signals() as stop,
+            closing(stream(run, tasks, workers, stop)) as running,
+            shown_count(console, 0, len(tasks), what) as advance,
+        ):
+            for result in running:
                 yield result
                 done += 1
+                advance()
     except BrokenExecutor as error:
         text = f"a worker process died after {done} {what}, most likely for want of memory: try fewer --jobs"
         raise WayfarerError(text) from error
-
-
-def _shown(done: Iterable[DoneT], total: int, what: str, console: Console) -> Iterator[DoneT]:
-    """Yield what is done beside a bar on a terminal, or with a line for each tenth elsewhere."""
-    if console.is_terminal:
-        yield from track(done, what, total, console=console, transient=True)
-        return
-    for number, each in enumerate(done, 1):
-        yield each
-        if total >= LINES and number * LINES // total > (number - 1) * LINES // total:
-            say(console, f"{number} of {total} {what}")

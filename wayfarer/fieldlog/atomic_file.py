@@ -35,7 +35,9 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file as ``whole_file`` does."""
+def write_whole(path: Path, content: str | bytes, mode: int | None = None) -> None:
+    """Write a file as ``whole_file`` does; text in UTF-8, with the permissions ``mode`` or those that are usual."""
     with whole_file(path) as draft:
-        draft.write_text(text, encoding="utf-8")
+        draft.write_bytes(content.encode() if isinstance(content, str) else content)
+        if mode is not None:
+            draft.chmod(mode)
