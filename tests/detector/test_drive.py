@@ -99,6 +99,21 @@ def test_drive_that_turns_as_told_is_cleared_of_what_was_found_before() -> None:
         chassis.drive(1.5, FULL)
 
 
+@pytest.mark.parametrize("turn", [PIVOT, WheelCommand(-1.0, 1.0)])
+@pytest.mark.parametrize(("gains", "fails"), [((1.0, 0.95), False), (DEAD_LEFT, True)])
+def test_turn_on_the_spot_about_the_middle_clears_a_side_and_one_about_the_side_itself_does_not(
+    turn: WheelCommand, gains: tuple[float, float], fails: bool
+) -> None:
+    """In a pocket among trunks there is no room for the straight drive that clears a side."""
+    chassis = Chassis(HEALTHY)
+    found: set[Condition | None] = set()
+    for _ in range(3):
+        found.update(jolt(chassis, DEAD_LEFT))
+        chassis.gains = gains
+        found.update(chassis.drive(0.5, turn) + chassis.drive(1.0, STOP))
+    assert (Condition.DRIVE_FAILED in found) is fails
+
+
 @pytest.mark.parametrize("friction", [0.1, 0.3, 0.8])
 @pytest.mark.parametrize("wheels", [FULL, BACK, WheelCommand(-1.0, 1.0)])
 def test_rover_that_turns_on_for_a_while_on_slippery_ground_is_well(friction: float, wheels: WheelCommand) -> None:

@@ -3,7 +3,8 @@
 It is judged by what a healthy drive can do on any ground. Ground that grips holds a body back, so a turn may be any
 part of what was told, down to none; ground that is slippery lets it turn on for a while. No ground turns it further
 than it was told or the other way, as a dead side does. A trunk along which it slides does so now and then; a drive that
-turns as told, in a window in which a dead side would have shown, is cleared of what was found before.
+turns as told, in a window in which a dead side would have shown, is cleared of what was found before. So is one that
+turns the body on the spot about its middle: one with a dead side turns it about that side.
 """
 
 from __future__ import annotations
@@ -182,7 +183,11 @@ class DriveMonitor:
         margin_deg, measured_deg = self._settings.drive_margin_deg, now.gained_deg - then.gained_deg
         left_deg, right_deg = now.left_deg - then.left_deg, now.right_deg - then.right_deg
         if abs(measured_deg + right_deg) > margin_deg < abs(measured_deg - left_deg):
-            self._told = deque(each for each in self._told if each[1] == REVERSED)
+            self._forget_sides()
+
+    def _forget_sides(self) -> None:
+        """Forget what was told of a side that lags."""
+        self._told = deque(each for each in self._told if each[1] == REVERSED)
 
     def _compare(self, then: DriveSample, now: DriveSample) -> None:
         """Look for a side that lags behind: if it is the left one, the rover turns left ahead, right in reverse."""
@@ -237,11 +242,21 @@ class DriveMonitor:
         if commanded_deg < settings.reversed_turn_deg:
             return
         measured_deg = way * (now.gained_deg - then.gained_deg)
+        if measured_deg >= settings.drive_margin_deg / 2 and self._about_the_middle(then, now):
+            self._forget_sides()
         back_deg = settings.reversed_back_deg + self._coasts_deg(then, now, -way)
         suspected = any(what == REVERSED for _, what in self._told)
         straight = suspected and measured_deg < self._least_deg and self._goes_straight_on(then, now)
         if straight or measured_deg <= -back_deg:
             self._tell(now.t_s, REVERSED, settings.reversed_turns)
+
+    def _about_the_middle(self, then: DriveSample, now: DriveSample) -> bool:
+        """Tell whether the body was seen to turn about its middle: one with a dead side turns about that side.
+
+        Then its middle moves by half a track for each radian. Where nothing at all was seen, nobody knows.
+        """
+        turned_m = (now.gained_deg - then.gained_deg) * self._m_per_deg
+        return 0.0 < abs(now.ahead_m - then.ahead_m) < abs(turned_m) / 4
 
     def _goes_straight_on(self, then: DriveSample, now: DriveSample) -> bool:
         """Tell whether the wheels drive the body ahead or back: one that only coasts, or is shoved, gets slower.

@@ -49,10 +49,11 @@ class DetectorSettings:
     dead side of the slowest shipped rover turns it by 51 degrees in that second, noise and unequal sides by 6 (one
     standard deviation). A window counts when no anomaly has followed within ``drive_confirm_s``: a trunk turns a rover
     as well, and then holds it. ``drive_uneven_windows`` to one side in ``drive_memory_s``, with no drive in between
-    that turned as told, are a fault (fault 27). A side that is reversed turns it twice as far as a dead one, so more
-    than ``reversed_share`` and ``reversed_margin_deg``; where both are, or left and right are mixed up, a turn on the
-    spot of ``reversed_turn_deg`` goes ``reversed_back_deg`` the other way, or the rover goes ``reversed_straight_m``
-    straight on (from no source). Either of them ``reversed_turns`` times is a fault (fault 28).
+    that turned as told, and no turn on the spot about the middle, are a fault (fault 27). A side that is reversed
+    turns it twice as far as a dead one, so more than ``reversed_share`` and ``reversed_margin_deg``; where both
+    are, or left and right are mixed up, a turn on the spot of ``reversed_turn_deg`` goes ``reversed_back_deg`` the
+    other way, or the rover goes ``reversed_straight_m`` straight on (from no source). Either of them
+    ``reversed_turns`` times is a fault (fault 28).
 
     Full duty on the spot that turns nothing for ``cannot_turn_s`` is a try; ``cannot_turn_tries`` in a row are told,
     and after ``cannot_turn_max`` the rover gives up, as after so many anomalies in the field catalogue (fault 57).
