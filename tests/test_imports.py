@@ -5,7 +5,8 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -62,10 +63,15 @@ def named_by(node: ast.AST) -> Iterator[str]:
         yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-def imports(path: Path) -> Iterator[str]:
-    """Every module that a file imports, at the top or later, as a dotted name."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        yield from named_by(node)
+@cache
+def named_in(text: str) -> frozenset[str]:
+    """Every module that a source text imports, at the top or later; most tests here ask this of all modules."""
+    return frozenset(name for node in ast.walk(ast.parse(text)) for name in named_by(node))
+
+
+def imports(module: str) -> frozenset[str]:
+    """Every module that one imports, as a dotted name."""
+    return named_in(MODULES[module].read_text(encoding="utf-8"))
 
 
 def imports_when_run(node: ast.AST, *, in_functions: bool) -> Iterator[str]:
@@ -77,6 +83,11 @@ def imports_when_run(node: ast.AST, *, in_functions: bool) -> Iterator[str]:
             continue
         yield from named_by(child)
         yield from imports_when_run(child, in_functions=in_functions)
+
+
+def roots(modules: Iterable[str]) -> set[str]:
+    """The top packages of these modules."""
+    return {module.partition(".")[0] for module in modules}
 
 
 def within(module: str, *parts: str) -> bool:
@@ -96,7 +107,7 @@ def outside_simhal() -> list[str]:
 
 def wayfarer_modules(module: str) -> set[str]:
     """The modules of wayfarer that one imports (names within a module count as the module)."""
-    named = {name for name in imports(MODULES[module]) if name.startswith("wayfarer.")}
+    named = {name for name in imports(module) if name.startswith("wayfarer.")}
     return {name if name in MODULES else name.rpartition(".")[0] for name in named} - {"wayfarer"}
 
 
@@ -117,9 +128,8 @@ def lines_of(part: str) -> int:
     return sum(len(MODULES[module].read_text(encoding="utf-8").splitlines()) for module in modules_of(part))
 
 
-@pytest.mark.parametrize("module", [module for module in MODULES if part_of(module)])
-def test_arrows_between_parts_point_downwards(module: str) -> None:
-    assert upwards(module) == set()
+def test_arrows_between_parts_point_downwards() -> None:
+    assert {module: found for module in MODULES if part_of(module) and (found := upwards(module))} == {}
 
 
 def test_an_arrow_upwards_is_seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -179,19 +189,19 @@ def test_of_the_simulator_only_what_builds_a_rover_knows_the_drivers() -> None:
     assert users - injected == {"wayfarer.simhal.built_in_chips", "wayfarer.simhal.hil_buses"}
 
 
-@pytest.mark.parametrize("module", modules_of(*PURE))
-def test_pure_modules_know_no_clock_no_loop_and_no_files(module: str) -> None:
-    assert {name.partition(".")[0] for name in imports(MODULES[module])} & IMPURE == set()
+def test_pure_modules_know_no_clock_no_loop_and_no_files() -> None:
+    for module in modules_of(*PURE):
+        assert roots(imports(module)) & IMPURE == set(), module
 
 
-@pytest.mark.parametrize("module", modules_of("escape", "detector", "safety"))
-def test_pure_modules_draw_from_no_global_randomness(module: str) -> None:
-    names = set(imports(MODULES[module]))
-    assert {name for name in names if name.partition(".")[0] == "random"} <= {"random", "random.Random"}
-    tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
-    attributes = {ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
-    taken = {name for name in attributes if name.startswith("random.")}
-    assert taken <= {"random.Random"}, "random.<function> is the global generator"
+def test_pure_modules_draw_from_no_global_randomness() -> None:
+    for module in modules_of("escape", "detector", "safety"):
+        named = {name for name in imports(module) if name.partition(".")[0] == "random"}
+        assert named <= {"random", "random.Random"}, module
+        tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
+        attributes = {ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+        taken = {name for name in attributes if name.startswith("random.")}
+        assert taken <= {"random.Random"}, f"{module}: random.<function> is the global generator"
 
 
 def test_drivers_see_only_the_contracts() -> None:
@@ -201,11 +211,13 @@ def test_drivers_see_only_the_contracts() -> None:
         assert not others, f"{module} imports {others}"
 
 
-@pytest.mark.parametrize("module", [module for module in outside_simhal() if not within(module, "views.run_report")])
-def test_arrays_and_bus_libraries_are_loaded_by_drivers_when_they_are_used_and_by_nobody_else(module: str) -> None:
-    tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
-    loaded = imports_when_run(tree, in_functions=not within(module, "drivers"))
-    assert {name.partition(".")[0] for name in loaded} & HEAVY == set()
+def test_arrays_and_bus_libraries_are_loaded_by_drivers_when_they_are_used_and_by_nobody_else() -> None:
+    for module in outside_simhal():
+        if within(module, "views.run_report") or not roots(imports(module)) & HEAVY:
+            continue
+        tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
+        loaded = imports_when_run(tree, in_functions=not within(module, "drivers"))
+        assert roots(loaded) & HEAVY == set(), module
 
 
 def test_walk_over_imports_tells_types_functions_and_real_imports_apart() -> None:
