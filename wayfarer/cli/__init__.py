@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import os
 import sys
+from functools import cache
 from io import TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -71,13 +72,19 @@ def main() -> None:
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit code."""
     try:
-        return int(app(arguments, prog_name="wayfarer", standalone_mode=False) or 0)
+        return int(_command()(arguments, prog_name="wayfarer", standalone_mode=False) or 0)
     except WayfarerError as error:
         return _fail(str(error), error.exit_code)
     except typer.TyperException as error:
         return _fail(error.format_message(), BAD_INPUT)
     except (OSError, UnicodeError) as error:  # a terminal, a pipe or a disk that takes no output
         return _fail(f"the system refused: {error}", 1)
+
+
+@cache
+def _command() -> Any:
+    """Return what ``app`` describes, as Typer runs it: built once, for that takes longer than most mistakes."""
+    return typer.main.get_command(app)
 
 
 def _fail(text: str, exit_code: int) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from wayfarer.fault_scenarios.catalogue.held_by_tests import HELD_BY_TESTS, FaultTest
@@ -12,6 +13,7 @@ from wayfarer.fault_scenarios.scenario_file import read_scenarios
 ROWS = 60  # of the field catalogue
 
 
+@cache
 def catalogue() -> tuple[Scenario | FaultTest, ...]:
     """Return everything that tries a row of the field catalogue, in the order of rows."""
     return tuple(sorted([*_scenarios(), *HELD_BY_TESTS.values()], key=lambda each: each.row or 0))
