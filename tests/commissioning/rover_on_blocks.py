@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from tests.drivers.benches import CLEARING
+from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import Finding, HostEnvironment, check
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.hal import Rover
 from wayfarer.simhal.build_rover import Depth, build
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.injector import Injector
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.hil_server import RecordedWorld
@@ -154,5 +154,5 @@ def at_workbench(
     async def main(folder: str) -> T:
         return await do(Workbench(faults, config, mounted or config, Path(folder)))
 
-    with tempfile.TemporaryDirectory(prefix="wf-") as folder, asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(main(folder))
+    with tempfile.TemporaryDirectory(prefix="wf-") as folder:
+        return run_virtually(main(folder))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
-
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.virtual import run_virtually
 from wayfarer.daemon.dry_run import DryMotors
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand, troubles_of
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.testing import check_motors
 
 
@@ -59,8 +57,7 @@ def test_board_never_sees_a_command_that_is_not_zero(commands: list[WheelCommand
     async def main() -> list[WheelCommand]:
         return [await dry.drive(command) for command in commands]
 
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        applied = runner.run(main())
+    applied = run_virtually(main())
     assert applied == [STOP] * len(commands), "what was applied is told, not what was wanted"
     assert motors.commands == [STOP] * len(commands), "the board is asked each time: its deadman is watched as ever"
 

@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from tests.drivers.benches import steady_world
-from tests.virtual import virtual
+from tests.virtual import run_virtually, virtual
 from wayfarer.detector import DetectorSettings
 from wayfarer.drivers.buses import Frame
 from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
 from wayfarer.errors import BadReading, NotResponding
 from wayfarer.hal import MotionReading, MotionSensor
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.ground_camera import TILE_PX, GroundCamera, texture
 from wayfarer.simhal.world.world import World
@@ -66,13 +65,15 @@ def readings(settings: CameraMotionSettings, *pictures: Luma) -> list[MotionRead
     coming = chain(pictures, repeat(pictures[-1]))
     sensor = watching(settings, lambda t_s, _width, _height: Frame(t_s, next(coming)))
 
+    async def main() -> list[MotionReading]:
+        await sensor.open()
+        return [await read() for _ in pictures[1:]]
+
     async def read() -> MotionReading:
         await asyncio.sleep(PERIOD_S)
         return await sensor.read()
 
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        runner.run(sensor.open())
-        return [runner.run(read()) for _ in pictures[1:]]
+    return run_virtually(main())
 
 
 def over_ground() -> tuple[World, CameraMotion, CameraMotion]:

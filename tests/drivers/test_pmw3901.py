@@ -13,14 +13,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from tests.drivers.benches import now_s
 from tests.simhal.chips.bench import Driven
-from tests.virtual import virtual
+from tests.virtual import run_virtually, virtual
 from wayfarer.drivers.pmw3901 import FRAME_S, PMW3901, Axis, Burst, PMW3901Settings, contradiction, decode, quality
 from wayfarer.drivers.pmw3901_table import trim
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.hal import MotionSensor
 from wayfarer.simhal.buses import FakeBuses, FakeSPI, SPIChip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT
 from wayfarer.testing import check_motion_sensor
 
@@ -129,8 +128,7 @@ async def opened(chip: SPIChip, settings: PMW3901Settings | None = None) -> PMW3
 def writes_at_start(settings: PMW3901Settings | None = None, **factory: int) -> list[tuple[int, int]]:
     """Return the writes of one opening; ``factory`` names registers of bank 0E, such as ``r67``."""
     chip = PMW3901Chip(Driven(), now_s, factory={(0x0E, int(name[1:], 16)): value for name, value in factory.items()})
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        runner.run(flow_over(chip, settings).open())
+    run_virtually(flow_over(chip, settings).open())
     return list(chip.writes)
 
 

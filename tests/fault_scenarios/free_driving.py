@@ -8,13 +8,13 @@ compass shows, up to full duty of one side against the other, as a controller do
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import copysign
 from random import Random
 from typing import TYPE_CHECKING, NamedTuple
 
+from tests.virtual import run_virtually
 from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.records import PartialLog, TickRecord
@@ -23,7 +23,6 @@ from wayfarer.escape.catalogue import Algorithm
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.runner import CLEARING
 from wayfarer.hal import WheelCommand
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.grounds import GroundName
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
@@ -162,8 +161,7 @@ def drive_freely(
         0, f"{__name__}:FREE_DRIVING", CLEARING, seed, rover.model_copy(update={"progress": nowhere}),
         slip_mean_m=NO_MUD_M, terrains=terrains, faults=faults, ground=ground,
     )  # fmt: skip
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(_drive(spec, for_s))
+    return run_virtually(_drive(spec, for_s))
 
 
 async def _drive(spec: TrialSpec, for_s: float) -> list[tuple[float, str]]:

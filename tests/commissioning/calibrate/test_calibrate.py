@@ -14,7 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.commissioning.checks.rigs import Needle, Rig, Script, push_by_hand, run
+from tests.commissioning.checks.rigs import Needle, Rig, Script, push_by_hand
+from tests.virtual import run_virtually
 from wayfarer.commissioning.calibrate import STEPS, calibrate
 from wayfarer.commissioning.calibrate.compass import LEARN, OFF, CalibratableCompass, CompassLevels, residual_deg
 from wayfarer.commissioning.calibrate.motors import calibrate_motors
@@ -317,7 +318,7 @@ def test_a_limited_rover_is_measured_within_its_limit(rig: Rig) -> None:
         await rig.compass.open()
         return await calibrate_motors(rig.motors, rig.compass, person(rig), 0.0, duty_max=0.3)
 
-    found = run(main())
+    found = run_virtually(main())
     assert rig.world.most == pytest.approx(0.3, abs=0.01)
     assert found is not None
     assert (found.shift_half_deg, found.shift_full_deg) == pytest.approx((3.0, 6.0), abs=1.0)

@@ -7,11 +7,12 @@ from asyncio import get_running_loop
 from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pytest
 
 from tests.drivers.benches import CLEARING, STEADY, VEHICLE, now_s
+from tests.virtual import run_virtually
 from wayfarer.commissioning.calibrate import Person, Step, calibrate
 from wayfarer.commissioning.checks import Check, Finding, HostEnvironment, Inspection
 from wayfarer.commissioning.checks.motion import deadman_trips
@@ -36,15 +37,12 @@ from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.cmps14 import CMPS14Chip
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.parts import SimBumper, SimCompass, SimFlow, SimMotors
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import HeadingSensorModel
 from wayfarer.simhal.world.world import World
 
 T_WALL = 1_795_000_000.0  # 18 November 2026
-
-T = TypeVar("T")
 
 
 class WatchedWorld(World):
@@ -180,14 +178,14 @@ class Rig:
             async with self.inspection() as inspection:
                 return await check(inspection)
 
-        found = run(main())
+        found = run_virtually(main())
         assert self.world.commanded == (0.0, 0.0)
         return found
 
     def calibrate(self, someone: Person, *steps: Step) -> Calibration:
         """Return what is known after these steps; the wheels stand afterwards, whatever happens."""
         try:
-            return run(calibrate(self.config, self.rover, self.host, someone, steps))
+            return run_virtually(calibrate(self.config, self.rover, self.host, someone, steps))
         finally:
             assert self.world.commanded == (0.0, 0.0)
 
@@ -203,7 +201,7 @@ class Rig:
             with pytest.raises(asyncio.CancelledError):
                 await task
 
-        run(main())
+        run_virtually(main())
         assert self.world.commanded == (0.0, 0.0)
 
     def set(self, **settings: Any) -> None:
@@ -296,8 +294,3 @@ async def push_by_hand(world: World, distance_m: float) -> None:
         else:
             world.reverse_m -= distance_m / 20
     await asyncio.sleep(0.1)
-
-
-def run(main: Coroutine[Any, Any, T]) -> T:
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(main)

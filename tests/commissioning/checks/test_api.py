@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from tests.commissioning.checks.rigs import Rig, run
+from tests.commissioning.checks.rigs import Rig
+from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import CheckVerdict, Finding, Inspection, passed, run_checks
 from wayfarer.commissioning.checks.api import fail, ok, skipped, warn
 from wayfarer.commissioning.checks.standalone import StandaloneInspection
@@ -32,7 +33,7 @@ def test_a_check_that_breaks_is_a_finding_and_the_others_run_on(tmp_path: Path) 
 
     rig = Rig(tmp_path)
     inspection = StandaloneInspection(rig.config, rig.rover, rig.host)
-    broken, sound = run(run_checks(inspection, [broken_check, sound_check]))
+    broken, sound = run_virtually(run_checks(inspection, [broken_check, sound_check]))
     assert broken.verdict is CheckVerdict.FAIL
     assert (broken.name, broken.found) == ("broken check", "ZeroDivisionError: in a third party's driver")
     assert sound.verdict is CheckVerdict.OK

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from tests.commissioning.checks.rigs import T_WALL, ChipRig, Rig, Script, run
+from tests.commissioning.checks.rigs import T_WALL, ChipRig, Rig, Script
 from tests.commissioning.checks.test_parts import whole_calibration
+from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import CALIBRATED, CheckVerdict, Finding, board, check, deadman
 from wayfarer.commissioning.checks.deadman import board_settings, keep_proof, proved
 from wayfarer.config.calibration_file import Calibration, save
@@ -165,11 +166,11 @@ def test_simulated_rover_needs_no_proof() -> None:
 def test_first_check_with_a_person_finds_the_deadman_proved(watched: Watched) -> None:
     """It is looked at after the person was asked, so that nobody has to check twice."""
     someone, rover = Script(watched.world, {}), watched.rover
-    with_person = run(check(watched.config, rover, watched.host, someone.ask))
+    with_person = run_virtually(check(watched.config, rover, watched.host, someone.ask))
     seen = "the wheels were seen to stop by themselves on 2026-11-18"
     assert with_person[-1] == Finding("deadman proved", CheckVerdict.OK, seen)
     watched.file.unlink()
-    alone = run(check(watched.config, rover, watched.host, None))
+    alone = run_virtually(check(watched.config, rover, watched.host, None))
     assert (alone[-1].name, alone[-1].verdict) == ("deadman proved", CheckVerdict.FAIL)
 
 

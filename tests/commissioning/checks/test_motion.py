@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from tests.commissioning.checks.rigs import Rig, Script, push_by_hand, run
+from tests.commissioning.checks.rigs import Rig, Script, push_by_hand
+from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import CheckVerdict, Finding, Inspection, check
 from wayfarer.commissioning.checks.api import ok
 from wayfarer.commissioning.checks.motion import WATCH_S, check_motion, judge_push
@@ -46,7 +47,7 @@ def look(rig: Rig, someone: Script) -> dict[str, Finding]:
         async with rig.inspection() as inspection:
             return await check_motion(inspection, someone.ask)
 
-    findings = run(main())
+    findings = run_virtually(main())
     assert rig.world.commanded == (0.0, 0.0)
     assert [finding.name for finding in findings] == NAMES
     return {finding.name: finding for finding in findings}
@@ -70,7 +71,7 @@ def test_no_check_turns_the_wheels_faster_than_the_rover_may(rig: Rig) -> None:
 
 
 def test_without_a_person_no_wheel_turns_and_every_check_says_why(rig: Rig) -> None:
-    findings = run(check(rig.config, rig.rover, rig.host, ask=None))
+    findings = run_virtually(check(rig.config, rig.rover, rig.host, ask=None))
     assert rig.world.most == 0.0
     assert rig.motors.commands == []
     motion = [finding for finding in findings if finding.name in NAMES]
@@ -132,7 +133,7 @@ def test_an_inspection_opens_each_part_once(rig: Rig) -> None:
         await open_board()
 
     rig.motors.open = count  # type: ignore[method-assign]
-    run(check(rig.config, rig.rover, rig.host, person(rig, {}).ask))
+    run_virtually(check(rig.config, rig.rover, rig.host, person(rig, {}).ask))
     assert len(opened) == 1
 
 
@@ -316,6 +317,6 @@ def test_the_command_looks_at_everything_and_closes_every_part(rig: Rig) -> None
     for name, part in rig.rover.parts.items():
         part.close = note(name)  # type: ignore[method-assign]
     host = replace(rig.host, devices=("/dev/i2c-1", "/dev/spidev0.1"))
-    findings = run(check(rig.config, rig.rover, host, person(rig, {}).ask))
+    findings = run_virtually(check(rig.config, rig.rover, host, person(rig, {}).ask))
     assert {"/dev/i2c-1", "disk", "compass", "heading at rest", "light", *NAMES} <= {each.name for each in findings}
     assert sorted(closed) == ["compass", "contact", "motion", "motors"]

@@ -11,7 +11,8 @@ from typing import Any, Literal
 
 import pytest
 
-from tests.commissioning.checks.rigs import T_WALL, Rig, run
+from tests.commissioning.checks.rigs import T_WALL, Rig
+from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import (
     ARMING,
     Check,
@@ -148,7 +149,7 @@ def test_no_reading_in_a_daemon(rig: Rig, sense: str, check: Check, verdict: Che
         setattr(inspection, sense, lambda: asyncio.sleep(0))
         return await check(inspection)
 
-    finding = run(main())
+    finding = run_virtually(main())
     assert (finding.verdict, told in finding.found) == (verdict, True)
 
 
@@ -257,7 +258,7 @@ def test_a_healthy_rover_may_be_armed_within_a_second(rig: Rig) -> None:
     async def main() -> tuple[list[Finding], float]:
         return await run_checks(rig.inspection(), ARMING), asyncio.get_running_loop().time()
 
-    findings, took_s = run(main())
+    findings, took_s = run_virtually(main())
     assert passed(findings)
     assert {each.name for each in findings if each.verdict is not OK} == {"computer power", "deadman proved"}
     assert took_s < 1.0
@@ -267,7 +268,7 @@ def test_a_healthy_rover_may_be_armed_within_a_second(rig: Rig) -> None:
 def test_every_failure_says_why_and_what_to_do_in_one_line(rig: Rig) -> None:
     rig.compass.dead = rig.motors.dead = rig.motion.dead = True
     rig.host = replace(rig.host, t_wall=0.0)
-    findings = run(run_checks(rig.inspection(), ARMING))
+    findings = run_virtually(run_checks(rig.inspection(), ARMING))
     assert not passed(findings)
     for finding in findings:
         troubled = finding.verdict in (FAIL, WARN)

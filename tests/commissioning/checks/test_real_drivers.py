@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.commissioning.checks.rigs import ChipRig, Rig, Script, run
+from tests.commissioning.checks.rigs import ChipRig, Rig, Script
+from tests.virtual import run_virtually
 from wayfarer.commissioning.calibrate import calibrate
 from wayfarer.commissioning.calibrate.compass import OFF
 from wayfarer.commissioning.checks import CheckVerdict, Finding, board, parts, run_checks
@@ -71,7 +72,7 @@ def test_real_parts_answer_their_checks_and_a_fault_of_the_last_mission_is_found
         rig.thunderborg.drive_faults.add(0)
         return well, await board.motor_faults(rig.inspection())
 
-    well, fault = run(look())
+    well, fault = run_virtually(look())
     assert {finding.verdict for finding in well} == {CheckVerdict.OK}, well
     assert fault.verdict is CheckVerdict.FAIL
 
@@ -102,7 +103,7 @@ def test_a_real_compass_is_taught_by_its_own_commands(rig: ChipRig) -> None:
         assert found.compass.residual_deg < 2.0
         assert found.compass.part.startswith("CMPS14")
 
-    run(main())
+    run_virtually(main())
     assert (chip.config, chip.profile, chip.ignored) == (OFF, CALIBRATED, [])
 
 

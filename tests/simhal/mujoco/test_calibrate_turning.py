@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.commissioning.checks.rigs import T_WALL, run
+from tests.commissioning.checks.rigs import T_WALL
 from tests.simhal.mujoco.fields import A_M, B_M, CONFIG, least_turning_duty, rover_on
+from tests.virtual import run_virtually
 from wayfarer.commissioning.calibrate import calibrate
 from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.config.calibration_file import Calibration, TurningEntry
@@ -38,7 +39,7 @@ def measured(folder: Path, friction: float, torque_scale: float = 1.0) -> Turnin
     """Of ForestRover with the noise of its compass and its motion sensor."""
     rover = device_depth(rover_on(friction, torque_scale), RandomStreams(0), CONFIG)
     place = HostEnvironment(folder / "logs", folder / "calibration.json", (), T_WALL, folder)
-    entry = run(calibrate(CONFIG, rover, place, Willing(), ["turning"])).turning
+    entry = run_virtually(calibrate(CONFIG, rover, place, Willing(), ["turning"])).turning
     assert entry is not None
     return entry
 
