@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import gc
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,20 @@ settings.register_profile("thorough", settings.get_profile("repeatable"), max_ex
 settings.load_profile("repeatable")
 
 REFERENCE_FOLDER = Path(__file__).resolve().parents[2] / "shared" / "reference"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Keep the garbage collector away from what collection makes.
+
+    That is a million objects, and they stay to the end: each full collection would walk through them.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(scope="session")

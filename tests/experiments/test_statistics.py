@@ -5,7 +5,6 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import binomtest
 
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import spread_of, summarise, wilson_interval
@@ -21,6 +20,8 @@ def row(
 
 @given(counts)
 def test_wilson_interval_agrees_with_scipy(count: tuple[int, int]) -> None:
+    from scipy.stats import binomtest  # a second that each worker would need to collect this file
+
     expected = binomtest(*count).proportion_ci(0.95, method="wilson")
     assert wilson_interval(*count) == pytest.approx((expected.low, expected.high), abs=1e-9)
 

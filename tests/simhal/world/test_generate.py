@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import ks_2samp
 
 from wayfarer.experiments.campaign import read_forest_file
 from wayfarer.simhal.world.forest import Forest, Lean, Trunk, check_forest
@@ -148,6 +147,8 @@ MEASURES: dict[str, Callable[[Forest], list[float]]] = {
 def test_layouts_are_distributed_like_the_reference(
     measure: Callable[[Forest], list[float]], reference: Sequence[Forest], generated: list[Forest]
 ) -> None:
+    from scipy.stats import ks_2samp  # not at the top: see test_statistics.py
+
     expected = [value for forest in reference for value in measure(forest)]
     drawn = [value for forest in generated for value in measure(forest)]
     assert ks_2samp(expected, drawn).pvalue > 0.01

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import kstest
 
 from tests.simhal.world.test_collision import body_points
 from wayfarer.escape.api import Vehicle
@@ -256,6 +255,8 @@ def test_slip_holds_the_rover_until_it_backs_off() -> None:
 
 @pytest.mark.parametrize("slip_mean_m", [0.5, 2.0])
 def test_slips_come_half_a_metre_plus_an_exponential_distance_apart(slip_mean_m: float) -> None:
+    from scipy.stats import kstest  # not at the top: see test_statistics.py
+
     world = World(forest_of(), ROVER, Physics(slip_mean_m=slip_mean_m, slip_free_m=0.5), RandomStreams(5))
     freed_at_m, gaps_m = 0.0, list[float]()
     while len(gaps_m) < 400:
