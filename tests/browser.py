@@ -1,8 +1,9 @@
 """A real browser for the tests that want one: the system's Chromium, without a window, driven by Playwright.
 
 A test asks for ``browser_page``, a function that opens a page of a given size in a context of its own; ``trouble`` of
-what it returns collects what went wrong in it. Playwright's blocking interface runs an event loop of its own, so only
-plain functions may use it, never coroutines. Import the fixture in the ``conftest.py`` beside the tests.
+what it returns collects what went wrong in it. The browser is that of all tests of a file: to start one takes about a
+second. Playwright's blocking interface runs an event loop of its own, so only files of plain functions may use it,
+where no test runs a loop. Import both fixtures in the ``conftest.py`` beside the tests.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 import pytest
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 QUIET = (
@@ -55,20 +56,28 @@ class OpenPage(Protocol):
         """Open a page."""
 
 
-@pytest.fixture
-def browser_page() -> Iterator[OpenPage]:
-    """Open pages in a browser that ends with the test; skips where there is no browser."""
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    """A browser for the tests of a file; skips where there is none."""
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    chromium = next(filter(None, map(shutil.which, NAMES)), None)
-    if chromium is None:
+    program = next(filter(None, map(shutil.which, NAMES)), None)
+    if program is None:
         pytest.skip(f"none of {', '.join(NAMES)} is installed")
     with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=list(QUIET))
-
-        def open_page(viewport: tuple[int, int] = DESKTOP, *, offline: bool = False) -> Opened:
-            width, height = viewport
-            context = browser.new_context(viewport={"width": width, "height": height}, offline=offline)
-            return Opened(context.new_page())
-
-        yield open_page
+        browser = playwright.chromium.launch(executable_path=program, args=list(QUIET))
+        yield browser
         browser.close()
+
+
+@pytest.fixture
+def browser_page(chromium: Browser) -> Iterator[OpenPage]:
+    """Open pages, each with cookies, storage and network of its own; they are closed with the test."""
+
+    def open_page(viewport: tuple[int, int] = DESKTOP, *, offline: bool = False) -> Opened:
+        width, height = viewport
+        context = chromium.new_context(viewport={"width": width, "height": height}, offline=offline)
+        return Opened(context.new_page())
+
+    yield open_page
+    for context in chromium.contexts:
+        context.close()

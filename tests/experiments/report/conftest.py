@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.browser import browser_page
+from tests.browser import browser_page, chromium
 from tests.experiments.report.campaigns import run_campaign, some_forests
 
-__all__ = ["browser_page"]  # a fixture for the tests here
+__all__ = ["browser_page", "chromium"]  # fixtures for the tests here
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,5 @@
 """A browser for the tests that want one."""
 
-from tests.browser import browser_page
+from tests.browser import browser_page, chromium
 
-__all__ = ["browser_page"]
+__all__ = ["browser_page", "chromium"]

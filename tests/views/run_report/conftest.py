@@ -1,5 +1,5 @@
 from __future__ import annotations
 
-from tests.browser import browser_page
+from tests.browser import browser_page, chromium
 
-__all__ = ["browser_page"]  # a fixture for the tests here
+__all__ = ["browser_page", "chromium"]  # fixtures for the tests here
