@@ -36,7 +36,7 @@ def stays_s(body: Body, decisions: list[Decision]) -> list[tuple[Phase, float]]:
 def test_snagged_body_changes_its_manoeuvre_every_three_seconds(rover: str, algorithm: str) -> None:
     body = Body(rover, algorithm, heading_deg=120.0)
     body.turns = body.moves = False
-    stays = stays_s(body, [body.tick() for _ in range(2400)])
+    stays = stays_s(body, [body.tick() for _ in range(1200)])
     assert {phase for phase, _ in stays} >= {Phase.FOLLOW, Phase.BACK_OFF, Phase.TURN_AWAY}
     assert max(stay_s for _, stay_s in stays) <= GRIND_MAX_S
 

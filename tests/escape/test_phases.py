@@ -238,7 +238,9 @@ PATTERNS: Mapping[str, Callable[[], Iterable[tuple[Anomaly, ...]]]] = {
 def test_every_phase_ends_though_the_heading_never_moves(name: str, pattern: str, travels: bool) -> None:
     walk = Walk(name, heading_deg=120.0)
     walk.turns, walk.travels = False, travels
-    decisions = [walk.tick(*anomalies) for anomalies, _ in zip(PATTERNS[pattern](), range(2400), strict=False)]
+    phases = {phase for phase, _ in (PLEDGE if name in PLEDGE_FAMILY else STRIDES)}
+    ticks = round(3 * max(map(longest_s, phases)) / TICK_S)
+    decisions = [walk.tick(*anomalies) for anomalies, _ in zip(PATTERNS[pattern](), range(ticks), strict=False)]
     for decision in set(decisions):
         assert_sound(decision)
     for phase, stay in groupby(decisions, key=lambda decision: decision.phase):

@@ -68,7 +68,7 @@ def test_trial_that_the_campaign_does_not_have_is_damage(stranger: Task) -> None
 
 # --- memory
 
-FEW, MANY = 600, 1800
+FEW, MANY = 300, 900
 A_ROW_IS_BYTES = 400  # at least, with its numbers
 FOREST = Campaign(("pledge",), 1, load_rover("sim")).make_forest(0)
 

@@ -48,10 +48,15 @@ PARTS = ("compass", "motion", "motors", "position")  # a bumper in a clearing to
 READ_AT_OPENING = {("motion", "wrong_id"), ("motors", "wrong_id")}
 
 
+@cache
+def with_receiver(rover: str) -> RoverConfig:
+    return laid_over(load_rover(rover), RECEIVER)
+
+
 def config_for(fault: Fault) -> RoverConfig:
     """Return a rover to which the fault can happen."""
     names = ("minirover", "forestrover") if fault.kind in {"battery", "undervoltage"} else ("forestrover", "minirover")
-    configs = [laid_over(load_rover(name), RECEIVER) for name in names]
+    configs = [with_receiver(name) for name in names]
     if KINDS[fault.kind].layer is not Layer.BUS:
         return configs[0]
     return next(config for config in configs if misplaced(fault, config) is None)
@@ -104,7 +109,7 @@ async def run(
 
 @cache
 def run_well(rover: str) -> RunRecorder:
-    return run(laid_over(load_rover(rover), RECEIVER), None, lambda _: None)[0]
+    return run(with_receiver(rover), None, lambda _: None)[0]
 
 
 def tampering(fault: Fault, config: RoverConfig) -> Callable[[TrialSetup], object]:

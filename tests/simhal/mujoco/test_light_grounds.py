@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from math import radians
 
 import pytest
@@ -38,6 +39,7 @@ def light_world(rover: str, friction: float) -> World:
     return World(CLEARING, config.vehicle, EXACT, RandomStreams(0), skid=skid)
 
 
+@cache
 def in_light_world(step: DutyStep) -> DutyStep:
     return take(light_world(step.rover, step.friction), *step[:4])
 

@@ -278,7 +278,7 @@ ODD_RECORDS = st.builds(
 )
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(ODD_RECORDS, max_size=6))
 def test_whatever_is_in_a_log_its_export_is_a_file_that_can_be_read(tmp_path: Path, records: list[Record]) -> None:
     found = round_trip(tmp_path, *records, tick(1e4))
