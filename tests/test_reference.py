@@ -12,7 +12,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.campaign import Campaign, ForestFile, Task, read_forest_file
 from wayfarer.experiments.trial import TrialResult, run_trial
 
-SAMPLE = range(0, 500, 33)  # 16 of the 500, over all layouts and both noises
+SAMPLE = range(0, 500, 21)  # 24 of the 500, over all layouts and both noises
 
 
 def trials_of(file: ForestFile, algorithm: str, sample: range = SAMPLE, budget_m: float = 1000.0) -> list[TrialResult]:
