@@ -5,6 +5,9 @@ process  a real process: daemon, systemd, gpsd, browser, kernel shim, workers of
 long     above about 10 s: soak, kills at random instants, replay of a campaign, planted leaks, minutes of fuzzing
 
 Plain ``pytest`` leaves out ``long``; ``pytest -m unit`` takes one tier. A unit test that starts a process fails.
+
+Each worker takes a file at a time. One worker takes all files that judge how soon a real process does something: two of
+them would crowd each other off the cores.
 """
 
 from __future__ import annotations
@@ -13,12 +16,22 @@ import sys
 from collections.abc import Iterator
 from multiprocessing import util
 from pathlib import Path
+from typing import Any
 
 import pytest
+from xdist.scheduler import LoadFileScheduling
 
 TIERS = ("unit", "process", "long")
 # Drawing takes most of the time of the tests of pages, and is the same on every Python: not a unit test's.
 PROCESS_FOLDERS = {Path(__file__).parent / folder for folder in ("system", "experiments/report", "views/run_report")}
+JUDGE_REAL_TIME = (
+    "tests/system/",
+    "tests/daemon/test_signals.py",
+    "tests/daemon/test_stop_motors.py",
+    "tests/drivers/test_real_libraries_daemon.py",
+    "tests/simhal/test_hil_server.py",
+    "tests/views/live/test_browser.py",
+)
 
 _STARTS = {"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system"}
 _in_unit_test = False
@@ -32,13 +45,25 @@ def tier_of(item: pytest.Item) -> str:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark each test with its tier only, and begin with those that wait long, so that all cores end at once."""
+    """Mark each test with its tier only, and begin with those that wait long, so that all workers end at once."""
     tiers = {item: tier_of(item) for item in items}
     for item, tier in tiers.items():
         for node in item.listchain():
             node.own_markers[:] = [mark for mark in node.own_markers if mark.name not in TIERS]
         item.add_marker(tier)
-    items.sort(key=lambda item: -TIERS.index(tiers[item]))
+    items.sort(key=lambda item: (not item.nodeid.startswith(JUDGE_REAL_TIME), -TIERS.index(tiers[item])))
+
+
+class OneWorkerForRealTime(LoadFileScheduling):  # type: ignore[misc] # no types come with it
+    """Gives a worker a file at a time, and one worker all files that judge real time."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return "real time" if nodeid.startswith(JUDGE_REAL_TIME) else super()._split_scope(nodeid)
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> OneWorkerForRealTime:
+    """Let pytest-xdist hand out the tests so."""
+    return OneWorkerForRealTime(config, log)
 
 
 @pytest.hookimpl(wrapper=True)
