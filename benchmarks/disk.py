@@ -19,8 +19,7 @@ from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
-from wayfarer.hal import CompassReading, MotionReading, Snapshot, WheelCommand
-from wayfarer.safety.conditions import Level
+from wayfarer.hal import CompassReading, MotionReading, WheelCommand
 
 PERIOD_S = 0.01  # five times the rover's rate, to meet five times as many moments of the disk
 STALL_S = 0.5  # field.md, log rates: SD cards stall for up to as long
@@ -140,5 +139,11 @@ def _record(t_s: float) -> TickRecord:
     memory = {"counter_deg": -0.2, "side": 1, "turn_deg": 0.0, "episodes": 0, "blocked_turns": 0}
     decision = Decision(wheels, Phase.FOLLOW, "follow")
     return TickRecord(
-        t_s, Snapshot(t_s, compass, motion, None), observation, decision, wheels, Level.WELL, None, lambda: memory
+        t_s,
+        compass=compass,
+        motion=motion,
+        observation=observation,
+        decision=decision,
+        applied=wheels,
+        memory=lambda: memory,
     )

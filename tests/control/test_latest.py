@@ -8,11 +8,19 @@ from typing import Any
 import pytest
 
 from wayfarer.control.latest import SensorBuffers
-from wayfarer.hal import CompassReading, ContactReading, MotionReading
+from wayfarer.detector.tick import Tick
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
+
+
+def snapshot(buffers: SensorBuffers, t_s: float) -> Snapshot:
+    """What a tick at this time reads."""
+    tick = Tick(t_s)
+    buffers.read(tick)
+    return tick.snapshot
 
 
 def test_nothing_is_there_before_the_sensors_speak() -> None:
-    assert SensorBuffers().snapshot(1.5) == (1.5, None, None, None)
+    assert snapshot(SensorBuffers(), 1.5) == (1.5, None, None, None)
 
 
 def test_newest_reading_replaces_the_older_and_stays() -> None:
@@ -22,7 +30,7 @@ def test_newest_reading_replaces_the_older_and_stays() -> None:
     buffers.compass.write(new)
     buffers.contact.write(contact := ContactReading(0.0, (), None))
     for t_s in (0.2, 0.3):
-        assert buffers.snapshot(t_s) == (t_s, new, None, contact)
+        assert snapshot(buffers, t_s) == (t_s, new, None, contact)
 
 
 def test_displacements_add_up_until_they_are_taken() -> None:
@@ -30,15 +38,15 @@ def test_displacements_add_up_until_they_are_taken() -> None:
     buffers.motion.write(MotionReading(0.1, 0.25, -0.5, 0.9))
     buffers.motion.write(MotionReading(0.2, 0.5, 0.25, 0.4))
     buffers.motion.write(MotionReading(0.3, -0.125, 0.0, 0.8))
-    assert buffers.snapshot(0.3).motion == MotionReading(0.3, 0.625, -0.25, 0.4), "quality is that of the worst part"
-    assert buffers.snapshot(0.4).motion is None
+    assert snapshot(buffers, 0.3).motion == MotionReading(0.3, 0.625, -0.25, 0.4), "quality is that of the worst part"
+    assert snapshot(buffers, 0.4).motion is None
 
 
 def test_displacements_without_a_direction_stay_without_one() -> None:
     buffers = SensorBuffers()
     for t_s in (0.1, 0.2):
         buffers.motion.write(MotionReading(t_s, 0.25, 0.0, 0.9, signed=False))
-    assert buffers.snapshot(0.2).motion == MotionReading(0.2, 0.5, 0.0, 0.9, signed=False)
+    assert snapshot(buffers, 0.2).motion == MotionReading(0.2, 0.5, 0.0, 0.9, signed=False)
 
 
 @pytest.mark.parametrize("readings", [1, 2, 7])
@@ -48,7 +56,7 @@ def test_no_ground_is_lost_at_any_rate(readings: int) -> None:
     for tick in range(10):
         for _ in range(readings):
             buffers.motion.write(MotionReading(float(tick), 0.125, 0.0, 1.0))
-        motion = buffers.snapshot(float(tick)).motion
+        motion = snapshot(buffers, float(tick)).motion
         taken_m += motion.forward_m if motion is not None else 0.0
     assert taken_m == 10 * readings * 0.125
 
@@ -64,6 +72,6 @@ def test_part_that_is_no_number_leaves_no_displacement_to_be_believed(field: str
     buffers = SensorBuffers()
     for reading in (bad, good) if first else (good, bad):
         buffers.motion.write(reading)
-    motion = buffers.snapshot(0.1).motion
+    motion = snapshot(buffers, 0.1).motion
     assert motion is not None
     assert motion.quality == 0.0 or not isfinite(motion.forward_m + motion.right_m)

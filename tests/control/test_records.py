@@ -5,13 +5,9 @@ from __future__ import annotations
 from unittest.mock import Mock, call
 
 from wayfarer.control.records import RunLog, Tee, TickRecord
-from wayfarer.escape.api import Decision, Phase
-from wayfarer.hal import STOP, PositionFix, Snapshot
-from wayfarer.safety.conditions import Level
+from wayfarer.hal import PositionFix
 
-RECORD = TickRecord(
-    1.0, Snapshot(1.0, None, None, None), None, Decision(STOP, Phase.HALT, "halt"), STOP, Level.WELL, None, dict
-)
+RECORD = TickRecord(1.0)
 FIX = PositionFix(1.5, 52.0, 13.0, None)
 
 

@@ -7,8 +7,7 @@ import pytest
 from wayfarer.control.records import TickRecord
 from wayfarer.daemon.console_log import ConsoleLog
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
-from wayfarer.hal import STOP, PositionFix, Snapshot
-from wayfarer.safety.conditions import Level
+from wayfarer.hal import STOP, PositionFix
 
 
 @pytest.fixture
@@ -23,10 +22,7 @@ def log(said: list[str]) -> ConsoleLog:
 
 def record(phase: Phase, why: str = "", *anomalies: Anomaly, seen: bool = True) -> TickRecord:
     observation = Observation(5.0, 271.6, 0.0, 0.0, anomalies, None, 90.0, 12.34) if seen else None
-    snapshot = Snapshot(5.0, None, None, None)
-    return TickRecord(
-        5.0, snapshot, observation, Decision(STOP, phase, why or phase.value), STOP, Level.WELL, None, dict
-    )
+    return TickRecord(5.0, observation=observation, decision=Decision(STOP, phase, why or phase.value))
 
 
 def test_each_change_of_phase_is_one_line_that_says_why_and_where(log: ConsoleLog, said: list[str]) -> None:

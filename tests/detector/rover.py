@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
-from wayfarer.detector import ALL_WELL, Detection, Detector, DetectorSettings
+from wayfarer.detector import Detector, DetectorSettings
+from wayfarer.detector.tick import Tick
 from wayfarer.escape.api import Anomaly, Vehicle
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition
@@ -21,6 +22,16 @@ FULL = WheelCommand(1.0, 1.0)
 BACK = WheelCommand(-1.0, -1.0)
 PIVOT = WheelCommand(1.0, -1.0)
 STEP_M = MAX_SPEED_M_S * TICK_S
+
+
+class Detection(NamedTuple):
+    """What one tick found."""
+
+    anomalies: tuple[Anomaly, ...]
+    conditions: tuple[Condition, ...]
+
+
+ALL_WELL = Detection((), ())
 
 
 class Rover:
@@ -51,7 +62,10 @@ class Rover:
 
     def sees(self, snapshot: Snapshot, applied: WheelCommand = STOP) -> Detection:
         """One tick with any snapshot."""
-        return self.detector.update(self.timer.next(snapshot.t_s, applied), snapshot)
+        tick = Tick(told=applied, **snapshot._asdict())
+        self.timer.measure(tick)
+        self.detector.update(tick)
+        return Detection(tick.anomalies, tick.conditions)
 
     def drive(self, ticks: int, applied: WheelCommand = FULL, moved_m: float = 0.0) -> list[bool]:
         """Tick and tell for each whether the rover is called immobilised."""

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.detector.rover import PIVOT, SETTINGS, TICK_S, Rover, started
+from tests.detector.rover import ALL_WELL, PIVOT, SETTINGS, TICK_S, Rover, started
 from wayfarer.angles import wrap180
-from wayfarer.detector import ALL_WELL, DetectorSettings
+from wayfarer.detector import DetectorSettings
 from wayfarer.hal import STOP, CompassReading, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition
 

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.detector.rover import SETTINGS, TICK_S, Rover, started
-from wayfarer.detector import ALL_WELL, Detection
+from tests.detector.rover import ALL_WELL, SETTINGS, TICK_S, Detection, Rover, started
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import CompassReading, ContactReading, Side, Snapshot
 from wayfarer.safety.conditions import Condition

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.detector.rover import FULL, MAX_SPEED_M_S, SETTINGS, STEP_M, TICK_S, Rover, started
-from wayfarer.detector import ALL_WELL
+from tests.detector.rover import ALL_WELL, FULL, MAX_SPEED_M_S, SETTINGS, STEP_M, TICK_S, Rover, started
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import STOP, CompassReading, MotionReading, Snapshot
 from wayfarer.safety.conditions import Condition

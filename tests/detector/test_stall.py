@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.detector.rover import BACK, FULL, PIVOT, SETTINGS, STEP_M, Rover, started
+from tests.detector.rover import ALL_WELL, BACK, FULL, PIVOT, SETTINGS, STEP_M, Rover, started
 from wayfarer.config.rover_file import load_rover
-from wayfarer.detector import ALL_WELL, StallMonitor
+from wayfarer.detector import StallMonitor
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import STOP, WheelCommand
 

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.detector.rover import SETTINGS, started
-from wayfarer.detector import ALL_WELL
+from tests.detector.rover import ALL_WELL, SETTINGS, started
 from wayfarer.escape.api import Anomaly
 from wayfarer.safety.conditions import Condition
 

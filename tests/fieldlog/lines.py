@@ -9,11 +9,8 @@ import orjson
 
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.control.records import TickRecord
-from wayfarer.escape.api import Decision, Phase
 from wayfarer.fieldlog.reader import Record, RunReader, log_segments
 from wayfarer.fieldlog.writer import LineSink, RunFiles
-from wayfarer.hal import STOP, Snapshot
-from wayfarer.safety.conditions import Level
 
 FREE = LogSettings(free_mb=0.0)
 SMALL = LogSettings(part_mb=0.001, run_mb=1.0, free_mb=0.0)  # about ten ticks a part
@@ -31,8 +28,7 @@ def tick(number: int) -> bytes:
 
 def standing(t_s: float = 1.0, memory: Callable[[], Mapping[str, float | str]] = dict) -> TickRecord:
     """Return a control tick of a rover that stands and whose sensors are silent."""
-    decision = Decision(STOP, Phase.HALT, "halt")
-    return TickRecord(t_s, Snapshot(t_s, None, None, None), None, decision, STOP, Level.WELL, None, memory)
+    return TickRecord(t_s, memory=memory)
 
 
 def event(number: int) -> bytes:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from wayfarer.hal import STOP
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.interval import IntervalTimer
+from wayfarer.safety.interval import Interval, IntervalTimer
 from wayfarer.safety.resume_warning import FREE_S, LONG_HOLD_S, ResumeWarning
 
 TICK_S = 0.0625  # binary, so that times are exact
@@ -25,7 +24,9 @@ class Rover:
 
     def tick(self, conditions: tuple[Condition, ...] = (), dt_s: float = TICK_S) -> bool:
         self.t_s += dt_s
-        return self.warning.update(self.timer.next(self.t_s, STOP), conditions)
+        interval = Interval(self.t_s)
+        self.timer.measure(interval)
+        return self.warning.update(interval, conditions)
 
     def ticks(self, for_s: float, conditions: tuple[Condition, ...] = ()) -> list[bool]:
         return [self.tick(conditions) for _ in range(round(for_s / TICK_S))]

@@ -2,7 +2,9 @@
 
 A tick always goes the same way::
 
-    snapshot of buffers -> detector -> escape handler -> safety gate -> motors -> one log record
+    readings in the buffers -> detector -> escape handler -> safety gate -> motors -> log
+
+Each stage fills in its part of one ``TickRecord``.
 
 While the gate holds the wheels, the handler is not called and its clock is paused: a manoeuvre that is bounded in time
 goes on where it was when the hold ends.
@@ -20,8 +22,8 @@ from wayfarer.control.records import RunLog, TickRecord
 from wayfarer.detector import Detector
 from wayfarer.detector.odometer import Odometer
 from wayfarer.errors import BadReading, DriverError
-from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
-from wayfarer.hal import STOP, PositionFix, Snapshot, WheelCommand
+from wayfarer.escape.api import EscapeHandler, Observation
+from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.safety.arming import Arming
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.entrapment import EntrapmentMonitor
@@ -29,8 +31,6 @@ from wayfarer.safety.gate import Gate
 from wayfarer.safety.interval import IntervalTimer
 from wayfarer.safety.mission_limits import Mission, RunEnd
 from wayfarer.safety.resume_warning import ResumeWarning
-
-_STAND = Decision(STOP, Phase.HALT, Phase.HALT.value)
 
 
 class Mode(Enum):
@@ -158,77 +158,76 @@ class Controller:
 
     async def tick(self, t_s: float) -> None:
         """Do one control tick at time ``t_s``."""
-        applied, gate, mission = self._applied, self._gate, self.mission
-        interval = self._timer.next(t_s, applied)
-        dt_s = interval.dt_s
-        self._travelled_m += abs(interval.forward_m)
-        snapshot = self._buffers.snapshot(t_s)
-        covered_m = self._odometer.update(interval, snapshot.motion)
-        anomalies, conditions = self._detector.update(interval, snapshot)
-        if self.mode is _ARMED and self._entrapment.ends(interval, bool(anomalies), snapshot.motion):
-            conditions += (Condition.ENTRAPPED,)
-        if conditions and self.mode is not _ARMED and gate.cause is not _RUNAWAY:
-            # A person may push a rover that is not armed; one that ran away goes on being stopped.
-            conditions = tuple(condition for condition in conditions if condition is not _RUNAWAY)
-        if self.power_reports.hear(applied) or dt_s > self._late_s or self._motors_failed or self.held:
-            conditions = self._own_conditions(conditions, t_s, dt_s)
-        if self.mode is _ARMED and self._resume_warning.update(interval, conditions):
-            conditions += (Condition.RESUME_WARNING,)
+        tick, gate, mission = TickRecord(t_s, told=self._applied), self._gate, self.mission
+        self._timer.measure(tick)
+        self._buffers.read(tick)
+        self._travelled_m += abs(tick.forward_m)
+        covered_m = self._odometer.update(tick, tick.motion)
+        self._detector.update(tick)
+        self._add_conditions(tick)
+        conditions = self.conditions = tick.conditions
         if conditions and not _WHEELS_ASTRAY.isdisjoint(conditions):
             self._motors.halt()  # at each tick: a board that does not do as it is told may take one stop of many
-        self.conditions = conditions
         if self._arming is not None:
             self._continue_arming(t_s, self._arming, conditions)
-        observation = self._observe(snapshot, anomalies)
+        observation = tick.observation = self._observe(tick)
         armed = self.mode is _ARMED
-        decision = _STAND
         if not gate.judge(conditions):
-            self._held_s += dt_s
+            self._held_s += tick.dt_s
         elif armed and observation is not None:
-            decision = self._handler.decide(observation)
+            tick.decision = self._handler.decide(observation)
         try:
-            self._applied = applied = _checked(await self._motors.drive(gate.limit(decision.wheels, armed=armed)))
+            applied = _checked(await self._motors.drive(gate.limit(tick.decision.wheels, armed=armed)))
         except DriverError as error:
-            self._applied = applied = self._lose_motors(t_s, error)
-        self.last = TickRecord(
-            t_s, snapshot, observation, decision, applied, gate.level, gate.cause, self._handler.memory
-        )
-        self._log.tick(self.last)
-        if gate.cause is not self._last_cause or (armed and gate.level is _FAULT):
-            self._note_health(t_s, gate.level, gate.cause)
+            applied = self._lose_motors(t_s, error)
+        self._applied = tick.applied = applied
+        tick.level, tick.cause, tick.memory = gate.level, gate.cause, self._handler.memory
+        self.last = tick
+        self._log.tick(tick)
+        if tick.cause is not self._last_cause or (armed and tick.level is _FAULT):
+            self._note_health(t_s, tick.level, tick.cause)
         if mission is not None and observation is not None:
-            mission.advance(interval.forward_m, covered_m, observation.heading_deg)
+            mission.advance(tick.forward_m, covered_m, observation.heading_deg)
             if self.end is None:
                 self.end = mission.end(t_s)
 
-    def _observe(self, snapshot: Snapshot, anomalies: tuple[Anomaly, ...]) -> Observation | None:
+    def _add_conditions(self, tick: TickRecord) -> None:
+        """Add the controller's own conditions to those of the detector."""
+        armed, late = self.mode is _ARMED, tick.dt_s > self._late_s
+        if armed and self._entrapment.ends(tick, bool(tick.anomalies), tick.motion):
+            tick.conditions += (Condition.ENTRAPPED,)
+        if tick.conditions and not armed and self._gate.cause is not _RUNAWAY:
+            # A person may push a rover that is not armed; one that ran away goes on being stopped.
+            tick.conditions = tuple(condition for condition in tick.conditions if condition is not _RUNAWAY)
+        if late:
+            tick.conditions += (Condition.TICK_LATE,)
+        if self._motors_failed:
+            tick.conditions += (Condition.MOTORS_FAILED,)
+        if self.held:
+            tick.conditions += (Condition.OPERATOR_HOLD,)
+        if self.power_reports.hear(tick.told):
+            tick.conditions += self.power_reports.conditions(tick.t_s)
+        if armed and self._resume_warning.update(tick, tick.conditions):
+            tick.conditions += (Condition.RESUME_WARNING,)
+
+    def _observe(self, tick: TickRecord) -> Observation | None:
         """Return what the handler may see, or None before the first believable heading."""
         compass = self._detector.compass
         if compass is None:
             return None
         _, heading_deg, pitch_deg, roll_deg, _ = compass
         return Observation(
-            snapshot.t_s - self._held_s,
+            tick.t_s - self._held_s,
             heading_deg,
             pitch_deg,
             roll_deg,
-            anomalies,
+            tick.anomalies,
             self._detector.contact,
             self.goal_heading_deg,
             self._travelled_m,
             self._odometer.covered_m,
-            self._applied,
+            tick.told,
         )
-
-    def _own_conditions(self, conditions: tuple[Condition, ...], t_s: float, dt_s: float) -> tuple[Condition, ...]:
-        """Add the controller's own conditions to those of the detector."""
-        if dt_s > self._late_s:
-            conditions += (Condition.TICK_LATE,)
-        if self._motors_failed:
-            conditions += (Condition.MOTORS_FAILED,)
-        if self.held:
-            conditions += (Condition.OPERATOR_HOLD,)
-        return conditions + self.power_reports.conditions(t_s)
 
     def _continue_arming(self, t_s: float, arming: Arming, conditions: tuple[Condition, ...]) -> None:
         compass = self._detector.compass

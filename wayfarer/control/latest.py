@@ -5,7 +5,8 @@ from __future__ import annotations
 from math import isfinite
 from typing import Generic, TypeVar
 
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
+from wayfarer.detector.tick import Tick
+from wayfarer.hal import CompassReading, ContactReading, MotionReading
 
 R = TypeVar("R")
 
@@ -68,6 +69,6 @@ class SensorBuffers:
         self.motion = MotionBuffer()
         self.contact: LatestValue[ContactReading] = LatestValue()
 
-    def snapshot(self, t_s: float) -> Snapshot:
-        """Return what all sensors say now."""
-        return Snapshot(t_s, self.compass.reading, self.motion.take(), self.contact.reading)
+    def read(self, tick: Tick) -> None:
+        """Fill in what all sensors say now."""
+        tick.compass, tick.motion, tick.contact = self.compass.reading, self.motion.take(), self.contact.reading

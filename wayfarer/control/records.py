@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import Protocol
 
-from wayfarer.escape.api import Decision, Observation
-from wayfarer.hal import MotorHealth, PositionFix, Snapshot, WheelCommand
+from wayfarer.detector.tick import Tick
+from wayfarer.escape.api import Decision, Observation, Phase
+from wayfarer.hal import STOP, MotorHealth, PositionFix, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 
+STAND = Decision(STOP, Phase.HALT, Phase.HALT.value)
 
-class TickRecord(NamedTuple):
-    """One control tick: what was seen, decided and applied, and what the safety gate thought of it.
 
-    ``snapshot`` is what the sensors said, ``observation`` what the handler saw of it (None before the first believable
-    heading). ``memory`` gives the handler's inner state and is only good until the next tick: a log that keeps it calls
-    it at once.
+@dataclass(slots=True)
+class TickRecord(Tick):
+    """One control tick, filled in stage by stage: what was seen, decided and applied, and what the gate thought of it.
+
+    ``observation`` is what the handler saw of the readings (None before the first believable heading). ``memory`` gives
+    the handler's inner state and is only good until the next tick: a log that keeps it calls it at once.
     """
 
-    t_s: float
-    snapshot: Snapshot
-    observation: Observation | None
-    decision: Decision
-    applied: WheelCommand
-    level: Level
-    cause: Condition | None
-    memory: Callable[[], Mapping[str, float | str]]
+    observation: Observation | None = None
+    decision: Decision = STAND
+    applied: WheelCommand = STOP
+    level: Level = Level.WELL
+    cause: Condition | None = None
+    memory: Callable[[], Mapping[str, float | str]] = dict
 
 
 class RunLog(Protocol):

@@ -8,9 +8,10 @@ from typing import TypeVar
 
 from wayfarer.commissioning.checks.api import HostEnvironment
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.control.records import TickRecord
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover, Snapshot
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
 
 R = TypeVar("R", CompassReading, MotionReading, ContactReading)
 
@@ -52,11 +53,11 @@ class RunningInspection:
         """Ask the motor board."""
         return await self.rover.motors.health()
 
-    def _latest(self) -> Snapshot:
+    def _latest(self) -> TickRecord:
         last = self._supervisor.controller.last
         if last is None:
             raise NotResponding("the rover's parts are still being opened: try again in some seconds")
-        return last.snapshot
+        return last
 
     def _fresh(self, reading: R | None, name: str) -> R:
         if reading is None or asyncio.get_running_loop().time() - reading.t_s > FRESH_S:

@@ -5,8 +5,8 @@ handler. *Conditions* are what the rover's own senses and wheels do (stale, impl
 and go to the safety gate.
 """
 
-from wayfarer.detector.detector import ALL_WELL, Detection, Detector
+from wayfarer.detector.detector import Detector
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.stall import StallMonitor
 
-__all__ = ["ALL_WELL", "Detection", "Detector", "DetectorSettings", "StallMonitor"]
+__all__ = ["Detector", "DetectorSettings", "StallMonitor"]

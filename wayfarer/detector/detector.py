@@ -1,35 +1,23 @@
-"""The detector: one tick's snapshot and command in, anomalies and conditions out."""
+"""The detector: one tick's readings and command in, anomalies and conditions out."""
 
 from __future__ import annotations
 
 from math import radians
-from typing import NamedTuple
 
 from wayfarer.detector.compass import CompassMonitor
 from wayfarer.detector.contact import ContactMonitor
 from wayfarer.detector.drive import DriveMonitor
 from wayfarer.detector.motion import MotionMonitor
 from wayfarer.detector.settings import DetectorSettings
+from wayfarer.detector.tick import Tick
 from wayfarer.detector.tilt import TiltMonitor
 from wayfarer.detector.turnable import TurnabilityMonitor
 from wayfarer.escape.api import Anomaly, Vehicle
-from wayfarer.hal import CompassReading, ContactReading, Snapshot
-from wayfarer.safety.conditions import Condition
-from wayfarer.safety.interval import Interval
-
-
-class Detection(NamedTuple):
-    """What one update found."""
-
-    anomalies: tuple[Anomaly, ...]
-    conditions: tuple[Condition, ...]
-
-
-ALL_WELL = Detection((), ())
+from wayfarer.hal import CompassReading, ContactReading
 
 
 class Detector:
-    """Turns snapshots and applied commands into anomalies and conditions, one control tick at a time.
+    """Turns readings and applied commands into anomalies and conditions, one control tick at a time.
 
     ``vehicle`` tells the ground speed at full duty and the turn that it makes, ``calibration_min`` (0 to 3) how well
     the compass was calibrated when the rover was armed, ``duty_max`` what the gate lets through.
@@ -63,18 +51,18 @@ class Detector:
         self.compass: CompassReading | None = None
         self.contact: ContactReading | None = None
 
-    def update(self, interval: Interval, snapshot: Snapshot) -> Detection:
-        """Take in one tick: what the wheels were told since the previous tick, and what the sensors say now."""
-        t_s, compass, motion, contact = snapshot
+    def update(self, tick: Tick) -> None:
+        """Take in one tick, and fill in its anomalies and conditions."""
+        t_s, contact = tick.t_s, tick.contact
         if not self._started:
             self._start(t_s)
-        left, right = interval.applied
-        turning_s = interval.driven_s if abs(left - right) >= self._turning_duty else 0.0
+        left, right = tick.told
+        turning_s = tick.driven_s if abs(left - right) >= self._turning_duty else 0.0
         before_deg = self._compass.gained_deg
-        conditions = self._compass.update(t_s, turning_s, compass, moves=self._motion.moves)
+        conditions = self._compass.update(t_s, turning_s, tick.compass, moves=self._motion.moves)
         gained_deg = self._compass.gained_deg
         doubtful = bool(conditions)
-        self._motion.update(interval, gained_deg - before_deg, motion, conditions)
+        self._motion.update(tick, gained_deg - before_deg, tick.motion, conditions)
         anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found else []
         self.compass = believed = self._compass.reading
         if believed is not None:
@@ -83,11 +71,12 @@ class Detector:
             self._contact.update(t_s, contact, anomalies, conditions)
             self.contact = self._contact.reading
         trusted = not (anomalies or doubtful)
-        self._drive.update(interval, gained_deg, self._motion.ahead_m, trusted=trusted)
+        self._drive.update(tick, gained_deg, self._motion.ahead_m, trusted=trusted)
         if t_s < self._drive.until_t_s:
             conditions.append(self._drive.condition)
-        conditions += self._turns.update(interval, gained_deg)
-        return Detection(tuple(anomalies), tuple(conditions)) if anomalies or conditions else ALL_WELL
+        conditions += self._turns.update(tick, gained_deg)
+        if anomalies or conditions:
+            tick.anomalies, tick.conditions = tuple(anomalies), tuple(conditions)
 
     def begin_mission(self) -> None:
         """Forget what was tried before the rover was armed: a person has seen to it."""

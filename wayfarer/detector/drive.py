@@ -89,7 +89,7 @@ class DriveMonitor:
 
         It is ``trusted`` unless the compass is in doubt, or the forest is in the way: such windows are dropped.
         """
-        t_s, _, driven_s, (left, right), _ = interval
+        t_s, driven_s, (left, right) = interval.t_s, interval.driven_s, interval.told
         self._add_told(driven_s, left, right)
         duty = left + right
         if abs(duty) >= self._from_duty:
@@ -101,7 +101,7 @@ class DriveMonitor:
             self._way = way
             self._leave_window()
         if self._suspect is not None:
-            self._confirm(t_s, self._suspect, interval.applied, trusted=trusted)
+            self._confirm(t_s, self._suspect, interval.told, trusted=trusted)
         # As ``DriveSample(...)`` does it, but without a call in Python, 20 times a second.
         now = tuple.__new__(DriveSample, (t_s, *self._told_sums, gained_deg, ahead_m))
         window.append(now)

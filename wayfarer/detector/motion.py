@@ -8,7 +8,7 @@ from wayfarer.detector.runaway import RunawayMonitor
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.stall import StallMonitor
 from wayfarer.escape.api import Vehicle
-from wayfarer.hal import STOP, MotionReading
+from wayfarer.hal import MotionReading
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.interval import Interval
 
@@ -56,14 +56,13 @@ class MotionMonitor:
             reading: what the sensor says, if anything.
             conditions: takes what is found.
         """
-        t_s, tick_s, driven_s, applied, forward_m = interval
-        self._commanded_m += forward_m
-        left, right = applied
+        t_s, driven_s, (left, right) = interval.t_s, interval.driven_s, interval.told
+        self._commanded_m += interval.forward_m
         self._pushed_m += (abs(left) + abs(right)) * self._half_speed_m_s * driven_s
         self._led_m += (left - right) * self._half_speed_m_s * driven_s
         self._turned_deg += turned_deg
-        self._undriven_s += tick_s - driven_s
-        if applied != STOP:
+        self._undriven_s += interval.dt_s - driven_s
+        if left or right:
             self._driven_t_s = t_s
         if reading is not None:
             self._take(t_s, reading, conditions)

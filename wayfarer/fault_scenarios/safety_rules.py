@@ -176,7 +176,7 @@ class Invariants(PartialLog):
         self._fault |= record.level is Level.FAULT
 
     def _check_seen(self, record: TickRecord) -> None:
-        readings, reading, seen, t_s = self._readings, record.snapshot.compass, record.observation, record.t_s
+        readings, reading, seen, t_s = self._readings, record.compass, record.observation, record.t_s
         if reading is not None and (not readings or reading is not readings[-1]):
             readings.append(reading)
         while readings and readings[0].t_s < t_s - self._stale_s - PERIODS * self._period_s:

@@ -22,7 +22,7 @@ from wayfarer.escape.api import Observation
 from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.writer import LineSink
-from wayfarer.hal import MotorHealth, PositionFix, Snapshot, WheelCommand
+from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
 
 CLOCK_STEP_S = 1.0  # more than a clock is slewed between two records; finding the right time steps it by hours
 
@@ -149,7 +149,7 @@ def tick_fields(record: TickRecord) -> dict[str, Any]:
     """Return what the log keeps of a control tick; where an algorithm remembers one of its keys, the log's counts."""
     wanted, applied, decision = record.decision.wheels, record.applied, record.decision
     fields = {
-        **_read(record.snapshot),
+        **_read(record),
         **_seen(record.observation),
         "phase": decision.phase.value,
         "why": decision.why,
@@ -163,9 +163,9 @@ def tick_fields(record: TickRecord) -> dict[str, Any]:
     return {**fields, **record.memory(), **fields}
 
 
-def _read(snapshot: Snapshot) -> dict[str, Any]:
+def _read(record: TickRecord) -> dict[str, Any]:
     """Return what the sensors said, exactly: a replay starts from this."""
-    compass, motion, contact = snapshot.compass, snapshot.motion, snapshot.contact
+    compass, motion, contact = record.compass, record.motion, record.contact
     return {
         "compass": compass and compass._asdict(),
         "motion": motion and motion._asdict(),

@@ -64,7 +64,7 @@ class EntrapmentMonitor:
             motion: what the motion sensor saw since the last tick, None where it has not spoken.
         """
         forward_m = interval.forward_m
-        if interval.applied != STOP:
+        if interval.told != STOP:
             self._tried_s += interval.driven_s
         self._unseen_m = self._unseen_m + forward_m if forward_m > 0.0 else 0.0
         if motion is not None:

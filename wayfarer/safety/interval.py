@@ -6,24 +6,25 @@ which nobody drove the wheels.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
-from wayfarer.hal import WheelCommand
+from wayfarer.hal import STOP, WheelCommand
 
 
-class Interval(NamedTuple):
-    """From the previous control tick to this one.
+@dataclass(slots=True)
+class Interval:
+    """From the previous control tick to this one; the first part of the record of a tick.
 
     ``t_s`` is the time of this tick and ``dt_s`` the time since the previous one, 0 at the first. ``driven_s`` is for
-    how much of ``dt_s`` the wheels obeyed ``applied``: before a late tick the motor board's deadman has stopped them.
+    how much of ``dt_s`` the wheels obeyed ``told``: before a late tick the motor board's deadman has stopped them.
     ``forward_m`` is how far the wheels were told to go in ``driven_s``, in metres, negative in reverse.
     """
 
     t_s: float
-    dt_s: float
-    driven_s: float
-    applied: WheelCommand
-    forward_m: float
+    dt_s: float = 0.0
+    driven_s: float = 0.0
+    told: WheelCommand = STOP
+    forward_m: float = 0.0
 
 
 class IntervalTimer:
@@ -40,11 +41,12 @@ class IntervalTimer:
         self._half_speed_m_s = max_speed_m_s / 2
         self._last_t_s: float | None = None
 
-    def next(self, t_s: float, applied: WheelCommand) -> Interval:
-        """Return the interval that ends at the tick at ``t_s``, in which the wheels were told ``applied``."""
-        last_t_s = t_s if self._last_t_s is None else self._last_t_s
-        self._last_t_s = t_s
-        dt_s = t_s - last_t_s
-        driven_s = dt_s if dt_s < self._late_s else self._late_s
-        left, right = applied
-        return Interval(t_s, dt_s, driven_s, applied, (left + right) * self._half_speed_m_s * driven_s)
+    def measure(self, tick: Interval) -> None:
+        """Fill in how long the interval is that ends at this tick, and how far the wheels were told to go in it."""
+        last_t_s, self._last_t_s = self._last_t_s, tick.t_s
+        if last_t_s is None:
+            return
+        dt_s = tick.dt_s = tick.t_s - last_t_s
+        driven_s = tick.driven_s = dt_s if dt_s < self._late_s else self._late_s
+        left, right = tick.told
+        tick.forward_m = (left + right) * self._half_speed_m_s * driven_s

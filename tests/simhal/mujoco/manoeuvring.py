@@ -19,7 +19,7 @@ from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, MotionReading
 from wayfarer.safety.gate import Gate
-from wayfarer.safety.interval import IntervalTimer
+from wayfarer.safety.interval import Interval, IntervalTimer
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.random_streams import RandomStreams
@@ -99,7 +99,8 @@ def _drive(config: RoverConfig, friction: float, torque_scale: float, episodes: 
     for tick in range(1, round((2.0 + episodes * MEETS_EVERY_S) * config.control_hz)):
         t_s = tick / config.control_hz
         world.advance_to(t_s)
-        interval = timer.next(t_s, wheels)
+        interval = Interval(t_s, told=wheels)
+        timer.measure(interval)
         travelled_m += abs(interval.forward_m)
         gone_m = world.forward_m - world.reverse_m
         speaks = tick % 2 == 0

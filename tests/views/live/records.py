@@ -8,7 +8,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.control.records import TickRecord
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, Snapshot, WheelCommand
+from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 
 WORLD = {
@@ -64,7 +64,17 @@ def tick(
         seen = Observation(t_s, heading_deg, 1.0, -1.0, anomalies, None, 0.0, travelled_m)
     decision = Decision(wheels, phase, why or phase.value)
     kept = {"counter_deg": 30.0, "episodes": 2} if memory is None else memory
-    return TickRecord(t_s, Snapshot(t_s, compass, motion, None), seen, decision, wheels, level, cause, lambda: kept)
+    return TickRecord(
+        t_s,
+        compass=compass,
+        motion=motion,
+        observation=seen,
+        decision=decision,
+        applied=wheels,
+        level=level,
+        cause=cause,
+        memory=lambda: kept,
+    )
 
 
 def board(battery_v: float | None = 12.0, *faults: str) -> MotorHealth:
