@@ -12,6 +12,7 @@ import pytest
 from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.shutdown import Shutdown
 from wayfarer.detector import Detector
+from wayfarer.detector.tick import Tick
 from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.escape.api import Decision, Observation
 from wayfarer.escape.handler import PhasedHandler
@@ -242,9 +243,9 @@ def tamper_with_what_is_seen(monkeypatch: Patch, wrong: dict[str, float]) -> Non
 def blind_to_age(update: Any) -> Any:
     """A detector that finds nothing wrong with itself."""
 
-    def updated(self: Detector, *given: Any) -> Any:
-        anomalies, _ = update(self, *given)
-        return anomalies, ()
+    def updated(self: Detector, tick: Tick) -> None:
+        update(self, tick)
+        tick.conditions = ()
 
     return updated
 

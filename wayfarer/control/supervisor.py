@@ -179,9 +179,8 @@ class Supervisor:
                 beside.append(group.create_task(self._show_state(self._rover.light), name="light"))
             await self._hear_sensors()
             try:
-                end = await self._control()
-            finally:  # the wheels first: a sensor may take its time to let go
-                await run_uncancellable(self._stopping.stop_wheels())
+                end = await asyncio.create_task(self._control(), name="control")
+            finally:
                 for task in beside:
                     task.cancel()
         return end
@@ -197,14 +196,18 @@ class Supervisor:
                 await asyncio.gather(*waits)
 
     async def _control(self) -> RunEnd:
-        """Tick at the control rate until something ends the run; return what did."""
-        controller, rate, time = self.controller, Rate(self._control_hz), asyncio.get_running_loop().time
-        while controller.end is None:
-            self._wheels.tick_t_s = t_s = time()
-            await controller.tick(t_s)
-            self.ticked.set()
-            if controller.end is None:
-                await rate.wait()
+        """Tick at the control rate until something ends the run; stop the wheels, and return what ended it."""
+        controller, wheels, rate = self.controller, self._wheels, Rate(self._control_hz)
+        time = asyncio.get_running_loop().time
+        try:
+            while controller.end is None:
+                wheels.tick_t_s = t_s = time()
+                await controller.tick(t_s)
+                self.ticked.set()
+                if controller.end is None:
+                    await rate.wait()
+        finally:  # the wheels first: a sensor may take its time to let go
+            await run_uncancellable(self._stopping.stop_wheels())
         return controller.end
 
     async def _watch_board(self) -> None:
