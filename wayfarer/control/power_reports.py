@@ -5,6 +5,7 @@ It counts, and is logged, from the beginning of the next tick, so that a replay 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 
@@ -23,7 +24,8 @@ class PowerReports:
         self._power = SupplyMonitor()
         self._log = log
         self._news: list[Callable[[], None]] = []
-        self._applied = (STOP, STOP, STOP)  # at the ticks of late: the board may have been asked amid any of them
+        # At the ticks of late: the board may have been asked amid any of them.
+        self._applied = deque([STOP] * 3, maxlen=3)
 
     # -- reports -------------------------------------------------------------------------------------------------
 
@@ -43,7 +45,7 @@ class PowerReports:
 
     def hear(self, applied: WheelCommand) -> bool:
         """Judge what was said since the last tick, at which ``applied`` was; return whether ``conditions`` may be."""
-        self._applied = (applied, self._applied[0], self._applied[1])
+        self._applied.append(applied)
         if self._news:
             news, self._news = self._news, []
             for judge in news:

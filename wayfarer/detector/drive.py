@@ -10,6 +10,7 @@ turns the body on the spot about its middle: one with a dead side turns it about
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 from math import degrees, hypot, inf, radians
 from typing import NamedTuple
 
@@ -34,7 +35,8 @@ TURNS_ON_S = 0.5
 RATE_TICKS = 2  # over which the turn rate is taken: that of one tick is mostly noise
 
 
-class DriveSample(NamedTuple):
+@dataclass(slots=True)
+class DriveSample:
     """A tick, and sums since the start of the run.
 
     ``left_deg`` and ``right_deg`` are what each side was told to turn the rover by itself, the left one clockwise, the
@@ -75,7 +77,7 @@ class DriveMonitor:
         self._deg_s_per_duty = degrees(vehicle.max_speed_m_s / vehicle.track_m)
         self._m_per_deg = radians(vehicle.track_m)
         self._left_deg_s = self._right_deg_s = 0.0
-        self._told_sums = (0.0, 0.0, 0.0, 0.0)  # the first sums of a ``DriveSample``
+        self._left_deg = self._right_deg = self._clockwise_deg = self._anticlockwise_deg = 0.0  # see ``DriveSample``
         self._way = AHEAD
         self._window: deque[DriveSample] = deque()
         self._before: deque[DriveSample] = deque(maxlen=RATE_TICKS + 1)  # the last ones before the window
@@ -102,8 +104,9 @@ class DriveMonitor:
             self._leave_window()
         if self._suspect is not None:
             self._confirm(t_s, self._suspect, interval.told, trusted=trusted)
-        # As ``DriveSample(...)`` does it, but without a call in Python, 20 times a second.
-        now = tuple.__new__(DriveSample, (t_s, *self._told_sums, gained_deg, ahead_m))
+        now = DriveSample(
+            t_s, self._left_deg, self._right_deg, self._clockwise_deg, self._anticlockwise_deg, gained_deg, ahead_m
+        )
         window.append(now)
         then = window[0]
         while t_s - then.t_s > self._window_s:
@@ -124,15 +127,13 @@ class DriveMonitor:
         share, deg_s_per_duty = driven_s / (driven_s + self._lag_s), self._deg_s_per_duty
         left_deg_s = self._left_deg_s = self._left_deg_s + (left * deg_s_per_duty - self._left_deg_s) * share
         right_deg_s = self._right_deg_s = self._right_deg_s + (right * deg_s_per_duty - self._right_deg_s) * share
-        left_deg, right_deg, clockwise_deg, anticlockwise_deg = self._told_sums
+        self._left_deg += left_deg_s * driven_s
+        self._right_deg += right_deg_s * driven_s
         turn_deg = (left - right) * deg_s_per_duty * driven_s
         if turn_deg > 0.0:
-            clockwise_deg += turn_deg
+            self._clockwise_deg += turn_deg
         else:
-            anticlockwise_deg -= turn_deg
-        left_deg += left_deg_s * driven_s
-        right_deg += right_deg_s * driven_s
-        self._told_sums = left_deg, right_deg, clockwise_deg, anticlockwise_deg
+            self._anticlockwise_deg -= turn_deg
 
     def _confirm(self, t_s: float, suspect: Suspicion, applied: WheelCommand, *, trusted: bool) -> None:
         """Tell of the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.

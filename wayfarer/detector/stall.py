@@ -18,7 +18,7 @@ never still**.
 from __future__ import annotations
 
 from collections import deque
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from wayfarer.detector.settings import DetectorSettings
 
@@ -30,7 +30,8 @@ SEEN_FROM_M = 0.01
 TURNS_FROM_DEG_S = 70.0
 
 
-class DrivingInterval(NamedTuple):
+@dataclass(slots=True)
+class DrivingInterval:
     """An interval of driving; distances and speeds are positive in the direction that is commanded.
 
     ``moved_m`` is None where nothing was seen, ``slid_m`` is to the right, ``gained_m_s`` is the speed that grip gives

@@ -64,7 +64,7 @@ class PhasedHandler:
         """Forget everything; see ``EscapeHandler``."""
         self._manoeuvre = self._manoeuvres[Phase.FOLLOW]
         self._phase_name = Phase.FOLLOW.value
-        self._last_heading_deg: float | None = None
+        self._begun = False
         self._side = self._escape_plan.side = policies.CLOCKWISE
         self._escape_plan.counter_deg = self._escape_plan.turn_deg = 0.0
         self._followed_from_m = 0.0
@@ -78,8 +78,13 @@ class PhasedHandler:
 
     def decide(self, observation: Observation) -> Decision:
         """Return the decision for this tick; see ``EscapeHandler``."""
-        self._turns.observe(observation.t_s, observation.heading_deg, observation.applied)
-        self._count_turn(observation)
+        # The counter follows the compass, through wrap-around and however a turn came about.
+        turned_deg = self._turns.observe(observation.t_s, observation.heading_deg, observation.applied)
+        self._escape_plan.counter_deg += turned_deg
+        if not self._begun:
+            self._begun = True
+            self._followed_from_m = observation.travelled_m
+            self._manoeuvre.begin(observation)
         manoeuvre = self._manoeuvre
         if self._tactics:
             self._reckoning.follow(observation, manoeuvre.phase)
@@ -106,16 +111,6 @@ class PhasedHandler:
             "blocked_turns": self._blocked_turns,
             "turn_from_duty": round(self._turns.dead_zone, 3),
         }
-
-    def _count_turn(self, observation: Observation) -> None:
-        """Let the counter follow the compass, through wrap-around and however the turn came about."""
-        heading_deg, last_deg = observation.heading_deg, self._last_heading_deg
-        self._last_heading_deg = heading_deg
-        if last_deg is None:
-            self._followed_from_m = observation.travelled_m
-            self._manoeuvre.begin(observation)
-        else:
-            self._escape_plan.counter_deg += (heading_deg - last_deg + 180.0) % 360.0 - 180.0
 
     def _enter(self, phase: Phase, event: PhaseEvent, observation: Observation) -> None:
         left = self._manoeuvre.phase

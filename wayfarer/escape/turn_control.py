@@ -71,21 +71,24 @@ class TurnController:
         self._expected_deg_s = self._latest_deg_s
         self._pushes = self.stands = False
 
-    def observe(self, t_s: float, heading_deg: float, applied: WheelCommand | None) -> None:
+    def observe(self, t_s: float, heading_deg: float, applied: WheelCommand | None) -> float:
         """Take the heading at a tick, and compare what the body did since the last one with what it was told.
 
         ``applied`` is what the wheels really did since then, None where that is not known: then what was asked for.
+        Returns the heading gained since then, 0 at the first tick: degrees, clockwise positive, half a turn at most.
         """
         last_t_s, last_deg = self._t_s, self._heading_deg
         self._t_s, self._heading_deg = t_s, heading_deg
-        if last_t_s is None or not t_s > last_t_s:
-            return
-        dt_s = t_s - last_t_s
+        if last_t_s is None:
+            return 0.0
         gained_deg = (heading_deg - last_deg + 180.0) % 360.0 - 180.0
+        dt_s = t_s - last_t_s
+        if not dt_s > 0.0:
+            return gained_deg
         if abs(gained_deg) > self._ideal_deg_s * dt_s + STRANGE_DEG:
             self._latest_deg_s = 0.0
             self.rest()
-            return
+            return gained_deg
         rate_deg_s = gained_deg / dt_s
         self._latest_deg_s = (self._latest_deg_s + rate_deg_s) / 2.0
         expected_deg_s = self._expected_deg_s
@@ -103,6 +106,7 @@ class TurnController:
             self._learn(dt_s)
         if self._pushes:
             self._watch(gained_deg, dt_s)
+        return gained_deg
 
     def wheels(self, speed_m_s: float, turn_deg_s: float) -> WheelCommand:
         """Return the wheels for a forward speed and a turn rate, clockwise positive."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from wayfarer.hal import STOP, MotionReading
+from wayfarer.hal import MotionReading
 from wayfarer.safety.interval import Interval
 from wayfarer.units import Count, Metres, Seconds
 
@@ -63,8 +63,9 @@ class EntrapmentMonitor:
             anomalous: whether an anomaly is there now.
             motion: what the motion sensor saw since the last tick, None where it has not spoken.
         """
-        forward_m = interval.forward_m
-        if interval.told != STOP:
+        settings, forward_m = self._settings, interval.forward_m
+        left, right = interval.told
+        if left or right:
             self._tried_s += interval.driven_s
         self._unseen_m = self._unseen_m + forward_m if forward_m > 0.0 else 0.0
         if motion is not None:
@@ -73,9 +74,8 @@ class EntrapmentMonitor:
             self._count_anomaly()
         elif forward_m > 0.0:
             self._run_m += forward_m
-            if self._runs_free():
+            if self._run_m >= settings.free_run_m and self._covers_ground():
                 self._begin_place()
-        settings = self._settings
         return self._tried_s >= settings.give_up_s or self._anomalies >= settings.anomalies_max
 
     def _begin_place(self) -> None:
@@ -103,8 +103,7 @@ class EntrapmentMonitor:
             known = motion.quality >= self._quality_min
             self._seen_m.append(max(-most_m, min(most_m, motion.forward_m)) if known else most_m)
 
-    def _runs_free(self) -> bool:
-        if self._run_m < self._settings.free_run_m:
-            return False
+    def _covers_ground(self) -> bool:
+        """Tell whether the ground went by in this run, as far as the sensor can tell."""
         believed_m = sorted(self._seen_m)[: len(self._seen_m) - len(self._seen_m) // ONE_OF]
         return not self._sees_ground or sum(believed_m) >= self._settings.covered_m

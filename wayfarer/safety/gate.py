@@ -87,7 +87,8 @@ class Gate:
             return wanted
         if not (isfinite(left) and isfinite(right)):
             self._judge((Condition.DECISION_INVALID,))
-            return self.limit(STOP, armed=armed)
+            self._left = self._right = 0.0
+            return STOP
         self._left = self._limit(left, self._left)
         self._right = self._limit(right, self._right)
         return WheelCommand(self._left, self._right)

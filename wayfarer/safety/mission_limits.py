@@ -58,8 +58,6 @@ class Mission:
 
     def end(self, t_s: float) -> RunEnd | None:
         """Return which limit is reached, or None."""
-        if t_s < self._ends_s and self.travelled_m < self._most_m and not self._fixes_beyond and self._within_radius():
-            return None  # as nearly always, 20 times a second
         settings = self._settings
         if t_s >= self._ends_s:
             return RunEnd("mission_time", f"the mission limit of {settings.mission_time_s:g} s was reached")
@@ -73,8 +71,5 @@ class Mission:
     def _beyond_radius(self, t_s: float) -> bool:
         if 0.0 <= t_s - self._fix_t_s <= FIX_FRESH_S:  # a fix of the future is none either
             return self._fixes_beyond >= FIXES_BEYOND
-        return not self._within_radius()
-
-    def _within_radius(self) -> bool:
-        """Tell whether dead reckoning is within the radius."""
-        return self.north_m * self.north_m + self.east_m * self.east_m < self._radius_m * self._radius_m
+        away_m2 = self.north_m * self.north_m + self.east_m * self.east_m
+        return not away_m2 < self._radius_m * self._radius_m  # written so that NaN is beyond
