@@ -43,7 +43,7 @@ class Drive:
         motion = None if self.grip is None else MotionReading(self.t_s, forward_m * self.grip, 0.0, self.quality)
         if self.garbage is not None and self.ticks % 10 == 0:
             motion = self.garbage
-        return self.progress.ends(Interval(self.t_s, TICK_S, TICK_S, wheels, forward_m), anomalous, motion)
+        return self.progress.ends(Interval(self.t_s, wheels, TICK_S, TICK_S, forward_m), anomalous, motion)
 
     def go(self, wheels: WheelCommand, for_s: float, *, anomalous: bool = False) -> bool:
         """Drive so until it is over, or for so long; return whether the rover gave up."""
@@ -119,7 +119,7 @@ def test_it_never_gives_up_before_enough_was_tried(ticks: list[tuple[WheelComman
     for wheels, anomalous, seen_m in ticks:
         tried_s += TICK_S * (wheels != STOP)
         motion = MotionReading(0.0, seen_m, 0.0, 0.8)
-        interval = Interval(tried_s, TICK_S, TICK_S, wheels, SPEEDS_M_S[wheels] * TICK_S)
+        interval = Interval(tried_s, wheels, TICK_S, TICK_S, SPEEDS_M_S[wheels] * TICK_S)
         if progress.ends(interval, anomalous, motion):
             assert tried_s >= 3 * SETTINGS.anomaly_every_s - 1e-6
 

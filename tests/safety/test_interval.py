@@ -15,20 +15,20 @@ AHEAD = WheelCommand(0.5, 1.0)
 
 def measured(timer: IntervalTimer, t_s: float, told: WheelCommand) -> Interval:
     """The interval that ends at this time."""
-    interval = Interval(t_s, told=told)
+    interval = Interval(t_s, told)
     timer.measure(interval)
     return interval
 
 
 def test_first_interval_has_no_length() -> None:
-    assert measured(IntervalTimer(LATE_S, 2.0), 7.0, AHEAD) == Interval(7.0, 0.0, 0.0, AHEAD, 0.0)
+    assert measured(IntervalTimer(LATE_S, 2.0), 7.0, AHEAD) == Interval(7.0, AHEAD, 0.0, 0.0, 0.0)
 
 
 def test_interval_is_the_time_since_the_last_tick_and_how_far_both_sides_were_told_to_go() -> None:
     timer = IntervalTimer(LATE_S, max_speed_m_s=2.0)
     measured(timer, 7.0, STOP)
     interval = measured(timer, 7.125, AHEAD)
-    assert interval == Interval(7.125, 0.125, 0.125, AHEAD, 0.75 * 2.0 * 0.125)
+    assert interval == Interval(7.125, AHEAD, 0.125, 0.125, 0.75 * 2.0 * 0.125)
     assert measured(timer, 7.25, WheelCommand(-1.0, -1.0)).forward_m == -2.0 * 0.125
 
 

@@ -158,7 +158,7 @@ class Controller:
 
     async def tick(self, t_s: float) -> None:
         """Do one control tick at time ``t_s``."""
-        tick, gate, mission = TickRecord(t_s, told=self._applied), self._gate, self.mission
+        tick, gate, mission = TickRecord(t_s, self._applied), self._gate, self.mission
         self._timer.measure(tick)
         self._buffers.read(tick)
         self._travelled_m += abs(tick.forward_m)

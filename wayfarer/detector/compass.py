@@ -84,23 +84,23 @@ class CompassMonitor:
 
     def _weigh(self, t_s: float, since_s: float, reading: CompassReading) -> None:
         """Believe a reading, unless the rover cannot have turned that far since the previous one, believed or not."""
-        believed = self.reading
+        believed, read_t_s = self.reading, self._read_t_s
         if believed is not None:
-            turned_deg = (reading.heading_deg - believed.heading_deg + 180.0) % 360.0 - 180.0
+            turned_deg = (self._heading_deg - believed.heading_deg + 180.0) % 360.0 - 180.0
             if abs(turned_deg) > self._jump_deg and abs(turned_deg) > self._settings.heading_rate_max_deg_s * since_s:
                 self._reject(t_s)
                 # One that insists may be true: somebody has turned the rover. Believe it again, but not without a stop.
-                self._insisted = self._insists.update(reading.t_s, True)
+                self._insisted = self._insists.update(read_t_s, True)
                 if not self._insisted:
                     return
             elif self._rejections:
                 self._rejections = self._rejections << 1 & self._of_readings
             self.gained_deg += turned_deg
         if self._rejections:
-            self._insists.update(reading.t_s, False)
+            self._insists.update(read_t_s, False)
         self.reading = reading
-        read_t_s, start_t_s = reading.t_s, self._believed_t_s
-        self._believed_t_s = read_t_s if read_t_s > start_t_s else start_t_s  # no age is longer than the run
+        if read_t_s > self._believed_t_s:  # no age is longer than the run
+            self._believed_t_s = read_t_s
 
     def _reject(self, t_s: float) -> None:
         self._rejections = (self._rejections << 1 | 1) & self._of_readings

@@ -15,15 +15,15 @@ from wayfarer.hal import STOP, WheelCommand
 class Interval:
     """From the previous control tick to this one; the first part of the record of a tick.
 
-    ``t_s`` is the time of this tick and ``dt_s`` the time since the previous one, 0 at the first. ``driven_s`` is for
-    how much of ``dt_s`` the wheels obeyed ``told``: before a late tick the motor board's deadman has stopped them.
-    ``forward_m`` is how far the wheels were told to go in ``driven_s``, in metres, negative in reverse.
+    ``t_s`` is the time of this tick, ``told`` what the wheels were told before it, and ``dt_s`` the time since the
+    previous one, 0 at the first. ``driven_s`` is for how much of ``dt_s`` the wheels obeyed: before a late tick the
+    motor board's deadman has stopped them. ``forward_m`` is how far the wheels were told to go in ``driven_s``, in metres, negative in reverse.
     """
 
     t_s: float
+    told: WheelCommand = STOP
     dt_s: float = 0.0
     driven_s: float = 0.0
-    told: WheelCommand = STOP
     forward_m: float = 0.0
 
 

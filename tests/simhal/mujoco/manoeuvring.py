@@ -99,7 +99,7 @@ def _drive(config: RoverConfig, friction: float, torque_scale: float, episodes: 
     for tick in range(1, round((2.0 + episodes * MEETS_EVERY_S) * config.control_hz)):
         t_s = tick / config.control_hz
         world.advance_to(t_s)
-        interval = Interval(t_s, told=wheels)
+        interval = Interval(t_s, wheels)
         timer.measure(interval)
         travelled_m += abs(interval.forward_m)
         gone_m = world.forward_m - world.reverse_m

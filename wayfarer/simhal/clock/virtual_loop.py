@@ -162,8 +162,9 @@ class VirtualLoop(asyncio.AbstractEventLoop):
                 jump()
             handle = take()
             if type(handle) is not _Handle:  # of ``wake_at``
-                if not handle[_CALLBACK].done():  # cancelled with its task
-                    handle[_CALLBACK].set_result(None)
+                wake_up = handle[_CALLBACK]
+                if not wake_up.done():  # cancelled with its task
+                    wake_up.set_result(None)
                 continue
             _, _, callback, args, context = handle
             if callback is None:
@@ -177,7 +178,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
 
     def _jump(self) -> None:
         """Move the clock to the next timer and make every timer of that moment ready, in order of creation."""
-        timers = self._timers
+        ready, timers = self._ready, self._timers
         while timers and timers[0][_CALLBACK] is None:
             heappop(timers)
         if not timers or timers[0][_WHEN] == inf:
@@ -188,7 +189,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         now_s = timers[0][_WHEN]
         self._now_s = now_s if now_s > self._now_s else self._now_s
         while timers and timers[0][_WHEN] <= now_s:
-            self._ready.append(heappop(timers))
+            ready.append(heappop(timers))
 
     def run_until_complete(self, future: Generator[Any, None, T] | Awaitable[T]) -> T:
         """Run until the future is done and return its result."""
