@@ -99,8 +99,8 @@ class CompassMonitor:
         if self._rejections:
             self._insists.update(read_t_s, False)
         self.reading = reading
-        if read_t_s > self._believed_t_s:  # no age is longer than the run
-            self._believed_t_s = read_t_s
+        start_t_s = self._believed_t_s
+        self._believed_t_s = read_t_s if read_t_s > start_t_s else start_t_s  # no age is longer than the run
 
     def _reject(self, t_s: float) -> None:
         self._rejections = (self._rejections << 1 | 1) & self._of_readings

@@ -17,7 +17,8 @@ class Interval:
 
     ``t_s`` is the time of this tick, ``told`` what the wheels were told before it, and ``dt_s`` the time since the
     previous one, 0 at the first. ``driven_s`` is for how much of ``dt_s`` the wheels obeyed: before a late tick the
-    motor board's deadman has stopped them. ``forward_m`` is how far the wheels were told to go in ``driven_s``, in metres, negative in reverse.
+    motor board's deadman has stopped them. ``forward_m`` is how far the wheels were told to go in ``driven_s``, in
+    metres, negative in reverse.
     """
 
     t_s: float

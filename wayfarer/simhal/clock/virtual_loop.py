@@ -43,20 +43,20 @@ Ts = TypeVarTuple("Ts")
 class _Handle(list[Any]):
     """A callback to run, or not, if it is cancelled before its turn. Stands in for ``asyncio.TimerHandle``.
 
-    It is its own heap entry ``[when_s, number, callback, args, context]``: a list because lists are made and compared
-    in C, and the number because no two may compare equal.
+    It is its own heap entry ``[when_s, number, call, context]``: a list because lists are made and compared in C, and
+    the number because no two may compare equal. ``call`` is the callback and its arguments.
     """
 
     __slots__ = ()
 
     def cancel(self) -> None:
-        self[_CALLBACK] = None
+        self[_CALL] = None
 
     def cancelled(self) -> bool:
-        return self[_CALLBACK] is None
+        return self[_CALL] is None
 
 
-_WHEN, _CALLBACK = 0, 2
+_WHEN, _CALL = 0, 2
 
 
 class VirtualLoop(asyncio.AbstractEventLoop):
@@ -64,7 +64,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
 
     def __init__(self) -> None:
         self._now_s = 0.0
-        # Handles, and what ``wake_at`` makes: a future in place of the callback.
+        # Handles, and what ``wake_at`` makes: a future in place of the call.
         self._ready: deque[list[Any]] = deque()
         self._timers: list[list[Any]] = []
         self._number = count(1).__next__
@@ -86,11 +86,9 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         """Let time pass in which nothing runs, as when a callback blocks or the computer was suspended."""
         self._now_s += for_s
 
-    def call_soon(  # type: ignore[override]
-        self, callback: Callable[[Unpack[Ts]], object], *args: Unpack[Ts], context: Context | None = None
-    ) -> _Handle:
-        """Run the callback when its turn comes, at the present time."""
-        handle = _Handle((0.0, 0, callback, args, copy_context() if context is None else context))
+    def call_soon(self, *call: Any, context: Context | None = None) -> _Handle:  # type: ignore[override]
+        """Run a callback, with the arguments that follow it, when its turn comes, at the present time."""
+        handle = _Handle((0.0, 0, call, copy_context() if context is None else context))
         self._ready.append(handle)
         return handle
 
@@ -122,7 +120,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
             raise ValueError("a timer needs a time, and this one is not a number")
         if context is None:
             context = copy_context()
-        handle = _Handle((when, self._number(), callback, args, context))
+        handle = _Handle((when, self._number(), (callback, *args), context))
         heappush(self._timers, handle)
         return handle
 
@@ -162,24 +160,24 @@ class VirtualLoop(asyncio.AbstractEventLoop):
                 jump()
             handle = take()
             if type(handle) is not _Handle:  # of ``wake_at``
-                wake_up = handle[_CALLBACK]
+                wake_up = handle[_CALL]
                 if not wake_up.done():  # cancelled with its task
                     wake_up.set_result(None)
                 continue
-            _, _, callback, args, context = handle
-            if callback is None:
+            _, _, call, context = handle
+            if call is None:
                 continue
             try:
-                context.run(callback, *args)
+                context.run(*call)
             except (SystemExit, KeyboardInterrupt):
                 raise
             except BaseException as error:
-                self.call_exception_handler({"message": f"exception in callback {callback!r}", "exception": error})
+                self.call_exception_handler({"message": f"exception in callback {call[0]!r}", "exception": error})
 
     def _jump(self) -> None:
         """Move the clock to the next timer and make every timer of that moment ready, in order of creation."""
         ready, timers = self._ready, self._timers
-        while timers and timers[0][_CALLBACK] is None:
+        while timers and timers[0][_CALL] is None:
             heappop(timers)
         if not timers or timers[0][_WHEN] == inf:
             raise NothingScheduled(
