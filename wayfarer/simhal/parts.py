@@ -138,7 +138,8 @@ class SimMotors(SimPart):
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Apply a command, in whole steps towards zero."""
-        steps, (left, right), now_s, world = self._steps, command, self._time(), self._world
+        left, right = command
+        now_s, world, steps = self._time(), self._world, self._steps
         left, right = int(left * steps) / steps, int(right * steps) / steps
         world.advance_to(now_s)
         world.command(left, right)

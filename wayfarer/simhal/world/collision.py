@@ -26,13 +26,14 @@ class Obstacle(NamedTuple):
 
     def nearest(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Return the point of the centre line that is nearest to a point."""
-        along_x, along_y = self.x1_m - self.x0_m, self.y1_m - self.y0_m
+        x0_m, y0_m, x1_m, y1_m, _, _ = self
+        along_x, along_y = x1_m - x0_m, y1_m - y0_m
         length_sq = along_x * along_x + along_y * along_y
         if length_sq == 0.0:
-            return self.x0_m, self.y0_m
-        share = ((x_m - self.x0_m) * along_x + (y_m - self.y0_m) * along_y) / length_sq
+            return x0_m, y0_m
+        share = ((x_m - x0_m) * along_x + (y_m - y0_m) * along_y) / length_sq
         share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
-        return self.x0_m + share * along_x, self.y0_m + share * along_y
+        return x0_m + share * along_x, y0_m + share * along_y
 
 
 def obstacles_of(forest: Forest, clearance_m: float = 0.0) -> list[Obstacle]:
