@@ -2,7 +2,7 @@
 
 A tick always goes the same way::
 
-    readings in the buffers -> detector -> escape handler -> safety gate -> motors -> log
+    readings -> detector -> gate.judge -> escape handler -> gate.limit -> motors -> log
 
 Each stage fills in its part of one ``TickRecord``.
 

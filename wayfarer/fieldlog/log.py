@@ -148,9 +148,8 @@ class FieldLog:
 def tick_fields(record: TickRecord) -> dict[str, Any]:
     """Return what the log keeps of a control tick; where an algorithm remembers one of its keys, the log's counts."""
     wanted, applied, decision = record.decision.wheels, record.applied, record.decision
-    fields = {
-        **_read(record),
-        **_seen(record.observation),
+    fields = _read(record) | _seen(record.observation)
+    fields |= {
         "phase": decision.phase.value,
         "why": decision.why,
         "wanted_left": wanted.left,
@@ -160,7 +159,9 @@ def tick_fields(record: TickRecord) -> dict[str, Any]:
         "level": record.level.name.lower(),
         "cause": record.cause.value if record.cause is not None else None,
     }
-    return {**fields, **record.memory(), **fields}
+    for key, value in record.memory().items():
+        fields.setdefault(key, value)
+    return fields
 
 
 def _read(record: TickRecord) -> dict[str, Any]:
