@@ -24,7 +24,6 @@ from wayfarer.safety.interval import Interval
 LEFT, RIGHT, REVERSED = -1, 1, 0
 # What a window is of: driving ahead or back, or turning on the spot.
 AHEAD, BACK, CLOCKWISE, ANTICLOCKWISE = 1, -1, 2, -2
-STRAIGHT = (AHEAD, BACK)
 
 # Wheels stand about three quarters of the way from the middle of a body to its corners, and its weight is spread
 # evenly: a friction f stops its turning with f g times this, over the diagonal of its outline, in rad/s2.
@@ -94,10 +93,13 @@ class DriveMonitor:
         t_s, driven_s, (left, right) = interval.t_s, interval.driven_s, interval.told
         self._add_told(driven_s, left, right)
         duty = left + right
-        if abs(duty) >= self._from_duty:
+        straight = abs(duty) >= self._from_duty
+        if straight:
             way = AHEAD if duty > 0.0 else BACK
+        elif left > right:
+            way = CLOCKWISE
         else:
-            way = CLOCKWISE if left > right else ANTICLOCKWISE
+            way = ANTICLOCKWISE
         window = self._window
         if way != self._way or not trusted:
             self._way = way
@@ -113,9 +115,9 @@ class DriveMonitor:
             self._before.append(window.popleft())
             then = window[0]
         still = abs(gained_deg - then.gained_deg) < self._least_deg
-        if still and not self._told and way in STRAIGHT:
+        if still and straight and not self._told:
             return  # as nearly always; a rover that is held turns no more than that
-        if way not in STRAIGHT:
+        if not straight:
             self._check_sense(then, now)
         elif not still:
             self._compare(then, now)
