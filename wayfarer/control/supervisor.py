@@ -180,7 +180,8 @@ class Supervisor:
             await self._hear_sensors()
             try:
                 end = await asyncio.create_task(self._control(), name="control")
-            finally:
+            finally:  # the wheels first: a sensor may take its time to let go
+                await run_uncancellable(self._stopping.stop_wheels())
                 for task in beside:
                     task.cancel()
         return end
@@ -196,18 +197,18 @@ class Supervisor:
                 await asyncio.gather(*waits)
 
     async def _control(self) -> RunEnd:
-        """Tick at the control rate until something ends the run; stop the wheels, and return what ended it."""
+        """Tick at the control rate until something ends the run; return what did.
+
+        A task of its own: a tick wakes this coroutine only, not all those that wait for the end of the run.
+        """
         controller, wheels, rate = self.controller, self._wheels, Rate(self._control_hz)
         time = asyncio.get_running_loop().time
-        try:
-            while controller.end is None:
-                wheels.tick_t_s = t_s = time()
-                await controller.tick(t_s)
-                self.ticked.set()
-                if controller.end is None:
-                    await rate.wait()
-        finally:  # the wheels first: a sensor may take its time to let go
-            await run_uncancellable(self._stopping.stop_wheels())
+        while controller.end is None:
+            wheels.tick_t_s = t_s = time()
+            await controller.tick(t_s)
+            self.ticked.set()
+            if controller.end is None:
+                await rate.wait()
         return controller.end
 
     async def _watch_board(self) -> None:
