@@ -8,12 +8,12 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from tests.fault_scenarios import kinds_page
+from tests.system.hil_setup import wait_for
 from wayfarer import cli
 from wayfarer.fault_scenarios.catalogue.held_by_tests import HELD_BY_TESTS
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario
@@ -243,14 +243,16 @@ def test_ctrl_c_ends_it_with_130(tmp_path: Path) -> None:
         for number in range(30)
     )
     command = [sys.executable, "-c", "from wayfarer.cli import main; main()", "faults", "--scenario"]
-    with subprocess.Popen(
-        [*command, scenario_file(tmp_path, many)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as running:
-        time.sleep(3.0)  # noqa: TID251 - a real process
+    told = tmp_path / "stderr.txt"
+    with (
+        told.open("w") as stderr,
+        subprocess.Popen([*command, scenario_file(tmp_path, many)], stdout=subprocess.PIPE, stderr=stderr) as running,
+    ):
+        wait_for("the first scenarios are done", lambda: "scenarios" in told.read_text(), patience_s=60.0)
         running.send_signal(signal.SIGINT)
-        out, err = running.communicate(timeout=30.0)
-    assert (running.returncode, out) == (130, "")
-    assert err.splitlines()[-1] == "interrupted: no results"
+        out, _ = running.communicate(timeout=30.0)
+    assert (running.returncode, out) == (130, b"")
+    assert told.read_text().splitlines()[-1] == "interrupted: no results"
 
 
 # -- docs/faults.md ----------------------------------------------------------------------------------------------------
