@@ -199,7 +199,7 @@ class Supervisor:
     async def _control(self) -> RunEnd:
         """Tick at the control rate until something ends the run; return what did.
 
-        A task of its own: a tick wakes this coroutine only, not all those that wait for the end of the run.
+        A separate task: a tick wakes this coroutine only, not all those that wait for the end of the run.
         """
         controller, wheels, rate = self.controller, self._wheels, Rate(self._control_hz)
         time = asyncio.get_running_loop().time
