@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Coroutine
 from contextlib import nullcontext, suppress
 from typing import Any
 
@@ -102,6 +103,26 @@ def test_cancellation_at_any_point_stops_the_wheels_and_closes_the_parts(again: 
         with pytest.raises(asyncio.CancelledError):
             drive(shop, for_s=0.12)
         assert_wheels_stopped_first(shop)
+
+
+def test_control_task_cancelled_before_its_first_step_leaves_the_wheels_stopped(
+    shop: Workshop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such a task runs none of its own code, not even its ``finally``."""
+    create_task = asyncio.create_task
+
+    def cancel_control(work: Coroutine[Any, Any, Any], **options: Any) -> asyncio.Task[Any]:
+        task = create_task(work, **options)
+        if task.get_name() == "control":
+            task.cancel()
+        return task
+
+    monkeypatch.setattr(asyncio, "create_task", cancel_control)
+    shop.wheels = WheelCommand(0.3, 0.3)
+    with pytest.raises(asyncio.CancelledError):
+        drive(shop)
+    assert "motors.drive" not in shop.done
+    assert_wheels_stopped_first(shop)
 
 
 @pytest.mark.parametrize("t_s", [0.001, 0.03, 0.05, 0.0501, 0.099])
