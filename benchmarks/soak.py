@@ -30,7 +30,7 @@ from wayfarer.config.log_settings import LogSettings
 from wayfarer.config.rover_file import load_rover
 from wayfarer.config.rover_overlay import laid_over
 from wayfarer.control.controller import Mode
-from wayfarer.control.records import Tee
+from wayfarer.control.run_log import Tee
 from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused

@@ -8,8 +8,9 @@ from typing import Any
 
 from tests.virtual import run_virtually
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.records import PartialLog, TickRecord
+from wayfarer.control.run_log import PartialLog
 from wayfarer.control.supervisor import Supervisor
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import (
@@ -23,8 +24,8 @@ from wayfarer.hal import (
     Rover,
     WheelCommand,
 )
-from wayfarer.safety.gate import SafetySettings
 from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.settings import SafetySettings
 
 AHEAD = WheelCommand(0.5, 0.5)
 VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=1.0)

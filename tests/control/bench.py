@@ -15,8 +15,7 @@ from wayfarer.errors import DriverError
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.hal import CompassReading, MotorHealth, PositionFix, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.gate import SafetySettings
-from wayfarer.safety.motor_board import BoardSettings
+from wayfarer.safety.settings import BoardSettings, SafetySettings
 
 TICK_S = 0.05
 BOARD = BoardSettings(battery_low_v=11.0, battery_critical_v=10.0, battery_low_s=0.5, battery_critical_s=0.5)

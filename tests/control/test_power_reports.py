@@ -9,10 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.control.power_reports import PowerReports
-from wayfarer.control.records import PartialLog
+from wayfarer.control.run_log import PartialLog
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.motor_board import SAME_DUTY, BoardSettings
+from wayfarer.safety.motor_board import SAME_DUTY
+from wayfarer.safety.settings import BoardSettings
 
 WELL = MotorHealth(12.0, ())
 AHEAD, TURN = WheelCommand(0.5, 0.5), WheelCommand(0.5, -0.5)

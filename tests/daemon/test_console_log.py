@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from wayfarer.control.records import TickRecord
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.daemon.console_log import ConsoleLog
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.hal import STOP, PositionFix

@@ -11,7 +11,7 @@ import pytest
 
 from tests.virtual import run_virtually
 from wayfarer.config.rover_file import load_rover
-from wayfarer.control.records import Tee
+from wayfarer.control.run_log import Tee
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.live_rover import live_rover_setup

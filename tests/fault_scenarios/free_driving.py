@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from tests.virtual import run_virtually
 from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.records import PartialLog, TickRecord
+from wayfarer.control.run_log import PartialLog
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec

@@ -8,7 +8,7 @@ from pathlib import Path
 import orjson
 
 from wayfarer.config.log_settings import LogSettings
-from wayfarer.control.records import TickRecord
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.fieldlog.reader import Record, RunReader, log_segments
 from wayfarer.fieldlog.writer import LineSink, RunFiles
 

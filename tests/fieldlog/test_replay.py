@@ -18,7 +18,7 @@ from tests.virtual import virtual
 from wayfarer import cli
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.control.controller import Mode
-from wayfarer.control.records import Tee
+from wayfarer.control.run_log import Tee
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import BadInput, NotResponding
 from wayfarer.escape.catalogue import CATALOGUE
@@ -29,7 +29,7 @@ from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.replay import Replay, replay
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
-from wayfarer.safety.motor_board import BoardSettings
+from wayfarer.safety.settings import BoardSettings
 from wayfarer.safety.supply import DIPS_S
 from wayfarer.simhal.build_rover import Depth
 

@@ -10,7 +10,7 @@ import pytest
 from wayfarer.angles import wrap180
 from wayfarer.hal import CompassReading
 from wayfarer.safety.arming import PATIENCE, Arming
-from wayfarer.safety.gate import SafetySettings
+from wayfarer.safety.settings import SafetySettings
 
 SETTINGS = SafetySettings(start_delay_s=10.0, settle_s=1.0, settle_spread_deg=3.0)
 PERIOD_S = 0.05

@@ -12,8 +12,9 @@ from tests.control.bench import Bench
 from wayfarer.control.controller import Mode
 from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.entrapment import EntrapmentMonitor, EntrapmentSettings
+from wayfarer.safety.entrapment import EntrapmentMonitor
 from wayfarer.safety.interval import Interval
+from wayfarer.safety.settings import EntrapmentSettings
 
 TICK_S = 0.05
 SETTINGS = EntrapmentSettings()

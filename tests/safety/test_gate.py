@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import LEVELS, Condition, Level, worst
-from wayfarer.safety.gate import Gate, SafetySettings
+from wayfarer.safety.gate import Gate
+from wayfarer.safety.settings import SafetySettings
 
 HZ = 20.0
 AHEAD = WheelCommand(1.0, 1.0)

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from wayfarer.angles import METRES_PER_DEG
 from wayfarer.hal import PositionFix
-from wayfarer.safety.gate import SafetySettings
 from wayfarer.safety.mission_limits import Mission
+from wayfarer.safety.settings import SafetySettings
 
 SETTINGS = SafetySettings(mission_time_s=600.0, mission_distance_m=400.0, mission_radius_m=100.0)
 STARTS_S = 1000.0

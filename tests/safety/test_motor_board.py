@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from wayfarer.hal import MotorHealth
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.motor_board import BoardSettings, MotorBoardMonitor
+from wayfarer.safety.motor_board import MotorBoardMonitor
+from wayfarer.safety.settings import BoardSettings
 
 SETTINGS = BoardSettings(battery_low_v=11.0, battery_critical_v=10.0, battery_low_s=10.0, battery_critical_s=5.0)
 FULL = MotorHealth(12.0, ())

@@ -23,9 +23,8 @@ from wayfarer.config.wiring import clash
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import EscapeSettings, Vehicle
-from wayfarer.safety.entrapment import EntrapmentSettings
-from wayfarer.safety.gate import STALL_LIMIT_S, SafetySettings
-from wayfarer.safety.motor_board import BoardSettings
+from wayfarer.safety.gate import STALL_LIMIT_S
+from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, SafetySettings
 from wayfarer.units import Hertz
 
 _STRICT = ConfigDict(extra="forbid", frozen=True)

@@ -18,7 +18,8 @@ from typing import Protocol
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.power_reports import PowerReports
-from wayfarer.control.records import RunLog, TickRecord
+from wayfarer.control.run_log import RunLog
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.detector import Detector
 from wayfarer.detector.odometer import Odometer
 from wayfarer.errors import BadReading, DriverError

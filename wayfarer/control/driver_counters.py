@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from wayfarer.control.records import RunLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.hal import Counting, Driver
 
 NOTE_HZ = 1.0

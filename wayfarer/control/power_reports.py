@@ -9,10 +9,11 @@ from collections import deque
 from collections.abc import Callable
 from functools import partial
 
-from wayfarer.control.records import RunLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.motor_board import BoardSettings, MotorBoardMonitor
+from wayfarer.safety.motor_board import MotorBoardMonitor
+from wayfarer.safety.settings import BoardSettings
 from wayfarer.safety.supply import SupplyMonitor, meaning
 
 

@@ -14,7 +14,7 @@ from typing import Any
 from wayfarer.config.rover_file import Rates
 from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.rate import Rate
-from wayfarer.control.records import RunLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.errors import DriverError
 from wayfarer.hal import Driver, MotionReading, PositionFix, Rover
 

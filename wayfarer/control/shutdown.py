@@ -7,7 +7,7 @@ from collections.abc import Coroutine, Sequence
 from contextlib import AsyncExitStack
 from typing import Any
 
-from wayfarer.control.records import RunLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.errors import DriverError
 from wayfarer.hal import STOP, DriveMotors, Driver
 from wayfarer.safety.mission_limits import RunEnd

@@ -18,7 +18,7 @@ from wayfarer.control.driver_counters import NOTE_HZ, DriverCounters
 from wayfarer.control.fresh_wheels import FreshWheels
 from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.rate import Rate
-from wayfarer.control.records import RunLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.sensors import keep_sampling, sensor_tasks
 from wayfarer.control.shutdown import Shutdown, run_uncancellable
 from wayfarer.control.status_light import LIGHT_HZ, colour

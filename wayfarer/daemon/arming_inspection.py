@@ -8,8 +8,8 @@ from typing import TypeVar
 
 from wayfarer.commissioning.checks.api import HostEnvironment
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.records import TickRecord
 from wayfarer.control.supervisor import Supervisor
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.errors import NotResponding
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
 

@@ -11,8 +11,9 @@ from wayfarer.commissioning.checks import ARMING, Check, CheckVerdict, Finding, 
 from wayfarer.commissioning.checks.api import fail
 from wayfarer.control.controller import Mode
 from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ, RateLimiter
-from wayfarer.control.records import RunLog, TickRecord
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.errors import DriverError
 from wayfarer.hal import DriveMotors

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from wayfarer.control.records import PartialLog, TickRecord
+from wayfarer.control.run_log import PartialLog
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Phase
 from wayfarer.fieldlog.printable import clean
 

@@ -20,7 +20,7 @@ from wayfarer import __version__
 from wayfarer.commissioning.checks import ARMING, Check, HostEnvironment, system
 from wayfarer.config.calibration_file import Calibration, calibration_file
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.records import RunLog, Tee
+from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.shutdown import STOP_DEADLINE_S
 from wayfarer.control.supervisor import Supervisor, check_parts, first_cause
 from wayfarer.daemon.arming_inspection import RunningInspection

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from wayfarer.control.records import PartialLog, TickRecord
+from wayfarer.control.run_log import PartialLog
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier
 
 

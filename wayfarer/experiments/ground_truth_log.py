@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict
 from math import degrees, inf
 
-from wayfarer.control.records import PartialLog, TickRecord
+from wayfarer.control.run_log import PartialLog
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.simulated_world import SimulatedWorld

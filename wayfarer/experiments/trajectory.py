@@ -9,7 +9,8 @@ from __future__ import annotations
 from math import degrees, hypot
 from typing import NamedTuple
 
-from wayfarer.control.records import PartialLog, TickRecord
+from wayfarer.control.run_log import PartialLog
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.trial import TrialResult, run_watched
 from wayfarer.experiments.trial_setup import TrialSpec

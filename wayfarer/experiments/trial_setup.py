@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.records import RunLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.experiments.interventions import InterventionCounter
 from wayfarer.experiments.outcome import OutcomeMonitor

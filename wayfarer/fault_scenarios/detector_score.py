@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.records import PartialLog, TickRecord
+from wayfarer.control.run_log import PartialLog
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Anomaly
 from wayfarer.fault_scenarios.recorder import after_each_step
 from wayfarer.simhal.world.simulated_world import SimulatedWorld

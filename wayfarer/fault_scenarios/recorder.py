@@ -7,7 +7,7 @@ from collections.abc import Callable
 from math import inf
 from typing import NamedTuple
 
-from wayfarer.control.records import TickRecord
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.experiments.trial_setup import TrialSetup
 from wayfarer.hal import MotorHealth, PositionFix, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition, Level

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.commissioning.checks import HostEnvironment
-from wayfarer.control.records import RunLog, Tee
+from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.supervisor import first_cause
 from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands

@@ -23,7 +23,8 @@ from math import inf, isfinite
 from typing import NamedTuple
 
 from wayfarer.control.controller import Mode
-from wayfarer.control.records import PartialLog, TickRecord
+from wayfarer.control.run_log import PartialLog
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.experiments.trial_setup import TrialSetup
 from wayfarer.fault_scenarios.recorder import after_each_step

@@ -17,7 +17,7 @@ import structlog
 from structlog.typing import EventDict, WrappedLogger
 
 from wayfarer import __version__
-from wayfarer.control.records import TickRecord
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Observation
 from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.clock import WallClock, wall_clock

@@ -22,7 +22,7 @@ from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.latest import SensorBuffers
-from wayfarer.control.records import PartialLog
+from wayfarer.control.run_log import PartialLog
 from wayfarer.control.supervisor import make_detector, needs_of
 from wayfarer.errors import BadInput, DriverError
 from wayfarer.escape.catalogue import Algorithm

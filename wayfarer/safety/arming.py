@@ -6,7 +6,7 @@ from collections import deque
 
 from wayfarer.angles import circular_mean, wrap180
 from wayfarer.hal import CompassReading
-from wayfarer.safety.gate import SafetySettings
+from wayfarer.safety.settings import SafetySettings
 
 # The compass gets this many settling times to come to rest before arming is refused.
 PATIENCE = 10.0

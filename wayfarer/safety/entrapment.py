@@ -7,37 +7,14 @@ gives one every few seconds; an anomaly that never clears, a storm of them, or a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from wayfarer.hal import MotionReading
 from wayfarer.safety.interval import Interval
-from wayfarer.units import Count, Metres, Seconds
+from wayfarer.safety.settings import EntrapmentSettings
 
 # A reading counts for no more than this share of what was commanded ahead, and the largest of so many not at all: what
 # else they say may be garbage, or rolling on.
 MOST_SHARE, ONE_OF = 0.5, 5
 ROUNDING_S = 1e-6  # sums of periods fall a rounding error short
-
-
-@dataclass(frozen=True, slots=True)
-class EntrapmentSettings:
-    """When the rover has got nowhere: field catalogue, fault 57.
-
-    A free run is ``free_run_m`` commanded ahead without an anomaly, of which the motion sensor sees ``covered_m``
-    without its largest readings: one that is garbage now and then frees no rover. Without such a run, so many anomalies
-    or so long is enough: ``anomalies_max``, counted once in ``anomaly_every_s``, or ``give_up_s`` in which the wheels
-    were told to turn.
-
-    The catalogue asks for 12 anomalies or 60 s. Of 1,660 simulated trials with all ten algorithms, 1,571 got out: with
-    Forest-Pledge after 8 anomalies without a free run and 13 s at most, in a Lévy walk after 17 and 48 s. So the 60 s
-    are kept, with one to spare for the reaction, and 12 anomalies are not enough.
-    """
-
-    anomalies_max: Count = 24
-    give_up_s: Seconds = 59.0
-    anomaly_every_s: Seconds = 0.5
-    free_run_m: Metres = 0.2
-    covered_m: Metres = 0.02
 
 
 class EntrapmentMonitor:

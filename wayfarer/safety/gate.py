@@ -7,46 +7,14 @@ until the rover is re-armed. What passes is limited in duty and in how fast it m
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import isfinite
-from typing import Annotated
-
-from annotated_types import Interval, MaxLen
 
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import LEVELS, Condition, Level, worst
-from wayfarer.units import Seconds
+from wayfarer.safety.settings import SafetySettings
 
 STALL_LIMIT_S = 0.2  # field.md, fault 37: ArduPilot's rover disarms after as long without its main loop
 LOW_VOLTAGE_SHARE = 0.7  # of ``duty_max`` while the computer's supply sags: field catalogue, fault 32
-
-
-@dataclass(frozen=True, slots=True)
-class SafetySettings:
-    """Limits at the gate, and what arming demands.
-
-    ``slew_per_s`` bounds how fast a duty may grow: a motor start that resets the computer is the commonest trouble of
-    such rovers. ``mission_*`` end a run normally. A rover whose compass is calibrated to less than ``calibration_min``
-    (0 to 3) is not armed, nor one whose motor board cannot stop the wheels by itself, unless ``allow_no_deadman``. One
-    whose board cannot be asked is armed once a person has seen that it does (``wayfarer check``), or where
-    ``deadman_unproved_because`` says why nobody has; that is told at each arming. ``resume_warning_s`` is for how long
-    the status light warns before a rover that held its wheels for more than a second by itself lets them turn again; 0
-    for no warning.
-    """
-
-    duty_max: Annotated[float, Interval(gt=0, le=1)] = 1.0
-    slew_per_s: Annotated[float, Interval(gt=0, le=1000)] = 8.0
-    tick_late_s: Seconds = 0.2
-    mission_time_s: Seconds = 3600.0
-    mission_distance_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 2000.0
-    mission_radius_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 300.0
-    start_delay_s: Annotated[float, Interval(ge=0, le=600)] = 10.0
-    resume_warning_s: Annotated[float, Interval(ge=0, le=60)] = 1.0
-    settle_s: Seconds = 1.0
-    settle_spread_deg: Annotated[float, Interval(gt=0, le=180)] = 3.0
-    calibration_min: Annotated[int, Interval(ge=0, le=3)] = 2
-    allow_no_deadman: bool = False
-    deadman_unproved_because: Annotated[str, MaxLen(200)] = ""
 
 
 class Gate:

@@ -11,7 +11,7 @@ from math import hypot, inf, isfinite
 
 from wayfarer.angles import displacement_m, offset_m
 from wayfarer.hal import PositionFix
-from wayfarer.safety.gate import SafetySettings
+from wayfarer.safety.settings import SafetySettings
 
 FIX_FRESH_S = 3.0  # an older fix does not count (field catalogue, fault 56)
 FIXES_BEYOND = 5  # fixes in a row, so that one that jumps ends nothing

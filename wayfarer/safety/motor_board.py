@@ -10,46 +10,13 @@ itself (field catalogue, faults 23 and 30). Twice, because a stop may have come 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated
-
-from annotated_types import Interval
 
 from wayfarer.hal import MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.debounce import Debounce
-from wayfarer.units import Hertz, Seconds
-
-Volts = Annotated[float, Interval(gt=0, le=60)]
+from wayfarer.safety.settings import BoardSettings
 
 SAME_DUTY = 0.01  # a step of the coarsest board known, a Sabertooth's 1/127, and a bit
-
-
-@dataclass(frozen=True, slots=True)
-class BoardSettings:
-    """Limits of the motor board.
-
-    Below ``battery_low_v`` for ``battery_low_s`` the rover is told to come home, below ``battery_critical_v`` for
-    ``battery_critical_s`` it stops: 10 and 5 s as field catalogue, fault 31 (ArduPilot waits 10 s). None is not judged.
-    The board is asked at ``health_hz``: a drive fault that it says twice in a row stops the wheels within 0.5 s
-    (fault 26); twice, because a flag that is up at power-up takes a moment to clear.
-    """
-
-    battery_low_v: Volts | None = None
-    battery_critical_v: Volts | None = None
-    battery_low_s: Seconds = 10.0
-    battery_critical_s: Seconds = 5.0
-    health_hz: Hertz = 4.0
-
-    def __post_init__(self) -> None:
-        """Refuse limits that are upside down.
-
-        Raises:
-            ValueError: the critical voltage is not below the low one.
-        """
-        low_v, critical_v = self.battery_low_v, self.battery_critical_v
-        if low_v is not None and critical_v is not None and critical_v >= low_v:
-            raise ValueError(f"battery_critical_v = {critical_v:g} must be below battery_low_v = {low_v:g}")
 
 
 class MotorBoardMonitor:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from wayfarer.config.rover_file import load_rover
-from wayfarer.control.records import TickRecord
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, WheelCommand

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.control.records import PartialLog, Tee, TickRecord
+from wayfarer.control.run_log import PartialLog, Tee
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.trial import TrialResult, field_log, run_watched
 from wayfarer.experiments.trial_setup import TrialSpec

@@ -1,33 +1,11 @@
-"""The records that a run writes to its log, and the interface of a log."""
+"""The interface of a log of a run, and logs that take a part of a run or pass it on."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
-from wayfarer.detector.tick import Tick
-from wayfarer.escape.api import Decision, Observation, Phase
-from wayfarer.hal import STOP, MotorHealth, PositionFix, WheelCommand
-from wayfarer.safety.conditions import Condition, Level
-
-STAND = Decision(STOP, Phase.HALT, Phase.HALT.value)
-
-
-@dataclass(slots=True)
-class TickRecord(Tick):
-    """One control tick, filled in stage by stage: what was seen, decided and applied, and what the gate thought of it.
-
-    ``observation`` is what the handler saw of the readings (None before the first believable heading). ``memory`` gives
-    the handler's inner state and is only good until the next tick: a log that keeps it calls it at once.
-    """
-
-    observation: Observation | None = None
-    decision: Decision = STAND
-    applied: WheelCommand = STOP
-    level: Level = Level.WELL
-    cause: Condition | None = None
-    memory: Callable[[], Mapping[str, float | str]] = dict
+from wayfarer.control.tick_record import TickRecord
+from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
 
 
 class RunLog(Protocol):

@@ -1,0 +1,29 @@
+"""The record of one control tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from wayfarer.detector.tick import Tick
+from wayfarer.escape.api import Decision, Observation, Phase
+from wayfarer.hal import STOP, WheelCommand
+from wayfarer.safety.conditions import Condition, Level
+
+STAND = Decision(STOP, Phase.HALT, Phase.HALT.value)
+
+
+@dataclass(slots=True)
+class TickRecord(Tick):
+    """One control tick, filled in stage by stage: what was seen, decided and applied, and what the gate thought of it.
+
+    ``observation`` is what the handler saw of the readings (None before the first believable heading). ``memory`` gives
+    the handler's inner state and is only good until the next tick: a log that keeps it calls it at once.
+    """
+
+    observation: Observation | None = None
+    decision: Decision = STAND
+    applied: WheelCommand = STOP
+    level: Level = Level.WELL
+    cause: Condition | None = None
+    memory: Callable[[], Mapping[str, float | str]] = dict
