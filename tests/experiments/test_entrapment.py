@@ -32,7 +32,7 @@ CLOSED = replace(CLEARING, trunks=BOX)
 
 @pytest.fixture(scope="module", autouse=True)
 def layouts_asked_once() -> Iterator[None]:
-    """Whether a layout is closed takes a quarter of a second, and most tests ask it of the same one."""
+    """Whether a layout is closed takes a tenth of a second to find out; most tests ask it of the same one."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("wayfarer.experiments.entrapment.is_closed", cache(is_closed))
         yield
