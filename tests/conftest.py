@@ -10,12 +10,18 @@ import pytest
 from hypothesis import settings
 
 from tests.loop_guard import pytest_asyncio_loop_factories
-from tests.tiers import pytest_collection_modifyitems, pytest_runtest_protocol, pytest_xdist_make_scheduler
+from tests.tiers import (
+    pytest_collection_modifyitems,
+    pytest_ignore_collect,
+    pytest_runtest_protocol,
+    pytest_xdist_make_scheduler,
+)
 from wayfarer import cli
 
 __all__ = [  # hooks
     "pytest_asyncio_loop_factories",
     "pytest_collection_modifyitems",
+    "pytest_ignore_collect",
     "pytest_runtest_protocol",
     "pytest_xdist_make_scheduler",
 ]

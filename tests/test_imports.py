@@ -231,6 +231,13 @@ def test_walk_over_imports_tells_types_functions_and_real_imports_apart() -> Non
     assert set(imports_when_run(tree, in_functions=True)) == {"scipy", "spidev.x", "cv2", "cv2.phaseCorrelate"}
 
 
+def test_only_the_demo_arms_a_rover_by_itself() -> None:
+    users = {
+        module for module in MODULES if any(within(name, "experiments.auto_arm") for name in wayfarer_modules(module))
+    }
+    assert users == {"wayfarer.cli.demo"}
+
+
 @pytest.mark.process
 @pytest.mark.parametrize(
     ("modules", "kept_out"),

@@ -7,8 +7,13 @@ import multiprocessing
 import os
 import subprocess
 from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
+
+from tests.tiers import PROCESS_FOLDERS, pytest_ignore_collect
 
 pytest_plugins = ["pytester"]
 
@@ -80,6 +85,15 @@ def suite(pytester: pytest.Pytester) -> pytest.Pytester:
 def test_test_is_in_the_longest_tier_that_it_is_marked_with_and_in_no_other(suite: pytest.Pytester, tier: str) -> None:
     lines = suite.runpytest_inprocess("-m", tier, "--collect-only", "-q", "-p", "no:cacheprovider").outlines
     assert [line.removeprefix("test_suite.py::") for line in lines if "::" in line] == TIERS[tier]
+
+
+@pytest.mark.parametrize(("asked", "left_out"), [("unit", True), ("process", None), ("not long", None), ("", None)])
+def test_folders_of_drawn_pages_are_left_out_where_unit_tests_alone_are_asked_for(
+    asked: str, left_out: bool | None
+) -> None:
+    config = cast(pytest.Config, SimpleNamespace(getoption={"markexpr": asked}.get))
+    assert {pytest_ignore_collect(folder, config) for folder in PROCESS_FOLDERS} == {left_out}
+    assert pytest_ignore_collect(Path(__file__).parent / "views", config) is None
 
 
 def test_only_unit_tests_fail_that_start_a_process(suite: pytest.Pytester) -> None:

@@ -40,7 +40,12 @@ _in_unit_test = False
 def tier_of(item: pytest.Item) -> str:
     """Return the tier of a test."""
     marked = [mark.name for mark in item.iter_markers() if mark.name in TIERS]
-    return max(marked, key=TIERS.index, default="process" if item.path.parent in PROCESS_FOLDERS else "unit")
+    return max([*marked, "process" if item.path.parent in PROCESS_FOLDERS else "unit"], key=TIERS.index)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Where unit tests alone are asked for, leave out folders that have none: each worker would import what they do."""
+    return True if config.getoption("markexpr") == "unit" and collection_path in PROCESS_FOLDERS else None
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -1,4 +1,4 @@
-"""A simulated rover arms itself for whoever looks on; nothing else ever does."""
+"""A simulated rover arms itself for whoever looks on. That nothing else does: ``tests/test_imports.py``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from tests.test_imports import MODULES, wayfarer_modules, within
 from tests.virtual import virtual
 from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.experiments.auto_arm import AutoArm
@@ -80,10 +79,3 @@ def test_run_that_does_not_say_that_it_is_simulated_is_never_armed(header: Recor
         assert await armed_by(Page(), header, HEADING) == []
 
     check()
-
-
-def test_only_the_demo_knows_of_it() -> None:
-    users = {
-        module for module in MODULES if any(within(name, "experiments.auto_arm") for name in wayfarer_modules(module))
-    }
-    assert users == {"wayfarer.cli.demo"}

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from math import cos, pi, sin
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.config.rover_file import load_rover
@@ -26,6 +28,14 @@ BOX = (  # four trunks around the start, end to end
     Trunk(22.0, 15.0, 28.0, 15.0, "across"),
 )
 CLOSED = replace(CLEARING, trunks=BOX)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def layouts_asked_once() -> Iterator[None]:
+    """Whether a layout is closed takes a tenth of a second to find out; most tests ask it of the same one."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("wayfarer.experiments.entrapment.is_closed", cache(is_closed))
+        yield
 
 
 def way(*points: TrajectoryPoint) -> Trace:
@@ -95,7 +105,6 @@ def test_standing_after_giving_up_does_not_count() -> None:
     assert cause(way(*orbit, *stood)) is Cause.ORBITING
 
 
-@settings(max_examples=10)  # each asks for the shortest way: a quarter of a second
 @given(st.lists(st.tuples(st.floats(0, 50), st.floats(0, 50), st.sampled_from(Phase), st.booleans()), min_size=1))
 def test_every_way_has_a_cause_and_shares_are_shares(seen: list[tuple[float, float, Phase, bool]]) -> None:
     points = [TrajectoryPoint(x_m, y_m, phase, 0.5 * n, 0.0, hit) for n, (x_m, y_m, phase, hit) in enumerate(seen)]

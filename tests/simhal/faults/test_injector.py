@@ -32,7 +32,7 @@ from wayfarer.simhal.faults.readings import TamperedPart
 from wayfarer.simhal.faults.wires import FaultyWire
 
 # Driving, with all that is read every so often read several times before the fault begins.
-BEGINS_S, LASTS_S, ENDS_S = 4.0, 2.0, 7.0
+BEGINS_S, LASTS_S, ENDS_S = 3.0, 2.0, 5.5
 RECEIVER: dict[str, Any] = {"parts": {"position": {"driver": "gpsd"}}, "safety": {"start_delay_s": 0.0}}
 # Parameters with which a kind does something within two seconds of driving ahead, where its defaults do not.
 PARAMS: dict[tuple[str, str], Any] = {

@@ -59,7 +59,7 @@ def test_both_depths_decide_the_same(run: Run, tmp_path: Path, rover: str) -> No
 
 @pytest.mark.parametrize("scenario", ["extended-maze", "dense-obstruction", "forest-escape"])
 def test_every_site_runs(run: Run, tmp_path: Path, scenario: str) -> None:
-    succeed(run, *SIM, "--rover", "minirover", "--scenario", scenario, "--out", tmp_path / "out")
+    succeed(run, *SIM, "--budget-m", "3", "--rover", "minirover", "--scenario", scenario, "--out", tmp_path / "out")
     assert b"fault" not in (tmp_path / "out" / "trials.csv").read_bytes()
 
 

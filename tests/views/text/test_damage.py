@@ -90,8 +90,8 @@ def test_log_that_ends_in_the_middle_of_a_line_says_what_was_skipped(tmp_path: P
     assert "1 line is torn" in str(judge(tmp_path))
 
 
-LONG = numbered([HEADER, event("armed", 0.0), *drive(0.0, 10.0), *drive(10.0, 20.0, heading_deg=90.0), outcome(20.0)])
-MIDDLE = 200  # ticks on both sides of it
+LONG = numbered([HEADER, event("armed", 0.0), *drive(0.0, 7.0), *drive(7.0, 14.0, heading_deg=90.0), outcome(14.0)])
+MIDDLE = 140  # ticks on both sides of it
 
 
 @pytest.fixture(scope="module")
