@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from random import Random
 
+from mypy_extensions import mypyc_attr
+
 from wayfarer.angles import wrap180
 from wayfarer.escape import policies
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
@@ -45,6 +47,7 @@ class AlgorithmSpec:
     tactics: tuple[Callable[[], Tactic], ...] = ()
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class PhasedHandler:
     """Decides one tick at a time; implements ``EscapeHandler``."""
 

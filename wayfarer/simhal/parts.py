@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from asyncio import get_running_loop, sleep
 
+from mypy_extensions import mypyc_attr
+
 from wayfarer.angles import coordinates_deg
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, PositionFix, WheelCommand
 from wayfarer.simhal.random_streams import RandomStreams
@@ -20,6 +22,7 @@ FIX_ERROR_M = 3.0  # standard deviation of each axis under trees; from no source
 ORIGIN = PositionFix(0.0, 51.0, 0.0, FIX_ERROR_M)  # the forest's corner; nothing depends on where it is
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class SimPart:
     """Life cycle shared by all simulated parts: opening one takes the clock of the running loop."""
 
@@ -36,6 +39,7 @@ class SimPart:
         """Nothing to release."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class SimCompass(SimPart):
     """A compass with noise on bearing and tilt, quantised to 0.1 degrees as the CMPS14's 16-bit registers are.
 
@@ -62,6 +66,7 @@ class SimCompass(SimPart):
         return CompassReading(t_s, heading / 10.0, pitch / 10.0, roll / 10.0, 3)
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class SimFlow(SimPart):
     """An optical flow sensor: displacement since the last read, in counts; it takes ``opens_s`` to start up."""
 
@@ -89,6 +94,7 @@ class SimFlow(SimPart):
         return MotionReading(t_s, forward * self._m_per_count, right * self._m_per_count, quality)
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class SimBumper(SimPart):
     """A bumper all around that also feels along which bearing the touched obstacle lies."""
 
@@ -105,6 +111,7 @@ class SimBumper(SimPart):
         return ContactReading(t_s, touch.sides, touch.obstacle.axis_deg)
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class SimReceiver(SimPart):
     """A GPS receiver with white noise; a real one's error wanders."""
 
@@ -123,6 +130,7 @@ class SimReceiver(SimPart):
         return PositionFix(t_s, *coordinates_deg(ORIGIN, north_m, east_m), FIX_ERROR_M)
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class SimMotors(SimPart):
     """Both wheel sides; what is commanded is applied from the world's next step on.
 

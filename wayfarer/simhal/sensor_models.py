@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from math import degrees
 
+from mypy_extensions import mypyc_attr
+
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
@@ -15,6 +17,7 @@ FLOW_M_PER_COUNT = 0.00213195 * 0.1
 TENTHS_PER_RAD = degrees(10.0)
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class HeadingSensorModel:
     """Heading and tilt with noise, in tenths of a degree as in a CMPS14's 16-bit registers."""
 
@@ -36,6 +39,7 @@ class HeadingSensorModel:
         )
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class FlowSensorModel:
     """Displacement over ground since the previous sample, in counts of a PMW3901."""
 

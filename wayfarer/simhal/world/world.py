@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, copysign, cos, degrees, exp, hypot, inf, radians, sin, sqrt
 
+from mypy_extensions import mypyc_attr
+
 from wayfarer.config.chassis import Chassis
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams
@@ -45,6 +47,7 @@ STILL_M = 1e-6
 LEVEL_DEG = 0.01
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class World:
     """Ground truth of one trial; implements ``SimulatedWorld``.
 
