@@ -27,7 +27,8 @@ from wayfarer.safety.gate import STALL_LIMIT_S
 from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, SafetySettings
 from wayfarer.units import Hertz
 
-_STRICT = ConfigDict(extra="forbid", frozen=True)
+# The schema is built when a file is read: a worker of a campaign gets its rover read already.
+_STRICT = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 _STALL_MARGIN = 1.5  # the stall guard waits for so many control periods at least
 _COMMANDS_PER_DEADMAN = 2  # one command may be lost or late, and a healthy rover drives on
 _TEXT_MAX = 255  # bytes of a text, as Linux allows in a file's name (NAME_MAX)

@@ -55,18 +55,18 @@ def sensor_tasks(
 async def keep_sampling(row: SensorTask, buffers: SensorBuffers, log: RunLog) -> None:
     """Sample for ever; after an error ask again soon, and reopen the part if that did not help."""
     failures = 0
-
-    def write(reading: Any) -> None:
-        nonlocal failures
-        failures = 0
-        row.write(reading)
-
     while True:
         try:
             if failures > 1:
                 await row.part.close()
                 await row.part.open()
-            await _sample(row, row.write if failures == 0 else write)
+            read, write, rate = row.read, row.write, Rate(row.rate_hz)
+            write(await read())
+            failures = 0
+            row.spoke.set()
+            while True:
+                await rate.wait()
+                write(await read())
         except DriverError as error:
             failures += 1
             pause_s = min(RETRY_PAUSE_S * 2.0 ** (failures - 1), RETRY_PAUSE_MAX_S)
@@ -75,12 +75,3 @@ async def keep_sampling(row: SensorTask, buffers: SensorBuffers, log: RunLog) ->
                 buffers.motion.write(MotionReading(t_s, 0.0, 0.0, 0.0))
             log.event("sensor_failed", t_s, sensor=row.name, error=str(error), retry_in_s=pause_s)
             await asyncio.sleep(pause_s)
-
-
-async def _sample(row: SensorTask, write: Callable[[Any], None]) -> None:
-    read, rate = row.read, Rate(row.rate_hz)
-    write(await read())
-    row.spoke.set()
-    while True:
-        await rate.wait()
-        write(await read())

@@ -16,7 +16,6 @@ from wayfarer.experiments.interventions import InterventionCounter
 from wayfarer.experiments.outcome import OutcomeMonitor
 from wayfarer.hal import Rover
 from wayfarer.simhal.build_rover import Depth, build
-from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.grounds import FRICTIONS, GroundName
@@ -27,6 +26,7 @@ from wayfarer.simhal.world.wheeled_body import body_of
 from wayfarer.simhal.world.world import World
 
 if TYPE_CHECKING:
+    from wayfarer.simhal.faults.kinds import Fault
     from wayfarer.simhal.mujoco.terrain import Terrain, Terrains
     from wayfarer.simhal.world.sites.field_site import FieldSite
 

@@ -75,12 +75,11 @@ class BodyOutline:
             return False
         if distance_sq < (self._inner_m + radius_m) ** 2:
             return True
-        ends = (
-            (obstacle.x0_m - x_m, obstacle.y0_m - y_m),
-            (obstacle.x1_m - x_m, obstacle.y1_m - y_m),
-        )
         # In the body's frame: forward along the heading, right across it.
-        (f0, r0), (f1, r1) = ((e * sin_h + n * cos_h, e * cos_h - n * sin_h) for e, n in ends)
+        e0, n0 = obstacle.x0_m - x_m, obstacle.y0_m - y_m
+        e1, n1 = obstacle.x1_m - x_m, obstacle.y1_m - y_m
+        f0, r0 = e0 * sin_h + n0 * cos_h, e0 * cos_h - n0 * sin_h
+        f1, r1 = e1 * sin_h + n1 * cos_h, e1 * cos_h - n1 * sin_h
         return self._distance_sq(f0, r0, f1, r1) < radius_m * radius_m
 
     def _distance_sq(self, f0: float, r0: float, f1: float, r1: float) -> float:
@@ -88,13 +87,13 @@ class BodyOutline:
 
         The nearest pair has an end of the segment or a corner of the rectangle in it, unless they cross.
         """
-        if self._crosses(f0, r0, f1, r1):
-            return 0.0
-        best = min(self._end_distance_sq(f0, r0), self._end_distance_sq(f1, r1))
         df, dr = f1 - f0, r1 - r0
         length_sq = df * df + dr * dr
         if length_sq == 0.0:
-            return best
+            return self._end_distance_sq(f0, r0)
+        if self._crosses(f0, r0, f1, r1):
+            return 0.0
+        best = min(self._end_distance_sq(f0, r0), self._end_distance_sq(f1, r1))
         for cf in (self.half_length_m, -self.half_length_m):
             for cr in (self.half_width_m, -self.half_width_m):
                 share = ((cf - f0) * df + (cr - r0) * dr) / length_sq
