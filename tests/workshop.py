@@ -145,6 +145,17 @@ class Light(Part):
         self.shop.colours.append((asyncio.get_running_loop().time(), colour))
 
 
+class Overriding:
+    """A part of which some methods are replaced: on one of a compiled class nothing can be set."""
+
+    def __init__(self, part: object, **methods: Callable[..., Any]) -> None:
+        self._part = part
+        self.__dict__.update(methods)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._part, name)
+
+
 class EventLog(PartialLog):
     """Keeps ticks, events and positions."""
 

@@ -11,7 +11,7 @@ import pytest
 
 from tests.conftest import Run
 from tests.experiments import fake_trials
-from wayfarer import __version__
+from wayfarer.cli.version import version_text
 from wayfarer.errors import BadReading, MissingPart
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec
@@ -51,7 +51,7 @@ def test_version_imports_nothing_heavy() -> None:
         "print(code, sorted(heavy & set(sys.modules)))"
     )
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert told.stdout == f"wayfarer {__version__}\n0 []\n"
+    assert told.stdout == f"{version_text()}\n0 []\n"
 
 
 def test_help_shows_examples(run: Run) -> None:

@@ -20,6 +20,7 @@ import pytest
 
 from tests.fieldlog.disks import FailingCall
 from tests.views.text.records import HEADER, drive, event, numbered, write
+from tests.workshop import Overriding
 from wayfarer.commissioning.checks import Check, Finding, Inspection
 from wayfarer.commissioning.checks.api import fail
 from wayfarer.config.rover_file import load_rover
@@ -62,16 +63,15 @@ class Site:
         self.finish = finish
         rover_setup = live_rover_setup(self.service.config, Depth.DEVICE, 7, finish)
         checks = [*rover_setup.checks, *self.checks]
-        rover_setup = replace(rover_setup, checks=checks, close_buses=self.close_buses)
-        self.rover = rover_setup.rover
-        halt = self.rover.motors.halt
+        motors = rover_setup.rover.motors
 
         def noted_halt() -> None:
             self.stops.append(time.monotonic())
-            halt()
+            motors.halt()
 
-        self.rover.motors.halt = noted_halt  # type: ignore[method-assign]
-        return rover_setup
+        noting: Any = Overriding(motors, halt=noted_halt)
+        self.rover = replace(rover_setup.rover, motors=noting)
+        return replace(rover_setup, rover=self.rover, checks=checks, close_buses=self.close_buses)
 
     async def close_buses(self) -> None:
         self.closed += 1
@@ -351,8 +351,8 @@ def test_part_that_does_not_open_is_named_and_everything_is_let_go(site: Site) -
         async def fail() -> None:
             raise NotResponding("CMPS14 at 0x60 on /dev/i2c-1: no answer")
 
-        rover_setup.rover.compass.open = fail  # type: ignore[method-assign]
-        return rover_setup
+        broken: Any = Overriding(rover_setup.rover.compass, open=fail)
+        return replace(rover_setup, rover=replace(rover_setup.rover, compass=broken))
 
     site.service = replace(site.service, make_rover=make_broken)
     with pytest.raises(NotResponding, match="CMPS14 at 0x60"):

@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
+from tests.fault_scenarios.broken_product import breaks_the_product
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.fault_scenarios import random_runs
@@ -142,6 +143,7 @@ def test_rows_are_the_same_on_any_number_of_workers(tmp_path: Path) -> None:
     assert (tmp_path / "1" / ROWS_FILE).read_bytes() == (tmp_path / "2" / ROWS_FILE).read_bytes()
 
 
+@breaks_the_product
 def test_broken_rule_ends_with_1_and_leaves_the_smallest_scenario_that_breaks_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -157,6 +159,7 @@ def test_broken_rule_ends_with_1_and_leaves_the_smallest_scenario_that_breaks_it
     assert scenario.commands == ()
 
 
+@breaks_the_product
 def test_without_a_folder_the_seed_of_a_broken_rule_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     runs_away(monkeypatch)
     code, printed = run(1)

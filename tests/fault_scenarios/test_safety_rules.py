@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from tests.fault_scenarios.broken_product import breaks_the_product
 from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.shutdown import Shutdown
 from wayfarer.detector import Detector
@@ -54,6 +55,7 @@ def drives_always(monkeypatch: Patch, when: Callable[[Gate], bool] = lambda _: T
     monkeypatch.setattr(Gate, "limit", limit)
 
 
+@breaks_the_product
 def test_wheels_that_turn_before_a_late_tick_that_holds_are_seen_all_the_same(monkeypatch: Patch) -> None:
     """A board that answers late hides when the wheels may turn, not that they may not."""
     drives_always(monkeypatch)
@@ -70,16 +72,19 @@ def test_honest_field_code_breaks_no_rule(fault: Fault, depth: Depth) -> None:
 # -- rule 1 ------------------------------------------------------------------------------------------------------------
 
 
+@breaks_the_product
 def test_motion_while_never_armed_is_seen(monkeypatch: Patch) -> None:
     drives_always(monkeypatch)
     assert "rule 1: motion commanded while disarmed" in broken(ask=())
 
 
+@breaks_the_product
 def test_motion_during_the_start_delay_is_seen(monkeypatch: Patch) -> None:
     drives_always(monkeypatch)
     assert "motion commanded while arming" in broken(settings={"safety": {"start_delay_s": 3.0}})
 
 
+@breaks_the_product
 def test_motion_after_disarming_is_seen(monkeypatch: Patch) -> None:
     disarm = Controller.disarm
 
@@ -91,6 +96,7 @@ def test_motion_after_disarming_is_seen(monkeypatch: Patch) -> None:
     assert "rule 1: motion commanded" in broken(ask=(Command(0.0, "arm"), Command(3.0, "disarm")))
 
 
+@breaks_the_product
 def test_rover_that_arms_itself_is_seen(monkeypatch: Patch) -> None:
     tick = Controller.tick
 
@@ -106,16 +112,19 @@ def test_rover_that_arms_itself_is_seen(monkeypatch: Patch) -> None:
 # -- rule 2 ------------------------------------------------------------------------------------------------------------
 
 
+@breaks_the_product
 def test_gate_that_drives_on_in_a_hold_is_seen(monkeypatch: Patch) -> None:
     drives_always(monkeypatch, lambda gate: gate.level is Level.HOLD)
     assert "rule 2: motion commanded at level hold" in broken(BRIEFLY_NO_COMPASS)
 
 
+@breaks_the_product
 def test_gate_that_does_not_take_a_condition_for_what_it_is_is_seen(monkeypatch: Patch) -> None:
     monkeypatch.setattr("wayfarer.safety.gate.LEVELS", {**LEVELS, Condition.COMPASS_STALE: Level.NOTE})
     assert "rule 2: motion commanded at level hold" in broken(BRIEFLY_NO_COMPASS)
 
 
+@breaks_the_product
 def test_driver_that_does_not_send_a_stop_is_seen_within_a_period(monkeypatch: Patch) -> None:
     drive = SimMotors.drive
 
@@ -130,6 +139,7 @@ def test_driver_that_does_not_send_a_stop_is_seen_within_a_period(monkeypatch: P
     assert "rule 2: wheels are told" in first
 
 
+@breaks_the_product
 def test_board_whose_deadman_does_not_trip_is_seen_when_the_link_breaks(monkeypatch: Patch) -> None:
     monkeypatch.setattr("wayfarer.simhal.parts.DEADMAN_S", 5.0)
     assert "rule 2: wheels are told" in broken(Fault(3.0, inf, "motors", "silent"))
@@ -139,6 +149,7 @@ def test_link_that_breaks_is_left_to_the_deadman_and_no_rule_is_broken() -> None
     assert broken(Fault(3.0, inf, "motors", "silent")) == ""
 
 
+@breaks_the_product
 def test_stop_path_that_stops_nothing_is_seen_after_the_end(monkeypatch: Patch) -> None:
     async def idle(self: Any) -> None:
         pass
@@ -154,6 +165,7 @@ UNPLUGGED = Fault(3.0, inf, "motors", "nack", Lost())
 ON_A_WIRE: dict[str, Any] = {"rover": "forestrover", "depth": Depth.BUS, "settings": {"safety": {"start_delay_s": 0.0}}}
 
 
+@breaks_the_product
 def test_deadman_that_is_off_when_the_link_breaks_excuses_wheels_that_turn_on(monkeypatch: Patch) -> None:
     forget_the_deadman(monkeypatch)
     run_result = run_scenario(replace(UNTOUCHED, faults=(UNPLUGGED,), **ON_A_WIRE))
@@ -161,6 +173,7 @@ def test_deadman_that_is_off_when_the_link_breaks_excuses_wheels_that_turn_on(mo
     assert run_result.excused > 10
 
 
+@breaks_the_product
 def test_deadman_that_is_off_excuses_nothing_while_commands_arrive(monkeypatch: Patch) -> None:
     forget_the_deadman(monkeypatch)
     drive = Sabertooth.drive
@@ -172,6 +185,7 @@ def test_deadman_that_is_off_excuses_nothing_while_commands_arrive(monkeypatch: 
     assert "rule 2: wheels are told" in broken(BRIEFLY_NO_COMPASS, **ON_A_WIRE)
 
 
+@breaks_the_product
 def test_deadman_that_is_on_and_does_not_trip_is_not_excused(monkeypatch: Patch) -> None:
     monkeypatch.setattr(SabertoothChip, "tick", lambda self: None)
     assert "rule 2: wheels are told" in broken(UNPLUGGED, **ON_A_WIRE)
@@ -191,6 +205,7 @@ def forget_the_deadman(monkeypatch: Patch) -> None:
 # -- rule 3 ------------------------------------------------------------------------------------------------------------
 
 
+@breaks_the_product
 def test_fault_that_clears_by_itself_is_seen(monkeypatch: Patch) -> None:
     judge = Gate._judge
 
@@ -202,6 +217,7 @@ def test_fault_that_clears_by_itself_is_seen(monkeypatch: Patch) -> None:
     assert "rule 3: a fault cleared by itself" in broken(Fault(3.0, 6.0, "compass", "silent"), for_s=12.0)
 
 
+@breaks_the_product
 def test_fault_that_leaves_the_rover_armed_is_seen(monkeypatch: Patch) -> None:
     monkeypatch.setattr(Controller, "disarm", lambda *_: None)
     assert "rule 3: a fault left the rover armed" in broken(NO_COMPASS, for_s=12.0)
@@ -211,16 +227,19 @@ def test_fault_that_leaves_the_rover_armed_is_seen(monkeypatch: Patch) -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"heading_deg": nan}, {"heading_deg": 360.0}, {"roll_deg": inf}])
+@breaks_the_product
 def test_decision_on_what_cannot_be_is_seen(monkeypatch: Patch, wrong: dict[str, float]) -> None:
     tamper_with_what_is_seen(monkeypatch, wrong)
     assert "rule 4: a decision saw Observation" in broken()
 
 
+@breaks_the_product
 def test_decision_on_a_heading_that_nobody_read_is_seen(monkeypatch: Patch) -> None:
     tamper_with_what_is_seen(monkeypatch, {"heading_deg": 123.456})
     assert "which no compass said of late" in broken()
 
 
+@breaks_the_product
 def test_decision_on_a_heading_of_long_ago_is_seen(monkeypatch: Patch) -> None:
     monkeypatch.setattr(Detector, "update", blind_to_age(Detector.update))
     assert "which no compass said of late" in broken(NO_COMPASS)
@@ -253,6 +272,7 @@ def blind_to_age(update: Any) -> Any:
 # -- rule 5 ------------------------------------------------------------------------------------------------------------
 
 
+@breaks_the_product
 def test_stop_without_a_reason_is_seen(monkeypatch: Patch) -> None:
     limit = Gate.limit
 
@@ -264,11 +284,13 @@ def test_stop_without_a_reason_is_seen(monkeypatch: Patch) -> None:
     assert "rule 5: the wheels were stopped and the log does not say why" in broken()
 
 
+@breaks_the_product
 def test_hold_that_no_event_tells_of_is_seen(monkeypatch: Patch) -> None:
     monkeypatch.setattr(Controller, "_note_health", lambda *_: None)
     assert "rule 5: the wheels were stopped for compass_stale, and no event said so" in broken(BRIEFLY_NO_COMPASS)
 
 
+@breaks_the_product
 def test_stop_that_the_algorithm_asked_for_needs_no_reason(monkeypatch: Patch) -> None:
     decide = PhasedHandler.decide
 
@@ -287,6 +309,7 @@ def test_loop_that_stands_still_breaks_no_rule() -> None:
     assert broken(Fault(3.0, 0.0, "process", "loop_stall", LoopStall(2.0))) == ""
 
 
+@breaks_the_product
 def test_error_that_nobody_awaits_counts_as_a_broken_rule(monkeypatch: Patch) -> None:
     def fails(*_: Any) -> None:
         raise ZeroDivisionError

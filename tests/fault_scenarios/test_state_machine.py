@@ -6,6 +6,7 @@ import pytest
 from hypothesis import Phase
 from hypothesis.stateful import run_state_machine_as_test
 
+from tests.fault_scenarios.broken_product import breaks_the_product
 from tests.fault_scenarios.daemon_machine import Daemon, DaemonMachine, machine_settings
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.hal import WheelCommand
@@ -38,6 +39,7 @@ def test_machine_drives_the_rover_and_ends_it_with_its_wheels_still() -> None:
     assert daemon.setup.world.commanded == (0.0, 0.0)
 
 
+@breaks_the_product
 @pytest.mark.long
 def test_gate_that_forgets_to_hold_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     honest = Gate.limit

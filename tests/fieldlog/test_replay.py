@@ -15,6 +15,7 @@ import pytest
 
 from tests.views.text.records import SAMPLE_LOGS
 from tests.virtual import virtual
+from tests.workshop import Overriding
 from wayfarer import cli
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.control.controller import Mode
@@ -224,14 +225,18 @@ class Trouble:
         self.failing: set[str] = set()
         self.health: MotorHealth | None = None
         self.duties: WheelCommand | None = None
-        self._wrap(rover.compass, "read", "compass")
-        self._wrap(rover.motion, "read", "motion")
-        self._wrap(rover.motors, "drive", "motors")
-        self._wrap(rover.motors, "health", "board")
-        self._wrap(rover.motors, "read_back", "duties")
+        self.rover = with_fields(
+            rover,
+            compass=self._wrap(rover.compass, read="compass"),
+            motion=self._wrap(rover.motion, read="motion"),
+            motors=self._wrap(rover.motors, drive="motors", health="board", read_back="duties"),
+        )
 
-    def _wrap(self, part: Any, method: str, name: str) -> None:
-        really = getattr(part, method)
+    def _wrap(self, part: Any, **names: str) -> Any:
+        troubled = {method: self._troubled(getattr(part, method), name) for method, name in names.items()}
+        return Overriding(part, **troubled)
+
+    def _troubled(self, really: Callable[..., Any], name: str) -> Callable[..., Any]:
 
         async def wrapped(*args: Any) -> Any:
             if name in self.failing:
@@ -244,7 +249,7 @@ class Trouble:
                 return (await really())._replace(heading_deg=nan)
             return await really(*args)
 
-        setattr(part, method, wrapped)
+        return wrapped
 
 
 @virtual
@@ -264,7 +269,7 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     handler = CATALOGUE["rand-pledge"].make(config.escape, config.vehicle, Random(11))
     trouble = Trouble(rover_setup.rover)
     supervisor = Supervisor(
-        rover_setup.rover, config, CATALOGUE["rand-pledge"], handler, Tee(log, rover_setup.ground_truth_log(log))
+        trouble.rover, config, CATALOGUE["rand-pledge"], handler, Tee(log, rover_setup.ground_truth_log(log))
     )
     controller = supervisor.controller
     running = asyncio.create_task(supervisor.run())

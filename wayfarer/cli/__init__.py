@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from wayfarer import __version__
 from wayfarer.cli import commissioning, compare, control, demo, faults, logs, replay, report, rover, sim, sweep
 from wayfarer.cli.options import examples
+from wayfarer.cli.version import version_text
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.fieldlog.printable import clean
 
@@ -95,7 +95,7 @@ def _fail(text: str, exit_code: int) -> int:
 
 def _print_version(asked: bool) -> None:
     if asked:
-        print("wayfarer", __version__)
+        print(version_text())
         raise typer.Exit
 
 
@@ -104,7 +104,12 @@ def _root(
     *,
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
+        typer.Option(
+            "--version",
+            callback=_print_version,
+            is_eager=True,
+            help="Print the version and exit.",
+        ),
     ] = False,
 ) -> None:
     """Drive a rover out of a forest without vision: compass, tilt and stall detection only."""

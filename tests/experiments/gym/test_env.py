@@ -17,6 +17,7 @@ from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
 from tests.experiments.gym.agents import AHEAD, ahead, duties, play
+from wayfarer.config import registry
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadConfig, BadInput, UnknownName
@@ -24,10 +25,9 @@ from wayfarer.escape.api import Anomaly, EscapeHandler
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.gym import ENV_ID
 from wayfarer.experiments.gym.env import HELD_BACK, ForestEnv
-from wayfarer.experiments.trial import run_trial
+from wayfarer.experiments.trial import TrialCounters, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.gate import Gate
 from wayfarer.simhal.mujoco.terrain import Range, Terrains
 from wayfarer.simhal.random_streams import RandomStreams
 
@@ -126,12 +126,16 @@ def test_algorithm_of_the_catalogue_drives_here_as_it_does_in_a_trial(
     )  # fmt: skip
 
 
-def test_duties_go_through_the_safety_gate(env: ForestEnv, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Gate, "limit", lambda *_args, **_kwargs: STOP)
+def test_duties_go_through_the_safety_gate(tmp_path: Path) -> None:
+    shipped = (Path(registry.__file__).parents[1] / "rovers/sim.toml").read_text(encoding="utf-8")
+    rover = tmp_path / "slow.toml"
+    rover.write_text(shipped.replace("[safety]", "[safety]\nduty_max = 0.001"), encoding="utf-8")
+    env = ForestEnv(rover=str(rover))
     _, info = env.reset(options={"trial": 6})
     for _ in range(40):
         _, _, _, _, info = env.step(duties(AHEAD))
-    assert info["observation"].travelled_m == 0.0
+    env.close()
+    assert info["observation"].travelled_m <= 0.001 * 2.1 * SIM.vehicle.max_speed_m_s
 
 
 def test_duties_beyond_the_range_are_limited_by_the_gate(env: ForestEnv) -> None:
@@ -255,13 +259,13 @@ def test_environment_that_is_forgotten_takes_its_trial_with_it() -> None:
 
 
 def test_what_goes_wrong_in_the_trial_is_told_to_the_agent(env: ForestEnv, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_: object, **__: object) -> bool:
-        raise RuntimeError("the gate broke")
+    def fail(*_: object) -> None:
+        raise RuntimeError("the log broke")
 
     env.reset(seed=1)
-    monkeypatch.setattr(Gate, "limit", fail)
+    monkeypatch.setattr(TrialCounters, "tick", fail)
     for _ in range(2):  # it does not wait for ever for a trial that is no more
-        with pytest.raises(RuntimeError, match="the gate broke"):
+        with pytest.raises(RuntimeError, match="the log broke"):
             env.step(duties(AHEAD))
     monkeypatch.undo()
     env.reset(seed=1)

@@ -1,0 +1,128 @@
+"""What is compiled: the list in ``pyproject.toml`` keeps to what mypyc can do, and the build hook falls back."""
+
+from __future__ import annotations
+
+import ast
+import shutil
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hatch_build import CompileHook, compile_libraries, why_no_compiler
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+HOOK = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["hooks"]["custom"]
+COMPILED = [path for library in HOOK["libraries"].values() for path in library]
+SUBCLASSED = "mypyc_attr(allow_interpreted_subclasses=True)"
+
+
+def trees(compiled: bool) -> Iterator[tuple[str, ast.Module]]:
+    for path in sorted((ROOT / "wayfarer").rglob("*.py")):
+        name = path.relative_to(ROOT).as_posix()
+        if (name in COMPILED) is compiled:
+            yield name, ast.parse(path.read_text(encoding="utf-8"))
+
+
+def test_each_module_is_there_and_listed_once() -> None:
+    assert len(set(COMPILED)) == len(COMPILED)
+    assert all((ROOT / path).is_file() for path in COMPILED)
+
+
+def waits_in_a_handler(function: ast.AsyncFunctionDef) -> bool:
+    """Whether a coroutine waits while it handles an exception: compiled, it would show that exception to all others."""
+    for node in ast.walk(function):
+        if isinstance(node, ast.AsyncWith):
+            return True
+        if isinstance(node, ast.Try):
+            handling = [*node.finalbody, *(line for handler in node.handlers for line in handler.body)]
+            if any(isinstance(inner, ast.Await) for line in handling for inner in ast.walk(line)):
+                return True
+    return False
+
+
+def test_no_compiled_coroutine_waits_while_it_handles_an_exception() -> None:
+    found = {
+        f"{name}: {node.name}"
+        for name, tree in trees(compiled=True)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.AsyncFunctionDef) and waits_in_a_handler(node)
+    }
+    assert found == set()
+
+
+def test_coroutine_that_waits_in_a_handler_is_seen() -> None:
+    supervisor = ast.parse((ROOT / "wayfarer/control/supervisor.py").read_text(encoding="utf-8"))
+    functions = [node for node in ast.walk(supervisor) if isinstance(node, ast.AsyncFunctionDef)]
+    assert {"run", "_run_tasks"} <= {function.name for function in functions if waits_in_a_handler(function)}
+
+
+def test_compiled_class_that_plain_python_inherits_from_says_so() -> None:
+    compiled = {
+        node.name: SUBCLASSED in map(ast.unparse, node.decorator_list)
+        for _, tree in trees(compiled=True)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
+    }
+    inherited = {
+        base.id
+        for _, tree in trees(compiled=False)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
+        for base in node.bases
+        if isinstance(base, ast.Name)
+    }
+    assert {name for name in inherited if compiled.get(name) is False} == set()
+    assert compiled["World"], "the test finds nothing"
+
+
+# -- the build hook ----------------------------------------------------------------------------------------------------
+
+
+def hook() -> CompileHook:
+    return CompileHook(str(ROOT), HOOK, None, None, str(ROOT / "nowhere"), "wheel")  # type: ignore[arg-type]
+
+
+def test_missing_compiler_means_pure_python_unless_it_is_demanded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    monkeypatch.delenv("WAYFARER_COMPILE", raising=False)
+    assert why_no_compiler() == "there is no C compiler (no-such-compiler)"
+    assert hook().dependencies() == []
+    told: list[str] = []
+    build_data: dict[str, object] = {}
+    pure = hook()
+    monkeypatch.setattr(type(pure), "app", type("App", (), {"display_warning": staticmethod(told.append)}))
+    pure.initialize("standard", build_data)
+    assert told == ["wayfarer: pure Python, because there is no C compiler (no-such-compiler)"]
+    assert build_data == {}
+    monkeypatch.setenv("WAYFARER_COMPILE", "1")
+    with pytest.raises(RuntimeError, match="WAYFARER_COMPILE=1, but there is no C compiler"):
+        hook().initialize("standard", {})
+
+
+@pytest.mark.parametrize("version", ["editable", "standard"])
+def test_editable_installation_and_one_that_is_to_be_pure_compile_nothing(
+    version: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WAYFARER_COMPILE", "1" if version == "editable" else "0")
+    monkeypatch.setattr("hatch_build.compile_libraries", lambda *_: pytest.fail("it compiles"))
+    quiet = hook()
+    monkeypatch.setattr(type(quiet), "app", type("App", (), {"display_warning": staticmethod(lambda _: None)}))
+    build_data: dict[str, object] = {}
+    quiet.initialize(version, build_data)
+    assert build_data == {}
+
+
+@pytest.mark.process
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+def test_module_that_cannot_be_compiled_is_told_in_one_line(tmp_path: Path) -> None:
+    pytest.importorskip("mypyc")
+    (tmp_path / "wayfarer").mkdir()
+    (tmp_path / "wayfarer" / "bad.py").write_text("def f() -> int:\n    return 'no number'\n", encoding="utf-8")
+    why = compile_libraries(tmp_path, tmp_path / "built", {"wayfarer_bad": ["wayfarer/bad.py"]})
+    assert why is not None
+    assert why.startswith("compiling failed: ")
+    assert "\n" not in why
+    assert not (tmp_path / "built").exists()
