@@ -1,8 +1,8 @@
 """All figures beside their limits, as a Markdown table.
 
-With ``daemon`` only those of ``wayfarer run --sim``, with ``log`` only those of the field log; with ``profile``, where
-the time of a control tick goes; with ``soak``, whether anything grows in a simulated day full of faults; with
-``campaign``, the memory of a small and of a large campaign.
+With ``daemon`` only those of ``wayfarer run --sim``, with ``log`` only those of the field log; with ``trial``, what a
+trial costs in units that hold on any computer; with ``profile``, where the time of a control tick goes; with ``soak``,
+whether anything grows in a simulated day full of faults; with ``campaign``, the memory of a small and of a large one.
 """
 
 from __future__ import annotations
@@ -12,27 +12,29 @@ import os
 import platform
 import sys
 
-from benchmarks import command, daemon, disk, memory, rover, stack
+from benchmarks import calibration, command, daemon, disk, memory, rover, stack
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
 from benchmarks.soak import print_soak
-from wayfarer import __version__
+from wayfarer.cli.version import version_text
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    kinds = ("figures", "profile", "daemon", "log", "soak", "campaign")
+    kinds = ("figures", "trial", "profile", "daemon", "log", "soak", "campaign")
     parser.add_argument("what", nargs="?", choices=kinds, default="figures")
     parser.add_argument("--quick", action="store_true", help="fewer trials and runs: half a minute")
     parser.add_argument("--hours", type=float, default=24.0, help="of the soak, simulated")
     parser.add_argument("--trials", type=int, default=20_000, help="of the large campaign")
     asked = parser.parse_args()
     cores = len(os.sched_getaffinity(0))
-    print(f"wayfarer {__version__}, Python {platform.python_version()}, {cores} cores, {platform.machine()}\n")
+    print(f"{version_text()}, Python {platform.python_version()}, {cores} cores, {platform.machine()}\n")
     if asked.what == "soak":
         sys.exit(print_soak(asked.hours))
-    if asked.what == "profile":
+    if asked.what == "trial":
+        print_table(HEADER, [calibration.trial_cost(runs=3 if asked.quick else 20).row()])
+    elif asked.what == "profile":
         print_breakdown(trials=20 if asked.quick else 200)
     elif asked.what == "daemon":
         print_table(HEADER, [figure.row() for figure in daemon.figures(for_s=10 if asked.quick else 60)])
@@ -47,6 +49,7 @@ def main() -> None:
 def _figures(quick: bool) -> list[Figure]:
     return [
         *(command.campaigns(trials=50, runs=1) if quick else command.campaigns(trials=1000, runs=3)),
+        calibration.trial_cost(runs=3 if quick else 20),
         stack.ticks(trials=20 if quick else 200),
         *stack.set_up(trials=50 if quick else 200),
         command.version(runs=7),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -50,6 +51,13 @@ def sums(folder: Path) -> dict[str, str]:
 def test_the_two_are_what_their_names_say() -> None:
     assert "(pure Python)" in wayfarer(PURE, "--version")
     assert "(compiled)" in wayfarer(RUN, "--version")
+
+
+def test_traceback_names_file_and_line_of_compiled_code() -> None:
+    program = "from wayfarer.safety.gate import Gate; Gate(None, 20.0)"
+    said = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False).stderr
+    path, line = re.findall(r'File "(.*gate\.py)", line (\d+), in __init__', said)[-1]
+    assert "settings." in (ROOT / path).read_text(encoding="utf-8").splitlines()[int(line) - 1]
 
 
 @pytest.mark.parametrize(
