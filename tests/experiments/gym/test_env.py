@@ -31,6 +31,7 @@ from wayfarer.hal import STOP, WheelCommand
 from wayfarer.simhal.mujoco.terrain import Range, Terrains
 from wayfarer.simhal.random_streams import RandomStreams
 
+pytest.importorskip("mujoco", reason="mujoco is not installed")  # now: its first import starts a process
 SIM = load_rover("sim")
 
 
