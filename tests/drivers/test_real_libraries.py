@@ -136,7 +136,7 @@ def test_parts_at_gpio_pins_work(libraries: Path) -> None:
     folder = Path(__file__).parent
     modules = [folder / f"test_{name}.py" for name in ("gpio", "gpio_motors", "gpio_light", "bumper")]
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *modules],
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-n0", *modules],
         env=os.environ | {"PYTHONPATH": str(libraries)}, cwd=folder, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
