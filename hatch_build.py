@@ -130,4 +130,8 @@ def compile_libraries(root: Path, into: Path, libraries: Mapping[str, Sequence[s
 
 
 def _demand() -> str:
-    return os.environ.get("WAYFARER_COMPILE", "")
+    """Return what ``WAYFARER_COMPILE`` asks for: ``0``, ``1`` or nothing."""
+    demand = os.environ.get("WAYFARER_COMPILE", "")
+    if demand not in {"", "0", "1"}:
+        raise RuntimeError(f"WAYFARER_COMPILE={demand}: possible are 0 (pure Python) and 1 (compiled, or fail)")
+    return demand

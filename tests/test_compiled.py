@@ -102,6 +102,12 @@ def test_missing_compiler_means_pure_python_unless_it_is_demanded(monkeypatch: p
         hook().initialize("standard", {})
 
 
+def test_other_demand_than_0_and_1_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WAYFARER_COMPILE", "yes")
+    with pytest.raises(RuntimeError, match="WAYFARER_COMPILE=yes: possible are 0"):
+        hook().initialize("standard", {})
+
+
 @pytest.mark.parametrize("version", ["editable", "standard"])
 def test_editable_installation_and_one_that_is_to_be_pure_compile_nothing(
     version: str, monkeypatch: pytest.MonkeyPatch
