@@ -181,7 +181,7 @@ def stop() -> dict[str, Any]:
     arm()
     time.sleep(1)  # let it drive
     sent = stops_sent()
-    began_s = time.monotonic()
+    began_s, asked_wall_s = time.monotonic(), time.time()
     stopped = run("systemctl", "stop", SERVICE)
     took_s = time.monotonic() - began_s
     newest = max(Path("/var/lib/wayfarer/field_logs").rglob("run.jsonl"), key=lambda path: path.stat().st_mtime_ns)
@@ -190,6 +190,7 @@ def stop() -> dict[str, Any]:
         "stopped": stopped,
         "state": shown(),
         "took_s": took_s,
+        "asked_wall_s": asked_wall_s,
         "stops_sent": stops_sent() - sent,
         "last": records[-1],
         "events": [record for record in records if record["record"] == "event"],

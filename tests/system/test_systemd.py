@@ -92,10 +92,11 @@ def test_daemon_that_fails_comes_back_disarmed(report: Report) -> None:
 def test_stop_stops_the_wheels_at_once_and_ends_the_log(report: Report) -> None:
     seen = step(report, "stop")
     assert seen["moved"], "the rover was to be driving"
-    assert seen["took_s"] < 2
+    (stopped_wall_s,) = [event["t_wall"] for event in seen["events"] if event["name"] == "wheels_stopped"]
+    assert stopped_wall_s - seen["asked_wall_s"] < 1
+    assert seen["took_s"] < 10, "TimeoutStopSec is 15: nothing was waited out"
     assert seen["stops_sent"] == 1, "by ExecStopPost= once more"
     assert (seen["state"]["ActiveState"], seen["state"]["Result"]) == ("inactive", "success")
-    assert "wheels_stopped" in [event["name"] for event in seen["events"]]
     assert seen["last"]["record"] == "outcome"
     assert seen["left_in_run"] == []
 
