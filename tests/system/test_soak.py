@@ -6,7 +6,9 @@ A simulated day is ``python -m benchmarks soak``.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from io import TextIOWrapper
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -29,15 +31,18 @@ def test_twenty_minutes_of_faults_leave_nothing_behind() -> None:
     assert samples[-1].ticks == pytest.approx(MINUTES_S * 20.0, rel=0.1)
 
 
-def each_second(leak: Callable[[int], Any]) -> Beside:
-    """Something that goes wrong in the daemon, a little each second."""
+def each_second(leak: Callable[[int], Iterable[Any]], undo: Callable[[Any], object]) -> Beside:
+    """Something that goes wrong in the daemon, a little each second; it is undone when the soak is over."""
 
     async def leaks(_: TrialSetup) -> None:
-        second = 0
-        while True:
-            await asyncio.sleep(1.0)
-            leak(second)
-            second += 1
+        leaked: list[Any] = []
+        try:
+            for second in count():
+                await asyncio.sleep(1.0)
+                leaked.extend(leak(second))
+        finally:
+            for each in leaked:
+                undo(each)
 
     return leaks
 
@@ -47,20 +52,16 @@ async def waits_for_ever() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("what", ["blocks", "tasks", "handles"])
-def test_leak_that_was_planted_is_found(what: str) -> None:
-    kept: list[Any] = []
-    leaks: dict[str, Callable[[int], Any]] = {
-        "blocks": lambda second: kept.extend(bytes(second % 64 + 1) for _ in range(200)),
-        "tasks": lambda second: kept.append(asyncio.ensure_future(waits_for_ever())),
-        "handles": lambda second: kept.append(Path("/dev/null").open()),  # noqa: SIM115 - that is the leak
-    }
-    try:
-        samples, _ = soak(SHORT_S, each_second(leaks[what]))
-    finally:
-        if what == "handles":
-            for file in kept:
-                file.close()
+@pytest.mark.parametrize(
+    ("what", "leaks"),
+    [
+        ("blocks", each_second(lambda second: (bytes(second % 64 + 1) for _ in range(200)), len)),
+        ("tasks", each_second(lambda _: [asyncio.ensure_future(waits_for_ever())], asyncio.Task.cancel)),
+        ("handles", each_second(lambda _: [Path("/dev/null").open()], TextIOWrapper.close)),  # noqa: SIM115 - the leak
+    ],
+)
+def test_leak_that_was_planted_is_found(what: str, leaks: Beside) -> None:
+    samples, _ = soak(SHORT_S, leaks)
     assert [text.split()[0] for text in growth(samples) if not text.startswith("rss")] == [what]
 
 
