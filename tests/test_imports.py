@@ -242,7 +242,9 @@ def test_only_the_demo_arms_a_rover_by_itself() -> None:
 @pytest.mark.parametrize(
     ("modules", "kept_out"),
     [
+        (["wayfarer"], {"wayfarer.cli", "typer", "rich"}),  # where the console script's entry is
         (["wayfarer.cli"], {"numpy", "scipy", "pydantic", "asyncio"}),
+        (["wayfarer.experiments.sim_command"], {"numpy", "pyarrow"}),
         (["wayfarer.control.supervisor"], HEAVY),
         (["wayfarer.testing"], HEAVY),
         (["wayfarer.daemon.daemon"], HEAVY),

@@ -5,3 +5,13 @@ The package is laid out as the data flows: ``drivers`` (or ``simhal``) behind th
 """
 
 __version__ = "0.1.0"
+
+
+def main() -> None:
+    """Run the command line and exit; the console entry point.
+
+    It is here because each process of a pool imports the script that started its parent, and needs no commands.
+    """
+    from wayfarer import cli
+
+    cli.main()

@@ -133,6 +133,15 @@ def test_real_trials_do_not_mind_each_other_in_threads(tmp_path: Path) -> None:
     assert b"fault" not in alone
 
 
+def test_trial_tells_how_long_it_took_also_when_it_fails() -> None:
+    plan = campaign_of(4)
+    slow, failed = TrialRunner(plan, fake_trials.slow), TrialRunner(plan, fake_trials.third_fails)
+    assert fake_trials.SLOW_S <= slow.run(Task("forest-pledge", 0)).took_s < UP_S
+    done = failed.run(Task("forest-pledge", 3))
+    assert done.fault
+    assert 0 < done.took_s < UP_S
+
+
 def test_resuming_runs_only_what_is_missing_and_ends_in_the_same_bytes(tmp_path: Path) -> None:
     plan = campaign_of(20)
     whole = run_into(tmp_path / "whole", plan)

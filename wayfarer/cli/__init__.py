@@ -61,7 +61,7 @@ app.command("install-service", rich_help_panel=ROVER)(commissioning.install_serv
 
 
 def main() -> None:
-    """Run the command line and exit; the console entry point."""
+    """Run the command line and exit."""
     if sys.stdout is None:  # it was closed
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):

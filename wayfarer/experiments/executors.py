@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import islice, takewhile
 from pathlib import Path
+from time import perf_counter  # noqa: TID251 - what a trial takes of real time
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeVar
 from uuid import uuid4
@@ -37,6 +38,7 @@ DoneT = TypeVar("DoneT")
 TaskT_co = TypeVar("TaskT_co", covariant=True)
 
 LARGEST_CHUNK = 4  # handing over a chunk costs the parent 0.3 ms; what is in flight at Ctrl-C is lost
+LAST_SINGLY = 16  # times the jobs: with it 200 trials of ten algorithms end within 1 % of the best order on 2 to 8 jobs
 CHUNKS_AHEAD = 2  # a worker: one that it runs and one that waits for it
 POLL_S = 0.1  # how soon a stop is noticed
 
@@ -60,9 +62,10 @@ class TrialError(NamedTuple):
 
 
 class Done(NamedTuple):
-    """A finished trial."""
+    """A finished trial, and how many seconds of real time it took."""
 
     row: TrialRow
+    took_s: float
     fault: TrialError | None = None
 
 
@@ -92,11 +95,13 @@ class TrialRunner:
 
     def run(self, task: Task, log_dir: Path | None = None) -> Done:
         """Run one trial; whatever it raises becomes its row's ``fault`` and goes no further."""
+        began_s = perf_counter()
         try:
             spec = self._points[task.point].spec(task, self._forest(task))
-            return Done(row_of(self._run_trial(spec, log_dir))._replace(point=task.point))
+            row, fault = row_of(self._run_trial(spec, log_dir))._replace(point=task.point), None
         except Exception as error:
-            return Done(self._fault_row(task), _fault(error))
+            row, fault = self._fault_row(task), _fault(error)
+        return Done(row, perf_counter() - began_s, fault)
 
     def _forest(self, task: Task) -> Forest:
         """Make a trial's forest, once for all the algorithms that follow each other in it."""
@@ -156,11 +161,13 @@ def stream(
     jobs: int,
     stop: threading.Event,
     executor: MakeExecutor | None = None,
+    cost: Callable[[TaskT], float] = lambda _: 1.0,
 ) -> Generator[DoneT]:
     """Run ``tasks``, each by ``run``, and yield what is done, in the order of completion.
 
     Without an ``executor``, one job runs in this process and more of them in a pool of that many processes; with one,
-    ``jobs`` is how many it runs at a time. What ``run`` needs is sent to each worker once.
+    ``jobs`` is how many it runs at a time. What ``run`` needs is sent to each worker once. ``cost`` says about how
+    long a task takes, in any unit: the last ones are begun longest first.
 
     Raises:
         Stopped: ``stop`` was set; what runs on a pool at that moment is given up.
@@ -175,13 +182,12 @@ def stream(
     make = executor or partial(SpawnedProcesses, jobs)
     try:
         with make(initializer=_install, initargs=(key, run)) as pool:
-            yield from _run_on(pool, key, tasks, jobs, stop)
+            yield from _run_on(pool, key, in_chunks(tasks, jobs, cost), jobs, stop)
     finally:
         forget(key)
 
 
-def _run_on(pool: Executor, key: str, tasks: SizedIterable[Any], jobs: int, stop: threading.Event) -> Iterator[Any]:
-    chunks = _chunks(tasks, jobs)
+def _run_on(pool: Executor, key: str, chunks: Iterator[list[Any]], jobs: int, stop: threading.Event) -> Iterator[Any]:
     running: set[Future[list[Any]]] = set()
     while True:
         while not stop.is_set() and len(running) < CHUNKS_AHEAD * jobs and (chunk := next(chunks, None)):
@@ -197,13 +203,12 @@ def _run_on(pool: Executor, key: str, tasks: SizedIterable[Any], jobs: int, stop
             raise Stopped
 
 
-def _chunks(tasks: SizedIterable[TaskT], jobs: int) -> Iterator[list[TaskT]]:
-    """Cut ``tasks`` into chunks that get smaller towards the end, so that all workers finish together."""
-    left, rest = len(tasks), iter(tasks)
-    while left:
-        size = min(LARGEST_CHUNK, max(1, left // (8 * jobs)))
-        yield list(islice(rest, size))
-        left -= size
+def in_chunks(tasks: SizedIterable[TaskT], jobs: int, cost: Callable[[TaskT], float]) -> Iterator[list[TaskT]]:
+    """Cut ``tasks`` into chunks; the last ones come singly and longest first, so that all workers finish together."""
+    rest = iter(tasks)
+    for _ in range((len(tasks) - LAST_SINGLY * jobs) // LARGEST_CHUNK):
+        yield list(islice(rest, LARGEST_CHUNK))
+    yield from ([task] for task in sorted(rest, key=cost, reverse=True))
 
 
 @contextmanager

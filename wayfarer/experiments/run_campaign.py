@@ -18,13 +18,14 @@ from tempfile import TemporaryFile
 from typing import Any, NamedTuple
 
 from wayfarer.errors import WayfarerError
-from wayfarer.experiments.campaign import Plan
+from wayfarer.experiments.campaign import Plan, Task
 from wayfarer.experiments.executors import Done, MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
 from wayfarer.experiments.folder_settings import tasks_of
 from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.store import TrialStore
+from wayfarer.experiments.time_left import relative_cost
 
 SAME_SIGNAL_S = 0.5  # a signal to the whole process group may reach the workers first
 
@@ -115,7 +116,7 @@ def run(
         with (
             suppress(Stopped),
             _worker_death_explained(kept, stop),
-            closing(stream(TrialRunner(plan, run_trial).run, todo, jobs, stop, executor)) as finished,
+            closing(stream(TrialRunner(plan, run_trial).run, todo, jobs, stop, executor, _cost)) as finished,
         ):
             for done in finished:
                 keep(done.row)
@@ -124,6 +125,10 @@ def run(
                     progress(done)
         effort = _effort(began, ticks, elsewhere=executor is not None)
         return _summed_up(plan, kept, folder, effort)
+
+
+def _cost(task: Task) -> float:
+    return relative_cost(task.algorithm)
 
 
 @contextmanager

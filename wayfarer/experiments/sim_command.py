@@ -93,15 +93,15 @@ def run_shown(
     Raises:
         WayfarerError: as of ``run_campaign.run``.
     """
-    aside, total = Console(stderr=True), len(tasks_of(plan.settings()))
+    aside, todo = Console(stderr=True), folder.kept.missing() if folder else tasks_of(plan.settings())
     kept = len(folder.kept) if folder else 0
     if folder and kept:
-        say(aside, f"{kept} of {total} trials are in {folder.path} already")
-    with shown_progress(aside, kept, total) as progress:
+        say(aside, f"{kept} of {folder.kept.total} trials are in {folder.path} already")
+    with shown_progress(aside, kept, todo.by_algorithm(), jobs) as progress:
         finished = run_campaign.run(plan, folder, jobs=jobs, progress=progress, executor=executor, run_trial=run_trial)
     if finished.interrupted:
         where = f"kept in {folder.path}; add --resume to go on" if folder else "done; with --out DIR they are kept"
-        say(aside, f"interrupted: {finished.trials} of {total} trials are {where}")
+        say(aside, f"interrupted: {finished.trials} of {finished.total} trials are {where}")
     return finished
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -76,7 +77,7 @@ def _gallery(results: Results, figures: Path, count: int, jobs: int) -> str:
         campaign = results.rebuild()
     except BadInput as reason:
         return page.section(heading, page.paragraph(words.no_gallery(reason)))
-    with shown_progress(Console(stderr=True), 0, len(rows)) as progress:
+    with shown_progress(Console(stderr=True), 0, Counter(row.algorithm for row in rows), jobs) as progress:
         ran = run_again(campaign, rows, jobs, progress)
     drawn = page.section(heading, *_drawn(campaign, ran, figures), *_not_drawn(ran, results.settings.version))
     return "\n".join([drawn, *_entrapped(campaign, ran, figures)])
