@@ -153,43 +153,29 @@ class Noted(RunEvent):
 class Arming(Noted):
     """Somebody asked for it."""
 
-    __slots__ = ()
-
 
 class Armed(Noted):
     """The mission begins."""
-
-    __slots__ = ()
 
 
 class Disarmed(Noted):
     """The wheels are stopped until re-armed."""
 
-    __slots__ = ()
-
 
 class Held(Noted):
     """An operator asked to hold the wheels."""
-
-    __slots__ = ()
 
 
 class Released(Noted):
     """An operator asked to drive on."""
 
-    __slots__ = ()
-
 
 class GoalSet(Noted):
     """Another goal was asked for."""
 
-    __slots__ = ()
-
 
 class SensorFailed(Noted):
     """A sensor did not answer."""
-
-    __slots__ = ()
 
     @property
     def sensor(self) -> str:
@@ -199,8 +185,6 @@ class SensorFailed(Noted):
 
 class ClockStep(Noted):
     """The wall clock was set."""
-
-    __slots__ = ()
 
     @property
     def by_s(self) -> float:

@@ -6,7 +6,7 @@ what comes out here. Records come from the reader, which has judged them, or fro
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from math import isnan
 
 from wayfarer.escape.api import Phase
@@ -53,7 +53,7 @@ FOLLOW, BACK_OFF, TURN_AWAY = Phase.FOLLOW.value, Phase.BACK_OFF.value, Phase.TU
 BATTERY_FALL_V = 0.1  # below the lowest told so far; a battery sags under load and comes back
 BATTERY_RISE_V = 1.0  # another battery
 
-Events = Iterator[RunEvent]
+Events = list[RunEvent]
 
 
 class RunFold:
@@ -66,7 +66,6 @@ class RunFold:
         self._number: int | None = None
         self._announced = 0
         self._unbroken = False
-        self._anomalies: frozenset[str] = frozenset()
         self._episode: Episode | None = None
         self._episode_from_m = 0.0
         self._mission_t_s: float | None = None
@@ -79,7 +78,7 @@ class RunFold:
             "outcome": self._outcome,
         }  # fmt: skip
 
-    def take(self, record: Record) -> list[RunEvent]:
+    def take(self, record: Record) -> Events:
         """Take the next record, and return what it tells: first what was read, then what changed."""
         state, t_s = self.state, record["t_s"]
         if not state.first:
@@ -87,13 +86,13 @@ class RunFold:
         state.last = record
         elapsed_s = t_s - self._first_t_s
         state.elapsed_s = max(state.elapsed_s, elapsed_s)
-        told: list[RunEvent] = []
-        if (count := record.get("n")) is not None:
-            if self._number is not None and count > self._number + 1:
-                told.append(self._gap(elapsed_s, t_s, count - self._number - 1))
-            self._number, self._announced = count, 0
-        told += self._takers[record["record"]](elapsed_s, record)
-        return told
+        count, before = record.get("n"), self._number
+        if count is None:
+            return self._takers[record["record"]](elapsed_s, record)
+        missing = 0 if before is None else count - before - 1
+        gap = [self._gap(elapsed_s, t_s, missing)] if missing else []
+        self._number, self._announced = count, 0
+        return gap + self._takers[record["record"]](elapsed_s, record)
 
     def _gap(self, elapsed_s: float, t_s: float, missing: int) -> Gap:
         state = self.state
@@ -108,8 +107,7 @@ class RunFold:
     def _run(self, elapsed_s: float, record: Record) -> Events:
         state, header = self.state, Header.of(record)
         if state.header.record:
-            yield PartBegan(elapsed_s, record["t_s"], header.part)
-            return
+            return [PartBegan(elapsed_s, record["t_s"], header.part)]
         state.header = header
         self._reckoning.max_speed_m_s = header.setting("vehicle", "max_speed_m_s") or 0.0
         for sensor in SENSORS:
@@ -118,7 +116,7 @@ class RunFold:
         late = header.part > 1
         if late and state.from_start is None:
             state.from_start = False  # the place of the next arming need not be the start
-        yield RunBegan(elapsed_s, record["t_s"], header, late and self._number is None)
+        return [RunBegan(elapsed_s, record["t_s"], header, late and self._number is None)]
 
     # -- ticks ---------------------------------------------------------------------------------------------------
 
@@ -131,23 +129,17 @@ class RunFold:
                 self._sensor(sensor).take(reading)
         self._reckon(tick)
         self._count_time(tick, before)
-        if tick.travelled_m is not None:
-            state.commanded_m = tick.travelled_m
-        if self._mission_t_s is not None:
-            state.mission_s = tick.t_s - self._mission_t_s
-            state.mission_m = (tick.travelled_m or self._mission_from_m) - self._mission_from_m
-        if tick.episodes != before.episodes:  # it falls back to zero with each mission
-            state.episodes += max(0, int((tick.episodes or 0.0) - (before.episodes or 0.0)))
-        yield tick
+        self._count_mission(tick, before)
+        told: Events = [tick]
         if tick.phase != before.phase:
-            yield self._change_phase(tick)
-        if tick.why is not None and tick.why != tick.phase:
-            ended, _, event = tick.why.partition(".")
-            if event == PhaseEvent.EXHAUSTED.value:
-                state.exhausted[ended] += 1
+            told.append(self._change_phase(tick))
         if tick.anomalies != before.anomalies:
-            yield from self._compare_anomalies(tick)
-        yield from self._follow_episode(tick, before)
+            told += self._compare_anomalies(tick, before)
+        if tick.why != tick.phase:
+            self._count_exhausted(tick.why or "")
+        if self._episode is not None or tick.phase in MANOEUVRES:
+            told += self._follow_episode(tick, before)
+        return told
 
     def _reckon(self, tick: Tick) -> None:
         state, reckoning = self.state, self._reckoning
@@ -170,122 +162,137 @@ class RunFold:
             if tick.level in HELD:
                 state.held_s[tick.cause or "unknown"] += passed_s
 
-    def _change_phase(self, tick: Tick) -> PhaseChanged:
+    def _count_mission(self, tick: Tick, before: Tick) -> None:
         state = self.state
-        state.recoveries += tick.phase == BACK_OFF
-        state.turns += tick.phase == TURN_AWAY
+        if tick.travelled_m is not None:
+            state.commanded_m = tick.travelled_m
+        if self._mission_t_s is not None:
+            state.mission_s = tick.t_s - self._mission_t_s
+            state.mission_m = (tick.travelled_m or self._mission_from_m) - self._mission_from_m
+        if tick.episodes != before.episodes:  # it falls back to zero with each mission
+            state.episodes += max(0, int((tick.episodes or 0.0) - (before.episodes or 0.0)))
+
+    def _count_exhausted(self, why: str) -> None:
+        phase, _, event = why.partition(".")
+        if event == PhaseEvent.EXHAUSTED.value:
+            self.state.exhausted[phase] += 1
+
+    def _change_phase(self, tick: Tick) -> PhaseChanged:
+        self.state.recoveries += tick.phase == BACK_OFF
+        self.state.turns += tick.phase == TURN_AWAY
         return PhaseChanged(tick.elapsed_s, tick.t_s, tick.phase)
 
-    def _compare_anomalies(self, tick: Tick) -> Events:
-        before, self._anomalies = self._anomalies, frozenset(tick.anomalies)
-        for kind in sorted(before - self._anomalies):
-            yield AnomalyEnded(tick.elapsed_s, tick.t_s, kind)
-        for kind in sorted(self._anomalies - before):
-            self.state.anomalies[kind] += 1
-            yield AnomalyBegan(tick.elapsed_s, tick.t_s, kind, tick.phase, tick.place)
+    def _compare_anomalies(self, tick: Tick, before: Tick) -> Events:
+        new, old, at = set(tick.anomalies), set(before.anomalies), (tick.elapsed_s, tick.t_s)
+        self.state.anomalies.update(sorted(new - old))
+        ended = [AnomalyEnded(*at, kind) for kind in sorted(old - new)]
+        return [*ended, *(AnomalyBegan(*at, kind, tick.phase, tick.place) for kind in sorted(new - old))]
 
     def _follow_episode(self, tick: Tick, before: Tick) -> Events:
         """Begin, go on with or end an episode."""
         episode, phase = self._episode, tick.phase
-        if phase in MANOEUVRES:
-            if episode is None:
-                side = "" if tick.side is None else SIDES.get(tick.side, "")
-                episode = self._episode = Episode(tick.elapsed_s, side, tick.elapsed_s)
-                self._episode_from_m = tick.path_m
-                yield EpisodeBegan(tick.elapsed_s, tick.t_s, episode)
-            episode.turns += phase == TURN_AWAY != before.phase
-        if episode is not None:
-            episode.metres = tick.path_m - self._episode_from_m
-            if phase in MANOEUVRES or phase == FOLLOW:
-                episode.end_s = tick.elapsed_s
-            if phase == FOLLOW:
-                yield from self._end_episode(tick, tick.why)
+        told: Events = []
+        if episode is None:
+            side = "" if tick.side is None else SIDES.get(tick.side, "")
+            episode = self._episode = Episode(tick.elapsed_s, side, tick.elapsed_s)
+            self._episode_from_m = tick.path_m
+            told.append(EpisodeBegan(tick.elapsed_s, tick.t_s, episode))
+        episode.metres = tick.path_m - self._episode_from_m
+        episode.turns += phase == TURN_AWAY != before.phase
+        if phase in MANOEUVRES or phase == FOLLOW:
+            episode.end_s = tick.elapsed_s
+        return self._end_episode(tick, tick.why) if phase == FOLLOW else told
 
     def _end_episode(self, at: RunEvent, why: str | None) -> Events:
-        if self._episode is not None:
-            self._episode.ended_by = why
-            yield EpisodeEnded(at.elapsed_s, at.t_s, self._episode)
-            self._episode = None
+        episode, self._episode = self._episode, None
+        if episode is None:
+            return []
+        episode.ended_by = why
+        return [EpisodeEnded(at.elapsed_s, at.t_s, episode)]
 
     # -- events --------------------------------------------------------------------------------------------------
 
     def _event(self, elapsed_s: float, record: Record) -> Events:
         state, event = self.state, noted(elapsed_s, record)
         state.events[event.name] += 1
-        yield event
         match event:
             case Arming() | Armed() | Disarmed():
-                yield from self._change_mode(event)
+                return [event, *self._change_mode(event)]
             case Held() | Released():
                 state.operator_hold = isinstance(event, Held)
+            case GoalSet():
+                state.goal_heading_deg = record.get("goal_heading_deg")
             case SensorFailed():
                 self._sensor(event.sensor).failures += 1
             case Marked():
                 event.number = state.events["mark"]
-        if isinstance(event, Armed | GoalSet):
-            state.goal_heading_deg = record.get("goal_heading_deg")
-        if event.name == "log_gap":
-            self._announced += record.get("dropped") or 0
-            state.dropped += record.get("dropped") or 0
+            case Noted(name="log_gap"):
+                self._announced += record.get("dropped") or 0
+                state.dropped += record.get("dropped") or 0
+        return [event]
 
     def _change_mode(self, event: Noted) -> Events:
         state = self.state
         state.mode = event.name
         if isinstance(event, Arming):
             state.operator_hold = False
-            return
-        yield from self._end_episode(event, event.name)
+            return []
         if isinstance(event, Disarmed):
             state.why_disarmed = name(event.record, "reason") or ""
             self._mission_t_s = None
-            return
-        self._mission_t_s, self._mission_from_m = event.t_s, state.tick.travelled_m or 0.0
-        if state.from_start is None:
-            state.from_start, state.start = True, state.place
+        else:
+            state.goal_heading_deg = event.record.get("goal_heading_deg")
+            self._mission_t_s, self._mission_from_m = event.t_s, state.tick.travelled_m or 0.0
+            if state.from_start is None:
+                state.from_start, state.start = True, state.place
+        return self._end_episode(event, event.name)
 
     # -- everything else -----------------------------------------------------------------------------------------
 
     def _position(self, elapsed_s: float, record: Record) -> Events:
         self._sensor("position").take(record)
         fix = Fix.of(elapsed_s, record)
-        if fix is not None:
-            self.state.fix, self.state.first_fix = fix, self.state.first_fix or fix
-            yield fix
+        if fix is None:
+            return []
+        self.state.fix, self.state.first_fix = fix, self.state.first_fix or fix
+        return [fix]
 
     def _board(self, elapsed_s: float, record: Record) -> Events:
         state, before, board = self.state, self.state.board, Board.of(elapsed_s, record)
         state.board = board
-        yield board
+        told: Events = [board]
         if board.faults != before.faults:
-            yield BoardFaults(elapsed_s, board.t_s, board.faults)
-        if board.battery_v is not None:
-            if state.low_battery is None or board.battery_v < state.low_battery.battery_v:
-                state.low_battery = LowBattery(board.battery_v, elapsed_s, state.tick.duty)
-            if not -BATTERY_FALL_V < board.battery_v - self._told_battery_v < BATTERY_RISE_V:
-                self._told_battery_v = board.battery_v
-                yield BatteryChanged(elapsed_s, board.t_s, board.battery_v)
+            told.append(BoardFaults(elapsed_s, board.t_s, board.faults))
+        battery_v, lowest = board.battery_v, state.low_battery
+        if battery_v is None:
+            return told
+        if lowest is None or battery_v < lowest.battery_v:
+            state.low_battery = LowBattery(battery_v, elapsed_s, state.tick.duty)
+        if not -BATTERY_FALL_V < battery_v - self._told_battery_v < BATTERY_RISE_V:
+            self._told_battery_v = battery_v
+            told.append(BatteryChanged(elapsed_s, board.t_s, battery_v))
+        return told
 
     def _computer(self, elapsed_s: float, record: Record) -> Events:
-        computer = Computer.of(elapsed_s, record)
-        yield computer
-        before, self._power_bits = self._power_bits, computer.bits
-        if computer.bits != before:
-            yield PowerChanged(elapsed_s, computer.t_s, computer.bits)
+        computer = Computer(elapsed_s, record["t_s"], record)
+        before, self._power_bits = self._power_bits, computer.power_bits
+        if self._power_bits == before:
+            return [computer]
+        return [computer, PowerChanged(elapsed_s, computer.t_s, self._power_bits)]
 
     def _truth(self, elapsed_s: float, record: Record) -> Events:
-        truth = Truth.of(elapsed_s, record)
-        if truth is not None:
-            yield truth
+        where = (record.get("x_m"), record.get("y_m"))
+        return [] if None in where else [Truth(elapsed_s, record["t_s"], record)]
 
     def _fault(self, elapsed_s: float, record: Record) -> Events:
-        yield FaultInjected.of(elapsed_s, record)
+        return [FaultInjected.of(elapsed_s, record)]
 
     def _outcome(self, elapsed_s: float, record: Record) -> Events:
         state = self.state
         reason, text, dropped = name(record, "reason"), name(record, "text"), whole(record, "dropped") or 0
         state.mode, state.dropped = "ended", max(state.dropped, dropped)
         state.ended = Ended(elapsed_s, record["t_s"], reason, text, dropped)
-        yield state.ended
+        return [state.ended]
 
     def _sensor(self, sensor: str) -> SensorStatus:
         status = self.state.sensors.get(sensor)

@@ -12,12 +12,46 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.fields import flag, name, names, number, setting, table, whole
+from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.schema import Record
 from wayfarer.hal import MotionReading
+
+T = TypeVar("T")
+
+
+class Key(Generic[T]):
+    """A key of a view's record, under the name of the attribute; the reader has judged its value.
+
+    Args:
+        otherwise: what is returned where the record does not say.
+    """
+
+    def __init__(self, otherwise: T) -> None:
+        self._otherwise = otherwise
+
+    def __set_name__(self, _view: type, key: str) -> None:
+        self._key = key
+
+    def __get__(self, view: Any, _type: type | None = None) -> T:
+        value: T | None = view.record.get(self._key)
+        return self._otherwise if value is None else value
+
+
+class Remembered:
+    """The same for a number that an algorithm remembers: a third party's may be anything, which reads as None."""
+
+    def __set_name__(self, _view: type, key: str) -> None:
+        self._key = key
+
+    def __get__(self, view: Any, _type: type | None = None) -> float | None:
+        return number(view.record, self._key)
+
+
+Number = Key[float | None]
 
 
 @dataclass(slots=True)
@@ -66,56 +100,51 @@ class Header:
 
 @dataclass(slots=True)
 class Tick(RunEvent):
-    """One control tick, under the names of its keys; from ``counter_deg`` on what the algorithm remembers.
+    """One control tick, under the names of its keys; ``motion`` is NaN where the motion sensor could not tell.
 
-    ``motion`` is what the motion sensor said since the tick before, NaN where it could not tell. The fold adds the
-    last four: ``period_s`` since the tick before, NaN where records are missing between the two; ``place``, where dead
-    reckoning has the rover, None without a heading; ``path_m``, how far it went; and ``measured_m_s``, the speed that
-    the motion sensor measured, NaN where it could not.
+    The fold adds the last four fields: ``period_s`` since the tick before, NaN where records are missing between the
+    two; ``place``, where dead reckoning has the rover, None without a heading; ``path_m``, how far it went; and
+    ``measured_m_s``, the speed that the motion sensor measured, NaN where it could not.
     """
 
     record: Record
     motion: MotionReading | None
     heading_deg: float | None
-    pitch_deg: float | None
-    roll_deg: float | None
     anomalies: tuple[str, ...]
-    goal_heading_deg: float | None
     travelled_m: float | None
-    covered_m: float | None
     phase: str | None
     why: str | None
-    wanted_left: float | None
-    wanted_right: float | None
     applied_left: float | None
     applied_right: float | None
     level: str | None
     cause: str | None
-    counter_deg: float | None
-    side: float | None
-    turn_deg: float | None
     episodes: float | None
-    blocked_turns: float | None
-    turn_from_duty: float | None
     period_s: float = nan
     place: ReckonedPose | None = None
     path_m: float = 0.0
     measured_m_s: float = nan
+
+    # What nothing is compared with is looked up when somebody asks for it.
+    pitch_deg = Number(None)
+    roll_deg = Number(None)
+    goal_heading_deg = Number(None)
+    covered_m = Number(None)
+    wanted_left = Number(None)
+    wanted_right = Number(None)
+    counter_deg = Remembered()
+    side = Remembered()
+    turn_deg = Remembered()
+    blocked_turns = Remembered()
+    turn_from_duty = Remembered()
 
     @classmethod
     def of(cls, elapsed_s: float, record: Record) -> Tick:
         """Return the view of a ``tick`` record."""
         get = record.get
         return cls(
-            elapsed_s, record["t_s"], record, _motion(get("motion")),
-            get("heading_deg"), get("pitch_deg"), get("roll_deg"),
-            names(record, "anomalies"),
-            get("goal_heading_deg"), get("travelled_m"), get("covered_m"),
-            name(record, "phase"), name(record, "why"),
-            get("wanted_left"), get("wanted_right"), get("applied_left"), get("applied_right"),
-            name(record, "level"), name(record, "cause"),
-            number(record, "counter_deg"), number(record, "side"), number(record, "turn_deg"),
-            number(record, "episodes"), number(record, "blocked_turns"), number(record, "turn_from_duty"),
+            elapsed_s, record["t_s"], record, _motion(get("motion")), get("heading_deg"), names(record, "anomalies"),
+            get("travelled_m"), name(record, "phase"), name(record, "why"), get("applied_left"), get("applied_right"),
+            name(record, "level"), name(record, "cause"), number(record, "episodes"),
         )  # fmt: skip
 
     @property
@@ -156,61 +185,52 @@ class Fix(RunEvent):
 
 @dataclass(slots=True)
 class Computer(RunEvent):
-    """How the computer is; ``throttled`` are the power and heat bits as hexadecimal text."""
+    """How the computer is."""
 
-    cpu_c: float | None
-    throttled: str | None
-    load_1min: float | None
-    disk_free_mb: float | None
-    log_dropped: int | None
+    record: Record
 
-    @classmethod
-    def of(cls, elapsed_s: float, record: Record) -> Computer:
-        """Return the view of a ``computer`` record."""
-        numbers = (record.get(key) for key in ("load_1min", "disk_free_mb", "log_dropped"))
-        return cls(elapsed_s, record["t_s"], record.get("cpu_c"), name(record, "throttled"), *numbers)
+    cpu_c = Number(None)
+    throttled = Key[str | None](None)
+    load_1min = Number(None)
+    disk_free_mb = Number(None)
+    log_dropped = Number(None)
 
     @property
-    def bits(self) -> str:
-        """Return the power and heat bits; empty where none is set."""
-        return (self.throttled or "").removeprefix("0x").lstrip("0")
+    def power_bits(self) -> str:
+        """Return the power and heat bits that are set, hexadecimal; empty where none is."""
+        return clean(self.throttled or "").removeprefix("0x").lstrip("0")
 
 
 @dataclass(slots=True)
 class Truth(RunEvent):
-    """Where a simulated rover really is, in the metres of its forest; an angle that is not there is 0."""
+    """Where a simulated rover really is, in the metres of its forest; what is not said is 0."""
 
-    x_m: float
-    y_m: float
-    heading_deg: float
-    pitch_deg: float
-    roll_deg: float
-    slipping: bool | None
-    touching: bool | None
+    record: Record
 
-    @classmethod
-    def of(cls, elapsed_s: float, record: Record) -> Truth | None:
-        """Return the view of a ``truth`` record, None where it does not say where."""
-        get, x_m, y_m = record.get, record.get("x_m"), record.get("y_m")
-        if x_m is None or y_m is None:
-            return None
-        heading_deg, pitch_deg, roll_deg = (get(key) or 0.0 for key in ("heading_deg", "pitch_deg", "roll_deg"))
-        slipping, touching = get("slipping"), get("touching")
-        return cls(elapsed_s, record["t_s"], x_m, y_m, heading_deg, pitch_deg, roll_deg, slipping, touching)
+    x_m = Key(0.0)
+    y_m = Key(0.0)
+    heading_deg = Key(0.0)
+    pitch_deg = Key(0.0)
+    roll_deg = Key(0.0)
+    slipping = Key[bool | None](None)
+    touching = Key[bool | None](None)
 
 
 def _motion(said: Mapping[str, Any] | None) -> MotionReading | None:
     """Return what the motion sensor said; JSON has no NaN, so that a number which was none is null in the log."""
     if not said:
         return None
-    forward_m, right_m, quality = number(said, "forward_m"), number(said, "right_m"), number(said, "quality")
-    return MotionReading(
-        number(said, "t_s") or nan,
-        nan if forward_m is None else forward_m,
-        nan if right_m is None else right_m,
-        nan if quality is None else quality,
-        said.get("signed") is not False,
+    forward_m, right_m, quality = (
+        or_nan(said.get("forward_m")),
+        or_nan(said.get("right_m")),
+        or_nan(said.get("quality")),
     )
+    return MotionReading(or_nan(said.get("t_s")), forward_m, right_m, quality, said.get("signed") is not False)
+
+
+def or_nan(value: float | None) -> float:
+    """Return a number, NaN for one that is not known."""
+    return nan if value is None else value
 
 
 def _world(world: Record) -> Record | None:

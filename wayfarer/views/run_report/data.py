@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from wayfarer.fieldlog.fields import setting
 from wayfarer.fieldlog.reader import Damage, Record
 from wayfarer.fieldlog.run_events import Episode
 from wayfarer.fieldlog.sensor_status import SensorStatus
+from wayfarer.fieldlog.typed import or_nan
 from wayfarer.safety.conditions import Level
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary import RunSummary
@@ -129,8 +129,3 @@ def columns(kind: type[Tick] | type[TruePose], flat: Any) -> Columns:
     """Return the columns of rows that stand one after the other."""
     names = kind._fields
     return dict(zip(names, np.array(flat, dtype=np.float64).reshape(-1, len(names)).T, strict=True))
-
-
-def or_nan(value: float | None) -> float:
-    """Return a number, NaN for one that is not known."""
-    return nan if value is None else value

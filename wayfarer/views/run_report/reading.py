@@ -10,7 +10,7 @@ from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.reader import Damage, Record, RunReader
 from wayfarer.fieldlog.run_events import AnomalyBegan, EpisodeBegan, Marked, Noted, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Truth
+from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Truth, or_nan
 from wayfarer.fieldlog.typed import Tick as LoggedTick
 from wayfarer.views.run_report.data import (
     ANOMALIES,
@@ -23,7 +23,6 @@ from wayfarer.views.run_report.data import (
     Tick,
     TruePose,
     columns,
-    or_nan,
 )
 from wayfarer.views.text.run_summariser import RunSummariser
 from wayfarer.views.text.verdict import readable

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from wayfarer.fieldlog.fields import span
@@ -19,7 +19,7 @@ from wayfarer.fieldlog.run_events import (
     PowerChanged,
     RunBegan,
 )
-from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick
+from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick, Truth
 from wayfarer.views.text.wording import (
     Tone,
     aim_text,
@@ -37,7 +37,7 @@ from wayfarer.views.text.wording import (
 STATUS_S = 5.0  # a line at least so often while the rover drives
 STANDING_S = 60.0  # and while it stands: enough to see that it lives
 
-Told = Iterator[tuple[str, Tone]]
+Told = tuple[str, Tone]
 
 
 class Line(NamedTuple):
@@ -66,33 +66,41 @@ class RunNarrator:
     def tell(self, events: Sequence[RunEvent]) -> list[Line]:
         """Return the lines for what a record tells; most records have none."""
         changed = len(events) > 1 and any(isinstance(event, PhaseChanged | AnomalyBegan) for event in events)
-        return [Line(event.elapsed_s, text, tone) for event in events for text, tone in self._told(event, changed)]
+        return [Line(event.elapsed_s, *told) for event in events for told in self._told(event, changed)]
 
-    def _told(self, event: RunEvent, changed: bool) -> Told:
+    def _told(self, event: RunEvent, changed: bool) -> Iterable[Told]:
         match event:
             case Tick():
-                yield from self._tick(event, changed)
+                return self._tick(event, changed)
+            case Truth():
+                return ()
             case Board(battery_v=battery_v):
                 self._battery_v = battery_v
-            case Fix() if event.t_s - self._position_t_s >= STANDING_S:
-                self._position_t_s = event.t_s
-                yield f"position {place_text(event)}", Tone.QUIET
+                return ()
+            case Fix():
+                return self._fix(event)
             case _:
-                yield from _happened(event)
+                return _happened(event)
 
-    def _tick(self, tick: Tick, changed: bool) -> Told:
-        if self._every_tick:
-            yield tick_text(tick), Tone.PLAIN
-        elif changed:
-            yield f"{state_text(tick)}  {reason_text(tick)}".rstrip(), Tone.PHASE
-        elif tick.t_s - self._status_t_s >= (STANDING_S if tick.phase == "halt" else STATUS_S):
-            yield f"{state_text(tick)}  {aim_text(tick, self._battery_v)}".rstrip(), Tone.QUIET
-        else:
-            return
+    def _tick(self, tick: Tick, changed: bool) -> Iterable[Told]:
+        due_s = STANDING_S if tick.phase == "halt" else STATUS_S
+        if not (self._every_tick or changed or tick.t_s - self._status_t_s >= due_s):
+            return ()
         self._status_t_s = tick.t_s
+        if self._every_tick:
+            return [(tick_text(tick), Tone.PLAIN)]
+        if changed:
+            return [(f"{state_text(tick)}  {reason_text(tick)}".rstrip(), Tone.PHASE)]
+        return [(f"{state_text(tick)}  {aim_text(tick, self._battery_v)}".rstrip(), Tone.QUIET)]
+
+    def _fix(self, fix: Fix) -> Iterable[Told]:
+        if fix.t_s - self._position_t_s < STANDING_S:
+            return ()
+        self._position_t_s = fix.t_s
+        return [(f"position {place_text(fix)}", Tone.QUIET)]
 
 
-def _happened(event: RunEvent) -> Told:
+def _happened(event: RunEvent) -> Iterator[Told]:
     """Give what stands in a line whenever it happens."""
     match event:
         case Noted(record=record):
