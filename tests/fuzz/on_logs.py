@@ -127,7 +127,7 @@ STORY = Target(
     ["wayfarer.fieldlog.reader", "wayfarer.fieldlog.run_fold", "wayfarer.fieldlog.typed",
      "wayfarer.fieldlog.run_events", "wayfarer.views.text.run_summariser", "wayfarer.fieldlog.fields",
      "wayfarer.views.text.listing", "wayfarer.views.text.run_narrator", "wayfarer.views.text.summary_text",
-     "wayfarer.views.text.verdict", "wayfarer.views.text.wording", "wayfarer.views.text.last_position",
+     "wayfarer.views.text.verdict", "wayfarer.fieldlog.wording", "wayfarer.views.text.last_position",
      "wayfarer.fieldlog.dead_reckoning", "wayfarer.views.text.tail:RunTail"],
     lambda kept: logs_of(KINDS, kept),
     lambda: _runs(_tell),

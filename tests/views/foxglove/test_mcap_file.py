@@ -204,8 +204,8 @@ def test_log_panel_tells_events_by_their_severity(tmp_path: Path) -> None:
     assert lines == [
         (info, "run of forestrover, forest-pledge, wayfarer 9.9"),
         (info, "mark: hit log"),
-        (warning, "immobilised in follow"),
-        (warning, "nose_up in back_off"),
+        (warning, "stalled, on its way to the goal"),
+        (warning, "nose up, while backing off"),
         (warning, "health: hold, compass_stale"),
         (error, "motors failed: no answer"),
         (info, "made up tomorrow"),

@@ -6,7 +6,7 @@ import pytest
 
 from tests.views.text.records import HEADER, drive, event, narrated, numbered, outcome, record, tick
 from wayfarer.fieldlog.reader import Record
-from wayfarer.views.text.wording import Tone
+from wayfarer.fieldlog.wording import Tone
 
 
 def told(*records: Record, ticks: bool = False) -> list[str]:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from wayfarer.angles import wrap180
 from wayfarer.fieldlog.schema import ANY_NUMBER, KEYS
 from wayfarer.fieldlog.typed import Board, Computer, RunEvent, Tick, Truth
-from wayfarer.views.vocabulary import ANOMALIES
+from wayfarer.fieldlog.vocabulary import ANOMALIES
 
 NOTHING = "none"  # a separate state: in a strip of states, a missing value would look like the previous one
 

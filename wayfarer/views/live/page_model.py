@@ -18,10 +18,10 @@ from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.typed import Header, RunEvent, Tick, Truth
+from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, because, level_text
+from wayfarer.fieldlog.wording import Tone, why_text
 from wayfarer.views.text.run_narrator import RunNarrator
-from wayfarer.views.text.wording import Tone, why_text
 from wayfarer.views.trail import Trail
-from wayfarer.views.vocabulary import ANOMALIES, CAUSES, PHASES, because, level_text
 
 LINES = 200  # about the run; half an hour of a rover that drives
 MARKS = 400  # anomalies that are drawn; the oldest go first

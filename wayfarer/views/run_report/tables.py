@@ -8,10 +8,10 @@ from math import isnan
 
 from wayfarer.fieldlog.fields import name, span
 from wayfarer.fieldlog.sensor_status import SensorStatus
+from wayfarer.fieldlog.wording import event_text
 from wayfarer.views.run_report import page, words
 from wayfarer.views.run_report.data import LoggedEvent, RunData
 from wayfarer.views.run_report.marks import is_trouble
-from wayfarer.views.text.wording import event_text
 
 ROWS = 500  # of a table; the log has all of them
 

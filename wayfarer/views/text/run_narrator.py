@@ -20,7 +20,7 @@ from wayfarer.fieldlog.run_events import (
     RunBegan,
 )
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick, Truth
-from wayfarer.views.text.wording import (
+from wayfarer.fieldlog.wording import (
     Tone,
     aim_text,
     event_text,

@@ -23,7 +23,7 @@ from wayfarer.fieldlog.run_events import Ended, FaultInjected, Noted
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Tick
-from wayfarer.views.text.wording import event_text, fault_text, outcome_text
+from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
 
 # Always there and in this order, so that the tables of two runs can be put below each other.
 COLUMNS = (
