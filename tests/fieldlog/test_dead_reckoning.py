@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
+from math import isnan, nan
 from typing import Any
 
 import pytest
 
 from wayfarer.fieldlog.dead_reckoning import DeadReckoning
+from wayfarer.hal import MotionReading
 
 SPEED_M_S = 1.5
-HEADER = {"config": {"vehicle": {"max_speed_m_s": SPEED_M_S}}}
 DT_S = 0.05
 
 
-def motion(forward_m: float, right_m: float = 0.0, quality: float | None = 0.8, signed: bool = True) -> dict[str, Any]:
-    return {"t_s": 0.0, "forward_m": forward_m, "right_m": right_m, "quality": quality, "signed": signed}
+def motion(forward_m: float, right_m: float = 0.0, quality: float = 0.8, signed: bool = True) -> MotionReading:
+    return MotionReading(0.0, forward_m, right_m, quality, signed)
 
 
 def drive(*ticks: dict[str, Any], duty: float = 0.0, heading_deg: float | None = 0.0) -> DeadReckoning:
     """Feed ticks, a twentieth of a second apart unless they say when."""
-    track = DeadReckoning(HEADER)
+    track = DeadReckoning(SPEED_M_S)
     for number, tick in enumerate(ticks):
-        defaults = {"t_s": number * DT_S, "heading_deg": heading_deg, "applied_left": duty, "applied_right": duty}
-        track.take(defaults | tick)
+        track.take(tick.get("t_s", number * DT_S), heading_deg, 2.0 * duty, tick.get("motion"))
     return track
 
 
@@ -44,14 +44,14 @@ def test_sensor_counts_and_not_the_wheels_while_it_can_tell() -> None:
     assert at(drive(*[{"motion": motion(0.0)}] * 10, duty=1.0)) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("quality", [0.0, 0.19, None])
-def test_wheels_count_where_the_sensor_cannot_tell(quality: float | None) -> None:
+@pytest.mark.parametrize("quality", [0.0, 0.19, nan])
+def test_wheels_count_where_the_sensor_cannot_tell(quality: float) -> None:
     track = drive(*[{"motion": motion(0.0, quality=quality)}] * 11, duty=0.5)
     assert at(track)[0] == pytest.approx(10 * DT_S * 0.5 * SPEED_M_S)
 
 
-@pytest.mark.parametrize("wrong", [motion(50.0), motion(0.0, 40.0), motion(-50.0), motion(1e308)])
-def test_wheels_count_where_the_sensor_says_more_than_any_rover_can_do(wrong: dict[str, Any]) -> None:
+@pytest.mark.parametrize("wrong", [motion(50.0), motion(0.0, 40.0), motion(-50.0), motion(1e308), motion(nan)])
+def test_wheels_count_where_the_sensor_says_more_than_any_rover_can_do(wrong: MotionReading) -> None:
     track = drive(*[{"motion": motion(0.0)}] * 5, {"motion": wrong}, *[{"motion": motion(0.0)}] * 5, duty=0.5)
     assert at(track) == pytest.approx((DT_S * 0.5 * SPEED_M_S, 0.0))
 
@@ -83,6 +83,15 @@ def test_no_place_before_the_first_heading() -> None:
 
 
 def test_log_without_a_configuration_still_has_a_place() -> None:
-    track = DeadReckoning({})
-    track.take({"t_s": 0.0, "heading_deg": 5.0, "motion": None, "applied_left": 1.0, "applied_right": 1.0})
-    assert track.place is not None
+    assert DeadReckoning().take(0.0, 5.0, 2.0, None) is not None
+
+
+def test_speed_is_measured_from_reading_to_reading_and_not_across_missing_records() -> None:
+    track = drive({"motion": motion(0.1)}, {}, {"motion": motion(0.1)})
+    assert track.measured_m_s == pytest.approx(0.1 / (2 * DT_S))
+    track.take(3 * DT_S, 0.0, 0.0, None)
+    assert isnan(track.measured_m_s)
+    track.interrupted()
+    for t_s, known in ((4 * DT_S, False), (5 * DT_S, True)):
+        track.take(t_s, 0.0, 0.0, motion(0.1))
+        assert isnan(track.measured_m_s) is not known

@@ -21,6 +21,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.ground_truth_log import GroundTruthLog
 from wayfarer.experiments.trial import field_log, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
+from wayfarer.fieldlog import wording
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import Record, RunReader
@@ -35,7 +36,7 @@ from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.grounds import GroundName
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
-from wayfarer.views.text import run_summariser, wording
+from wayfarer.views.text import run_summariser
 
 README = Path(__file__).resolve().parents[2] / "field_logs" / "README.md"
 CODE = Path(wayfarer.__file__).parent

@@ -17,14 +17,13 @@ from hypothesis import strategies as st
 from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.on_files import MEMORY, check_finite
 from tests.fuzz.target import Case, Target, Try, reading
-from tests.views.text.records import SAMPLE_LOGS, event, numbered, record
+from tests.views.text.records import SAMPLE_LOGS, event, narrated, numbered, record
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import replay
 from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.run_report.run import write_run_report
 from wayfarer.views.text.export import export, write_table
 from wayfarer.views.text.listing import lines, rows
-from wayfarer.views.text.run_narrator import RunNarrator
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.tail import RunTail
@@ -102,9 +101,8 @@ def _runs(use: Callable[[Path], str]) -> Iterator[Try]:
 
 def _tell(run: Path) -> str:
     """See that what is told of a log is fit for a terminal, and that it is told to the end."""
-    for narrator in (RunNarrator(), RunNarrator(ticks=True)):
-        for each in RunReader(run):
-            assert all(str(line).isprintable() for line in narrator.take(each)), each
+    for ticks in (False, True):
+        assert all(str(line).isprintable() for line in narrated(RunReader(run), ticks=ticks))
     reader = RunReader(run)
     found = summarise(reader)
     assert all(line.isprintable() for line in summary_text("17", found, reader.damage).splitlines())
@@ -126,9 +124,10 @@ def _followed(run: Path) -> Iterator[Any]:
 
 STORY = Target(
     "log",
-    ["wayfarer.fieldlog.reader", "wayfarer.views.text.run_summariser", "wayfarer.fieldlog.fields",
+    ["wayfarer.fieldlog.reader", "wayfarer.fieldlog.run_fold", "wayfarer.fieldlog.typed",
+     "wayfarer.fieldlog.run_events", "wayfarer.views.text.run_summariser", "wayfarer.fieldlog.fields",
      "wayfarer.views.text.listing", "wayfarer.views.text.run_narrator", "wayfarer.views.text.summary_text",
-     "wayfarer.views.text.verdict", "wayfarer.views.text.wording", "wayfarer.views.text.last_position",
+     "wayfarer.views.text.verdict", "wayfarer.fieldlog.wording", "wayfarer.views.text.last_position",
      "wayfarer.fieldlog.dead_reckoning", "wayfarer.views.text.tail:RunTail"],
     lambda kept: logs_of(KINDS, kept),
     lambda: _runs(_tell),

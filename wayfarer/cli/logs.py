@@ -73,6 +73,7 @@ def list_runs(*, logs: Logs = None) -> None:
 def follow(run: Run = None, *, logs: Logs = None) -> None:
     """Show events as they happen, of this run and the next ones; with RUN until that run ends. Ctrl-C ends it."""
     from wayfarer.fieldlog.folders import find_run, run_folders
+    from wayfarer.fieldlog.run_fold import RunFold
     from wayfarer.views.text.run_narrator import RunNarrator
     from wayfarer.views.text.tail import follow as follow_records
     from wayfarer.views.text.verdict import NO_OUTCOME
@@ -94,9 +95,9 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
     with suppress(KeyboardInterrupt), _until_closed():
         for path, record in follow_records(folder, chosen, wait):
             if path != told:
-                told, narrator = path, RunNarrator()
+                told, fold, narrator = path, RunFold(), RunNarrator()
                 print(_titled(path), flush=True)
-            _tell(narrator.take(record), flush=True)
+            _tell(narrator.tell(fold.take(record)), flush=True)
         if chosen is not None:
             _tell_damage(_damage_of(chosen))
 
@@ -111,16 +112,16 @@ def show(
     """Show all events of a run, from its beginning."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import Damage, RunReader
+    from wayfarer.fieldlog.run_fold import RunFold
     from wayfarer.views.text.run_narrator import RunNarrator
     from wayfarer.views.text.verdict import NO_OUTCOME, readable
 
-    narrator, ended = RunNarrator(ticks=ticks), False
+    fold, narrator = RunFold(), RunNarrator(ticks=ticks)
     reader = RunReader(find_run(run, log_folder(logs)))
     with _until_closed():
         for record in readable(reader):
-            _tell(narrator.take(record))
-            ended = record["record"] == "outcome"
-        if not ended:
+            _tell(narrator.tell(fold.take(record)))
+        if fold.state.ended is None:
             print(NO_OUTCOME)
         if reader.damage != Damage():
             print(reader.damage)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from wayfarer.views.text.wording import marks, whole_deg
+from wayfarer.fieldlog.wording import marks, whole_deg
 
 
 def status_text(status: Mapping[str, Any]) -> str:

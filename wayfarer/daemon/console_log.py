@@ -8,6 +8,8 @@ from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Phase
 from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.vocabulary import PHASES, because
+from wayfarer.fieldlog.wording import event_text, whole_deg
 
 
 class ConsoleLog(PartialLog):
@@ -22,15 +24,14 @@ class ConsoleLog(PartialLog):
         """Tell of a change of phase."""
         phase, seen = record.decision.phase, record.observation
         if phase is not self._phase and seen is not None:
-            anomalies = ", ".join(anomaly.value for anomaly in seen.anomalies)
-            because = f" ({record.decision.why}{': ' + anomalies if anomalies else ''})"
-            self._write(f"{phase.value}{because} heading {seen.heading_deg:.0f}, {seen.travelled_m:.1f} m")
+            why = because(record.decision.why, [anomaly.value for anomaly in seen.anomalies])
+            told = f"{PHASES[phase.value]}{'' if why == phase.value else f' ({why})'}"
+            self._write(clean(f"{told}: heading {whole_deg(seen.heading_deg)}, {seen.travelled_m:.1f} m"))
         self._phase = phase
 
     def event(self, name: str, t_s: float, **details: object) -> None:  # noqa: ARG002
         """Tell of an event; the terminal's own clock, or the journal's, says when."""
-        told = ", ".join(f"{key} {_short(value)}" for key, value in details.items() if value is not None)
-        self._write(clean(f"{name.replace('_', ' ')}{': ' + told if told else ''}"))
+        self._write(event_text({"name": name, **details}))
         if name == "opened":
             self._write(f"disarmed. {self._hint}")
 
@@ -38,11 +39,3 @@ class ConsoleLog(PartialLog):
         """Tell how the run ended; an error is told by the command itself."""
         if reason != "failed":
             self._write(f"ended: {reason}: {text}")
-
-
-def _short(value: object) -> str:
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, dict):
-        return ", ".join(f"{count} {what}" for what, count in value.items())
-    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -1,4 +1,4 @@
-"""Dead reckoning over the records of a log. Pure.
+"""Dead reckoning over the ticks of a log. Pure.
 
 The motion sensor says how far, while it can; where it cannot tell, the wheels' commands do. The compass alone says
 which way. Good enough to draw a path and to search for a lost rover; no decision ever sees it.
@@ -6,9 +6,11 @@ which way. Good enough to draw a path and to search for a lost rover; no decisio
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from math import inf, nan
+from typing import NamedTuple
 
 from wayfarer.angles import displacement_m
+from wayfarer.hal import MotionReading
 
 QUALITY_MIN = 0.2  # as ``DetectorSettings.quality_min``: below it the sensor cannot tell
 GAP_S = 1.0  # no tick is that late: records are missing, and nobody knows what the wheels did meanwhile
@@ -29,31 +31,33 @@ class ReckonedPose(NamedTuple):
 class DeadReckoning:
     """Follows the ticks of one log; ``place`` is the latest position, None before the first heading.
 
-    ``path_m`` is how far the rover went, forwards and backwards both counted up.
+    ``path_m`` is how far the rover went, forwards and backwards both counted up. ``measured_m_s`` is the speed by the
+    last reading of the motion sensor, NaN where there was none in the last tick, or where it could not tell.
 
-    Args:
-        header: the log's first record, for the speed at full duty; without one commands count for nothing.
+    ``max_speed_m_s`` is the speed at full duty; at 0, where it is not known, commands count for nothing.
     """
 
-    def __init__(self, header: dict[str, Any]) -> None:
-        vehicle = header.get("config", {}).get("vehicle", {})
-        self._half_speed_m_s = float(vehicle.get("max_speed_m_s", 0.0)) / 2.0
+    def __init__(self, max_speed_m_s: float = 0.0) -> None:
+        self.max_speed_m_s = max_speed_m_s
         self._north_m = self._east_m = 0.0
         self._t_s: float | None = None
-        self._spoke_t_s = float("-inf")
+        self._spoke_t_s = -inf
         self._commanded_m = 0.0
-        self._applied = (0.0, 0.0)
+        self._duties = 0.0
+        self._follows = False
         self.path_m = 0.0
+        self.measured_m_s = nan
         self.place: ReckonedPose | None = None
 
-    def take(self, tick: dict[str, Any]) -> ReckonedPose | None:
-        """Take the next ``tick`` record, and return where the rover is then."""
-        t_s, heading_deg = tick["t_s"], tick.get("heading_deg")
+    def take(
+        self, t_s: float, heading_deg: float | None, duties: float, motion: MotionReading | None
+    ) -> ReckonedPose | None:
+        """Take the next tick, and return where the rover is then; ``duties`` is the sum of both sides."""
         dt_s, self._t_s = t_s - (self._t_s if self._t_s is not None else t_s), t_s
         if dt_s <= GAP_S:
-            self._commanded_m += sum(self._applied) * self._half_speed_m_s * dt_s
-        self._applied = (tick.get("applied_left") or 0.0, tick.get("applied_right") or 0.0)
-        forward_m, right_m = self._gone(tick.get("motion"), t_s)
+            self._commanded_m += self._duties * self.max_speed_m_s / 2.0 * dt_s
+        self._duties = duties
+        forward_m, right_m = self._gone(motion, t_s)
         if heading_deg is None:
             return None
         north_m, east_m = displacement_m(heading_deg, forward_m, right_m)
@@ -63,28 +67,32 @@ class DeadReckoning:
         self.place = ReckonedPose(t_s, self._north_m, self._east_m, heading_deg)
         return self.place
 
-    def _gone(self, motion: dict[str, Any] | None, t_s: float) -> tuple[float, float]:
+    def interrupted(self) -> None:
+        """Note that records are missing: nobody knows since when the next reading of the motion sensor counts."""
+        self._follows = False
+
+    def _gone(self, motion: MotionReading | None, t_s: float) -> tuple[float, float]:
         """Return how far the rover went since the last answer, forward and to the right."""
+        self.measured_m_s = nan
         if motion is None:
             if t_s - self._spoke_t_s <= SILENT_S:
                 return 0.0, 0.0  # it comes with the next reading
             return self._taken(), 0.0
         silent_s, self._spoke_t_s = t_s - self._spoke_t_s, t_s
-        commanded_m = self._taken()
-        forward_m, right_m, quality = motion["forward_m"], motion["right_m"], motion["quality"]
-        if forward_m is None or right_m is None or quality is None or quality < QUALITY_MIN:
+        follows, self._follows = self._follows, True
+        commanded_m, most_m = self._taken(), self._most_m(silent_s)
+        _, forward_m, right_m, quality, signed = motion
+        if not (quality >= QUALITY_MIN and abs(forward_m) <= most_m and abs(right_m) <= most_m):  # nor where it is NaN
             return commanded_m, 0.0
-        if max(abs(forward_m), abs(right_m)) > self._most_m(silent_s):
-            return commanded_m, 0.0
-        if not motion.get("signed", True) and commanded_m < 0.0:
+        if not signed and commanded_m < 0.0:
             forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
+        if follows and 0.0 < silent_s < GAP_S:
+            self.measured_m_s = forward_m / silent_s
         return forward_m, right_m
 
     def _most_m(self, silent_s: float) -> float:
         """Return how far the rover can have gone since the last answer."""
-        if silent_s == float("inf"):
-            return READING_MAX_M
-        return max(READING_MAX_M, TOO_FAST * 2.0 * self._half_speed_m_s * silent_s)
+        return READING_MAX_M if silent_s == inf else max(READING_MAX_M, TOO_FAST * self.max_speed_m_s * silent_s)
 
     def _taken(self) -> float:
         commanded_m, self._commanded_m = self._commanded_m, 0.0

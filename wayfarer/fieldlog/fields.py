@@ -10,20 +10,18 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from wayfarer.fieldlog.dead_reckoning import DeadReckoning
 from wayfarer.fieldlog.printable import clean
-from wayfarer.fieldlog.reader import Record
 
 ABSURD = 1e10  # no time, way, angle or voltage of a run comes near it: the bytes of a number beyond it were changed
 CLOCK_SET_S = 1_704_067_200.0  # 2024-01-01: a clock before that was never set (as in ``checks.system``)
 
 
 def number(record: Mapping[str, Any], key: str) -> float | None:
-    """Return a number, or None; none is so large that sums of them overflow."""
+    """Return a number, or None; none is NaN, or so large that sums of them overflow."""
     value = record.get(key)
-    if not isinstance(value, int | float) or isinstance(value, bool) or abs(value) >= ABSURD:
-        return None
-    return float(value)
+    if isinstance(value, int | float) and -ABSURD < value < ABSURD and not isinstance(value, bool):
+        return value
+    return None
 
 
 def whole(record: Mapping[str, Any], key: str) -> int | None:
@@ -54,6 +52,15 @@ def table(record: Mapping[str, Any], key: str) -> dict[str, Any]:
     """Return an object; an empty one where there is none."""
     value = record.get(key)
     return value if isinstance(value, dict) else {}
+
+
+def setting(header: Mapping[str, Any], *keys: str) -> float | None:
+    """Return a number of the rover file that a header holds, as ``vehicle`` and ``max_speed_m_s``; None without it."""
+    *groups, key = keys
+    found = table(header, "config")
+    for group in groups:
+        found = table(found, group)
+    return number(found, key)
 
 
 def span(seconds: float | None, decimals: int = 0) -> str:
@@ -92,20 +99,3 @@ def local_time(wall_s: float, form: str, *, utc: bool = False) -> str:
         return time.strftime(form, time.gmtime(wall_s) if utc else time.localtime(wall_s))
     except (OverflowError, ValueError, OSError):
         return ""
-
-
-def reckoning(header: Mapping[str, Any]) -> DeadReckoning:
-    """Return what follows the ticks of a log; give it ``sound_tick``."""
-    speed_m_s = number(table(table(header, "config"), "vehicle"), "max_speed_m_s")
-    return DeadReckoning({"config": {"vehicle": {"max_speed_m_s": speed_m_s or 0.0}}})
-
-
-def sound_tick(tick: Mapping[str, Any]) -> Record:
-    """Return of a tick what dead reckoning takes, each of it a number or None."""
-    read = {key: number(tick, key) for key in ("heading_deg", "applied_left", "applied_right")}
-    sound: Record = {"t_s": tick["t_s"], **read}
-    motion = table(tick, "motion")
-    if motion:
-        moved = {key: number(motion, key) for key in ("forward_m", "right_m", "quality")}
-        sound["motion"] = {**moved, "signed": motion.get("signed") is not False}
-    return sound

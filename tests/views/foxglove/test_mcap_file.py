@@ -18,8 +18,9 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import Anomaly
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.fieldlog.dead_reckoning import DeadReckoning
 from wayfarer.fieldlog.reader import Record, RunReader
+from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.typed import Tick
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views.foxglove.mcap_file import write_mcap
 
@@ -95,15 +96,14 @@ def test_derived_values_are_those_of_the_log(exported: Exported, records: list[R
 
 
 def test_pose_of_every_tick_is_dead_reckoning_from_the_forests_start(exported: Exported, records: list[Record]) -> None:
-    reckoning = DeadReckoning(records[0])
+    fold = RunFold()
+    ticks = [event for record in records for event in fold.take(record) if isinstance(event, Tick)]
     east_m, north_m = records[0]["world"]["start_m"]
-    for record, (_, pose), (_, motion) in zip(
-        of_kind(records, "tick"), exported.messages["/pose"], exported.messages["/motion"], strict=True
-    ):
-        place = reckoning.take(record)
-        assert place is not None
-        assert pose["translation"] == {"x": place.east_m + east_m, "y": place.north_m + north_m, "z": 0.0}
-        assert motion["path_m"] == reckoning.path_m
+    poses, motions = exported.messages["/pose"], exported.messages["/motion"]
+    for each, (_, pose), (_, motion) in zip(ticks, poses, motions, strict=True):
+        assert each.place is not None
+        assert pose["translation"] == {"x": each.place.east_m + east_m, "y": each.place.north_m + north_m, "z": 0.0}
+        assert motion["path_m"] == each.path_m
 
 
 def test_true_pose_and_paths_are_those_of_the_log(exported: Exported, records: list[Record]) -> None:
@@ -204,8 +204,8 @@ def test_log_panel_tells_events_by_their_severity(tmp_path: Path) -> None:
     assert lines == [
         (info, "run of forestrover, forest-pledge, wayfarer 9.9"),
         (info, "mark: hit log"),
-        (warning, "immobilised in follow"),
-        (warning, "nose_up in back_off"),
+        (warning, "stalled, on its way to the goal"),
+        (warning, "nose up, while backing off"),
         (warning, "health: hold, compass_stale"),
         (error, "motors failed: no answer"),
         (info, "made up tomorrow"),

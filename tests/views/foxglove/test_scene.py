@@ -102,7 +102,7 @@ def test_goal_is_a_line_to_the_north_of_the_start() -> None:
 
 
 def test_body_has_the_rovers_size_and_moves_with_its_frame() -> None:
-    (body,) = decoded(body_scene(TIME, {"length_m": 0.5, "width_m": 0.4}, ["rover"]))["entities"]
+    (body,) = decoded(body_scene(TIME, 0.5, 0.4, ["rover"]))["entities"]
     assert (body["frame_id"], body["frame_locked"]) == ("rover", True)
     assert (body["cubes"][0]["size"]["x"], body["cubes"][0]["size"]["y"]) == (0.5, 0.4)
     nose = body["arrows"][0]["pose"]

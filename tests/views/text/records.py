@@ -9,6 +9,8 @@ from typing import Any
 import orjson
 
 from wayfarer.fieldlog.reader import Record
+from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.views.text.run_narrator import Line, RunNarrator
 
 SAMPLE_LOGS = Path(__file__).resolve().parents[3] / "field_logs"
 BEGAN_WALL_S = 1_800_000_000.0
@@ -59,6 +61,12 @@ def write(run: Path, records: Iterable[Record | bytes], name: str = "run.jsonl")
     with (run / name).open("ab") as file:
         file.writelines(each if isinstance(each, bytes) else orjson.dumps(each) + b"\n" for each in records)
     return run
+
+
+def narrated(records: Iterable[Record], *, ticks: bool = False) -> list[Line]:
+    """Return what is told of a run in lines."""
+    fold, narrator = RunFold(), RunNarrator(ticks=ticks)
+    return [line for each in records for line in narrator.tell(fold.take(each))]
 
 
 def outcome(t_s: float, reason: str = "requested") -> Record:

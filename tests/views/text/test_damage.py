@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from tests.views.text.records import HEADER, SAMPLE_LOGS, drive, event, numbered, outcome, record, tick, write
+from tests.views.text.records import HEADER, SAMPLE_LOGS, drive, event, narrated, numbered, outcome, record, tick, write
 from wayfarer import cli
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run
@@ -23,7 +23,6 @@ from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.text.export import export, write_table
 from wayfarer.views.text.last_position import RangeBearing
 from wayfarer.views.text.listing import lines, rows
-from wayfarer.views.text.run_narrator import RunNarrator
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary import RunSummary
 from wayfarer.views.text.summary_text import summary_text
@@ -36,9 +35,8 @@ WHOLE = numbered([HEADER, event("armed", 0.0), *drive(0.0, 1.0), outcome(1.0)])
 
 def use_every_tool(run: Path) -> None:
     reader = RunReader(run)
-    for narrator in (RunNarrator(), RunNarrator(ticks=True)):
-        for each in RunReader(run):
-            assert all(str(line).isprintable() for line in narrator.take(each))
+    for ticks in (False, True):
+        assert all(str(line).isprintable() for line in narrated(RunReader(run), ticks=ticks))
     found = summarise(reader)
     assert summary_text("17", found, reader.damage)
     assert json.dumps(asdict(found), allow_nan=False)

@@ -4,25 +4,23 @@ from __future__ import annotations
 
 import pytest
 
-from tests.views.text.records import HEADER, drive, event, numbered, outcome, record, tick
+from tests.views.text.records import HEADER, drive, event, narrated, numbered, outcome, record, tick
 from wayfarer.fieldlog.reader import Record
-from wayfarer.views.text.run_narrator import RunNarrator
-from wayfarer.views.text.wording import Tone
+from wayfarer.fieldlog.wording import Tone
 
 
 def told(*records: Record, ticks: bool = False) -> list[str]:
     """The lines that follow the header's."""
-    narrator = RunNarrator(ticks=ticks)
-    return [str(line) for each in [HEADER, *records] for line in narrator.take(each)][1:]
+    return [str(line) for line in narrated([HEADER, *records], ticks=ticks)][1:]
 
 
 def tone(each: Record) -> Tone:
-    (line,) = RunNarrator().take(each)
+    (line,) = narrated([each])
     return line.tone
 
 
 def test_first_line_says_what_runs() -> None:
-    (line,) = RunNarrator().take(HEADER | {"dry_run": True})
+    (line,) = narrated([HEADER | {"dry_run": True}])
     assert str(line) == "0:00:00.00  run of minirover, forest-pledge, dry run, wayfarer 9.9"
 
 
@@ -158,15 +156,12 @@ def test_what_the_log_says_of_missing_records_is_not_said_again() -> None:
 
 
 def test_header_that_only_a_later_part_has_says_what_runs() -> None:
-    narrator = RunNarrator()
-    lines = [
-        str(line) for each in [event("armed", 1.0) | {"n": 1}, HEADER | {"part": 2}] for line in narrator.take(each)
-    ]
+    lines = [str(line) for line in narrated([event("armed", 1.0) | {"n": 1}, HEADER | {"part": 2}])]
     assert lines[1:] == ["-0:00:01.00  run of minirover, forest-pledge, wayfarer 9.9"]
 
 
 def test_log_whose_beginning_is_gone_says_so() -> None:
-    first, second = RunNarrator().take(HEADER | {"part": 3})
+    first, second = narrated([HEADER | {"part": 3}])
     assert "part 3" in second.text
     assert first.tone is Tone.PLAIN
 
@@ -195,6 +190,5 @@ def test_nothing_that_a_terminal_obeys_gets_through(nasty: str) -> None:
         record("computer", 1.0, throttled=nasty),
         record("outcome", 1.0, reason=nasty, text=nasty),
     ]
-    for narrator in (RunNarrator(), RunNarrator(ticks=True)):
-        for each in records:
-            assert all(str(line).isprintable() for line in narrator.take(each))
+    for ticks in (False, True):
+        assert all(str(line).isprintable() for line in narrated(records, ticks=ticks))

@@ -8,8 +8,9 @@ import pytest
 
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, numbered, outcome, record, tick
 from wayfarer.fieldlog.reader import Damage, Record
+from wayfarer.fieldlog.run_state import LowBattery
 from wayfarer.views.text.run_summariser import summarise
-from wayfarer.views.text.summary import LowBattery, Mark, RunSummary
+from wayfarer.views.text.summary import Mark, RunSummary
 from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.verdict import NO_OUTCOME
 

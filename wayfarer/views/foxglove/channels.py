@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -21,8 +20,11 @@ from foxglove.messages import (
     Timestamp,
 )
 
-from wayfarer.fieldlog.reader import Record
-from wayfarer.views.foxglove.notes import Notes
+from wayfarer.fieldlog.run_events import BY_NAME, AnomalyBegan, Ended, FaultInjected, Noted, RunBegan
+from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.typed import Fix, RunEvent, Tick, Truth
+from wayfarer.views.foxglove.notes import note
 from wayfarer.views.foxglove.places import Places
 from wayfarer.views.foxglove.plots import PLOTS, Plot
 from wayfarer.views.foxglove.scene import (
@@ -36,8 +38,6 @@ from wayfarer.views.foxglove.scene import (
     transform,
 )
 
-# Raised by a record that is JSON but not as the schema says: edited by hand, or written by another program.
-ODD = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 SECOND_NS = 1_000_000_000
 LATEST_S = 2.0**32 - 1.0  # in the year 2106, where the SDK's times end
 
@@ -62,24 +62,23 @@ class SdkChannel(Protocol):
         """Send a message."""
 
 
-Make = Callable[[Record, MessageTime], Iterator[Any]]
+Make = Callable[[Any, MessageTime], Iterator[Any]]  # of an event of the kinds whose row it stands in
 Row = list[tuple[SdkChannel, Make]]
 
 
 class Channels:
     """The channels of one run, fed with its records in their order.
 
-    A message is only made for a channel that a file or a viewer takes. No method raises because of the content of a
-    record: one that cannot be understood gives no message.
+    A message is only made for a channel that a file or a viewer takes.
 
     Args:
         context: the SDK's; a file or a server that is opened on it gets the messages.
     """
 
     def __init__(self, context: Context) -> None:
+        self._fold = RunFold()
         self._places = Places()
-        self._notes = Notes()
-        self._rows: defaultdict[str, Row] = defaultdict(list)
+        self._rows: defaultdict[type[RunEvent], Row] = defaultdict(list)
         self._lasting: Row = []
         self._add_plots(context)
         self._add_log(context)
@@ -87,61 +86,62 @@ class Channels:
 
     def take(self, record: Record, time_s: float) -> None:
         """Send what a record says, at a time in seconds since 1970."""
-        known: Record = {}
-        with suppress(*ODD):
-            place = self._places.take(record)
-            known = {"place": place, "path_m": self._places.path_m} if record["record"] == "tick" else {}
-        _send(self._rows[record["record"]], record | known, time_s)
+        for event in self._fold.take(record):
+            match event:
+                case Tick(place=place) if place is not None:
+                    event.place = place = self._places.in_map(place)
+                    self._places.grow(ROVER, place.east_m, place.north_m)
+                case Truth(x_m=x_m, y_m=y_m):
+                    self._places.grow(TRUTH, x_m, y_m)
+                case RunBegan(header=header):
+                    self._places.begin(header)
+            _send(self._rows[type(event)], event, time_s)
 
     def send_lasting(self, time_s: float) -> None:
         """Send again what stays in sight: forest, bodies and paths."""
-        _send(self._lasting, self._places.header, time_s)
+        state = self._fold.state
+        _send(self._lasting, RunBegan(state.elapsed_s, state.t_s, state.header, late=False), time_s)
 
     def _add_plots(self, context: Context) -> None:
         for topic, plot in PLOTS.items():
             channel = Channel(topic, schema=plot.schema(topic), context=context)
-            self._rows[plot.record].append((channel, partial(_values, plot)))
+            self._rows[plot.view].append((channel, partial(_values, plot)))
 
     def _add_log(self, context: Context) -> None:
         channel = LogChannel("/log", context=context)
-        for kind in ("run", "event", "fault", "tick", "outcome"):
-            self._rows[kind].append((channel, self._lines))
+        for kind in (RunBegan, AnomalyBegan, Noted, *BY_NAME.values(), FaultInjected, Ended):
+            self._rows[kind].append((channel, _line))
 
     def _add_scene(self, context: Context) -> None:
-        self._rows["tick"].append((FrameTransformChannel("/pose", context=context), _pose))
-        self._rows["truth"].append((FrameTransformChannel("/truth", context=context), _true_pose))
-        self._rows["position"].append((LocationFixChannel("/location", context=context), _location))
+        self._rows[Tick].append((FrameTransformChannel("/pose", context=context), _pose))
+        self._rows[Truth].append((FrameTransformChannel("/truth", context=context), _true_pose))
+        self._rows[Fix].append((LocationFixChannel("/location", context=context), _location))
         for topic, make in (("/forest", _forest), ("/rover", _bodies)):
             channel = SceneUpdateChannel(topic, context=context)
-            self._rows["run"].append((channel, make))
+            self._rows[RunBegan].append((channel, make))
             self._lasting.append((channel, make))
-        for topic, kind, frame in (("/track", "tick", ROVER), ("/truth_track", "truth", TRUTH)):
+        for topic, kind, frame in (("/track", Tick, ROVER), ("/truth_track", Truth, TRUTH)):
             channel = SceneUpdateChannel(topic, context=context)
             self._rows[kind].append((channel, partial(self._longer_path, frame)))
-            self._rows["outcome"].append((channel, partial(self._path, frame)))
+            self._rows[Ended].append((channel, partial(self._path, frame)))
             self._lasting.append((channel, partial(self._path, frame)))
 
-    def _lines(self, record: Record, at: MessageTime) -> Iterator[Log]:
-        for note in self._notes.take(record):
-            yield Log(timestamp=at.stamp, level=note.level, name=note.name, message=note.text)
+    def _longer_path(self, frame: str, event: RunEvent, at: MessageTime) -> Iterator[SceneUpdate]:
+        if self._places.is_due(frame, event.t_s):
+            yield from self._path(frame, event, at)
 
-    def _longer_path(self, frame: str, record: Record, at: MessageTime) -> Iterator[SceneUpdate]:
-        if self._places.is_due(frame, record["t_s"]):
-            yield from self._path(frame, record, at)
-
-    def _path(self, frame: str, _record: Record, at: MessageTime) -> Iterator[SceneUpdate]:
+    def _path(self, frame: str, _event: RunEvent, at: MessageTime) -> Iterator[SceneUpdate]:
         if points := self._places.paths[frame].points:
             yield path_scene(at.stamp, frame, [point(east_m, north_m) for east_m, north_m, _ in points])
 
 
-def _send(row: Row, record: Record, time_s: float) -> None:
-    """Send a record on a row of channels; an error of one does not affect the others."""
+def _send(row: Row, event: RunEvent, time_s: float) -> None:
+    """Send an event on a row of channels."""
     at = _moment(time_s)
     for channel, make in row:
-        with suppress(*ODD):
-            if channel.has_sinks():
-                for message in make(record, at):
-                    channel.log(message, log_time=at.time_ns)
+        if channel.has_sinks():
+            for message in make(event, at):
+                channel.log(message, log_time=at.time_ns)
 
 
 def nanoseconds(time_s: float) -> int:
@@ -154,42 +154,48 @@ def _moment(time_s: float) -> MessageTime:
     return MessageTime(time_ns, Timestamp(*divmod(time_ns, SECOND_NS)))
 
 
-def _values(plot: Plot, record: Record, _at: MessageTime) -> Iterator[bytes]:
-    if message := plot.message(record):
+def _values(plot: Plot, view: RunEvent, _at: MessageTime) -> Iterator[bytes]:
+    if message := plot.message(view):
         yield orjson.dumps(message)
 
 
-def _pose(tick: Record, at: MessageTime) -> Iterator[FrameTransform]:
-    if place := tick["place"]:
-        tilt_deg = tick.get("pitch_deg") or 0.0, tick.get("roll_deg") or 0.0
-        yield transform(at.stamp, ROVER, place.east_m, place.north_m, orientation(place.heading_deg, *tilt_deg))
+def _line(event: RunEvent, at: MessageTime) -> Iterator[Log]:
+    if (told := note(event)) is not None:
+        yield Log(timestamp=at.stamp, level=told.level, name=told.name, message=told.text)
 
 
-def _true_pose(truth: Record, at: MessageTime) -> Iterator[FrameTransform]:
-    rotation = orientation(truth["heading_deg"], truth["pitch_deg"], truth["roll_deg"])
-    yield transform(at.stamp, TRUTH, truth["x_m"], truth["y_m"], rotation)
+def _pose(tick: Tick, at: MessageTime) -> Iterator[FrameTransform]:
+    if (place := tick.place) is not None:
+        rotation = orientation(place.heading_deg, tick.pitch_deg or 0.0, tick.roll_deg or 0.0)
+        yield transform(at.stamp, ROVER, place.east_m, place.north_m, rotation)
 
 
-def _location(fix: Record, at: MessageTime) -> Iterator[LocationFix]:
+def _true_pose(truth: Truth, at: MessageTime) -> Iterator[FrameTransform]:
+    rotation = orientation(truth.heading_deg, truth.pitch_deg, truth.roll_deg)
+    yield transform(at.stamp, TRUTH, truth.x_m, truth.y_m, rotation)
+
+
+def _location(fix: Fix, at: MessageTime) -> Iterator[LocationFix]:
     """Give a position; its error is horizontal, and says nothing of the height."""
     unknown = LocationFixPositionCovarianceType.Unknown
     known = LocationFixPositionCovarianceType.Approximated
-    variance_m2 = (fix.get("error_m") or 0.0) ** 2
+    variance_m2 = (fix.error_m or 0.0) ** 2
     yield LocationFix(
         timestamp=at.stamp,
         frame_id=ROVER,
-        latitude=fix["latitude_deg"],
-        longitude=fix["longitude_deg"],
+        latitude=fix.latitude_deg,
+        longitude=fix.longitude_deg,
         position_covariance=[variance_m2, 0.0, 0.0, 0.0, variance_m2, 0.0, 0.0, 0.0, 0.0],
         position_covariance_type=known if variance_m2 else unknown,
     )
 
 
-def _forest(header: Record, at: MessageTime) -> Iterator[SceneUpdate]:
-    if "world" in header:
-        yield forest_scene(at.stamp, header["world"])
+def _forest(began: RunBegan, at: MessageTime) -> Iterator[SceneUpdate]:
+    if began.header.world is not None:
+        yield forest_scene(at.stamp, began.header.world)
 
 
-def _bodies(header: Record, at: MessageTime) -> Iterator[SceneUpdate]:
-    frames = (ROVER, TRUTH) if "world" in header else (ROVER,)
-    yield body_scene(at.stamp, header["config"]["vehicle"], frames)
+def _bodies(began: RunBegan, at: MessageTime) -> Iterator[SceneUpdate]:
+    length_m, width_m = (began.header.setting("vehicle", key) for key in ("length_m", "width_m"))
+    if length_m is not None and width_m is not None:
+        yield body_scene(at.stamp, length_m, width_m, (ROVER,) if began.header.world is None else (ROVER, TRUTH))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from wayfarer.fieldlog.dead_reckoning import DeadReckoning, ReckonedPose
-from wayfarer.fieldlog.reader import Record
+from wayfarer.fieldlog.dead_reckoning import ReckonedPose
+from wayfarer.fieldlog.typed import Header
 from wayfarer.views.foxglove.scene import ROVER, TRUTH
 from wayfarer.views.trail import Trail
 
@@ -13,38 +13,33 @@ DRAW_EVERY_S = 1.0  # a path is drawn whole each time, so that the newest messag
 
 
 class Places:
-    """Follows the records of one run.
+    """Lays the run on the map.
 
     The map's origin is where the log begins; in a simulated run it is the forest's, and the log begins at its start.
-    ``header`` is the log's first record, empty where there is none. ``paths`` are what was driven, by frame.
+    ``paths`` are what was driven, by frame.
     """
 
     def __init__(self) -> None:
-        self.header: Record = {}
         self.paths = {frame: Trail(PATH_POINTS, PATH_SPACING_M) for frame in (ROVER, TRUTH)}
-        self._reckoning = DeadReckoning({})
         self._start_m = (0.0, 0.0)
         self._drawn_s = dict.fromkeys(self.paths, float("-inf"))
         self._grown = dict.fromkeys(self.paths, False)
 
-    @property
-    def path_m(self) -> float:
-        """Return how far the rover went by dead reckoning."""
-        return self._reckoning.path_m
+    def begin(self, header: Header) -> None:
+        """Take what says in which forest the run is."""
+        if header.world is not None:
+            east_m, north_m, *_ = header.world["start_m"]
+            self._start_m = (float(east_m), float(north_m))
 
-    def take(self, record: Record) -> ReckonedPose | None:
-        """Take the next record; of a tick return the place in the map, as a simulated forest has it."""
-        match record["record"]:
-            case "run" if not self.header:
-                self._begin(record)
-            case "truth":
-                self._grow(TRUTH, record["x_m"], record["y_m"])
-            case "tick" if place := self._reckoning.take(record):
-                east_m, north_m = self._start_m
-                place = place._replace(east_m=place.east_m + east_m, north_m=place.north_m + north_m)
-                self._grow(ROVER, place.east_m, place.north_m)
-                return place
-        return None
+    def in_map(self, place: ReckonedPose) -> ReckonedPose:
+        """Return a place of dead reckoning in the map."""
+        east_m, north_m = self._start_m
+        return place._replace(east_m=place.east_m + east_m, north_m=place.north_m + north_m)
+
+    def grow(self, frame: str, x_m: float, y_m: float) -> None:
+        """Lengthen a path."""
+        self._grown[frame] |= self.paths[frame].add(x_m, y_m)
+        self.paths[frame].thin()
 
     def is_due(self, frame: str, t_s: float) -> bool:
         """Return whether a path has grown and is due to be drawn; then it counts as drawn."""
@@ -53,15 +48,3 @@ class Places:
             self._drawn_s[frame] = t_s
             self._grown[frame] = False
         return due
-
-    def _begin(self, header: Record) -> None:
-        self.header = header
-        if "world" in header:
-            east_m, north_m = header["world"]["start_m"]
-            self._start_m = (float(east_m), float(north_m))
-        if self._reckoning.place is None:
-            self._reckoning = DeadReckoning(header)
-
-    def _grow(self, frame: str, x_m: float, y_m: float) -> None:
-        self._grown[frame] |= self.paths[frame].add(x_m, y_m)
-        self.paths[frame].thin()

@@ -1,48 +1,49 @@
 """Channels of plain numbers and words for plots and tables, from one table of fields. Pure.
 
 Each field has its unit in its name and its meaning in the channel's JSON schema; its type is that of the log's key. A
-value that is missing, is ``null`` or has another type than the schema says is left out of its message, and a message
-without any value is not sent. So a gap in a plot is all that a part without data causes, or an algorithm that
-remembers other things.
+value that is missing or no number is left out of its message, and a message without any value is not sent. So a gap in
+a plot is all that a part without data causes, or an algorithm that remembers other things.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import cache
 from math import isfinite
 from typing import Any, NamedTuple
 
 from wayfarer.angles import wrap180
-from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.schema import ANY_NUMBER, KEYS
-from wayfarer.views.vocabulary import ANOMALIES
+from wayfarer.fieldlog.typed import Board, Computer, RunEvent, Tick, Truth
+from wayfarer.fieldlog.vocabulary import ANOMALIES
 
 NOTHING = "none"  # a separate state: in a strip of states, a missing value would look like the previous one
 
 
 class Plot(NamedTuple):
-    """One channel: the kind of record that it shows, what it is about, and its fields with their meanings."""
+    """One channel: the view of the records that it shows, what it is about, and its fields with their meanings."""
 
-    record: str
+    view: type[RunEvent]
     meaning: str
     fields: Mapping[str, str]
 
     def schema(self, topic: str) -> dict[str, Any]:
         """Return the channel's JSON schema; of the types only plain ones, which every reader of schemas knows."""
         properties = {
-            name: {"type": _kind(self.record, name), "description": meaning} for name, meaning in self.fields.items()
+            name: {"type": _kind(KINDS[self.view], name), "description": meaning}
+            for name, meaning in self.fields.items()
         }
         name = f"wayfarer.{topic.removeprefix('/')}"
         return {"type": "object", "title": name, "description": self.meaning, "properties": properties}
 
-    def message(self, record: Record) -> dict[str, object]:
-        """Return what a record says of the fields; a record that is not as its schema says may raise anything."""
-        values = {name: _value(record, name) for name in self.fields}
-        return {name: value for name, value in values.items() if _IS[_kind(self.record, name)](value)}
+    def message(self, view: RunEvent) -> dict[str, object]:
+        """Return what a record says of the fields."""
+        values = ((name, _DERIVED[name](view) if name in _DERIVED else getattr(view, name)) for name in self.fields)
+        return {name: value for name, value in values if _is_known(value)}
 
 
-@cache
+KINDS: Mapping[type[RunEvent], str] = {Tick: "tick", Board: "board", Computer: "computer", Truth: "truth"}
+
+
 def _kind(record: str, name: str) -> str:
     """Return the type of a field in JSON schema, from the log's schema; what an algorithm remembers are numbers."""
     types = KEYS[record].get(name, ANY_NUMBER).types
@@ -51,40 +52,34 @@ def _kind(record: str, name: str) -> str:
     return "string" if str in types or list in types else "number"
 
 
-def _value(record: Record, name: str) -> object:
-    if name in ANOMALIES:
-        return name in record["anomalies"]
-    return _DERIVED[name](record) if name in _DERIVED else record.get(name)
+def _is_known(value: object) -> bool:
+    return value is not None and not (isinstance(value, float) and not isfinite(value))
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
-
-
-def _error_deg(record: Record) -> float | None:
-    heading_deg, goal_deg = record.get("heading_deg"), record.get("goal_heading_deg")
+def _error_deg(tick: Any) -> float | None:
+    heading_deg, goal_deg = tick.heading_deg, tick.goal_heading_deg
     return None if heading_deg is None or goal_deg is None else wrap180(goal_deg - heading_deg)
 
 
-def _moved(name: str) -> Callable[[Record], object]:
-    return lambda record: (record.get("motion") or {}).get(name)
+def _moved(name: str) -> Callable[[Any], object]:
+    return lambda tick: getattr(tick.motion, name, None)
 
 
-_IS: Mapping[str, Callable[[object], bool]] = {
-    "number": _is_number,
-    "boolean": lambda value: isinstance(value, bool),
-    "string": lambda value: isinstance(value, str),
-}
-_DERIVED: Mapping[str, Callable[[Record], object]] = {
+def _felt(kind: str) -> Callable[[Any], object]:
+    return lambda tick: kind in tick.anomalies
+
+
+_DERIVED: Mapping[str, Callable[[Any], object]] = {
     "error_deg": _error_deg,
-    "cause": lambda record: record.get("cause", NOTHING) or NOTHING,
-    "faults": lambda record: ", ".join(map(str, record["faults"])) or NOTHING,
+    "cause": lambda tick: tick.cause or NOTHING,
+    "faults": lambda board: ", ".join(board.faults) or NOTHING,
     **{name: _moved(name) for name in ("forward_m", "right_m", "quality")},
+    **{kind: _felt(kind) for kind in ANOMALIES},
 }
 
 PLOTS: Mapping[str, Plot] = {
     "/heading": Plot(
-        "tick",
+        Tick,
         "Where the rover looks and where it wants to go, in degrees clockwise from magnetic north.",
         {
             "heading_deg": "heading, 0 to 360",
@@ -93,12 +88,12 @@ PLOTS: Mapping[str, Plot] = {
         },
     ),
     "/tilt": Plot(
-        "tick",
+        Tick,
         "Tilt of the body.",
         {"pitch_deg": "positive: nose up", "roll_deg": "positive: right side down"},
     ),
     "/phase": Plot(
-        "tick",
+        Tick,
         "What the rover does, and whether it is well.",
         {
             "phase": "what the rover does",
@@ -108,7 +103,7 @@ PLOTS: Mapping[str, Plot] = {
         },
     ),
     "/counter": Plot(
-        "tick",
+        Tick,
         "What the escape handler remembers; other algorithms than the paper's may remember other things.",
         {
             "counter_deg": "C: heading gained since the episode began, clockwise positive",
@@ -120,7 +115,7 @@ PLOTS: Mapping[str, Plot] = {
         },
     ),
     "/wheels": Plot(
-        "tick",
+        Tick,
         "Duty of the wheels, -1 to 1.",
         {
             "wanted_left": "duty that the algorithm wants, left",
@@ -129,9 +124,9 @@ PLOTS: Mapping[str, Plot] = {
             "applied_right": "duty that the motors took, right",
         },
     ),
-    "/anomalies": Plot("tick", "What is wrong in the forest, as the rover notices it.", ANOMALIES),
+    "/anomalies": Plot(Tick, "What is wrong in the forest, as the rover notices it.", ANOMALIES),
     "/motion": Plot(
-        "tick",
+        Tick,
         "What the motion sensor saw since it was last asked, and how far the rover went.",
         {
             "forward_m": "displacement ahead",
@@ -143,12 +138,12 @@ PLOTS: Mapping[str, Plot] = {
         },
     ),
     "/battery": Plot(
-        "board",
+        Board,
         "What the motor board says of itself.",
         {"battery_v": "battery, volts", "faults": f"what is wrong with the board, or {NOTHING}"},
     ),
     "/computer": Plot(
-        "computer",
+        Computer,
         "The computer that runs wayfarer.",
         {
             "cpu_c": "temperature of the processor, degrees Celsius",
@@ -159,7 +154,7 @@ PLOTS: Mapping[str, Plot] = {
         },
     ),
     "/truth_contact": Plot(
-        "truth",
+        Truth,
         "What really holds the rover; only in simulated runs.",
         {"slipping": "the wheels slip", "touching": "the body touches something"},
     ),

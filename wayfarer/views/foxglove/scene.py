@@ -62,8 +62,8 @@ def transform(time: Timestamp, child: str, x_m: float, y_m: float, rotation: Qua
 def forest_scene(time: Timestamp, world: dict[str, Any]) -> SceneUpdate:
     """Return a simulated forest, given as a line of a forest file: fallen trunks, standing trees and the goal line."""
     diameter_m, tree_m = world["trunk_diameter_m"], 2.0 * world["tree_radius_m"]
-    trunks = [_trunk(x0_m, y0_m, x1_m, y1_m, diameter_m) for x0_m, y0_m, x1_m, y1_m, _lean in world["trunks_m"]]
-    trees = [_cylinder(x_m, y_m, TREE_HEIGHT_M / 2.0, _LEVEL, tree_m, TREE_HEIGHT_M) for x_m, y_m in world["trees_m"]]
+    trunks = [_trunk(x0_m, y0_m, x1_m, y1_m, diameter_m) for x0_m, y0_m, x1_m, y1_m, *_ in world["trunks_m"]]
+    trees = [_tree(x_m, y_m, tree_m) for x_m, y_m, *_ in world["trees_m"]]
     start_x_m, goal_y_m = world["start_m"][0], world["goal_y_m"]
     ends = [point(start_x_m + side * GOAL_HALF_LENGTH_M, goal_y_m) for side in (-1.0, 1.0)]
     return SceneUpdate(
@@ -74,9 +74,8 @@ def forest_scene(time: Timestamp, world: dict[str, Any]) -> SceneUpdate:
     )
 
 
-def body_scene(time: Timestamp, vehicle: dict[str, Any], frames: Sequence[str]) -> SceneUpdate:
+def body_scene(time: Timestamp, length_m: float, width_m: float, frames: Sequence[str]) -> SceneUpdate:
     """Return a rover's body in each of these frames, with which it moves; the arrow points ahead."""
-    length_m, width_m = vehicle["length_m"], vehicle["width_m"]
     size = Vector3(x=length_m, y=width_m, z=BODY_HEIGHT_M)
     middle = Pose(position=Vector3(z=BODY_HEIGHT_M / 2.0), orientation=_LEVEL)
     nose = Pose(position=Vector3(x=length_m / 2.0, z=BODY_HEIGHT_M / 2.0), orientation=_LEVEL)
@@ -115,6 +114,10 @@ def _trunk(x0_m: float, y0_m: float, x1_m: float, y1_m: float, diameter_m: float
     lying = orientation(degrees(atan2(east_m, north_m)), pitch_deg=-90.0)
     middle_m = ((x0_m + x1_m) / 2.0, (y0_m + y1_m) / 2.0)
     return _cylinder(*middle_m, diameter_m / 2.0, lying, diameter_m, hypot(east_m, north_m))
+
+
+def _tree(x_m: float, y_m: float, diameter_m: float) -> CylinderPrimitive:
+    return _cylinder(x_m, y_m, TREE_HEIGHT_M / 2.0, _LEVEL, diameter_m, TREE_HEIGHT_M)
 
 
 def _cylinder(

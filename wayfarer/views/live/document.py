@@ -8,7 +8,7 @@ from hashlib import sha256
 from importlib.resources import files
 from typing import NamedTuple
 
-from wayfarer.views.vocabulary import PHASES
+from wayfarer.fieldlog.vocabulary import PHASES
 
 # In this order they make one script; each is about one thing.
 SCRIPTS = ("words.js", "map.js", "dial.js", "panel.js", "connection.js", "main.js")

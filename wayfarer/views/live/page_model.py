@@ -9,26 +9,25 @@ simulated and so the truth is known.
 
 from __future__ import annotations
 
-from collections import Counter, deque
-from collections.abc import Callable
+from collections import deque
 from typing import Any
 
-from wayfarer.fieldlog.fields import name, names, number, reckoning, sound_tick, span, table
-from wayfarer.fieldlog.log import Record
-from wayfarer.views.live.sensor_status import SensorStatus
+from wayfarer.fieldlog.fields import span
+from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, PhaseChanged, RunBegan
+from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.sensor_status import SensorStatus
+from wayfarer.fieldlog.typed import Header, RunEvent, Tick, Truth
+from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, because, level_text
+from wayfarer.fieldlog.wording import Tone, why_text
 from wayfarer.views.text.run_narrator import RunNarrator
-from wayfarer.views.text.wording import Tone
 from wayfarer.views.trail import Trail
-from wayfarer.views.vocabulary import ANOMALIES, CAUSES, PHASES, because, level_text
 
 LINES = 200  # about the run; half an hour of a rover that drives
 MARKS = 400  # anomalies that are drawn; the oldest go first
 PHASES_KEPT = 400
 TRACK_POINTS = 3000  # some 75 kB for a new viewer; 150 m at the first spacing, 1.2 km at the fourth
 TRACK_SPACING_M = 0.05  # less than the line is wide
-
-# Nobody reads a bumper that no decision uses: it appears on the page when it first speaks.
-SENSORS = ("compass", "motion", "position")
 
 
 class PageModel:
@@ -38,44 +37,23 @@ class PageModel:
     """
 
     def __init__(self) -> None:
+        self._fold = RunFold()
         self._narrator = RunNarrator()
         self._trail = Trail(TRACK_POINTS, TRACK_SPACING_M)
         self._lines: deque[list[str]] = deque(maxlen=LINES)
         self._marks: deque[list[Any]] = deque(maxlen=MARKS)
         self._phases: deque[list[Any]] = deque(maxlen=PHASES_KEPT)
-        self._counts: Counter[str] = Counter()
         self._news: dict[str, Any] = {}
-        self._about: Record = {}
-        self._forest: Record | None = None
-        self._outcome: Record | None = None
-        self._sensor_statuses: dict[str, SensorStatus] = {}
-        self._tick: Record = {}
-        self._board: Record = {}
-        self._mode, self._why_disarmed, self._held = "disarmed", "not armed since the start", False
-        self._goal_deg: float | None = None
+        self._about: dict[str, Any] = {}
         self._why = ""
-        self._anomalies: tuple[str, ...] = ()
         self._place: tuple[float, float, float] | None = None
-        self._t_s = 0.0
-        self._mission_t_s: float | None = None
-        self._mission_s = self._mission_m = self._from_m = 0.0
-        self._takers: dict[str, Callable[[Record], None]] = {
-            "run": self._take_run,
-            "tick": self._take_tick,
-            "truth": self._take_truth,
-            "event": self._take_event,
-            "position": lambda fix: self._pulse("position").take(fix),
-            "board": self._take_board,
-            "outcome": self._take_outcome,
-        }
 
     def take(self, record: Record) -> bool:
         """Take a record; return whether people should see it at once, not at the next regular moment."""
-        self._t_s = record["t_s"]
-        take = self._takers.get(record["record"])
-        if take is not None:
-            take(record)
-        for line in self._narrator.take(record):
+        events = self._fold.take(record)
+        for event in events:
+            self._take(event)
+        for line in self._narrator.tell(events):
             if line.tone is not Tone.QUIET:  # how things stand is shown elsewhere
                 self._tell("lines", self._lines, [span(line.at_s, 1), line.text, line.tone.value])
         return record["record"] in {"event", "outcome"}
@@ -84,12 +62,12 @@ class PageModel:
         """Return everything that a page shows."""
         return {
             "about": self._about,
-            "forest": self._forest,
+            "forest": self._fold.state.header.world,
             "track": list(self._trail.points),
             "marks": list(self._marks),
             "phases": list(self._phases),
             "lines": list(self._lines),
-            "outcome": self._outcome,
+            "outcome": _outcome(self._fold.state.ended),
             "state": self.state(),
         }
 
@@ -103,121 +81,90 @@ class PageModel:
 
     def state(self) -> dict[str, Any]:
         """Return how things are now."""
-        tick = self._tick
-        phase, level, cause = name(tick, "phase") or "", name(tick, "level") or "", name(tick, "cause")
+        run = self._fold.state
+        tick, phase, level = run.tick, run.tick.phase or "", run.tick.level or ""
         return {
-            "t_s": round(self._t_s, 3),
-            "mode": self._mode,
-            "why_disarmed": self._why_disarmed,
-            "held": self._held,
+            "t_s": round(run.t_s, 3),
+            "mode": run.mode,
+            "why_disarmed": run.why_disarmed,
+            "held": run.operator_hold,
             "phase": phase,
             "phase_text": PHASES.get(phase, phase),
             "why_text": self._why,
             "level": level,
-            "level_text": level_text(level, cause),
-            "cause_text": CAUSES.get(cause, cause) if cause else "",
-            **{key: number(tick, key) for key in ("heading_deg", "pitch_deg", "roll_deg", "counter_deg", "episodes")},
-            "goal_heading_deg": self._goal_deg,
-            "anomalies": [ANOMALIES.get(each, each) for each in self._anomalies],
-            "counts": [[ANOMALIES.get(kind, kind), count] for kind, count in self._counts.most_common()],
-            "wheels": [number(tick, "applied_left"), number(tick, "applied_right")],
-            "mission_s": round(self._mission_s, 1),
-            "mission_m": round(self._mission_m, 2),
-            "battery_v": number(self._board, "battery_v"),
-            "faults": list(self._board.get("faults", ())),
-            "sensors": [[sensor, pulse.now(self._t_s)] for sensor, pulse in self._sensor_statuses.items()],
+            "level_text": level_text(level, tick.cause),
+            "cause_text": CAUSES.get(tick.cause, tick.cause) if tick.cause else "",
+            "heading_deg": tick.heading_deg,
+            "pitch_deg": tick.pitch_deg,
+            "roll_deg": tick.roll_deg,
+            "counter_deg": tick.counter_deg,
+            "episodes": tick.episodes,
+            "goal_heading_deg": run.goal_heading_deg,
+            "anomalies": [ANOMALIES.get(kind, kind) for kind in tick.anomalies],
+            "counts": [[ANOMALIES.get(kind, kind), count] for kind, count in run.anomalies.most_common()],
+            "wheels": [tick.applied_left, tick.applied_right],
+            "mission_s": round(run.mission_s, 1),
+            "mission_m": round(run.mission_m, 2),
+            "battery_v": run.board.battery_v,
+            "faults": list(run.board.faults),
+            "sensors": [[name, _sensor(sensor, run.t_s)] for name, sensor in run.sensors.items()],
             "place": self._place,
         }
 
-    # -- records -------------------------------------------------------------------------------------------------
+    # -- what happened -------------------------------------------------------------------------------------------
 
-    def _take_run(self, header: Record) -> None:
-        self._config = table(header, "config")
-        vehicle, parts = table(self._config, "vehicle"), table(header, "parts")
-        told = {key: header.get(key) for key in ("rover", "algorithm", "version", "simulated", "dry_run")}
-        size = {key: number(vehicle, key) for key in ("length_m", "width_m")}
-        self._about = {**told, **size}
-        self._forest = _forest(table(header, "world"))
-        self._reckoning = reckoning(header)
-        for sensor in SENSORS:
-            if sensor in parts:
-                self._pulse(sensor)
-
-    def _take_tick(self, tick: Record) -> None:
-        for sensor in ("compass", "motion", "contact"):
-            if tick.get(sensor):
-                self._pulse(sensor).take(tick[sensor])
-        phase, before = name(tick, "phase") or "", name(self._tick, "phase")
-        fresh = set(names(tick, "anomalies")) - set(self._anomalies)
-        self._tick, self._anomalies = tick, names(tick, "anomalies")
-        if phase != before:
-            why = name(tick, "why") or ""
-            self._why = because(why, self._anomalies) if why != phase else ""
-            self._tell("phases", self._phases, [round(self._t_s, 2), phase])
-        reckoned = self._reckoning.take(sound_tick(tick))
-        if self._forest is None and reckoned is not None:
-            self._move(reckoned.east_m, reckoned.north_m, reckoned.heading_deg)
-        self._note_anomalies(fresh)
-        self._count_mission(tick)
-
-    def _take_truth(self, truth: Record) -> None:
-        self._move(truth["x_m"], truth["y_m"], truth["heading_deg"])
-
-    def _take_event(self, event: Record) -> None:
-        what = event["name"]
-        if what in {"arming", "armed", "disarmed"}:
-            self._mode = what
-        if what == "disarmed":
-            self._why_disarmed = name(event, "reason") or ""
-            self._mission_t_s = None
-        elif what in {"arming", "hold", "resume"}:
-            self._held = what == "hold"
-        elif what == "armed":
-            self._mission_t_s, self._from_m = self._t_s, number(self._tick, "travelled_m") or 0.0
-        elif what == "sensor_failed":
-            self._pulse(event["sensor"]).fail()
-        if what in {"armed", "goal"}:
-            self._goal_deg = number(event, "goal_heading_deg")
-
-    def _take_board(self, board: Record) -> None:
-        self._board = board
-
-    def _take_outcome(self, outcome: Record) -> None:
-        self._mode = "ended"
-        self._outcome = self._news["outcome"] = {key: name(outcome, key) for key in ("reason", "text")}
-
-    # -- what it means -------------------------------------------------------------------------------------------
-
-    def _pulse(self, sensor: str) -> SensorStatus:
-        if sensor not in self._sensor_statuses:
-            rates, detector = table(self._config, "rates"), table(self._config, "detector")
-            self._sensor_statuses[sensor] = SensorStatus(
-                number(rates, f"{sensor}_hz"), number(detector, f"{sensor}_stale_s")
-            )
-        return self._sensor_statuses[sensor]
+    def _take(self, event: RunEvent) -> None:
+        match event:
+            case Tick(place=place) if place is not None and self._fold.state.header.world is None:
+                self._move(place.east_m, place.north_m, place.heading_deg)
+            case Truth():
+                self._move(event.x_m, event.y_m, event.heading_deg)
+            case PhaseChanged():
+                tick = self._fold.state.tick
+                self._why = because(why_text(tick), tick.anomalies)
+                self._tell("phases", self._phases, [round(event.t_s, 2), event.phase or ""])
+            case AnomalyBegan(kind=kind) if self._place is not None:
+                self._tell("marks", self._marks, [*self._place[:2], ANOMALIES.get(kind, kind)])
+            case RunBegan(header=header):
+                self._about = _about(header)
+            case Ended():
+                self._news["outcome"] = _outcome(event)
 
     def _move(self, east_m: float, north_m: float, heading_deg: float) -> None:
         self._place = (round(east_m, 3), round(north_m, 3), round(heading_deg, 1))
-        if self._trail.add(*self._place[:2], name(self._tick, "phase") or ""):
+        if self._trail.add(*self._place[:2], self._fold.state.tick.phase or ""):
             self._news.setdefault("track", []).append(self._trail.points[-1])
-
-    def _note_anomalies(self, fresh: set[str]) -> None:
-        self._counts.update(fresh)
-        if self._place is not None:
-            for kind in sorted(fresh):
-                self._tell("marks", self._marks, [*self._place[:2], ANOMALIES.get(kind, kind)])
-
-    def _count_mission(self, tick: Record) -> None:
-        if self._mission_t_s is not None:
-            self._mission_s = self._t_s - self._mission_t_s
-            self._mission_m = (number(tick, "travelled_m") or self._from_m) - self._from_m
 
     def _tell(self, what: str, kept: deque[Any], told: list[Any]) -> None:
         kept.append(told)
         self._news.setdefault(what, []).append(told)
 
 
-def _forest(world: Record) -> Record | None:
-    """Return what a page draws of a simulated forest, None where there is none."""
-    keys = ("start_m", "goal_y_m", "trunk_diameter_m", "tree_radius_m", "trees_m", "trunks_m")
-    return {key: world[key] for key in keys} if all(key in world for key in keys) else None
+def _about(header: Header) -> dict[str, Any]:
+    """Return what a page says of the rover."""
+    return {
+        "rover": header.rover,
+        "algorithm": header.algorithm,
+        "version": header.version,
+        "simulated": header.simulated,
+        "dry_run": header.dry_run,
+        "length_m": header.setting("vehicle", "length_m"),
+        "width_m": header.setting("vehicle", "width_m"),
+    }
+
+
+def _outcome(ended: Ended | None) -> dict[str, str | None] | None:
+    return None if ended is None else {"reason": ended.reason, "text": ended.text}
+
+
+def _sensor(sensor: SensorStatus, t_s: float) -> dict[str, Any]:
+    """Return how a sensor does; ``age_s`` is None where it has never spoken."""
+    age_s, rate_hz = sensor.age_s(t_s), sensor.rate_now_hz
+    return {
+        "age_s": None if age_s is None else round(age_s, 2),
+        "rate_hz": None if rate_hz is None else round(rate_hz, 1),
+        "wanted_hz": sensor.wanted_hz,
+        "late": sensor.is_late(t_s),
+        "failures": sensor.failures,
+        "note": sensor.note,
+    }

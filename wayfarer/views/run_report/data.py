@@ -7,22 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.escape.api import Anomaly, Phase
+from wayfarer.fieldlog.fields import setting
 from wayfarer.fieldlog.reader import Damage, Record
+from wayfarer.fieldlog.run_events import Episode
+from wayfarer.fieldlog.sensor_status import SensorStatus
+from wayfarer.fieldlog.typed import or_nan
 from wayfarer.safety.conditions import Level
-from wayfarer.views.text.run_summariser import RunSummariser
+from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary import RunSummary
 
 Floats = NDArray[np.float64]
 Columns = Mapping[str, Floats]
 
-LARGEST = 1e10  # more than any time, distance or angle of a run; a garbled line may hold anything
 GAP_S = 1.0  # no record for so long: lines are broken there
 PHASES = tuple(phase.value for phase in Phase)
 LEVELS = {level.name.lower(): float(level) for level in Level}
@@ -97,45 +99,12 @@ class MapFix(NamedTuple):
     east_m: float
 
 
-@dataclass(slots=True)
-class Episode:
-    """From an anomaly until the goal is followed again; ``ended_by`` is None where it was cut off."""
-
-    start_s: float
-    side: str
-    end_s: float
-    metres: float
-    turns: int = 0
-    ended_by: str | None = None
-
-
-@dataclass(slots=True)
-class Sensor:
-    """What one sensor said: how often, and after which pauses.
-
-    ``doubtful`` counts motion readings of a quality too low to be used, ``failures`` the ``sensor_failed`` events.
-    """
-
-    readings: int = 0
-    gaps: int = 0
-    spoken_s: float = 0.0
-    longest_gap_s: float = 0.0
-    last_t_s: float = nan
-    doubtful: int = 0
-    failures: int = 0
-
-    @property
-    def rate_hz(self) -> float:
-        """Return the readings a second, NaN where there are not two."""
-        return self.gaps / self.spoken_s if self.spoken_s > 0.0 else nan
-
-
 @dataclass
 class RunData:
     """Everything of one run that its report shows."""
 
     header: Record = field(default_factory=dict)
-    summary: RunSummary = field(default_factory=lambda: RunSummariser().summary())
+    summary: RunSummary = field(default_factory=lambda: summarise([]))
     damage: Damage = field(default_factory=Damage)
     ticks: Columns = field(default_factory=lambda: columns(Tick, []))
     truth: Columns = field(default_factory=lambda: columns(TruePose, []))
@@ -144,7 +113,7 @@ class RunData:
     events: list[LoggedEvent] = field(default_factory=list)
     fixes: list[MapFix] = field(default_factory=list)
     episodes: list[Episode] = field(default_factory=list)
-    sensors: dict[str, Sensor] = field(default_factory=dict)
+    sensors: dict[str, SensorStatus] = field(default_factory=dict)
 
     @property
     def has_way(self) -> bool:
@@ -153,20 +122,10 @@ class RunData:
 
     def setting(self, *keys: str) -> float:
         """Return a number of the rover file, NaN where the header does not have it."""
-        value: Any = self.header.get("config")
-        for key in keys:
-            value = value.get(key) if isinstance(value, dict) else None
-        return number(value)
+        return or_nan(setting(self.header, *keys))
 
 
 def columns(kind: type[Tick] | type[TruePose], flat: Any) -> Columns:
     """Return the columns of rows that stand one after the other."""
     names = kind._fields
     return dict(zip(names, np.array(flat, dtype=np.float64).reshape(-1, len(names)).T, strict=True))
-
-
-def number(value: object) -> float:
-    """Return a number of a record, NaN for anything that cannot be one."""
-    if isinstance(value, int | float) and not isinstance(value, bool) and -LARGEST < value < LARGEST:
-        return float(value)
-    return nan

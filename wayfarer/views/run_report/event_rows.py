@@ -7,10 +7,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from wayfarer.fieldlog.fields import name, number
+from wayfarer.fieldlog.wording import Tone, event_tone
 from wayfarer.views.run_report.data import GAP_S, LoggedEvent, RunData
 from wayfarer.views.run_report.drawing import BLACK, GREY, VERMILION
 from wayfarer.views.run_report.marks import ANOMALY_MARKS, is_trouble
-from wayfarer.views.text.wording import Tone, event_tone
 
 MOST = 24  # rows; the list of events has all events
 LONGEST = 18  # letters of a row's text; the list of events has all letters

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from wayfarer.escape.api import Phase
+from wayfarer.fieldlog.wording import Tone, event_tone
 from wayfarer.views.run_report.data import PHASES, Floats, LoggedEvent
 from wayfarer.views.run_report.drawing import BLACK, GREEN, ORANGE, SKY, VERMILION
 from wayfarer.views.run_report.forest_map import STROKES
-from wayfarer.views.text.wording import Tone, event_tone
 
 # Told apart by shape alone; the triangles point to where the body tips.
 ANOMALY_MARKS = {

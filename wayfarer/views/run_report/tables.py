@@ -7,10 +7,11 @@ from html import escape
 from math import isnan
 
 from wayfarer.fieldlog.fields import name, span
+from wayfarer.fieldlog.sensor_status import SensorStatus
+from wayfarer.fieldlog.wording import event_text
 from wayfarer.views.run_report import page, words
-from wayfarer.views.run_report.data import LoggedEvent, RunData, Sensor
+from wayfarer.views.run_report.data import LoggedEvent, RunData
 from wayfarer.views.run_report.marks import is_trouble
-from wayfarer.views.text.wording import event_text
 
 ROWS = 500  # of a table; the log has all of them
 
@@ -98,7 +99,7 @@ def sensors_table(data: RunData) -> str:
     )
 
 
-def _health(data: RunData, sensor: str, health: Sensor) -> Sequence[str]:
+def _health(data: RunData, sensor: str, health: SensorStatus) -> Sequence[str]:
     rate_hz, set_hz = health.rate_hz, data.setting("rates", f"{sensor}_hz")
     unsure = f"{health.doubtful / health.readings:.1%}" if sensor == "motion" and health.readings else ""
     return (

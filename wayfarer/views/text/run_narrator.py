@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from wayfarer.fieldlog.fields import name, names, number, span, whole
-from wayfarer.fieldlog.reader import Damage, Record
-from wayfarer.views.text.wording import (
+from wayfarer.fieldlog.fields import span
+from wayfarer.fieldlog.reader import Damage
+from wayfarer.fieldlog.run_events import (
+    AnomalyBegan,
+    BatteryChanged,
+    BoardFaults,
+    Ended,
+    FaultInjected,
+    Gap,
+    Noted,
+    PhaseChanged,
+    PowerChanged,
+    RunBegan,
+)
+from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick, Truth
+from wayfarer.fieldlog.wording import (
     Tone,
     aim_text,
-    event_name,
     event_text,
     event_tone,
     fault_text,
@@ -24,10 +36,8 @@ from wayfarer.views.text.wording import (
 
 STATUS_S = 5.0  # a line at least so often while the rover drives
 STANDING_S = 60.0  # and while it stands: enough to see that it lives
-BATTERY_FALL_V = 0.1  # below the lowest told so far; a battery sags under load and comes back
-BATTERY_RISE_V = 1.0  # another battery
 
-Told = Iterator[tuple[str, Tone]]
+Told = tuple[str, Tone]
 
 
 class Line(NamedTuple):
@@ -42,7 +52,7 @@ class Line(NamedTuple):
 
 
 class RunNarrator:
-    """Turns the records of a run into lines.
+    """Turns what ``RunFold`` yields of a run into lines.
 
     Args:
         ticks: tell every control tick, instead of changes of phase and a status now and then.
@@ -50,96 +60,66 @@ class RunNarrator:
 
     def __init__(self, *, ticks: bool = False) -> None:
         self._every_tick = ticks
-        self._began_s: float | None = None
-        self._number: int | None = None
-        self._dropped = 0
-        self._told_run = False
-        self._phase: str | None = None
-        self._anomalies: tuple[str, ...] = ()
         self._battery_v: float | None = None
-        self._told_battery_v = float("inf")
-        self._board_faults: tuple[str, ...] = ()
-        self._throttled = ""
         self._status_t_s = self._position_t_s = float("-inf")
-        self._tellers: dict[str, Callable[[Record], Told]] = {
-            "run": self._run,
-            "tick": self._tick,
-            "event": self._event,
-            "position": self._position,
-            "board": self._board,
-            "computer": self._computer,
-            "truth": lambda _: iter(()),
-            "fault": lambda fault: iter([(fault_text(fault), Tone.WARNING)]),
-            "outcome": lambda outcome: iter([(outcome_text(outcome), Tone.END)]),
-        }
 
-    def take(self, record: Record) -> list[Line]:
-        """Return the lines for a record; most records have none."""
-        t_s = record["t_s"]
-        if self._began_s is None:
-            self._began_s = t_s
-        told = [*self._gap(record), *self._tellers[record["record"]](record)]
-        return [Line(t_s - self._began_s, text, tone) for text, tone in told]
+    def tell(self, events: Sequence[RunEvent]) -> list[Line]:
+        """Return the lines for what a record tells; most records have none."""
+        changed = len(events) > 1 and any(isinstance(event, PhaseChanged | AnomalyBegan) for event in events)
+        return [Line(event.elapsed_s, *told) for event in events for told in self._told(event, changed)]
 
-    def _gap(self, record: Record) -> Told:
-        """Report missing record numbers, unless a ``log_gap`` has just reported them."""
-        count, before = whole(record, "n"), self._number
-        if count is not None:
-            missing = 0 if before is None else count - before - 1
-            if missing > 0 and missing != self._dropped:
-                yield str(Damage(missing=missing)), Tone.WARNING
-            self._number, self._dropped = count, 0
+    def _told(self, event: RunEvent, changed: bool) -> Iterable[Told]:
+        match event:
+            case Tick():
+                return self._tick(event, changed)
+            case Truth():
+                return ()
+            case Board(battery_v=battery_v):
+                self._battery_v = battery_v
+                return ()
+            case Fix():
+                return self._fix(event)
+            case _:
+                return _happened(event)
 
-    def _run(self, header: Record) -> Told:
-        if self._told_run:
-            return  # the header of a further part says nothing new
-        self._told_run = True
-        yield run_text(header), Tone.PLAIN
-        part = whole(header, "part") or 1
-        if part > 1 and self._number is None:
-            yield f"the log begins with part {part}: what came before is gone", Tone.WARNING
-
-    def _tick(self, tick: Record) -> Told:
-        phase, anomalies = name(tick, "phase"), names(tick, "anomalies")
-        changed, fresh = phase != self._phase, set(anomalies) - set(self._anomalies)
-        self._phase, self._anomalies = phase, anomalies
-        due_s = STANDING_S if phase == "halt" else STATUS_S
+    def _tick(self, tick: Tick, changed: bool) -> Iterable[Told]:
+        due_s = STANDING_S if tick.phase == "halt" else STATUS_S
+        if not (self._every_tick or changed or tick.t_s - self._status_t_s >= due_s):
+            return ()
+        self._status_t_s = tick.t_s
         if self._every_tick:
-            yield tick_text(tick), Tone.PLAIN
-        elif changed or fresh:
-            yield f"{state_text(tick)}  {reason_text(tick)}".rstrip(), Tone.PHASE
-        elif tick["t_s"] - self._status_t_s >= due_s:
-            yield f"{state_text(tick)}  {aim_text(tick, self._battery_v)}".rstrip(), Tone.QUIET
-        else:
-            return
-        self._status_t_s = tick["t_s"]
+            return [(tick_text(tick), Tone.PLAIN)]
+        if changed:
+            return [(f"{state_text(tick)}  {reason_text(tick)}".rstrip(), Tone.PHASE)]
+        return [(f"{state_text(tick)}  {aim_text(tick, self._battery_v)}".rstrip(), Tone.QUIET)]
 
-    def _event(self, event: Record) -> Told:
-        if event_name(event) == "log_gap":
-            self._dropped += whole(event, "dropped") or 0
-        yield event_text(event), event_tone(event)
+    def _fix(self, fix: Fix) -> Iterable[Told]:
+        if fix.t_s - self._position_t_s < STANDING_S:
+            return ()
+        self._position_t_s = fix.t_s
+        return [(f"position {place_text(fix)}", Tone.QUIET)]
 
-    def _position(self, fix: Record) -> Told:
-        if fix["t_s"] - self._position_t_s >= STANDING_S:
-            self._position_t_s = fix["t_s"]
-            yield f"position {place_text(fix)}", Tone.QUIET
 
-    def _board(self, board: Record) -> Told:
-        faults, battery_v = names(board, "faults"), number(board, "battery_v")
-        if faults != self._board_faults:
-            self._board_faults = faults
+def _happened(event: RunEvent) -> Iterator[Told]:
+    """Give what stands in a line whenever it happens."""
+    match event:
+        case Noted(record=record):
+            yield event_text(record), event_tone(record)
+        case Gap(missing=missing, announced=False):
+            yield str(Damage(missing=missing)), Tone.WARNING
+        case BatteryChanged(battery_v=battery_v):
+            yield f"battery {battery_v:.1f} V", Tone.QUIET
+        case BoardFaults(faults=faults):
             yield f"motor board: {', '.join(faults) or 'well again'}", Tone.FAULT if faults else Tone.PLAIN
-        self._battery_v = battery_v
-        if battery_v is None or -BATTERY_FALL_V < battery_v - self._told_battery_v < BATTERY_RISE_V:
-            return
-        self._told_battery_v = battery_v
-        yield f"battery {battery_v:.1f} V", Tone.QUIET
-
-    def _computer(self, computer: Record) -> Told:
-        throttled = (name(computer, "throttled") or "").removeprefix("0x").lstrip("0")
-        if throttled != self._throttled:
-            self._throttled = throttled
-            if throttled:
-                yield f"computer: power and heat bits {throttled} (see vcgencmd get_throttled)", Tone.WARNING
-            else:
-                yield "computer: power and heat are well again", Tone.PLAIN
+        case PowerChanged(bits=""):
+            yield "computer: power and heat are well again", Tone.PLAIN
+        case PowerChanged(bits=bits):
+            yield f"computer: power and heat bits {bits} (see vcgencmd get_throttled)", Tone.WARNING
+        case FaultInjected():
+            yield fault_text(event), Tone.WARNING
+        case RunBegan(header=header):
+            yield run_text(header), Tone.PLAIN
+            if event.late:
+                yield f"the log begins with part {header.part}: what came before is gone", Tone.WARNING
+        case Ended():
+            yield outcome_text(event), Tone.END

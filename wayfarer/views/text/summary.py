@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from wayfarer.fieldlog.run_state import LowBattery
 from wayfarer.views.text.last_position import LastPosition
-from wayfarer.views.text.periods import PeriodPercentiles
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,12 +18,12 @@ class Mark:
 
 
 @dataclass(frozen=True, slots=True)
-class LowBattery:
-    """The lowest voltage, when it was, and the larger duty of the two sides then (None where that is not known)."""
+class PeriodPercentiles:
+    """Median, 99th percentile and longest of the control periods, the time between two ticks; seconds."""
 
-    battery_v: float
-    at_s: float
-    duty: float | None
+    p50_s: float
+    p99_s: float
+    max_s: float
 
 
 @dataclass(frozen=True, slots=True)

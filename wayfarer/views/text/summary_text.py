@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from wayfarer.fieldlog.fields import local_time, span
 from wayfarer.fieldlog.reader import Damage
+from wayfarer.fieldlog.wording import whole_deg
 from wayfarer.views.text.last_position import LastPosition, RangeBearing
 from wayfarer.views.text.summary import RunSummary
 from wayfarer.views.text.verdict import NO_OUTCOME
-from wayfarer.views.text.wording import whole_deg
 
 
 def summary_text(run: str, summary: RunSummary, damage: Damage) -> str:

@@ -13,15 +13,17 @@ loop, and none while it reversed, turned or probed, there is one for each tick.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import Any
 
-from wayfarer.fieldlog.dead_reckoning import DeadReckoning
-from wayfarer.fieldlog.fields import local_time, number, reckoning, sound_tick
+from wayfarer.fieldlog.fields import local_time
 from wayfarer.fieldlog.printable import clean
-from wayfarer.fieldlog.reader import Record
-from wayfarer.views.text.wording import event_text, fault_text, outcome_text
+from wayfarer.fieldlog.run_events import Ended, FaultInjected, Noted
+from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.typed import Tick
+from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
 
 # Always there and in this order, so that the tables of two runs can be put below each other.
 COLUMNS = (
@@ -40,6 +42,7 @@ COLUMNS = (
     "truth_touching",
 )  # fmt: skip
 STAMP = ("t_s", "t_wall", "n")
+WORDS = {"run", "event", "fault", "outcome"}  # what is told in words, or is in every part of a log
 READINGS = {"compass", "motion", "contact"}  # a tick has them by name; null where a sensor has not spoken
 Cells = dict[str, str]
 
@@ -67,11 +70,12 @@ def further_columns(records: Iterable[Record]) -> list[str]:
 
 def tsv_rows(records: Iterable[Record]) -> Iterator[list[str]]:
     """Give a row for each tick as the released code would have written it; it has no titles."""
+    fold = RunFold()
     for record in records:
-        if record["record"] == "tick":
-            duties = [_rounded(number(record, key)) for key in ("applied_left", "applied_right")]
-            heading = _rounded(number(record, "heading_deg"))
-            yield [local_time(number(record, "t_wall") or 0.0, "%H%M_%S"), *duties, heading, "", ""]
+        for event in fold.take(record):
+            if isinstance(event, Tick):
+                numbers = (event.applied_left, event.applied_right, event.heading_deg)
+                yield [local_time(record.get("t_wall") or 0.0, "%H%M_%S"), *map(_rounded, numbers), "", ""]
 
 
 def _rows(records: Iterable[Record]) -> Iterator[Cells]:
@@ -85,23 +89,27 @@ class _Sheet:
     """Collects what belongs in the row of the next tick."""
 
     def __init__(self) -> None:
-        self._track: DeadReckoning | None = None
+        self._fold = RunFold()
         self._stamp: Cells = {}
         self._beside: Cells = {}
         self._events: list[str] = []
 
     def take(self, record: Record) -> Iterator[Cells]:
         """Take a record, and give the row if it is a tick."""
-        kind = record["record"]
         self._stamp = {key: _cell(record.get(key)) for key in STAMP}
-        if kind == "tick":
-            yield self._row({**_told(record), **self._reckoned(record)})
-        elif kind == "run":
-            self._track = self._track or reckoning(record)
-        elif kind in TOLD:
-            self._events.append(TOLD[kind](record))
-        else:
-            self._beside |= _told(record)
+        said = _told(record)
+        for event in self._fold.take(record):
+            match event:
+                case Tick():
+                    yield self._row({**said, **_reckoned(event)})
+                    return
+                case Noted(record=told):
+                    self._events.append(event_text(told))
+                case FaultInjected():
+                    self._events.append(fault_text(event))
+                case Ended():
+                    self._events.append(outcome_text(event))
+        self._beside |= said
 
     def rest(self) -> Iterator[Cells]:
         """Give a last row, if there is anything that no tick came after."""
@@ -113,21 +121,18 @@ class _Sheet:
         self._beside, self._events = {}, []
         return row
 
-    def _reckoned(self, tick: Record) -> Cells:
-        self._track = self._track or reckoning({})
-        place = self._track.take(sound_tick(tick))
-        if place is None:
-            return {}
-        return {"reckoned_north_m": f"{place.north_m:.3f}", "reckoned_east_m": f"{place.east_m:.3f}"}
 
-
-TOLD: Mapping[str, Callable[[Record], str]] = {"event": event_text, "fault": fault_text, "outcome": outcome_text}
+def _reckoned(tick: Tick) -> Cells:
+    place = tick.place
+    return {} if place is None else {
+        "reckoned_north_m": f"{place.north_m:.3f}", "reckoned_east_m": f"{place.east_m:.3f}"
+    }  # fmt: skip
 
 
 def _told(record: Record) -> Cells:
     """Return the cells of what a record says; none of one that is told in words, or that is in every part."""
     kind = record["record"]
-    if kind == "run" or kind in TOLD:
+    if kind in WORDS:
         return {}
     said = {key: value for key, value in record.items() if key != "record" and key not in STAMP}
     return _flat(said, "" if kind == "tick" else f"{kind}_")
@@ -160,4 +165,4 @@ def _cell(value: object) -> str:
 
 
 def _rounded(value: float | None) -> str:
-    return "" if value is None else str(round(value, 2))
+    return "" if value is None else str(round(float(value), 2))

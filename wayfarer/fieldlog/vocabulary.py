@@ -1,4 +1,7 @@
-"""What the names of phases, anomalies, levels and conditions in a log mean, in words for people. Pure."""
+"""What the names of phases, anomalies, levels and conditions in a log mean, in words for people. Pure.
+
+The one place for these words: terminal, journal, live page, Foxglove and reports take them from here.
+"""
 
 from __future__ import annotations
 
@@ -104,6 +107,11 @@ def level_text(level: str, cause: str | None) -> str:
     return LEVELS.get(level, level)
 
 
+def met(anomaly: str, phase: str | None) -> str:
+    """Return what was wrong, and what the rover did then; names that are unknown as they are."""
+    return f"{ANOMALIES.get(anomaly, anomaly)}, {_WHILE.get(phase or '', f'in {phase}')}"
+
+
 def because(why: str, anomalies: Iterable[str]) -> str:
     """Return what began a phase, given the ``why`` of its first tick, as ``probe.anomaly``, and what was wrong then.
 
@@ -114,5 +122,5 @@ def because(why: str, anomalies: Iterable[str]) -> str:
         return why
     found = ", ".join(ANOMALIES.get(anomaly, anomaly) for anomaly in anomalies)
     if event == PhaseEvent.ANOMALY.value and found:
-        return f"{found}, {_WHILE[phase]}"
+        return met(found, phase)
     return EVENTS[event].format(during=_WHILE[phase], after=_AFTER[phase])

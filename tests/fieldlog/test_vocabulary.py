@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import WHY
+from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, LEVELS, PHASES, because, level_text
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.views.vocabulary import ANOMALIES, CAUSES, LEVELS, PHASES, because, level_text
 
 
 def test_every_phase_anomaly_level_and_condition_has_words() -> None:

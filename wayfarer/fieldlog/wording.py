@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Any
 
-from wayfarer.fieldlog.fields import ABSURD, name, names, number
+from wayfarer.fieldlog.fields import ABSURD, name
 from wayfarer.fieldlog.last_run import unclean_text
 from wayfarer.fieldlog.printable import clean
-from wayfarer.fieldlog.reader import Record
+from wayfarer.fieldlog.run_events import Ended, FaultInjected
+from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.typed import Fix, Header, Tick
 
 
 class Tone(Enum):
@@ -37,9 +39,9 @@ BARE = {"text", "reason", "error", "level", "cause"}  # details that say what th
 UNITS = {"deg": "degrees", "s": "s"}
 
 
-def run_text(header: Record) -> str:
+def run_text(header: Header) -> str:
     """Say what ran."""
-    about = [name(header, "rover"), name(header, "algorithm"), *marks(header), f"wayfarer {name(header, 'version')}"]
+    about = [header.rover, header.algorithm, *marks(header.record), f"wayfarer {header.version}"]
     return f"run of {', '.join(text for text in about if text)}"
 
 
@@ -75,61 +77,53 @@ def event_tone(event: Record) -> Tone:
     return Tone.PLAIN
 
 
-def fault_text(fault: Record) -> str:
+def fault_text(fault: FaultInjected) -> str:
     """Say which fault a scenario injects now, or takes away."""
-    begins = fault.get("begins") is True
-    lasting_s, params = number(fault, "for_s"), fault.get("params")
-    told = [_detail(key, value) for key, value in params.items()] if begins and isinstance(params, dict) else []
-    what = " ".join(filter(None, [name(fault, "target"), name(fault, "kind")])) or "?"
-    lasting = "" if lasting_s is None or not begins else f" for {lasting_s:g} s"
-    return ", ".join([f"a fault {'begins' if begins else 'ends'}: {what}{lasting}", *told])
+    told = [_detail(key, value) for key, value in fault.params.items()] if fault.begins else []
+    what = " ".join(filter(None, [fault.target, fault.kind])) or "?"
+    lasting = "" if fault.for_s is None or not fault.begins else f" for {fault.for_s:g} s"
+    return ", ".join([f"a fault {'begins' if fault.begins else 'ends'}: {what}{lasting}", *told])
 
 
-def outcome_text(outcome: Record) -> str:
+def outcome_text(end: Ended) -> str:
     """Say how a run ended."""
-    dropped = number(outcome, "dropped")
-    lost = f"; {dropped:.0f} records could not be written" if dropped else ""
-    return f"ended: {name(outcome, 'reason')}: {name(outcome, 'text')}{lost}"
+    lost = f"; {end.dropped} records could not be written" if end.dropped else ""
+    return f"ended: {end.reason}: {end.text}{lost}"
 
 
-def place_text(fix: Mapping[str, Any]) -> str:
+def place_text(fix: Fix) -> str:
     """Return a position as people type it into a map."""
-    latitude_deg, longitude_deg, error_m = (number(fix, key) for key in ("latitude_deg", "longitude_deg", "error_m"))
-    if latitude_deg is None or longitude_deg is None:
-        return "unknown"
-    return f"{latitude_deg:.6f}, {longitude_deg:.6f}{'' if error_m is None else f' (error {error_m:.0f} m)'}"
+    error = "" if fix.error_m is None else f" (error {fix.error_m:.0f} m)"
+    return f"{fix.latitude_deg:.6f}, {fix.longitude_deg:.6f}{error}"
 
 
-def why_text(tick: Record) -> str:
+def why_text(tick: Tick) -> str:
     """Return the event that began a phase, in the tick in which it began; else nothing."""
-    why = name(tick, "why")
-    return why if why and why != name(tick, "phase") else ""
+    return tick.why if tick.why and tick.why != tick.phase else ""
 
 
-def reason_text(tick: Record) -> str:
+def reason_text(tick: Tick) -> str:
     """Return why the rover does something else now; an anomaly says that by itself."""
-    why, anomalies = why_text(tick), names(tick, "anomalies")
-    told = [] if anomalies and why.endswith(".anomaly") else [why]
-    return ", ".join(filter(None, [*told, *anomalies]))
+    why = why_text(tick)
+    told = [] if tick.anomalies and why.endswith(".anomaly") else [why]
+    return ", ".join(filter(None, [*told, *tick.anomalies]))
 
 
-def state_text(tick: Record) -> str:
+def state_text(tick: Tick) -> str:
     """Return phase, heading, counter and distance, in columns."""
-    counter_deg, travelled_m = number(tick, "counter_deg"), number(tick, "travelled_m")
-    counter = "" if counter_deg is None else f"counter {counter_deg:+4.0f}"
-    travelled = "" if travelled_m is None else f"{travelled_m:.1f} m"
-    return f"{name(tick, 'phase') or '?':<9}  {heading_text(tick)}  {counter:<12}  {travelled:>8}"
+    counter = "" if tick.counter_deg is None else f"counter {tick.counter_deg:+4.0f}"
+    travelled = "" if tick.travelled_m is None else f"{tick.travelled_m:.1f} m"
+    return f"{tick.phase or '?':<9}  {heading_text(tick)}  {counter:<12}  {travelled:>8}"
 
 
-def heading_text(tick: Record) -> str:
+def heading_text(tick: Tick) -> str:
     """Return the heading in whole degrees."""
-    heading_deg = number(tick, "heading_deg")
-    return "no heading " if heading_deg is None else f"heading {whole_deg(heading_deg):>3}"
+    return "no heading " if tick.heading_deg is None else f"heading {whole_deg(tick.heading_deg):>3}"
 
 
-def aim_text(tick: Record, battery_v: float | None) -> str:
+def aim_text(tick: Tick, battery_v: float | None) -> str:
     """Return the goal heading and the battery, as far as they are known."""
-    goal_deg = number(tick, "goal_heading_deg")
+    goal_deg = tick.goal_heading_deg
     told = [] if goal_deg is None else [f"goal {whole_deg(goal_deg)}"]
     return ", ".join(told if battery_v is None else [*told, f"{battery_v:.1f} V"])
 
@@ -139,16 +133,15 @@ def whole_deg(angle_deg: float) -> str:
     return f"{float(f'{angle_deg:.0f}') % 360.0:.0f}"
 
 
-def tick_text(tick: Record) -> str:
+def tick_text(tick: Tick) -> str:
     """Say everything about a single tick that fits a line."""
-    cause = name(tick, "cause")
-    told = [why_text(tick), *names(tick, "anomalies"), f"{name(tick, 'level')} {cause}" if cause else ""]
-    wheels = f"wanted {_duties(tick, 'wanted')}, applied {_duties(tick, 'applied')}"
-    return ", ".join([f"{name(tick, 'phase') or '?':<9}  {heading_text(tick)}  {wheels}", *filter(None, told)])
+    told = [why_text(tick), *tick.anomalies, f"{tick.level} {tick.cause}" if tick.cause else ""]
+    wanted, applied = _duties(tick.wanted_left, tick.wanted_right), _duties(tick.applied_left, tick.applied_right)
+    wheels = f"wanted {wanted}, applied {applied}"
+    return ", ".join([f"{tick.phase or '?':<9}  {heading_text(tick)}  {wheels}", *filter(None, told)])
 
 
-def _duties(tick: Record, which: str) -> str:
-    duties = (number(tick, f"{which}_{side}") for side in ("left", "right"))
+def _duties(*duties: float | None) -> str:
     return "/".join("?" if duty is None else f"{duty:+.2f}" for duty in duties)
 
 

@@ -1,0 +1,163 @@
+"""The one account of a run: what its records tell, and the state they leave."""
+
+from __future__ import annotations
+
+import io
+from math import isnan
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.views.text.records import HEADER, drive, event, narrated, numbered, outcome, record, tick, write
+from wayfarer.fieldlog.reader import Record
+from wayfarer.fieldlog.run_events import (
+    AnomalyBegan,
+    AnomalyEnded,
+    Armed,
+    EpisodeBegan,
+    EpisodeEnded,
+    Gap,
+    Marked,
+    Noted,
+    PartBegan,
+    PhaseChanged,
+    RunBegan,
+)
+from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.typed import Header, RunEvent, Tick
+from wayfarer.views.foxglove.notes import note
+from wayfarer.views.live.page_model import PageModel
+from wayfarer.views.text.export import write_table
+
+
+def folded(*records: Record) -> tuple[list[RunEvent], RunFold]:
+    """What the records behind a header tell, ticks themselves left out, and the fold."""
+    fold = RunFold()
+    told = [each for every in [HEADER, *records] for each in fold.take(every)]
+    return [each for each in told if not isinstance(each, Tick | RunBegan)], fold
+
+
+def test_time_is_told_since_the_first_record() -> None:
+    (mark,), _ = folded(event("mark", 2.5, text="hit log"))
+    assert isinstance(mark, Marked)
+    assert (mark.elapsed_s, mark.t_s, mark.number, mark.text) == (2.5, 102.5, 1, "hit log")
+
+
+def test_first_header_says_what_ran_and_further_ones_which_part_begins() -> None:
+    told, fold = folded(HEADER | {"part": 2, "rover": "another"})
+    assert told == [PartBegan(0.0, 100.0, 2)]
+    assert fold.state.header.rover == "minirover"
+
+
+def test_changes_of_phase_and_anomalies_are_told_with_their_place() -> None:
+    felt = ["immobilised", "nose_up"]
+    told, fold = folded(
+        *drive(0.0, 1.0),
+        tick(1.0, phase="back_off", anomalies=felt),
+        tick(1.05, phase="back_off", anomalies=["nose_up"]),
+    )
+    began = [each for each in told if isinstance(each, AnomalyBegan)]
+    assert [(each.kind, each.phase, each.elapsed_s) for each in began] == [
+        ("immobilised", "back_off", 1.0), ("nose_up", "back_off", 1.0),
+    ]  # fmt: skip
+    assert began[0].place is not None
+    assert began[0].place.north_m == pytest.approx(0.5)
+    assert [each.kind for each in told if isinstance(each, AnomalyEnded)] == ["immobilised"]
+    assert [each.phase for each in told if isinstance(each, PhaseChanged)] == ["follow", "back_off"]
+    assert (fold.state.anomalies, fold.state.recoveries) == ({"immobilised": 1, "nose_up": 1}, 1)
+
+
+def test_missing_records_are_told_once_and_break_what_they_are_between() -> None:
+    whole = numbered([*drive(0.0, 2.0)])
+    told, fold = folded(*whole[:5], *whole[9:12])
+    assert told[1:] == [Gap(pytest.approx(0.45), pytest.approx(100.45), 4, announced=False)]  # type: ignore[arg-type]
+    assert (fold.state.gaps, fold.state.missing) == (1, 4)
+    announced = event("log_gap", 0.4, dropped=4)
+    gap = next(each for each in folded(*whole[:5], announced, *whole[9:12])[0] if isinstance(each, Gap))
+    assert gap.announced
+
+
+def test_period_is_unknown_for_the_first_tick_and_behind_missing_records() -> None:
+    fold = RunFold()
+    whole = numbered([*drive(0.0, 1.0)])
+    ticks = [each for every in [*whole[:3], *whole[6:9]] for each in fold.take(every) if isinstance(each, Tick)]
+    assert [isnan(each.period_s) for each in ticks] == [True, False, False, True, False, False]
+    assert ticks[-1].period_s == pytest.approx(0.05)
+
+
+def test_episode_goes_from_the_first_manoeuvre_until_the_goal_is_followed_again() -> None:
+    phases = ["follow", "back_off", "turn_away", "halt", "turn_away", "probe", "follow"]
+    told, fold = folded(*(tick(at / 20, phase=phase, why=phase, side=-1) for at, phase in enumerate(phases)))
+    (began,) = [each for each in told if isinstance(each, EpisodeBegan)]
+    (ended,) = [each for each in told if isinstance(each, EpisodeEnded)]
+    assert began.episode is ended.episode
+    assert (ended.episode.start_s, ended.episode.end_s) == pytest.approx((0.05, 0.3))
+    assert (ended.episode.side, ended.episode.turns, ended.episode.ended_by) == ("left", 2, "follow")
+    assert fold.state.turns == 2
+
+
+def test_mode_follows_the_events_and_arming_takes_a_hold_back() -> None:
+    fold, modes = RunFold(), []
+    for name in ("arming", "armed", "hold", "disarmed", "arming"):
+        fold.take(event(name, 1.0, reason="enough", goal_heading_deg=20.0))
+        modes.append((fold.state.mode, fold.state.operator_hold))
+    assert modes == [("arming", False), ("armed", False), ("armed", True), ("disarmed", True), ("arming", False)]
+    assert (fold.state.why_disarmed, fold.state.goal_heading_deg) == ("enough", 20.0)
+    fold.take(outcome(2.0))
+    assert fold.state.mode == "ended"
+
+
+def test_header_that_comes_late_does_not_take_the_way_back() -> None:
+    fold = RunFold()
+    moved = {"t_s": 100.0, "forward_m": 0.1, "right_m": 0.0, "quality": 1.0, "signed": True}
+    for each in [tick(0.0, motion=moved), HEADER | {"part": 2}, tick(0.05, motion=moved)]:
+        fold.take(each)
+    assert fold.state.path_m == pytest.approx(0.2)
+    assert fold.state.header.part == 2
+
+
+@pytest.mark.parametrize("nothing", [None, "three", [1], {"a": 1}, True, float("nan"), 1e300])
+def test_what_an_algorithm_remembers_is_a_number_or_not_there(nothing: Any) -> None:
+    fold = RunFold()
+    (told, *_) = fold.take(tick(0.0, counter_deg=nothing, side=nothing, episodes=nothing))
+    assert isinstance(told, Tick)
+    assert (told.counter_deg, told.side, told.episodes) == (None, None, None)
+
+
+WORLD: Record = {
+    "start_m": [1.0, 2.0], "goal_y_m": 3.0, "trunk_diameter_m": 0.3, "tree_radius_m": 0.2, "trees_m": [[1, 2]],
+    "trunks_m": [[1.0, 2.0, 3.0, 4.0, "left"]],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{"start_m": [1.0]}, {"goal_y_m": None}, {"trees_m": [[1, "x"]]}, {"trunks_m": [[1, 2, 3]]}, {"trees_m": 5}],
+)
+def test_forest_that_cannot_be_drawn_is_none(changed: Record) -> None:
+    assert Header.of(HEADER | {"world": WORLD}).world == WORLD
+    assert Header.of(HEADER | {"world": WORLD | changed}).world is None
+
+
+def test_new_key_of_an_event_is_shown_everywhere_without_an_edit(tmp_path: Path) -> None:
+    new = event("wet", 1.0, water_m=0.25)
+    (told,) = RunFold().take(new)
+    assert isinstance(told, Noted) and not isinstance(told, Armed)
+    (line,) = narrated([new])
+    model, table = PageModel(), io.StringIO()
+    model.take(new)
+    write_table(write(tmp_path / "run", [HEADER, new, tick(1.0)]), "csv", table)
+    message = note(told)
+    assert message is not None
+    for text in (line.text, model.snapshot()["lines"][0][1], table.getvalue(), message.text):
+        assert "wet: water m 0.25" in text
+
+
+def test_state_does_not_grow_with_the_log() -> None:
+    _, fold = folded(*drive(0.0, 60.0, motion={"t_s": 1.0, "forward_m": 0.1, "right_m": 0.0, "quality": 1.0}))
+    before = len(repr(fold.state))
+    for each in drive(60.0, 120.0):
+        fold.take(each)
+    fold.take(record("board", 120.0, battery_v=12.0, faults=[]))
+    assert len(repr(fold.state)) < before + 200

@@ -1,0 +1,216 @@
+"""What happened in a run, as ``run_fold.RunFold`` yields it; ``typed`` has what was read. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from wayfarer.fieldlog.dead_reckoning import ReckonedPose
+from wayfarer.fieldlog.fields import name, number, table
+from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.typed import Header, RunEvent
+
+
+@dataclass(slots=True)
+class RunBegan(RunEvent):
+    """The log says what ran. ``late``: its first parts are gone, and no record came before this one."""
+
+    header: Header
+    late: bool
+
+
+@dataclass(slots=True)
+class PartBegan(RunEvent):
+    """A further part of the log; it says again what ran."""
+
+    part: int
+
+
+@dataclass(slots=True)
+class Ended(RunEvent):
+    """The run is over; ``dropped`` records could not be written."""
+
+    reason: str | None
+    text: str | None
+    dropped: int
+
+
+@dataclass(slots=True)
+class Gap(RunEvent):
+    """So many records are missing before this time; ``announced``: a ``log_gap`` has just said the same."""
+
+    missing: int
+    announced: bool
+
+
+# -- changes from one record to the next -----------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class PhaseChanged(RunEvent):
+    """The rover does something else now; the tick that follows says why."""
+
+    phase: str | None
+
+
+@dataclass(slots=True)
+class AnomalyBegan(RunEvent):
+    """An anomaly that was not there in the tick before; ``place`` is where dead reckoning had the rover."""
+
+    kind: str
+    phase: str | None
+    place: ReckonedPose | None
+
+
+@dataclass(slots=True)
+class AnomalyEnded(RunEvent):
+    """An anomaly of the tick before is gone."""
+
+    kind: str
+
+
+@dataclass(slots=True)
+class Episode:
+    """From the first manoeuvre until the goal is followed again. A hold interrupts it; re-arming ends it.
+
+    ``side`` is that of the first turn, empty where it is not known; ``metres`` by dead reckoning. ``ended_by`` is the
+    ``why`` of the tick that ended it, or the event; None where it goes on or was cut off.
+    """
+
+    start_s: float
+    side: str
+    end_s: float
+    metres: float = 0.0
+    turns: int = 0
+    ended_by: str | None = None
+
+
+@dataclass(slots=True)
+class EpisodeBegan(RunEvent):
+    """An episode; the fold goes on writing in it until it ends."""
+
+    episode: Episode
+
+
+@dataclass(slots=True)
+class EpisodeEnded(RunEvent):
+    """The episode is over."""
+
+    episode: Episode
+
+
+@dataclass(slots=True)
+class BoardFaults(RunEvent):
+    """The motor board's faults are others; none: it is well again."""
+
+    faults: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class BatteryChanged(RunEvent):
+    """The battery is lower than ever before, or another one."""
+
+    battery_v: float
+
+
+@dataclass(slots=True)
+class PowerChanged(RunEvent):
+    """The computer's power and heat bits are others; empty: it is well again."""
+
+    bits: str
+
+
+# -- records that tell of something ----------------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class FaultInjected(RunEvent):
+    """A scenario's fault begins or ends; ``for_s`` is None where it lasts to the end of the run."""
+
+    target: str | None
+    kind: str | None
+    begins: bool
+    for_s: float | None
+    params: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, elapsed_s: float, record: Record) -> FaultInjected:
+        """Return what a ``fault`` record tells."""
+        begins = record.get("begins") is True
+        target, kind, for_s = name(record, "target"), name(record, "kind"), record.get("for_s")
+        return cls(elapsed_s, record["t_s"], target, kind, begins, for_s, table(record, "params"))
+
+
+@dataclass(slots=True)
+class Noted(RunEvent):
+    """An ``event`` record. It keeps all its keys: a new one is told without a change here (``wording.event_text``)."""
+
+    name: str
+    record: Record
+
+
+class Arming(Noted):
+    """Somebody asked for it."""
+
+
+class Armed(Noted):
+    """The mission begins."""
+
+
+class Disarmed(Noted):
+    """The wheels are stopped until re-armed."""
+
+
+class Held(Noted):
+    """An operator asked to hold the wheels."""
+
+
+class Released(Noted):
+    """An operator asked to drive on."""
+
+
+class GoalSet(Noted):
+    """Another goal was asked for."""
+
+
+class SensorFailed(Noted):
+    """A sensor did not answer."""
+
+    @property
+    def sensor(self) -> str:
+        """Return which."""
+        return name(self.record, "sensor") or "unknown"
+
+
+class ClockStep(Noted):
+    """The wall clock was set."""
+
+    @property
+    def by_s(self) -> float:
+        """Return by how much."""
+        return number(self.record, "by_s") or 0.0
+
+
+@dataclass(slots=True)
+class Marked(Noted):
+    """A person's note; they are numbered from 1."""
+
+    number: int = 0
+
+    @property
+    def text(self) -> str:
+        """Return what it says."""
+        return name(self.record, "text") or ""
+
+
+BY_NAME: Mapping[str, type[Noted]] = {
+    "arming": Arming, "armed": Armed, "disarmed": Disarmed, "hold": Held, "resume": Released, "goal": GoalSet,
+    "sensor_failed": SensorFailed, "clock_step": ClockStep, "mark": Marked,
+}  # fmt: skip
+
+
+def noted(elapsed_s: float, record: Record) -> Noted:
+    """Return what an ``event`` record tells."""
+    what = name(record, "name") or "event"
+    return BY_NAME.get(what, Noted)(elapsed_s, record["t_s"], what, record)

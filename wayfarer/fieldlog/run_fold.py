@@ -1,0 +1,303 @@
+"""The one account of a run: takes its records in their order, and yields what happened and the state so far. Pure.
+
+Nothing else compares a record with the one before it. Text, live page, Foxglove, reports and tables are renderings of
+what comes out here. Records come from the reader, which has judged them, or from the log that writes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isnan
+
+from wayfarer.escape.api import Phase
+from wayfarer.escape.phases import PhaseEvent
+from wayfarer.fieldlog.dead_reckoning import QUALITY_MIN, DeadReckoning
+from wayfarer.fieldlog.fields import name, table, whole
+from wayfarer.fieldlog.run_events import (
+    AnomalyBegan,
+    AnomalyEnded,
+    Armed,
+    Arming,
+    BatteryChanged,
+    BoardFaults,
+    Disarmed,
+    Ended,
+    Episode,
+    EpisodeBegan,
+    EpisodeEnded,
+    FaultInjected,
+    Gap,
+    GoalSet,
+    Held,
+    Marked,
+    Noted,
+    PartBegan,
+    PhaseChanged,
+    PowerChanged,
+    Released,
+    RunBegan,
+    SensorFailed,
+    noted,
+)
+from wayfarer.fieldlog.run_state import LowBattery, RunState
+from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.sensor_status import SensorStatus
+from wayfarer.fieldlog.typed import Board, Computer, Fix, Header, RunEvent, Tick, Truth
+
+# Nobody reads a bumper that no decision uses: it has a status when it first speaks.
+SENSORS = ("compass", "motion", "position")
+SIDES = {1.0: "right", -1.0: "left"}  # tau: clockwise is to the right
+HELD = {"hold", "fault"}  # the levels at which the gate lets no wheel turn
+MANOEUVRES = frozenset(phase.value for phase in Phase) - {Phase.FOLLOW.value, Phase.HALT.value}
+FOLLOW, BACK_OFF, TURN_AWAY = Phase.FOLLOW.value, Phase.BACK_OFF.value, Phase.TURN_AWAY.value
+BATTERY_FALL_V = 0.1  # below the lowest told so far; a battery sags under load and comes back
+BATTERY_RISE_V = 1.0  # another battery
+
+Events = list[RunEvent]
+
+
+class RunFold:
+    """Takes the records of one run; ``state`` is how it stands after the last one."""
+
+    def __init__(self) -> None:
+        self.state = RunState()
+        self._reckoning = DeadReckoning()
+        self._first_t_s = 0.0
+        self._number: int | None = None
+        self._announced = 0
+        self._unbroken = False
+        self._episode: Episode | None = None
+        self._episode_from_m = 0.0
+        self._mission_t_s: float | None = None
+        self._mission_from_m = 0.0
+        self._told_battery_v = float("inf")
+        self._power_bits = ""
+        self._takers: dict[str, Callable[[float, Record], Events]] = {
+            "run": self._run, "tick": self._tick, "event": self._event, "position": self._position,
+            "board": self._board, "computer": self._computer, "truth": self._truth, "fault": self._fault,
+            "outcome": self._outcome,
+        }  # fmt: skip
+
+    def take(self, record: Record) -> Events:
+        """Take the next record, and return what it tells: first what was read, then what changed."""
+        state, t_s = self.state, record["t_s"]
+        if not state.first:
+            state.first, self._first_t_s = record, t_s
+        state.last = record
+        elapsed_s = t_s - self._first_t_s
+        state.elapsed_s = max(state.elapsed_s, elapsed_s)
+        count, before = record.get("n"), self._number
+        if count is None:
+            return self._takers[record["record"]](elapsed_s, record)
+        missing = 0 if before is None else count - before - 1
+        gap = [self._gap(elapsed_s, t_s, missing)] if missing else []
+        self._number, self._announced = count, 0
+        return gap + self._takers[record["record"]](elapsed_s, record)
+
+    def _gap(self, elapsed_s: float, t_s: float, missing: int) -> Gap:
+        state = self.state
+        state.gaps += 1
+        state.missing += missing
+        self._unbroken = False
+        self._reckoning.interrupted()
+        for sensor in state.sensors.values():
+            sensor.interrupted()
+        return Gap(elapsed_s, t_s, missing, announced=missing == self._announced)
+
+    def _run(self, elapsed_s: float, record: Record) -> Events:
+        state, header = self.state, Header.of(record)
+        if state.header.record:
+            return [PartBegan(elapsed_s, record["t_s"], header.part)]
+        state.header = header
+        self._reckoning.max_speed_m_s = header.setting("vehicle", "max_speed_m_s") or 0.0
+        for sensor in SENSORS:
+            if sensor in table(record, "parts"):
+                self._sensor(sensor)
+        late = header.part > 1
+        if late and state.from_start is None:
+            state.from_start = False  # the place of the next arming need not be the start
+        return [RunBegan(elapsed_s, record["t_s"], header, late and self._number is None)]
+
+    # -- ticks ---------------------------------------------------------------------------------------------------
+
+    def _tick(self, elapsed_s: float, record: Record) -> Events:
+        state, before = self.state, self.state.tick
+        state.tick = tick = Tick.of(elapsed_s, record)
+        state.ticks += 1
+        for sensor in ("compass", "motion", "contact"):
+            if reading := record.get(sensor):
+                self._sensor(sensor).take(reading)
+        self._reckon(tick)
+        self._count_time(tick, before)
+        self._count_mission(tick, before)
+        told: Events = [tick]
+        if tick.phase != before.phase:
+            told.append(self._change_phase(tick))
+        if tick.anomalies != before.anomalies:
+            told += self._compare_anomalies(tick, before)
+        if tick.why != tick.phase:
+            self._count_exhausted(tick.why or "")
+        if self._episode is not None or tick.phase in MANOEUVRES:
+            told += self._follow_episode(tick, before)
+        return told
+
+    def _reckon(self, tick: Tick) -> None:
+        state, reckoning = self.state, self._reckoning
+        duties = (tick.applied_left or 0.0) + (tick.applied_right or 0.0)
+        tick.place = reckoning.take(tick.t_s, tick.heading_deg, duties, tick.motion)
+        tick.measured_m_s = reckoning.measured_m_s
+        motion = tick.motion
+        if motion is not None and (isnan(motion.forward_m) or not motion.quality >= QUALITY_MIN):
+            self._sensor("motion").doubtful += 1
+        tick.path_m = state.path_m = reckoning.path_m
+        state.place = reckoning.place
+
+    def _count_time(self, tick: Tick, before: Tick) -> None:
+        state, passed_s = self.state, tick.t_s - before.t_s
+        if self._unbroken:
+            tick.period_s = passed_s
+        self._unbroken = True
+        if state.mode == "armed" and passed_s > 0.0:
+            state.armed_s += passed_s
+            if tick.level in HELD:
+                state.held_s[tick.cause or "unknown"] += passed_s
+
+    def _count_mission(self, tick: Tick, before: Tick) -> None:
+        state = self.state
+        if tick.travelled_m is not None:
+            state.commanded_m = tick.travelled_m
+        if self._mission_t_s is not None:
+            state.mission_s = tick.t_s - self._mission_t_s
+            state.mission_m = (tick.travelled_m or self._mission_from_m) - self._mission_from_m
+        if tick.episodes != before.episodes:  # it falls back to zero with each mission
+            state.episodes += max(0, int((tick.episodes or 0.0) - (before.episodes or 0.0)))
+
+    def _count_exhausted(self, why: str) -> None:
+        phase, _, event = why.partition(".")
+        if event == PhaseEvent.EXHAUSTED.value:
+            self.state.exhausted[phase] += 1
+
+    def _change_phase(self, tick: Tick) -> PhaseChanged:
+        self.state.recoveries += tick.phase == BACK_OFF
+        self.state.turns += tick.phase == TURN_AWAY
+        return PhaseChanged(tick.elapsed_s, tick.t_s, tick.phase)
+
+    def _compare_anomalies(self, tick: Tick, before: Tick) -> Events:
+        new, old, at = set(tick.anomalies), set(before.anomalies), (tick.elapsed_s, tick.t_s)
+        self.state.anomalies.update(sorted(new - old))
+        ended = [AnomalyEnded(*at, kind) for kind in sorted(old - new)]
+        return [*ended, *(AnomalyBegan(*at, kind, tick.phase, tick.place) for kind in sorted(new - old))]
+
+    def _follow_episode(self, tick: Tick, before: Tick) -> Events:
+        """Begin, go on with or end an episode."""
+        episode, phase = self._episode, tick.phase
+        told: Events = []
+        if episode is None:
+            side = "" if tick.side is None else SIDES.get(tick.side, "")
+            episode = self._episode = Episode(tick.elapsed_s, side, tick.elapsed_s)
+            self._episode_from_m = tick.path_m
+            told.append(EpisodeBegan(tick.elapsed_s, tick.t_s, episode))
+        episode.metres = tick.path_m - self._episode_from_m
+        episode.turns += phase == TURN_AWAY != before.phase
+        if phase in MANOEUVRES or phase == FOLLOW:
+            episode.end_s = tick.elapsed_s
+        return self._end_episode(tick, tick.why) if phase == FOLLOW else told
+
+    def _end_episode(self, at: RunEvent, why: str | None) -> Events:
+        episode, self._episode = self._episode, None
+        if episode is None:
+            return []
+        episode.ended_by = why
+        return [EpisodeEnded(at.elapsed_s, at.t_s, episode)]
+
+    # -- events --------------------------------------------------------------------------------------------------
+
+    def _event(self, elapsed_s: float, record: Record) -> Events:
+        state, event = self.state, noted(elapsed_s, record)
+        state.events[event.name] += 1
+        match event:
+            case Arming() | Armed() | Disarmed():
+                return [event, *self._change_mode(event)]
+            case Held() | Released():
+                state.operator_hold = isinstance(event, Held)
+            case GoalSet():
+                state.goal_heading_deg = record.get("goal_heading_deg")
+            case SensorFailed():
+                self._sensor(event.sensor).failures += 1
+            case Marked():
+                event.number = state.events["mark"]
+            case Noted(name="log_gap"):
+                self._announced += record.get("dropped") or 0
+                state.dropped += record.get("dropped") or 0
+        return [event]
+
+    def _change_mode(self, event: Noted) -> Events:
+        state = self.state
+        state.mode = event.name
+        if isinstance(event, Arming):
+            state.operator_hold = False
+            return []
+        if isinstance(event, Disarmed):
+            state.why_disarmed = name(event.record, "reason") or ""
+            self._mission_t_s = None
+        else:
+            state.goal_heading_deg = event.record.get("goal_heading_deg")
+            self._mission_t_s, self._mission_from_m = event.t_s, state.tick.travelled_m or 0.0
+            if state.from_start is None:
+                state.from_start, state.start = True, state.place
+        return self._end_episode(event, event.name)
+
+    # -- everything else -----------------------------------------------------------------------------------------
+
+    def _position(self, elapsed_s: float, record: Record) -> Events:
+        self._sensor("position").take(record)
+        fix = Fix.of(elapsed_s, record)
+        if fix is None:
+            return []
+        self.state.fix, self.state.first_fix = fix, self.state.first_fix or fix
+        return [fix]
+
+    def _board(self, elapsed_s: float, record: Record) -> Events:
+        state, before, board = self.state, self.state.board, Board.of(elapsed_s, record)
+        state.board = board
+        told: Events = [board]
+        if board.faults != before.faults:
+            told.append(BoardFaults(elapsed_s, board.t_s, board.faults))
+        battery_v, lowest = board.battery_v, state.low_battery
+        if battery_v is None:
+            return told
+        if lowest is None or battery_v < lowest.battery_v:
+            state.low_battery = LowBattery(battery_v, elapsed_s, state.tick.duty)
+        if not -BATTERY_FALL_V < battery_v - self._told_battery_v < BATTERY_RISE_V:
+            self._told_battery_v = battery_v
+            told.append(BatteryChanged(elapsed_s, board.t_s, battery_v))
+        return told
+
+    def _computer(self, elapsed_s: float, record: Record) -> Events:
+        computer = Computer(elapsed_s, record["t_s"], record)
+        before, self._power_bits = self._power_bits, computer.power_bits
+        if self._power_bits == before:
+            return [computer]
+        return [computer, PowerChanged(elapsed_s, computer.t_s, self._power_bits)]
+
+    def _truth(self, elapsed_s: float, record: Record) -> Events:
+        where = (record.get("x_m"), record.get("y_m"))
+        return [] if None in where else [Truth(elapsed_s, record["t_s"], record)]
+
+    def _fault(self, elapsed_s: float, record: Record) -> Events:
+        return [FaultInjected.of(elapsed_s, record)]
+
+    def _outcome(self, elapsed_s: float, record: Record) -> Events:
+        state = self.state
+        reason, text, dropped = name(record, "reason"), name(record, "text"), whole(record, "dropped") or 0
+        state.mode, state.dropped = "ended", max(state.dropped, dropped)
+        state.ended = Ended(elapsed_s, record["t_s"], reason, text, dropped)
+        return [state.ended]
+
+    def _sensor(self, sensor: str) -> SensorStatus:
+        status = self.state.sensors.get(sensor)
+        if status is None:
+            rate_hz = self.state.header.setting("rates", f"{sensor}_hz")
+            stale_s = self.state.header.setting("detector", f"{sensor}_stale_s")
+            status = self.state.sensors[sensor] = SensorStatus(rate_hz, stale_s)
+        return status

@@ -1,0 +1,96 @@
+"""Status of a sensor from its readings: age of the last one, rates, pauses and failures. Pure."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from math import nan
+from typing import Any
+
+from wayfarer.fieldlog.fields import number
+
+WINDOW_S = 2.0  # for the rate now
+STALE_S = 0.5  # where the rover file gives no limit; PX4 and ArduPilot allow flow as much
+PERIODS = 4.0  # of a slow sensor, such as a receiver at 1 Hz, before it counts as late
+
+
+class SensorStatus:
+    """Follows one sensor.
+
+    ``readings`` counts what it said, ``failures`` the ``sensor_failed`` events, ``doubtful`` the motion readings that
+    could not be used. ``longest_gap_s`` is the longest pause; none is measured across missing records.
+
+    Args:
+        wanted_hz: the rate that the rover file asks for.
+        stale_s: the age at which it counts as silent.
+    """
+
+    def __init__(self, wanted_hz: float | None = None, stale_s: float | None = None) -> None:
+        self.wanted_hz = wanted_hz
+        self._stale_s = max(stale_s or STALE_S, PERIODS / wanted_hz if wanted_hz else 0.0)
+        self.readings = self.failures = self.doubtful = 0
+        self.longest_gap_s = 0.0
+        self._gaps = 0
+        self._spoken_s = 0.0
+        self._times_s: deque[float] = deque(maxlen=400)
+        self._last: Mapping[str, Any] = {}
+        self._unbroken = False
+
+    def take(self, reading: Mapping[str, Any]) -> None:
+        """Take what the sensor said last; a tick repeats that until there is a new reading."""
+        t_s, times_s = number(reading, "t_s"), self._times_s
+        before_s = times_s[-1] if times_s else None
+        if t_s is None or t_s == before_s:
+            return
+        if before_s is not None and t_s < before_s:
+            times_s.clear()  # the part's own clock began again
+        elif before_s is not None and self._unbroken:
+            self._gaps += 1
+            self._spoken_s += t_s - before_s
+            self.longest_gap_s = max(self.longest_gap_s, t_s - before_s)
+        self.readings += 1
+        self._unbroken = True
+        self._last = reading
+        times_s.append(t_s)
+        while t_s - times_s[0] > WINDOW_S:
+            times_s.popleft()
+
+    def interrupted(self) -> None:
+        """Note that records are missing: the next reading follows no other."""
+        self._unbroken = False
+
+    def fell_silent(self, t_s: float) -> None:
+        """Note that the log ends: a sensor that said nothing more has a pause up to there."""
+        if self._unbroken:
+            self.longest_gap_s = max(self.longest_gap_s, t_s - self._times_s[-1])
+
+    def age_s(self, t_s: float) -> float | None:
+        """Return how old the last reading is; None where it has never spoken."""
+        return max(0.0, t_s - self._times_s[-1]) if self._times_s else None
+
+    def is_late(self, t_s: float) -> bool:
+        """Return whether it counts as silent."""
+        age_s = self.age_s(t_s)
+        return age_s is None or age_s > self._stale_s
+
+    @property
+    def rate_hz(self) -> float:
+        """Return the readings a second over the whole run, NaN where there are not two."""
+        return self._gaps / self._spoken_s if self._spoken_s > 0.0 else nan
+
+    @property
+    def rate_now_hz(self) -> float | None:
+        """Return the readings a second of the last ``WINDOW_S``, None where there are not two."""
+        times_s = self._times_s
+        span_s = times_s[-1] - times_s[0] if times_s else 0.0
+        return (len(times_s) - 1) / span_s if span_s > 0.0 else None
+
+    @property
+    def note(self) -> str:
+        """Return how good the last reading is, in the sensor's own terms."""
+        quality, calibration, error_m = (number(self._last, key) for key in ("quality", "calibration", "error_m"))
+        if quality is not None:
+            return f"quality {quality:.0%}"
+        if calibration is not None:
+            return f"calibration {calibration:.0f} of 3"
+        return "" if error_m is None else f"error {error_m:.0f} m"

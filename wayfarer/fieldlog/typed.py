@@ -1,0 +1,256 @@
+"""Typed views of records, each made once, when ``run_fold.RunFold`` takes the record. Pure.
+
+The reader has judged every key of ``schema``: a value is of its type and in its range, or None. So these are taken as
+they are; texts are made fit for a terminal. What the schema cannot judge is looked at here and nowhere behind it: what
+an algorithm remembers, what a sensor said, and the settings in a header. There a wrong type reads as missing.
+
+Each view has ``elapsed_s``, the seconds since the first record of its log, and ``t_s``, the loop's clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import nan
+from typing import Any, Generic, TypeVar
+
+from wayfarer.fieldlog.dead_reckoning import ReckonedPose
+from wayfarer.fieldlog.fields import flag, name, names, number, setting, table, whole
+from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.schema import Record
+from wayfarer.hal import MotionReading
+
+T = TypeVar("T")
+
+
+class Key(Generic[T]):
+    """A key of a view's record, under the name of the attribute; the reader has judged its value.
+
+    Args:
+        otherwise: what is returned where the record does not say.
+    """
+
+    def __init__(self, otherwise: T) -> None:
+        self._otherwise = otherwise
+
+    def __set_name__(self, _view: type, key: str) -> None:
+        self._key = key
+
+    def __get__(self, view: Any, _type: type | None = None) -> T:
+        value: T | None = view.record.get(self._key)
+        return self._otherwise if value is None else value
+
+
+class Remembered:
+    """The same for a number that an algorithm remembers: a third party's may be anything, which reads as None."""
+
+    def __set_name__(self, _view: type, key: str) -> None:
+        self._key = key
+
+    def __get__(self, view: Any, _type: type | None = None) -> float | None:
+        return number(view.record, self._key)
+
+
+Number = Key[float | None]
+
+
+@dataclass(slots=True)
+class RunEvent:
+    """Something that a log tells: one of these views, or an event of ``run_events``."""
+
+    elapsed_s: float
+    t_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What ran; None where the log does not say. ``world`` is the forest of a simulated run, if it can be drawn."""
+
+    record: Record
+    rover: str | None
+    algorithm: str | None
+    version: str | None
+    seed: int | None
+    trial: int | None
+    part: int
+    simulated: bool | None
+    dry_run: bool | None
+    world: Record | None
+
+    @classmethod
+    def of(cls, record: Record) -> Header:
+        """Return the view of a ``run`` record; one of an empty record knows nothing."""
+        return cls(
+            record,
+            rover=name(record, "rover"),
+            algorithm=name(record, "algorithm"),
+            version=name(record, "version"),
+            seed=whole(record, "seed"),
+            trial=whole(record, "trial"),
+            part=whole(record, "part") or 1,
+            simulated=flag(record, "simulated"),
+            dry_run=flag(record, "dry_run"),
+            world=_world(table(record, "world")),
+        )
+
+    def setting(self, *keys: str) -> float | None:
+        """Return a number of the rover file; see ``fields.setting``."""
+        return setting(self.record, *keys)
+
+
+@dataclass(slots=True)
+class Tick(RunEvent):
+    """One control tick, under the names of its keys; ``motion`` is NaN where the motion sensor could not tell.
+
+    The fold adds the last four fields: ``period_s`` since the tick before, NaN where records are missing between the
+    two; ``place``, where dead reckoning has the rover, None without a heading; ``path_m``, how far it went; and
+    ``measured_m_s``, the speed that the motion sensor measured, NaN where it could not.
+    """
+
+    record: Record
+    motion: MotionReading | None
+    heading_deg: float | None
+    anomalies: tuple[str, ...]
+    travelled_m: float | None
+    phase: str | None
+    why: str | None
+    applied_left: float | None
+    applied_right: float | None
+    level: str | None
+    cause: str | None
+    episodes: float | None
+    period_s: float = nan
+    place: ReckonedPose | None = None
+    path_m: float = 0.0
+    measured_m_s: float = nan
+
+    # What nothing is compared with is looked up when somebody asks for it.
+    pitch_deg = Number(None)
+    roll_deg = Number(None)
+    goal_heading_deg = Number(None)
+    covered_m = Number(None)
+    wanted_left = Number(None)
+    wanted_right = Number(None)
+    counter_deg = Remembered()
+    side = Remembered()
+    turn_deg = Remembered()
+    blocked_turns = Remembered()
+    turn_from_duty = Remembered()
+
+    @classmethod
+    def of(cls, elapsed_s: float, record: Record) -> Tick:
+        """Return the view of a ``tick`` record."""
+        get = record.get
+        return cls(
+            elapsed_s, record["t_s"], record, _motion(get("motion")), get("heading_deg"), names(record, "anomalies"),
+            get("travelled_m"), name(record, "phase"), name(record, "why"), get("applied_left"), get("applied_right"),
+            name(record, "level"), name(record, "cause"), number(record, "episodes"),
+        )  # fmt: skip
+
+    @property
+    def duty(self) -> float | None:
+        """Return the larger duty of the two sides, None where neither is known."""
+        return max((abs(duty) for duty in (self.applied_left, self.applied_right) if duty is not None), default=None)
+
+
+@dataclass(slots=True)
+class Board(RunEvent):
+    """What the motor board said of itself."""
+
+    battery_v: float | None
+    faults: tuple[str, ...]
+
+    @classmethod
+    def of(cls, elapsed_s: float, record: Record) -> Board:
+        """Return the view of a ``board`` record."""
+        return cls(elapsed_s, record["t_s"], number(record, "battery_v"), names(record, "faults"))
+
+
+@dataclass(slots=True)
+class Fix(RunEvent):
+    """A position from the receiver; ``error_m`` is horizontal, None where it is unknown."""
+
+    latitude_deg: float
+    longitude_deg: float
+    error_m: float | None
+
+    @classmethod
+    def of(cls, elapsed_s: float, record: Record) -> Fix | None:
+        """Return the view of a ``position`` record, None where it does not say where."""
+        latitude_deg, longitude_deg = record.get("latitude_deg"), record.get("longitude_deg")
+        if latitude_deg is None or longitude_deg is None:
+            return None
+        return cls(elapsed_s, record["t_s"], latitude_deg, longitude_deg, record.get("error_m"))
+
+
+@dataclass(slots=True)
+class Computer(RunEvent):
+    """How the computer is."""
+
+    record: Record
+
+    cpu_c = Number(None)
+    throttled = Key[str | None](None)
+    load_1min = Number(None)
+    disk_free_mb = Number(None)
+    log_dropped = Number(None)
+
+    @property
+    def power_bits(self) -> str:
+        """Return the power and heat bits that are set, hexadecimal; empty where none is."""
+        return clean(self.throttled or "").removeprefix("0x").lstrip("0")
+
+
+@dataclass(slots=True)
+class Truth(RunEvent):
+    """Where a simulated rover really is, in the metres of its forest; what is not said is 0."""
+
+    record: Record
+
+    x_m = Key(0.0)
+    y_m = Key(0.0)
+    heading_deg = Key(0.0)
+    pitch_deg = Key(0.0)
+    roll_deg = Key(0.0)
+    slipping = Key[bool | None](None)
+    touching = Key[bool | None](None)
+
+
+def _motion(said: Mapping[str, Any] | None) -> MotionReading | None:
+    """Return what the motion sensor said; JSON has no NaN, so that a number which was none is null in the log."""
+    if not said:
+        return None
+    forward_m, right_m, quality = (
+        or_nan(said.get("forward_m")),
+        or_nan(said.get("right_m")),
+        or_nan(said.get("quality")),
+    )
+    return MotionReading(or_nan(said.get("t_s")), forward_m, right_m, quality, said.get("signed") is not False)
+
+
+def or_nan(value: float | None) -> float:
+    """Return a number, NaN for one that is not known."""
+    return nan if value is None else value
+
+
+def _world(world: Record) -> Record | None:
+    """Return what is drawn of a simulated forest, None where that is not all there."""
+    lengths = ("goal_y_m", "trunk_diameter_m", "tree_radius_m")
+    if (
+        all(number(world, key) is not None for key in lengths)
+        and _are_rows([world.get("start_m")], 2)
+        and _are_rows(world.get("trunks_m"), 4)
+        and _are_rows(world.get("trees_m"), 2)
+    ):
+        return {key: world[key] for key in ("start_m", *lengths, "trees_m", "trunks_m")}
+    return None
+
+
+def _are_rows(rows: object, numbers: int) -> bool:
+    """Return whether something is a list of lists that each begin with so many numbers."""
+    return isinstance(rows, list | tuple) and all(
+        isinstance(row, list | tuple)
+        and len(row) >= numbers
+        and all(number({"": value}, "") is not None for value in row[:numbers])
+        for row in rows
+    )
