@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
-from functools import cache
+from functools import cache, partial
 from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from wayfarer.cli import commissioning, compare, control, demo, faults, logs, replay, report, rover, sim, sweep
+from wayfarer.cli.help_texts import HelpCommand, HelpGroup
 from wayfarer.cli.options import examples
 from wayfarer.cli.version import version_text
 from wayfarer.errors import BadInput, WayfarerError
@@ -36,28 +37,29 @@ EXAMPLES = examples(
     "wayfarer run --sim",
     "wayfarer sim --help",
 )
-app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
-app.command(epilog=demo.EXAMPLES)(demo.demo)
-app.command(epilog=sim.EXAMPLES)(sim.sim)
-app.command(epilog=sweep.EXAMPLES)(sweep.sweep)
-app.command(epilog=faults.EXAMPLES)(faults.faults)
-app.command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
+app = typer.Typer(cls=HelpGroup, add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
+command = partial(app.command, cls=HelpCommand)
+command(epilog=demo.EXAMPLES)(demo.demo)
+command(epilog=sim.EXAMPLES)(sim.sim)
+command(epilog=sweep.EXAMPLES)(sweep.sweep)
+command(epilog=faults.EXAMPLES)(faults.faults)
+command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
 for verb in control.COMMANDS:
     lenient = {"ignore_unknown_options": verb in control.TAKE_A_MINUS}
-    app.command(rich_help_panel=CONTROL, context_settings=lenient)(verb)
-app.command("stop-motors", rich_help_panel=ROVER)(rover.stop_motors)
-app.command(rich_help_panel=ROVER)(commissioning.check)
-app.command(rich_help_panel=ROVER)(commissioning.calibrate)
+    command(rich_help_panel=CONTROL, context_settings=lenient)(verb)
+command("stop-motors", rich_help_panel=ROVER)(rover.stop_motors)
+command(rich_help_panel=ROVER)(commissioning.check)
+command(rich_help_panel=ROVER)(commissioning.calibrate)
 app.add_typer(
     logs.app,
     name="logs",
     rich_help_panel=AFTERWARDS,
     help="Read field logs: list, follow, show, summarise, check, export.",
 )
-app.command(rich_help_panel=AFTERWARDS, epilog=report.EXAMPLES)(report.report)
-app.command(rich_help_panel=AFTERWARDS, epilog=compare.EXAMPLES)(compare.compare)
-app.command(rich_help_panel=AFTERWARDS, epilog=replay.EXAMPLES)(replay.replay)
-app.command("install-service", rich_help_panel=ROVER)(commissioning.install_service)
+command(rich_help_panel=AFTERWARDS, epilog=report.EXAMPLES)(report.report)
+command(rich_help_panel=AFTERWARDS, epilog=compare.EXAMPLES)(compare.compare)
+command(rich_help_panel=AFTERWARDS, epilog=replay.EXAMPLES)(replay.replay)
+command("install-service", rich_help_panel=ROVER)(commissioning.install_service)
 
 
 def main() -> None:
@@ -119,7 +121,7 @@ class Described(NamedTuple):
     summary: str
 
 
-@app.command("list")
+@command("list")
 def list_names() -> None:
     """List all algorithms, rovers and drivers, also those of installed third-party packages."""
     from rich.console import Console

@@ -58,7 +58,10 @@ def check(
 
 def calibrate(
     steps: Annotated[
-        list[CalibrationStep] | None, typer.Argument(help="What to calibrate, in this order. (default: everything)")
+        list[CalibrationStep] | None,
+        typer.Argument(
+            metavar="STEP", help="What to calibrate, in this order: compass, flow, motors, turning. (default: all)"
+        ),
     ] = None,
     *,
     config: Config = None,

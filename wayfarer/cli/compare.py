@@ -8,13 +8,12 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli.extras import require
+from wayfarer.cli.options import examples
 
-EXAMPLES = """Examples:
-
-wayfarer sim --algorithm forest-pledge,pledge --trials 500 --spl --out results && wayfarer compare results
-
-wayfarer compare results --against pledge
-"""
+EXAMPLES = examples(
+    "wayfarer sim --algorithm forest-pledge,pledge --trials 500 --spl --out results && wayfarer compare results",
+    "wayfarer compare results --against pledge",
+)
 
 
 def compare(

@@ -48,7 +48,7 @@ def arm(
     heading_deg: Annotated[
         float | None,
         typer.Argument(
-            metavar="[DEG]",
+            metavar="DEG",
             min=-360,
             max=360,
             help="Goal heading. (default: the rover's heading at the end of the start delay)",

@@ -9,25 +9,19 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli.extras import require
+from wayfarer.cli.options import examples
 from wayfarer.cli.trial_options import DepthOption, PhysicsOption
 from wayfarer.errors import BadInput, MissingPackage
 
-EXAMPLES = """Examples:
-
-wayfarer faults
-
-wayfarer faults --only 37
-
-wayfarer faults --only compass-nack,board-fault --out results
-
-wayfarer faults --scenario my-fault.toml
-
-wayfarer faults --trials 1000 --rover forestrover
-
-wayfarer faults --detector --trials 100
-
-wayfarer faults --detector --physics mujoco --friction 0.3 --trials 10
-"""
+EXAMPLES = examples(
+    "wayfarer faults",
+    "wayfarer faults --only 37",
+    "wayfarer faults --only compass-nack,board-fault --out results",
+    "wayfarer faults --scenario my-fault.toml",
+    "wayfarer faults --trials 1000 --rover forestrover",
+    "wayfarer faults --detector --trials 100",
+    "wayfarer faults --detector --physics mujoco --friction 0.3 --trials 10",
+)
 BY_CHANCE = "Random faults"
 DETECTOR = "The detector"
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Annotated
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer.cli.extras import require
+from wayfarer.cli.help_texts import HelpCommand, HelpGroup
 from wayfarer.cli.options import AsJson, Logs, examples, log_folder
 from wayfarer.errors import BadInput
 
@@ -34,7 +36,8 @@ EXAMPLES = examples(
     "wayfarer logs summary 17",
     "wayfarer logs export 17 --format csv",
 )
-app = typer.Typer(no_args_is_help=True, epilog=EXAMPLES)
+app = typer.Typer(cls=HelpGroup, no_args_is_help=True, epilog=EXAMPLES)
+command = partial(app.command, cls=HelpCommand)
 
 Run = Annotated[
     str | None, typer.Argument(metavar="RUN", help="Number, folder or file of a run. (default: the newest run)")
@@ -54,7 +57,7 @@ def _root() -> None:
     """Read the logs of runs: what happened, what is happening, and where the rover is likely to be."""
 
 
-@app.command("list")
+@command("list")
 def list_runs(*, logs: Logs = None) -> None:
     """List all runs, the newest last."""
     from wayfarer.fieldlog.clock import wall_clock
@@ -69,7 +72,7 @@ def list_runs(*, logs: Logs = None) -> None:
         print("\n".join(lines(found, width)))
 
 
-@app.command()
+@command()
 def follow(run: Run = None, *, logs: Logs = None) -> None:
     """Show events as they happen, of this run and the next ones; with RUN until that run ends. Ctrl-C ends it."""
     from wayfarer.fieldlog.folders import find_run, run_folders
@@ -101,7 +104,7 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
             _tell_damage(_damage_of(chosen))
 
 
-@app.command()
+@command()
 def show(
     run: Run = None,
     *,
@@ -126,7 +129,7 @@ def show(
             print(reader.damage)
 
 
-@app.command()
+@command()
 def summary(
     run: Run = None,
     *,
@@ -155,9 +158,7 @@ def summary(
         print(text)
 
 
-@app.command(
-    epilog="Exit code: 0 if every log is complete, 3 if records of one are lost, 1 if one cannot be read at all."
-)
+@command(epilog="Exit code: 0 if every log is complete, 3 if records of one are lost, 1 if one cannot be read at all.")
 def check(
     runs: Annotated[
         list[str] | None,
@@ -180,7 +181,7 @@ def check(
     raise typer.Exit(max(verdict.integrity for verdict in verdicts).exit_code)
 
 
-@app.command()
+@command()
 def export(
     run: Run = None,
     *,

@@ -30,8 +30,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print everything as one JS
 
 
 def examples(*commands: str) -> str:
-    """Return the end of a help text; typer prints paragraphs on lines of their own."""
-    return "\n\n".join(["Examples:", *commands])
+    """Return the end of a help text."""
+    return "\n".join(["Examples:", *commands])
 
 
 def log_folder(logs: Path | None) -> Path:

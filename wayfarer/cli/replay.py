@@ -25,7 +25,7 @@ EXAMPLES = examples(
 
 def replay(
     runs: Annotated[
-        list[str] | None, typer.Argument(metavar="[RUN]...", help="Numbers or folders. (default: the newest run)")
+        list[str] | None, typer.Argument(metavar="RUN", help="Numbers or folders. (default: the newest run)")
     ] = None,
     *,
     config: Annotated[

@@ -24,7 +24,7 @@ def report(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="[RUN|DIR]", help="A run, or a folder that `wayfarer sim --out` or `wayfarer sweep --out` wrote."
+            metavar="RUN|DIR", help="A run, or a folder that `wayfarer sim --out` or `wayfarer sweep --out` wrote."
         ),
     ] = "last",
     *,

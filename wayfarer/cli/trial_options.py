@@ -37,7 +37,7 @@ def _positive(value: float) -> float:
 AlgorithmNames = Annotated[
     str,
     typer.Option(
-        metavar="NAME[,NAME...]|paper",
+        metavar="NAME[,NAME...]",
         help="Escape algorithms; 'paper' means all ten of the paper. A name given twice runs once.",
     ),
 ]
@@ -45,8 +45,8 @@ Forests = Annotated[
     str | None,
     typer.Option(
         metavar="FILE|reference",
-        help="Forest file, used in file order; 'reference': the 500 of the paper's released simulator. Default: "
-        "generated layouts, each with two noise seeds.",
+        help="Forest file, used in file order; 'reference': the 500 of the paper's released simulator. "
+        "(default: generated layouts, each with two noise seeds)",
     ),
 ]
 RoverName = Annotated[str, typer.Option(metavar="NAME|FILE", help="Name of a built-in rover, or a rover file (TOML).")]
