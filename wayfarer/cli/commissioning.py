@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from wayfarer.cli.options import Config, Logs, log_folder
+from wayfarer.cli import completion
+from wayfarer.cli.log_folder import log_folder
+from wayfarer.cli.options import Config, Logs
 from wayfarer.cli.rover import chosen
 
 if TYPE_CHECKING:
@@ -88,7 +90,9 @@ def install_service(
     rover: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME|FILE", help="The rover that /etc/wayfarer/rover.toml is made from, if it does not exist yet."
+            metavar="NAME|FILE",
+            autocompletion=completion.rovers,
+            help="The rover that /etc/wayfarer/rover.toml is made from, if it does not exist yet.",
         ),
     ] = None,
     root: Annotated[

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from wayfarer.cli import completion
 from wayfarer.cli.extras import require
 from wayfarer.cli.options import examples
 
@@ -20,7 +21,12 @@ def compare(
     results: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `wayfarer sim --out` wrote.")],
     *,
     against: Annotated[
-        str, typer.Option(metavar="ALGORITHM", help="The algorithm that the others are compared with.")
+        str,
+        typer.Option(
+            metavar="ALGORITHM",
+            autocompletion=completion.algorithm,
+            help="The algorithm that the others are compared with.",
+        ),
     ] = "forest-pledge",
 ) -> None:
     """Compare the algorithms of a campaign in pairs (same forest, same noise), with 95 % intervals."""

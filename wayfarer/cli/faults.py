@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from wayfarer.cli import completion
 from wayfarer.cli.extras import require
 from wayfarer.cli.options import examples
 from wayfarer.cli.trial_options import DepthOption, PhysicsOption
@@ -26,12 +27,19 @@ BY_CHANCE = "Random faults"
 DETECTOR = "The detector"
 
 Only = Annotated[
-    str | None, typer.Option(metavar="NAME[,NAME...]|ROW", help="Run these scenarios, or rows of the catalogue.")
+    str | None,
+    typer.Option(
+        metavar="NAME[,NAME...]|ROW",
+        autocompletion=completion.fault_scenarios,
+        help="Run these scenarios, or rows of the catalogue.",
+    ),
 ]
 OnRover = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME|FILE", help="Run them on this rover; those that need parts it does not have are skipped."
+        metavar="NAME|FILE",
+        autocompletion=completion.rovers,
+        help="Run them on this rover; those that need parts it does not have are skipped.",
     ),
 ]
 ScenarioFile = Annotated[

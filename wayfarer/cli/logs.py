@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wayfarer.cli import completion
 from wayfarer.cli.extras import require
 from wayfarer.cli.help_texts import HelpCommand, HelpGroup
-from wayfarer.cli.options import AsJson, Logs, examples, log_folder
+from wayfarer.cli.log_folder import log_folder
+from wayfarer.cli.options import AsJson, Logs, examples
 from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
@@ -40,7 +42,10 @@ app = typer.Typer(cls=HelpGroup, no_args_is_help=True, epilog=EXAMPLES)
 command = partial(app.command, cls=HelpCommand)
 
 Run = Annotated[
-    str | None, typer.Argument(metavar="RUN", help="Number, folder or file of a run. (default: the newest run)")
+    str | None,
+    typer.Argument(
+        metavar="RUN", autocompletion=completion.runs, help="Number, folder or file of a run. (default: the newest run)"
+    ),
 ]
 
 
@@ -162,7 +167,11 @@ def summary(
 def check(
     runs: Annotated[
         list[str] | None,
-        typer.Argument(metavar="RUN", help="Numbers, folders or files of runs. (default: the newest run)"),
+        typer.Argument(
+            metavar="RUN",
+            autocompletion=completion.runs,
+            help="Numbers, folders or files of runs. (default: the newest run)",
+        ),
     ] = None,
     *,
     logs: Logs = None,

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wayfarer.cli.options import Logs, examples, log_folder
+from wayfarer.cli import completion
+from wayfarer.cli.log_folder import log_folder
+from wayfarer.cli.options import Logs, examples
 from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
@@ -25,12 +27,19 @@ EXAMPLES = examples(
 
 def replay(
     runs: Annotated[
-        list[str] | None, typer.Argument(metavar="RUN", help="Numbers or folders. (default: the newest run)")
+        list[str] | None,
+        typer.Argument(
+            metavar="RUN", autocompletion=completion.runs, help="Numbers or folders. (default: the newest run)"
+        ),
     ] = None,
     *,
     config: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", help="Use the settings of this rover file instead of those in the log."),
+        typer.Option(
+            metavar="NAME|FILE",
+            autocompletion=completion.rovers,
+            help="Use the settings of this rover file instead of those in the log.",
+        ),
     ] = None,
     logs: Logs = None,
 ) -> None:

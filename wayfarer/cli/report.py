@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
+from wayfarer.cli import completion
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import Logs, examples, log_folder
+from wayfarer.cli.log_folder import log_folder
+from wayfarer.cli.options import Logs, examples
 from wayfarer.errors import BadInput
 
 EXAMPLES = examples(
@@ -24,7 +26,9 @@ def report(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="RUN|DIR", help="A run, or a folder that `wayfarer sim --out` or `wayfarer sweep --out` wrote."
+            metavar="RUN|DIR",
+            autocompletion=completion.runs,
+            help="A run, or a folder that `wayfarer sim --out` or `wayfarer sweep --out` wrote.",
         ),
     ] = "last",
     *,

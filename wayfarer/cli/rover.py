@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import ROVER_FILE, Algorithm, Config, Logs, examples, log_folder
+from wayfarer.cli.log_folder import log_folder
+from wayfarer.cli.options import ROVER_FILE, Algorithm, Config, Logs, examples
 from wayfarer.cli.trial_options import DepthOption
 from wayfarer.cli.viewer_options import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.errors import BadInput

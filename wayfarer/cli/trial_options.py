@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from wayfarer.cli import completion
+
 if TYPE_CHECKING:
     from wayfarer.experiments.campaign import Campaign
 
@@ -38,6 +40,7 @@ AlgorithmNames = Annotated[
     str,
     typer.Option(
         metavar="NAME[,NAME...]",
+        autocompletion=completion.algorithms,
         help="Escape algorithms; 'paper' means all ten of the paper. A name given twice runs once.",
     ),
 ]
@@ -49,7 +52,12 @@ Forests = Annotated[
         "(default: generated layouts, each with two noise seeds)",
     ),
 ]
-RoverName = Annotated[str, typer.Option(metavar="NAME|FILE", help="Name of a built-in rover, or a rover file (TOML).")]
+RoverName = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME|FILE", autocompletion=completion.rovers, help="Name of a built-in rover, or a rover file (TOML)."
+    ),
+]
 Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Random seed of the campaign.")]
 SlipMeanM = Annotated[float, typer.Option(callback=_positive, metavar="M", help="Mean distance between slip events.")]
 BudgetM = Annotated[
