@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 from functools import cache, partial
 from io import TextIOWrapper
 from pathlib import Path
@@ -17,7 +18,7 @@ import typer
 
 from wayfarer.cli import commissioning, compare, control, demo, faults, logs, replay, report, rover, sim, sweep
 from wayfarer.cli.help_texts import HelpCommand, HelpGroup
-from wayfarer.cli.options import examples
+from wayfarer.cli.options import AsJson, examples
 from wayfarer.cli.version import version_text
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.fieldlog.printable import clean
@@ -117,36 +118,40 @@ class Described(NamedTuple):
 
     name: str
     family: str
-    needs: str
+    needs: tuple[str, ...]
     summary: str
 
 
 @command("list")
-def list_names() -> None:
+def list_names(*, as_json: AsJson = False) -> None:
     """List all algorithms, rovers and drivers, also those of installed third-party packages."""
     from rich.console import Console
 
-    from wayfarer.config.registry import driver_names
+    from wayfarer.config.registry import algorithm_names, driver_names
     from wayfarer.config.rover_file import rover_names
+    from wayfarer.views.text.scripting import print_json
 
+    algorithms = list(map(_described, algorithm_names()))
+    if as_json:
+        print_json({"algorithms": algorithms, "rovers": rover_names(), "drivers": driver_names()})
+        return
     console = Console()
-    console.print(_algorithm_table())
+    console.print(_algorithm_table(algorithms))
     console.print()
     console.print("rovers: ", ", ".join(rover_names()) or "none", highlight=False)
     console.print("drivers:", ", ".join(driver_names()) or "none", highlight=False)
 
 
-def _algorithm_table() -> Table:
-    from wayfarer.config.registry import algorithm_names
+def _algorithm_table(algorithms: Iterable[Described]) -> Table:
     from wayfarer.views.text.terminal_table import Column, table
 
     columns: list[Column[Described]] = [
         Column("algorithm", lambda each: each.name, left=True),
         Column("family", lambda each: each.family, left=True),
-        Column("needs", lambda each: each.needs, left=True),
+        Column("needs", lambda each: ", ".join(each.needs), left=True),
         Column("what it does", lambda each: each.summary, left=True, wraps=True),
     ]
-    return table(columns, map(_described, algorithm_names()))
+    return table(columns, algorithms)
 
 
 def _described(name: str) -> Described:
@@ -156,6 +161,6 @@ def _described(name: str) -> Described:
     try:
         found = find_algorithm(name)
     except BadInput as error:
-        return Described(name, "", "", f"cannot be loaded: {error}")
+        return Described(name, "", (), f"cannot be loaded: {error}")
     origin = "" if found.origin == "wayfarer" else f" (from {found.origin})"
-    return Described(name, found.family, ", ".join(sorted(found.requires)), found.summary + origin)
+    return Described(name, found.family, tuple(sorted(found.requires)), found.summary + origin)

@@ -38,7 +38,7 @@ def check(
     *,
     config: Config = None,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print all findings as one JSON object; no wheel turns.")
+        bool, typer.Option("--json", help="Print JSON for scripts (docs/json.md); asks nothing, no wheel turns.")
     ] = False,
     logs: Logs = None,
 ) -> None:
@@ -50,9 +50,9 @@ def check(
     ask = terminal.Terminal().ask if terminal.is_there() and not as_json else None
     findings = _at_the_rover(config, logs, lambda loaded, rover, host: look(loaded, rover, host, ask), calibrated=True)
     if as_json:
-        import json
+        from wayfarer.views.text.scripting import print_json
 
-        print(json.dumps({"passed": passed(findings), "findings": [finding._asdict() for finding in findings]}))
+        print_json({"passed": passed(findings), "findings": findings})
     else:
         _print(findings)
     raise typer.Exit(0 if passed(findings) else NOT_READY)

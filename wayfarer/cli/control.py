@@ -34,9 +34,9 @@ def status(*, as_json: AsJson = False) -> None:
     """Show rover status."""
     found = _ask("status")
     if as_json:
-        import json
+        from wayfarer.views.text.scripting import print_json
 
-        print(json.dumps(found))
+        print_json(found)
         return
     from wayfarer.cli.status_text import status_text
 

@@ -7,6 +7,7 @@ import shutil
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -25,6 +26,7 @@ from wayfarer.errors import BadInput
 if TYPE_CHECKING:
     from wayfarer.fieldlog.reader import Damage
     from wayfarer.views.text.run_narrator import Line
+    from wayfarer.views.text.verdict import LogVerdict
 
 POLL_S = 0.3  # how long a line waits until it is shown, at most
 STDOUT = Path("-")
@@ -63,10 +65,11 @@ def _root() -> None:
 
 
 @command("list")
-def list_runs(*, logs: Logs = None) -> None:
+def list_runs(*, logs: Logs = None, as_json: AsJson = False) -> None:
     """List all runs, the newest last."""
     from wayfarer.fieldlog.clock import wall_clock
     from wayfarer.views.text.listing import lines, rows
+    from wayfarer.views.text.scripting import print_json
 
     folder = log_folder(logs)
     found = rows(folder, wall_clock(0.0))
@@ -74,6 +77,9 @@ def list_runs(*, logs: Logs = None) -> None:
         raise BadInput(f"{folder} holds no run; say where runs are logged with --logs DIR")
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     with _until_closed():
+        if as_json:
+            print_json({"runs": found})
+            return
         print("\n".join(lines(found, width)))
 
 
@@ -115,23 +121,32 @@ def show(
     *,
     logs: Logs = None,
     ticks: Annotated[bool, typer.Option("--ticks", help="Print every control tick.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print each line as a JSON object for scripts; docs/json.md describes it.")
+    ] = False,
 ) -> None:
     """Show all events of a run, from its beginning."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import Damage, RunReader
     from wayfarer.views.text.run_narrator import RunNarrator
+    from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.verdict import NO_OUTCOME, readable
 
-    narrator, ended = RunNarrator(ticks=ticks), False
+    narrator, ended, notes = RunNarrator(ticks=ticks), False, sys.stderr if as_json else sys.stdout
     reader = RunReader(find_run(run, log_folder(logs)))
     with _until_closed():
         for record in readable(reader):
-            _tell(narrator.take(record))
+            lines = narrator.take(record)
+            if as_json:
+                for line in lines:
+                    print_json({"elapsed_s": line.at_s, "tone": line.tone, "text": line.text, "record": record})
+            else:
+                _tell(lines)
             ended = record["record"] == "outcome"
         if not ended:
-            print(NO_OUTCOME)
+            print(NO_OUTCOME, file=notes)
         if reader.damage != Damage():
-            print(reader.damage)
+            print(reader.damage, file=notes)
 
 
 @command()
@@ -145,22 +160,18 @@ def summary(
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import RunReader
     from wayfarer.views.text.run_summariser import summarise
+    from wayfarer.views.text.scripting import print_json
+    from wayfarer.views.text.summary_text import summary_text
     from wayfarer.views.text.verdict import readable
 
     reader = RunReader(find_run(run, log_folder(logs)))
     found = summarise(readable(reader))
     title = _titled(reader.run)
-    if as_json:
-        import json
-        from dataclasses import asdict
-
-        text = json.dumps({"run": title, **asdict(found), "damage": asdict(reader.damage)})
-    else:
-        from wayfarer.views.text.summary_text import summary_text
-
-        text = summary_text(title, found, reader.damage)
     with _until_closed():
-        print(text)
+        if as_json:
+            print_json({"run": title, **asdict(found), "damage": reader.damage})
+        else:
+            print(summary_text(title, found, reader.damage))
 
 
 @command(epilog="Exit code: 0 if every log is complete, 3 if records of one are lost, 1 if one cannot be read at all.")
@@ -175,18 +186,24 @@ def check(
     ] = None,
     *,
     logs: Logs = None,
+    as_json: AsJson = False,
 ) -> None:
     """Read logs completely, and report lost or damaged records."""
     from wayfarer.fieldlog.folders import find_run
+    from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.verdict import judge
 
     folder = log_folder(logs)
+    found = [find_run(name, folder) for name in runs or ["last"]]
     verdicts = []
-    for run in [find_run(name, folder) for name in runs or ["last"]]:
-        verdict = judge(run)
-        verdicts.append(verdict)
+    for run in found:
+        verdicts.append(judge(run))
+        if not as_json:
+            with _until_closed():
+                print(f"{_titled(run)}: {verdicts[-1]}")
+    if as_json:
         with _until_closed():
-            print(f"{_titled(run)}: {verdict}")
+            print_json({"logs": [_as_object(run, verdict) for run, verdict in zip(found, verdicts, strict=True)]})
     raise typer.Exit(max(verdict.integrity for verdict in verdicts).exit_code)
 
 
@@ -242,6 +259,10 @@ def _form(wanted: OutputFormat | None, out: Path | None) -> OutputFormat:
     if ending and not (wanted or named):
         raise BadInput(f"--out {out}: a run is written as {', '.join(OutputFormat)}; end the name so, or say --format")
     return wanted or named or OutputFormat.csv
+
+
+def _as_object(run: Path, verdict: LogVerdict) -> dict[str, object]:
+    return {"run": _titled(run), **verdict._asdict(), "integrity": verdict.integrity.name.lower()}
 
 
 def _titled(run: Path) -> str:

@@ -30,7 +30,7 @@ Config = Annotated[
 Algorithm = Annotated[
     str, typer.Option(metavar="NAME", autocompletion=completion.algorithm, help="Escape algorithm; see wayfarer list.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts; docs/json.md describes it.")]
 
 
 def examples(*commands: str) -> str:

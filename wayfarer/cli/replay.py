@@ -10,7 +10,7 @@ import typer
 
 from wayfarer.cli import completion
 from wayfarer.cli.log_folder import log_folder
-from wayfarer.cli.options import Logs, examples
+from wayfarer.cli.options import AsJson, Logs, examples
 from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def replay(
         ),
     ] = None,
     logs: Logs = None,
+    as_json: AsJson = False,
 ) -> None:
     """Run recorded readings through today's code, and compare the decisions with the log.
 
@@ -50,10 +51,11 @@ def replay(
     from wayfarer.config.rover_file import load_rover
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.replay import replay as replay_run
+    from wayfarer.views.text.scripting import print_json
 
     settings = load_rover(config) if config else None
     folders = [find_run(run, log_folder(logs)) for run in runs or ["last"]]
-    codes = set()
+    codes, replays = set(), []
     for folder in folders:
         try:
             result = replay_run(folder, settings)
@@ -61,8 +63,12 @@ def replay(
             codes.add(BAD_INPUT)
             print("wayfarer:", error, file=sys.stderr)
             continue
-        print(told(folder, result))
+        replays.append({"run": folder.name, **result._asdict()})
+        if not as_json:
+            print(told(folder, result))
         codes.add(DIFFERS if result.difference else CUT if result.cut_t_s is not None or not result.ticks else 0)
+    if as_json:
+        print_json({"runs": replays})
     raise typer.Exit(next(code for code in (BAD_INPUT, DIFFERS, CUT, 0) if code in codes))
 
 

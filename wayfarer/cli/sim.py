@@ -9,7 +9,7 @@ import typer
 
 from wayfarer.cli import trial_options as options
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import examples
+from wayfarer.cli.options import AsJson, examples
 from wayfarer.cli.trial_options import RUNNING, DepthOption, PhysicsOption
 from wayfarer.errors import BadInput
 
@@ -147,6 +147,7 @@ def sim(
     log: Log = None,
     video: Video = None,
     video_speed: VideoSpeed = None,
+    as_json: AsJson = False,
 ) -> None:
     """Run the rover's code in simulated forests, and print success rate and path length per algorithm."""
     terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
@@ -171,11 +172,13 @@ def sim(
     commands.check_rover(campaign.rover, campaign.depth, rover)
     if trial is None:
         raise typer.Exit(
-            sim_command.run_all(campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log)
+            sim_command.run_all(
+                campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log, as_json=as_json
+            )
         )
     if video:
-        raise typer.Exit(sim_command.film_alone(campaign, trial, log, video, video_speed or 1.0))
-    raise typer.Exit(sim_command.run_alone(campaign, trial, log))
+        raise typer.Exit(sim_command.film_alone(campaign, trial, log, video, video_speed or 1.0, as_json=as_json))
+    raise typer.Exit(sim_command.run_alone(campaign, trial, log, as_json=as_json))
 
 
 def _require(in_mujoco: bool, video: Path | None, out: Path | None, cluster: str | None) -> None:

@@ -9,7 +9,7 @@ import typer
 
 from wayfarer.cli import trial_options as options
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import examples
+from wayfarer.cli.options import AsJson, examples
 from wayfarer.cli.trial_options import RUNNING, DepthOption
 
 EXAMPLES = examples(
@@ -53,6 +53,7 @@ def sweep(
     spl: options.Spl = False,
     jobs: options.Jobs = None,
     resume: Resume = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run the same trials at each point of a grid of settings, and show how the results change."""
     require("sweeping")
@@ -69,4 +70,4 @@ def sweep(
     for point in plan.points:
         check_body(point, rover)
         check_rover(point.rover, point.depth, rover)
-    raise typer.Exit(run_all(plan, out, resume=resume, jobs=jobs or cores()))
+    raise typer.Exit(run_all(plan, out, resume=resume, jobs=jobs or cores(), as_json=as_json))

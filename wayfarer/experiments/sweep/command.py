@@ -19,6 +19,7 @@ from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.sweep.axes import Value
 from wayfarer.experiments.sweep.grid import Sweep
 from wayfarer.experiments.tables import number
+from wayfarer.views.text.scripting import print_json, say_next
 from wayfarer.views.text.terminal_table import Column, table
 
 LEGEND = "success: escaped or left the map; path: mean of the successes; the report has the 95 % intervals"
@@ -31,8 +32,16 @@ class _Cell(NamedTuple):
     summary: AlgorithmSummary
 
 
-def run_all(sweep: Sweep, out: Path, *, resume: bool = False, jobs: int = 1, run_trial: RunTrial = field_trial) -> int:
-    """Run a sweep, show it, print its table, and return the exit code.
+def run_all(
+    sweep: Sweep,
+    out: Path,
+    *,
+    resume: bool = False,
+    jobs: int = 1,
+    as_json: bool = False,
+    run_trial: RunTrial = field_trial,
+) -> int:
+    """Run a sweep, show it, print its table or the same as JSON, and return the exit code.
 
     Raises:
         BadInput: ``out`` cannot be used.
@@ -43,12 +52,20 @@ def run_all(sweep: Sweep, out: Path, *, resume: bool = False, jobs: int = 1, run
     if finished.interrupted:
         return INTERRUPTED
     console, names = Console(), sweep.base.algorithms
-    values = (values for values, _ in product(sweep.values, names))
+    values = [values for values, _ in product(sweep.values, names)]
+    if as_json:
+        document, keys = finished.as_json(), [axis.key for axis in sweep.axes]
+        points = (dict(zip(keys, each, strict=True)) for each in values)
+        print_json(
+            document | {"table": [{"point": at} | line for at, line in zip(points, document["table"], strict=True)]}
+        )
+        return 0
     cells = list(map(_Cell, values, finished.summaries))
     cells.sort(key=lambda cell: names.index(cell.summary.algorithm))
     console.print(table(list(_columns(sweep)), cells))
     say(console, LEGEND)
-    say(Console(stderr=True), f"the results are in {out}; `wayfarer report {out}` draws them")
+    say(Console(stderr=True), f"the results are in {out}")
+    say_next("wayfarer", "report", out)
     return 0
 
 
