@@ -13,6 +13,7 @@ from wayfarer.cli import completion
 from wayfarer.cli.log_folder import log_folder
 from wayfarer.cli.options import Config, Logs
 from wayfarer.cli.rover import chosen
+from wayfarer.views.text.scripting import print_json, say_next
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Iterable
@@ -50,8 +51,6 @@ def check(
     ask = terminal.Terminal().ask if terminal.is_there() and not as_json else None
     findings = _at_the_rover(config, logs, lambda loaded, rover, host: look(loaded, rover, host, ask), calibrated=True)
     if as_json:
-        from wayfarer.views.text.scripting import print_json
-
         print_json({"passed": passed(findings), "findings": findings})
     else:
         _print(findings)
@@ -83,6 +82,7 @@ def calibrate(
         lambda loaded, rover, host: guide(loaded, rover, host, person, [step.value for step in steps or ()] or STEPS),
         calibrated=False,
     )
+    say_next("wayfarer", "check", *(["--config", config] if config else []))
 
 
 def install_service(

@@ -12,6 +12,7 @@ import typer
 from wayfarer.angles import wrap360
 from wayfarer.cli.options import AsJson
 from wayfarer.errors import WayfarerError
+from wayfarer.views.text.scripting import print_json, say_next
 
 ANSWER_S = 5.0
 ARM_S = 30.0  # the checks before arming may wait for every part in turn
@@ -34,8 +35,6 @@ def status(*, as_json: AsJson = False) -> None:
     """Show rover status."""
     found = _ask("status")
     if as_json:
-        from wayfarer.views.text.scripting import print_json
-
         print_json(found)
         return
     from wayfarer.cli.status_text import status_text
@@ -102,6 +101,7 @@ def stop() -> None:
     reply = _ask("stop")
     with _as_this_version():
         print(f"stopped; the log is in {reply['log']}")
+        say_next("wayfarer", "logs", "summary", reply["log"])
 
 
 COMMANDS = (status, arm, disarm, hold, resume, goal, mark, stop)

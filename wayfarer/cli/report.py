@@ -12,6 +12,7 @@ from wayfarer.cli.extras import require
 from wayfarer.cli.log_folder import log_folder
 from wayfarer.cli.options import Logs, examples
 from wayfarer.errors import BadInput
+from wayfarer.views.text.scripting import say_next
 
 EXAMPLES = examples(
     "wayfarer report",
@@ -58,6 +59,7 @@ def report(
 
         page = write_run_report(run, out)
     print(f"the report is {page}")
+    say_next("xdg-open", page)
 
 
 def _of_trials(folder: Path, out: Path | None, gallery: int, jobs: int | None) -> Path:

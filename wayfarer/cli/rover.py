@@ -58,6 +58,7 @@ def run(
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.daemon import Service, serve
     from wayfarer.daemon.socket.paths import daemon_socket
+    from wayfarer.views.text.scripting import say_next
 
     if not sim and (depth is not None or seed is not None):
         raise BadInput("--depth and --seed are for the simulated rover: add --sim, or leave them out")
@@ -82,6 +83,7 @@ def run(
         viewers=viewers(live, live_host, live_port, foxglove, foxglove_port),
     )
     serve(service)
+    say_next("wayfarer", "logs", "summary", *(["--logs", logs] if logs else []))
 
 
 def stop_motors(*, config: Config = None) -> None:

@@ -27,8 +27,9 @@ if TYPE_CHECKING:
     from wayfarer.experiments.dask_cluster import Cluster
 
 FAULT_FILE = "fault.txt"
-LEGEND = "success: escaped or left bounds; path: of the successes; time, anomalies: mean a trial"
-SITE_LEGEND = "time: from arming to the destination line, of the successes; interventions (overturned/off its wheels)"
+LEGEND = "success: escaped or left bounds; path: of these; time, anomalies: mean a trial"
+SITE_LEGEND = """time: from arming to the destination line, of the successes
+interventions (overturned/off its wheels)"""
 
 
 def run_all(
@@ -169,6 +170,8 @@ def film_alone(
         with drawing(aside) as done:
             shown.show(recorder.footage, speed, done)
     say(aside, f"the film is {video}")
+    if not as_json:
+        say_next("xdg-open", video)
     return code
 
 

@@ -29,8 +29,10 @@ from wayfarer.views.text.terminal_table import table as terminal_table
 TRIALS = 50  # of each cell, where nobody says how many
 JSON_FILE = "detector.json"
 LEGEND = (
-    "recall: share of episodes that were noticed; precision: share of claims that were true",
-    "at least: lower end of the 95 % interval; delay: from an episode's beginning to its claim, median",
+    "recall: share of episodes that were noticed",
+    "precision: share of claims that were true",
+    "at least: lower end of the 95 % interval",
+    "delay: from an episode's beginning to its claim, median",
 )
 
 Measured = Mapping[DetectorCase, Scores]

@@ -22,7 +22,8 @@ from wayfarer.experiments.tables import number
 from wayfarer.views.text.scripting import print_json, say_next
 from wayfarer.views.text.terminal_table import Column, table
 
-LEGEND = "success: escaped or left the map; path: mean of the successes; the report has the 95 % intervals"
+LEGEND = """success: escaped or left the map; path: mean of the successes
+the report has the 95 % intervals"""
 
 
 class _Cell(NamedTuple):
@@ -72,11 +73,12 @@ def run_all(
 def _columns(sweep: Sweep) -> Iterator[Column[_Cell]]:
     yield Column("algorithm", lambda cell: cell.summary.algorithm, left=True)
     for index, axis in enumerate(sweep.axes):
-        yield Column(axis.key.rpartition(".")[2], partial(_value, index))
+        title = axis.key.rpartition(".")[2].replace("_", "\n")  # a word a line: two long keys must fit 80 columns
+        yield Column(title, partial(_value, index))
     yield Column("success\n%", lambda cell: number(cell.summary.success_percent))
     yield Column("SPL", lambda cell: number(cell.summary.spl, 3))
     yield Column("path\nm", lambda cell: number(cell.summary.path_mean_m))
-    yield Column("left the map\n%", lambda cell: number(100 * cell.summary.left_bounds / cell.summary.trials))
+    yield Column("left the\nmap %", lambda cell: number(100 * cell.summary.left_bounds / cell.summary.trials))
 
 
 def _value(index: int, cell: _Cell) -> str:
