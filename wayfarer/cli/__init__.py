@@ -22,6 +22,7 @@ from wayfarer.cli.options import AsJson, examples
 from wayfarer.cli.version import version_text
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.fieldlog.printable import clean
+from wayfarer.views.text.colour import painted
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -92,7 +93,7 @@ def _command() -> Any:
 
 def _fail(text: str, exit_code: int) -> int:
     if text:  # there is none where the help was the answer
-        print("wayfarer:", clean(" ".join(text.splitlines())), file=sys.stderr)
+        print(painted("wayfarer:", "fault", sys.stderr), clean(" ".join(text.splitlines())), file=sys.stderr)
     return exit_code
 
 

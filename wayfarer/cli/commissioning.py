@@ -13,6 +13,7 @@ from wayfarer.cli import completion
 from wayfarer.cli.log_folder import log_folder
 from wayfarer.cli.options import Config, Logs
 from wayfarer.cli.rover import chosen
+from wayfarer.views.text.colour import painted
 from wayfarer.views.text.scripting import print_json, say_next
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from wayfarer.hal import Rover
 
 NOT_READY = 1
+TONES = {"ok": "good", "warn": "warning", "fail": "fault", "skipped": "quiet"}
 T = TypeVar("T")
 
 
@@ -142,7 +144,8 @@ def _at_the_rover(
 
 def _print(findings: Iterable[Finding]) -> None:
     for finding in findings:
-        print(f"{finding.verdict.value:<8}{finding.name}: {finding.found}")
+        verdict = finding.verdict.value
+        print(f"{painted(f'{verdict:<8}', TONES[verdict])}{finding.name}: {finding.found}")
         if finding.cause:
             print(f"{'':<8}  likely: {finding.cause}")
         if finding.remedy:

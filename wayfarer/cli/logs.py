@@ -22,6 +22,7 @@ from wayfarer.cli.help_texts import HelpCommand, HelpGroup
 from wayfarer.cli.log_folder import log_folder
 from wayfarer.cli.options import AsJson, Logs, examples
 from wayfarer.errors import BadInput
+from wayfarer.views.text.colour import painted
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.reader import Damage
@@ -31,8 +32,11 @@ if TYPE_CHECKING:
 POLL_S = 0.3  # how long a line waits until it is shown, at most
 STDOUT = Path("-")
 
-# The terminal's colours (SGR codes), by the tone of a line; they follow the user's colour scheme.
-COLOURS = {"quiet": "2", "phase": "36", "person": "1", "warning": "33", "fault": "1;31", "end": "1;32"}
+# What became of a run or its log, by the tone in which it is shown.
+TONES = {
+    "goes on": "phase", "cut off": "warning", "unreadable": "fault",
+    "COMPLETE": "good", "PARTIAL": "warning", "UNREADABLE": "fault",
+}  # fmt: skip
 
 EXAMPLES = examples(
     "wayfarer logs list",
@@ -80,7 +84,10 @@ def list_runs(*, logs: Logs = None, as_json: AsJson = False) -> None:
         if as_json:
             print_json({"runs": found})
             return
-        print("\n".join(lines(found, width)))
+        titles, *shown = lines(found, width)
+        print(titles)
+        for line, row in zip(shown, found, strict=True):
+            print(painted(line, TONES.get(row.outcome, "")))
 
 
 @command()
@@ -200,7 +207,7 @@ def check(
         verdicts.append(judge(run))
         if not as_json:
             with _until_closed():
-                print(f"{_titled(run)}: {verdicts[-1]}")
+                print(f"{_titled(run)}: {painted(str(verdicts[-1]), TONES[verdicts[-1].integrity.name])}")
     if as_json:
         with _until_closed():
             print_json({"logs": [_as_object(run, verdict) for run, verdict in zip(found, verdicts, strict=True)]})
@@ -292,13 +299,7 @@ def _tell_damage(damage: Damage) -> None:
 
 def _tell(lines: Iterable[Line], *, flush: bool = False) -> None:
     for line in lines:
-        print(_painted(str(line), line.tone.value), flush=flush)
-
-
-def _painted(text: str, tone: str) -> str:
-    """Give a text its colour, on a terminal whose owner wants any (no-color.org)."""
-    wanted = sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
-    return f"\x1b[{COLOURS[tone]}m{text}\x1b[0m" if wanted and tone in COLOURS else text
+        print(painted(str(line), line.tone.value), flush=flush)
 
 
 @contextmanager

@@ -51,6 +51,7 @@ def replay(
     from wayfarer.config.rover_file import load_rover
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.replay import replay as replay_run
+    from wayfarer.views.text.colour import painted
     from wayfarer.views.text.scripting import print_json
 
     settings = load_rover(config) if config else None
@@ -65,7 +66,8 @@ def replay(
             continue
         replays.append({"run": folder.name, **result._asdict()})
         if not as_json:
-            print(told(folder, result))
+            tone = "fault" if result.difference else "warning" if result.cut_t_s is not None else "good"
+            print(painted(told(folder, result), tone))
         codes.add(DIFFERS if result.difference else CUT if result.cut_t_s is not None or not result.ticks else 0)
     if as_json:
         print_json({"runs": replays})
