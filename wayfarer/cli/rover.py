@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.daemon.daemon import RoverSetup
 
+HINT = "In another terminal: wayfarer arm, wayfarer status, wayfarer stop"
 RUN_EXAMPLES = examples(
     "wayfarer run --sim",
     "wayfarer run --sim --live",
@@ -58,6 +59,7 @@ def run(
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.daemon import Service, serve
     from wayfarer.daemon.socket.paths import daemon_socket
+    from wayfarer.views.text.console import Console
     from wayfarer.views.text.scripting import say_next
 
     if not sim and (depth is not None or seed is not None):
@@ -80,6 +82,7 @@ def run(
         socket=daemon_socket(),
         simulated=sim,
         dry_run=dry_run,
+        console=lambda write: Console(HINT, write).show,
         viewers=viewers(live, live_host, live_port, foxglove, foxglove_port),
     )
     serve(service)
