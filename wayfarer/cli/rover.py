@@ -60,7 +60,6 @@ def run(
     from wayfarer.daemon.daemon import Service, serve
     from wayfarer.daemon.socket.paths import daemon_socket
     from wayfarer.views.text.console import Console
-    from wayfarer.views.text.scripting import say_next
 
     if not sim and (depth is not None or seed is not None):
         raise BadInput("--depth and --seed are for the simulated rover: add --sim, or leave them out")
@@ -82,11 +81,10 @@ def run(
         socket=daemon_socket(),
         simulated=sim,
         dry_run=dry_run,
-        console=lambda write: Console(HINT, write).show,
+        console=lambda write: Console(HINT, write, then="wayfarer logs summary").show,
         viewers=viewers(live, live_host, live_port, foxglove, foxglove_port),
     )
     serve(service)
-    say_next("wayfarer", "logs", "summary", *(["--logs", logs] if logs else []))
 
 
 def stop_motors(*, config: Config = None) -> None:

@@ -49,6 +49,14 @@ def test_end_is_told_unless_the_command_tells_its_error(reason: str, lines: int)
     assert len(said(outcome(6.0) | {"reason": reason})) == lines
 
 
+def test_end_says_which_command_comes_next() -> None:
+    lines: list[str] = []
+    console = Console("Say go", lines.append, then="wayfarer logs summary")
+    for each in (HEADER | {"log": "/my logs/00001"}, outcome(6.0)):
+        console.show(each)
+    assert lines[-1] == "Next: wayfarer logs summary '/my logs/00001'"
+
+
 def test_positions_are_not_shown() -> None:
     assert said(record("position", 1.0, latitude_deg=52.0, longitude_deg=13.0, error_m=3.0)) == []
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from shlex import quote
 
-from wayfarer.fieldlog.fields import local_time
+from wayfarer.fieldlog.fields import local_time, name
 from wayfarer.fieldlog.reader import Record
 from wayfarer.views.text.colour import painted
 from wayfarer.views.text.run_narrator import RunNarrator
@@ -18,11 +19,14 @@ class Console:
     Args:
         hint: what to do with a rover that is ready; told once it is.
         write: takes a line for stderr, and must not wait.
+        then: the command that comes next, told with the run's folder at its end; empty for none.
     """
 
-    def __init__(self, hint: str, write: Callable[[str], None]) -> None:
+    def __init__(self, hint: str, write: Callable[[str], None], then: str = "") -> None:
         self._hint = hint
         self._write = write
+        self._then = then
+        self._log = ""
         self._narrator = RunNarrator()
 
     def show(self, record: Record) -> None:
@@ -34,5 +38,9 @@ class Console:
         for line in self._narrator.take(record):
             if line.tone is not Tone.QUIET:
                 self._write(f"{at}  {painted(line.text, line.tone.value, sys.stderr)}")
-        if kind == "event" and event_name(record) == "opened":
+        if kind == "run":
+            self._log = name(record, "log") or ""
+        elif kind == "event" and event_name(record) == "opened":
             self._write(f"{at}  disarmed. {self._hint}")
+        elif kind == "outcome" and self._then:
+            self._write(f"Next: {self._then} {quote(self._log)}")
