@@ -277,6 +277,7 @@ def test_progress_goes_to_stderr_in_plain_lines_and_the_table_to_stdout(run: Run
     assert code == 0
     assert err.splitlines() == [
         *(f"{n} of 40 trials" for n in range(4, 41, 4)), f"the results are in {tmp_path / 'out'}",
+        f"Next: wayfarer report {tmp_path / 'out'}",
     ]  # fmt: skip
     assert "forest-pledge" in out
     assert "81.3 ± 29.3" in out

@@ -211,6 +211,9 @@ def on_a_terminal(*arguments: object, **environment: str) -> str:
 def test_terminal_gets_colours_unless_its_owner_wants_none(logs: Path) -> None:
     assert "\x1b[36m" in on_a_terminal("show", "1", "--logs", logs)
     assert "\x1b" not in on_a_terminal("show", "1", "--logs", logs, NO_COLOR="1")
+    assert "\x1b" not in on_a_terminal("show", "1", "--logs", logs, TERM="dumb")
+    lines = on_a_terminal("list", "--logs", logs).splitlines()
+    assert ["\x1b[33m" in line for line in lines] == [False, False, True], "the second was cut off"
 
 
 @pytest.mark.process

@@ -20,7 +20,8 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.mission_limits import RunEnd
 
-ABOUT = {"version": "1", "rover": "sim", "algorithm": "pledge", "log": "logs/00001", "start_delay_s": 2.0}
+ABOUT = {"version": "1", "rover": "sim", "algorithm": "pledge", "log": "logs/00001", "start_delay_s": 2.0,
+         "simulated": True, "dry_run": False}  # fmt: skip
 DELAY_S = 2.0
 
 

@@ -34,6 +34,7 @@ from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.build_rover import Depth
+from wayfarer.views.text.console import Console
 
 LONG_S = 10.0
 
@@ -57,6 +58,7 @@ class Site:
             socket=self.socket,
             simulated=True,
             dry_run=False,
+            console=lambda write: Console("Arm it", write).show,
         )
 
     def make_rover(self, finish: Finish) -> RoverSetup:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import os
 import sys
-from functools import cache
+from collections.abc import Iterable
+from functools import cache, partial
 from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -16,10 +17,12 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from wayfarer.cli import commissioning, compare, control, demo, faults, logs, replay, report, rover, sim, sweep
-from wayfarer.cli.options import examples
+from wayfarer.cli.help_texts import HelpCommand, HelpGroup
+from wayfarer.cli.options import AsJson, examples
 from wayfarer.cli.version import version_text
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.fieldlog.printable import clean
+from wayfarer.views.text.colour import painted
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -36,28 +39,29 @@ EXAMPLES = examples(
     "wayfarer run --sim",
     "wayfarer sim --help",
 )
-app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
-app.command(epilog=demo.EXAMPLES)(demo.demo)
-app.command(epilog=sim.EXAMPLES)(sim.sim)
-app.command(epilog=sweep.EXAMPLES)(sweep.sweep)
-app.command(epilog=faults.EXAMPLES)(faults.faults)
-app.command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
+app = typer.Typer(cls=HelpGroup, no_args_is_help=True, pretty_exceptions_enable=False)
+command = partial(app.command, cls=HelpCommand)
+command(epilog=demo.EXAMPLES)(demo.demo)
+command(epilog=sim.EXAMPLES)(sim.sim)
+command(epilog=sweep.EXAMPLES)(sweep.sweep)
+command(epilog=faults.EXAMPLES)(faults.faults)
+command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
 for verb in control.COMMANDS:
     lenient = {"ignore_unknown_options": verb in control.TAKE_A_MINUS}
-    app.command(rich_help_panel=CONTROL, context_settings=lenient)(verb)
-app.command("stop-motors", rich_help_panel=ROVER)(rover.stop_motors)
-app.command(rich_help_panel=ROVER)(commissioning.check)
-app.command(rich_help_panel=ROVER)(commissioning.calibrate)
+    command(rich_help_panel=CONTROL, context_settings=lenient)(verb)
+command("stop-motors", rich_help_panel=ROVER)(rover.stop_motors)
+command(rich_help_panel=ROVER)(commissioning.check)
+command(rich_help_panel=ROVER)(commissioning.calibrate)
 app.add_typer(
     logs.app,
     name="logs",
     rich_help_panel=AFTERWARDS,
     help="Read field logs: list, follow, show, summarise, check, export.",
 )
-app.command(rich_help_panel=AFTERWARDS, epilog=report.EXAMPLES)(report.report)
-app.command(rich_help_panel=AFTERWARDS, epilog=compare.EXAMPLES)(compare.compare)
-app.command(rich_help_panel=AFTERWARDS, epilog=replay.EXAMPLES)(replay.replay)
-app.command("install-service", rich_help_panel=ROVER)(commissioning.install_service)
+command(rich_help_panel=AFTERWARDS, epilog=report.EXAMPLES)(report.report)
+command(rich_help_panel=AFTERWARDS, epilog=compare.EXAMPLES)(compare.compare)
+command(rich_help_panel=AFTERWARDS, epilog=replay.EXAMPLES)(replay.replay)
+command("install-service", rich_help_panel=ROVER)(commissioning.install_service)
 
 
 def main() -> None:
@@ -89,7 +93,7 @@ def _command() -> Any:
 
 def _fail(text: str, exit_code: int) -> int:
     if text:  # there is none where the help was the answer
-        print("wayfarer:", clean(" ".join(text.splitlines())), file=sys.stderr)
+        print(painted("wayfarer:", "fault", sys.stderr), clean(" ".join(text.splitlines())), file=sys.stderr)
     return exit_code
 
 
@@ -115,36 +119,40 @@ class Described(NamedTuple):
 
     name: str
     family: str
-    needs: str
+    needs: tuple[str, ...]
     summary: str
 
 
-@app.command("list")
-def list_names() -> None:
+@command("list")
+def list_names(*, as_json: AsJson = False) -> None:
     """List all algorithms, rovers and drivers, also those of installed third-party packages."""
     from rich.console import Console
 
-    from wayfarer.config.registry import driver_names
+    from wayfarer.config.registry import algorithm_names, driver_names
     from wayfarer.config.rover_file import rover_names
+    from wayfarer.views.text.scripting import print_json
 
+    algorithms = list(map(_described, algorithm_names()))
+    if as_json:
+        print_json({"algorithms": algorithms, "rovers": rover_names(), "drivers": driver_names()})
+        return
     console = Console()
-    console.print(_algorithm_table())
+    console.print(_algorithm_table(algorithms))
     console.print()
     console.print("rovers: ", ", ".join(rover_names()) or "none", highlight=False)
     console.print("drivers:", ", ".join(driver_names()) or "none", highlight=False)
 
 
-def _algorithm_table() -> Table:
-    from wayfarer.config.registry import algorithm_names
+def _algorithm_table(algorithms: Iterable[Described]) -> Table:
     from wayfarer.views.text.terminal_table import Column, table
 
     columns: list[Column[Described]] = [
         Column("algorithm", lambda each: each.name, left=True),
         Column("family", lambda each: each.family, left=True),
-        Column("needs", lambda each: each.needs, left=True),
+        Column("needs", lambda each: ", ".join(each.needs), left=True),
         Column("what it does", lambda each: each.summary, left=True, wraps=True),
     ]
-    return table(columns, map(_described, algorithm_names()))
+    return table(columns, algorithms)
 
 
 def _described(name: str) -> Described:
@@ -154,6 +162,6 @@ def _described(name: str) -> Described:
     try:
         found = find_algorithm(name)
     except BadInput as error:
-        return Described(name, "", "", f"cannot be loaded: {error}")
+        return Described(name, "", (), f"cannot be loaded: {error}")
     origin = "" if found.origin == "wayfarer" else f" (from {found.origin})"
-    return Described(name, found.family, ", ".join(sorted(found.requires)), found.summary + origin)
+    return Described(name, found.family, tuple(sorted(found.requires)), found.summary + origin)

@@ -9,8 +9,12 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from wayfarer.cli.options import Config, Logs, log_folder
+from wayfarer.cli import completion
+from wayfarer.cli.log_folder import log_folder
+from wayfarer.cli.options import Config, Logs
 from wayfarer.cli.rover import chosen
+from wayfarer.views.text.colour import painted
+from wayfarer.views.text.scripting import print_json, say_next
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Iterable
@@ -20,6 +24,7 @@ if TYPE_CHECKING:
     from wayfarer.hal import Rover
 
 NOT_READY = 1
+TONES = {"ok": "good", "warn": "warning", "fail": "fault", "skipped": "quiet"}
 T = TypeVar("T")
 
 
@@ -36,7 +41,7 @@ def check(
     *,
     config: Config = None,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print all findings as one JSON object; no wheel turns.")
+        bool, typer.Option("--json", help="Print JSON for scripts (docs/json.md); asks nothing, no wheel turns.")
     ] = False,
     logs: Logs = None,
 ) -> None:
@@ -48,9 +53,7 @@ def check(
     ask = terminal.Terminal().ask if terminal.is_there() and not as_json else None
     findings = _at_the_rover(config, logs, lambda loaded, rover, host: look(loaded, rover, host, ask), calibrated=True)
     if as_json:
-        import json
-
-        print(json.dumps({"passed": passed(findings), "findings": [finding._asdict() for finding in findings]}))
+        print_json({"passed": passed(findings), "findings": findings})
     else:
         _print(findings)
     raise typer.Exit(0 if passed(findings) else NOT_READY)
@@ -58,7 +61,10 @@ def check(
 
 def calibrate(
     steps: Annotated[
-        list[CalibrationStep] | None, typer.Argument(help="What to calibrate, in this order. (default: everything)")
+        list[CalibrationStep] | None,
+        typer.Argument(
+            metavar="STEP", help="What to calibrate, in this order: compass, flow, motors, turning. (default: all)"
+        ),
     ] = None,
     *,
     config: Config = None,
@@ -78,6 +84,7 @@ def calibrate(
         lambda loaded, rover, host: guide(loaded, rover, host, person, [step.value for step in steps or ()] or STEPS),
         calibrated=False,
     )
+    say_next("wayfarer", "check", *(["--config", config] if config else []))
 
 
 def install_service(
@@ -85,7 +92,9 @@ def install_service(
     rover: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME|FILE", help="The rover that /etc/wayfarer/rover.toml is made from, if it does not exist yet."
+            metavar="NAME|FILE",
+            autocompletion=completion.rovers,
+            help="The rover that /etc/wayfarer/rover.toml is made from, if it does not exist yet.",
         ),
     ] = None,
     root: Annotated[
@@ -135,7 +144,8 @@ def _at_the_rover(
 
 def _print(findings: Iterable[Finding]) -> None:
     for finding in findings:
-        print(f"{finding.verdict.value:<8}{finding.name}: {finding.found}")
+        verdict = finding.verdict.value
+        print(f"{painted(f'{verdict:<8}', TONES[verdict])}{finding.name}: {finding.found}")
         if finding.cause:
             print(f"{'':<8}  likely: {finding.cause}")
         if finding.remedy:

@@ -7,22 +7,28 @@ from typing import Annotated
 
 import typer
 
+from wayfarer.cli import completion
 from wayfarer.cli.extras import require
+from wayfarer.cli.options import AsJson, examples
 
-EXAMPLES = """Examples:
-
-wayfarer sim --algorithm forest-pledge,pledge --trials 500 --spl --out results && wayfarer compare results
-
-wayfarer compare results --against pledge
-"""
+EXAMPLES = examples(
+    "wayfarer sim --algorithm forest-pledge,pledge --trials 500 --spl --out results && wayfarer compare results",
+    "wayfarer compare results --against pledge",
+)
 
 
 def compare(
     results: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `wayfarer sim --out` wrote.")],
     *,
     against: Annotated[
-        str, typer.Option(metavar="ALGORITHM", help="The algorithm that the others are compared with.")
+        str,
+        typer.Option(
+            metavar="ALGORITHM",
+            autocompletion=completion.algorithm,
+            help="The algorithm that the others are compared with.",
+        ),
     ] = "forest-pledge",
+    as_json: AsJson = False,
 ) -> None:
     """Compare the algorithms of a campaign in pairs (same forest, same noise), with 95 % intervals."""
     require("comparing")
@@ -31,6 +37,10 @@ def compare(
     from wayfarer.experiments.paired_statistics import compare as compared
     from wayfarer.experiments.paired_table import print_comparison
     from wayfarer.experiments.report.reading import read_results
+    from wayfarer.views.text.scripting import print_json
 
     algorithms = compared(read_results(results).rows, against)
-    print_comparison(Console(), algorithms)
+    if as_json:
+        print_json({"against": against, "algorithms": algorithms})
+    else:
+        print_comparison(Console(), algorithms)

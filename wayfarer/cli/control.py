@@ -12,6 +12,7 @@ import typer
 from wayfarer.angles import wrap360
 from wayfarer.cli.options import AsJson
 from wayfarer.errors import WayfarerError
+from wayfarer.views.text.scripting import print_json, say_next
 
 ANSWER_S = 5.0
 ARM_S = 30.0  # the checks before arming may wait for every part in turn
@@ -34,9 +35,7 @@ def status(*, as_json: AsJson = False) -> None:
     """Show rover status."""
     found = _ask("status")
     if as_json:
-        import json
-
-        print(json.dumps(found))
+        print_json(found)
         return
     from wayfarer.cli.status_text import status_text
 
@@ -48,7 +47,7 @@ def arm(
     heading_deg: Annotated[
         float | None,
         typer.Argument(
-            metavar="[DEG]",
+            metavar="DEG",
             min=-360,
             max=360,
             help="Goal heading. (default: the rover's heading at the end of the start delay)",
@@ -102,6 +101,7 @@ def stop() -> None:
     reply = _ask("stop")
     with _as_this_version():
         print(f"stopped; the log is in {reply['log']}")
+        say_next("wayfarer", "logs", "summary", reply["log"])
 
 
 COMMANDS = (status, arm, disarm, hold, resume, goal, mark, stop)

@@ -65,6 +65,7 @@ def demo(
     from wayfarer.daemon.daemon import Service, serve
     from wayfarer.experiments.auto_arm import AutoArm
     from wayfarer.simhal.clock.scaled_loop import FastLoop
+    from wayfarer.views.text.console import Console
 
     config = load_rover(ROVER)
     found = find_algorithm(algorithm)
@@ -81,7 +82,7 @@ def demo(
             socket=Path(own) / "control.sock",
             simulated=True,
             dry_run=False,
-            hint="Starts when the page is opened",
+            console=lambda write: Console("Starts when the page is opened", write).show,
             viewers=[AutoArm(page, page.watched)],
             loop_factory=partial(FastLoop, speed),
             time_scale=speed,

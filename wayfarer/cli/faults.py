@@ -8,36 +8,38 @@ from typing import Annotated
 
 import typer
 
+from wayfarer.cli import completion
 from wayfarer.cli.extras import require
+from wayfarer.cli.options import AsJson, examples
 from wayfarer.cli.trial_options import DepthOption, PhysicsOption
 from wayfarer.errors import BadInput, MissingPackage
 
-EXAMPLES = """Examples:
-
-wayfarer faults
-
-wayfarer faults --only 37
-
-wayfarer faults --only compass-nack,board-fault --out results
-
-wayfarer faults --scenario my-fault.toml
-
-wayfarer faults --trials 1000 --rover forestrover
-
-wayfarer faults --detector --trials 100
-
-wayfarer faults --detector --physics mujoco --friction 0.3 --trials 10
-"""
+EXAMPLES = examples(
+    "wayfarer faults",
+    "wayfarer faults --only 37",
+    "wayfarer faults --only compass-nack,board-fault --out results",
+    "wayfarer faults --scenario my-fault.toml",
+    "wayfarer faults --trials 1000 --rover forestrover",
+    "wayfarer faults --detector --trials 100",
+    "wayfarer faults --detector --physics mujoco --friction 0.3 --trials 10",
+)
 BY_CHANCE = "Random faults"
 DETECTOR = "The detector"
 
 Only = Annotated[
-    str | None, typer.Option(metavar="NAME[,NAME...]|ROW", help="Run these scenarios, or rows of the catalogue.")
+    str | None,
+    typer.Option(
+        metavar="NAME[,NAME...]|ROW",
+        autocompletion=completion.fault_scenarios,
+        help="Run these scenarios, or rows of the catalogue.",
+    ),
 ]
 OnRover = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME|FILE", help="Run them on this rover; those that need parts it does not have are skipped."
+        metavar="NAME|FILE",
+        autocompletion=completion.rovers,
+        help="Run them on this rover; those that need parts it does not have are skipped.",
     ),
 ]
 ScenarioFile = Annotated[
@@ -122,6 +124,7 @@ def faults(
     physics: Physics = None,
     friction: Friction = None,
     torque_scale: TorqueScale = None,
+    as_json: AsJson = False,
 ) -> None:
     """Inject each fault of the catalogue into a simulated rover, and check its response against a time bound."""
     of_catalogue: dict[str, object] = {"--only": only, "--scenario": scenario, "--list": show or None}
@@ -139,13 +142,14 @@ def faults(
         _refuse(in_mujoco, "{} applies only to MuJoCo; add --physics mujoco, or drop it")
     require("simulating")
     if detector:
-        raise typer.Exit(_measure_detector(rover, trials, jobs, out, physics, friction, torque_scale))
+        raise typer.Exit(_measure_detector(rover, trials, jobs, out, physics, friction, torque_scale, as_json=as_json))
     if trials is not None:
         from wayfarer.fault_scenarios.random_runs import run_random
         from wayfarer.simhal.build_rover import Depth
 
-        raise typer.Exit(run_random(trials, rover, None if depth is None else Depth(depth.value), seed or 0, jobs, out))
-    raise typer.Exit(_run(only, rover, scenario, out, jobs, show=show))
+        at = None if depth is None else Depth(depth.value)
+        raise typer.Exit(run_random(trials, rover, at, seed or 0, jobs, out, as_json=as_json))
+    raise typer.Exit(_run(only, rover, scenario, out, jobs, show=show, as_json=as_json))
 
 
 def _refuse(given: Mapping[str, object], why: str) -> None:
@@ -163,12 +167,14 @@ def _measure_detector(
     physics: PhysicsOption | None,
     friction: float | None,
     torque_scale: float | None,
+    *,
+    as_json: bool,
 ) -> int:
     from wayfarer.fault_scenarios.detector_table import run_detector
     from wayfarer.fault_scenarios.detector_trials import CELLS, cells_in_mujoco
 
     if physics is not PhysicsOption.mujoco:
-        return run_detector(rover, trials, jobs, out, CELLS)
+        return run_detector(rover, trials, jobs, out, CELLS, as_json=as_json)
     require("--physics mujoco")
     from wayfarer.config.rover_file import load_rover
     from wayfarer.experiments.campaign import Campaign
@@ -177,12 +183,14 @@ def _measure_detector(
 
     where = rover or "sim"
     check_body(Campaign(("forest-pledge",), 1, load_rover(where), terrains=Terrains()), where)
-    return run_detector(rover, trials, jobs, out, cells_in_mujoco(friction, torque_scale or 1.0))
+    cells = cells_in_mujoco(friction, torque_scale or 1.0)
+    return run_detector(rover, trials, jobs, out, cells, as_json=as_json)
 
 
 def _run(
-    only: str | None, rover: str | None, scenario: Path | None, out: Path | None, jobs: int | None, *, show: bool
-) -> int:
+    only: str | None, rover: str | None, scenario: Path | None, out: Path | None, jobs: int | None, *, show: bool,
+    as_json: bool,
+) -> int:  # fmt: skip
     """Run what was asked for and return the exit code.
 
     Raises:
@@ -203,6 +211,7 @@ def _run(
         without_missing_packages,
     )
     from wayfarer.fault_scenarios.table import print_list, skipped_lines
+    from wayfarer.views.text.scripting import print_json
 
     rows = list(read_scenarios(scenario) if scenario else catalogue())
     untried = [] if scenario or only else sorted({*range(1, ROWS + 1)} - {row.row for row in rows})
@@ -212,7 +221,11 @@ def _run(
     if rover is not None:
         scenarios, misfits = on_another_rover(scenarios, rover)
     if show:
-        print_list(Console(), rows if rover is None else scenarios)
+        listed = rows if rover is None else scenarios
+        if as_json:
+            print_json({"scenarios": [{"row": each.row, "name": each.name, "about": each.about} for each in listed]})
+        else:
+            print_list(Console(), listed)
         return 0
     if elsewhere and not (scenarios or misfits):
         raise BadInput("; ".join(f"{each.name}: {each.skipped}" for each in elsewhere))
@@ -221,4 +234,5 @@ def _run(
         raise MissingPackage(f"nothing can be run: {unequipped[0].skipped}")
     for line in skipped_lines(unequipped):  # at once, not after the minutes that the others take
         say(Console(stderr=True), line)
-    return run_scenarios(scenarios, jobs=jobs, out=out, skipped=[*elsewhere, *misfits, *unequipped], untried=untried)
+    skipped = [*elsewhere, *misfits, *unequipped]
+    return run_scenarios(scenarios, jobs=jobs, out=out, skipped=skipped, untried=untried, as_json=as_json)

@@ -7,26 +7,36 @@ import shutil
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wayfarer.cli import completion
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import AsJson, Logs, examples, log_folder
+from wayfarer.cli.help_texts import HelpCommand, HelpGroup
+from wayfarer.cli.log_folder import log_folder
+from wayfarer.cli.options import AsJson, Logs, examples
 from wayfarer.errors import BadInput
+from wayfarer.views.text.colour import painted
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.reader import Damage
     from wayfarer.views.text.run_narrator import Line
+    from wayfarer.views.text.verdict import LogVerdict
 
 POLL_S = 0.3  # how long a line waits until it is shown, at most
 STDOUT = Path("-")
 
-# The terminal's colours (SGR codes), by the tone of a line; they follow the user's colour scheme.
-COLOURS = {"quiet": "2", "phase": "36", "person": "1", "warning": "33", "fault": "1;31", "end": "1;32"}
+# What became of a run or its log, by the tone in which it is shown.
+TONES = {
+    "goes on": "phase", "cut off": "warning", "unreadable": "fault",
+    "COMPLETE": "good", "PARTIAL": "warning", "UNREADABLE": "fault",
+}  # fmt: skip
 
 EXAMPLES = examples(
     "wayfarer logs list",
@@ -34,10 +44,14 @@ EXAMPLES = examples(
     "wayfarer logs summary 17",
     "wayfarer logs export 17 --format csv",
 )
-app = typer.Typer(no_args_is_help=True, epilog=EXAMPLES)
+app = typer.Typer(cls=HelpGroup, no_args_is_help=True, epilog=EXAMPLES)
+command = partial(app.command, cls=HelpCommand)
 
 Run = Annotated[
-    str | None, typer.Argument(metavar="RUN", help="Number, folder or file of a run. (default: the newest run)")
+    str | None,
+    typer.Argument(
+        metavar="RUN", autocompletion=completion.runs, help="Number, folder or file of a run. (default: the newest run)"
+    ),
 ]
 
 
@@ -54,11 +68,12 @@ def _root() -> None:
     """Read the logs of runs: what happened, what is happening, and where the rover is likely to be."""
 
 
-@app.command("list")
-def list_runs(*, logs: Logs = None) -> None:
+@command("list")
+def list_runs(*, logs: Logs = None, as_json: AsJson = False) -> None:
     """List all runs, the newest last."""
     from wayfarer.fieldlog.clock import wall_clock
     from wayfarer.views.text.listing import lines, rows
+    from wayfarer.views.text.scripting import print_json
 
     folder = log_folder(logs)
     found = rows(folder, wall_clock(0.0))
@@ -66,10 +81,16 @@ def list_runs(*, logs: Logs = None) -> None:
         raise BadInput(f"{folder} holds no run; say where runs are logged with --logs DIR")
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     with _until_closed():
-        print("\n".join(lines(found, width)))
+        if as_json:
+            print_json({"runs": found})
+            return
+        titles, *shown = lines(found, width)
+        print(titles)
+        for line, row in zip(shown, found, strict=True):
+            print(painted(line, TONES.get(row.outcome, "")))
 
 
-@app.command()
+@command()
 def follow(run: Run = None, *, logs: Logs = None) -> None:
     """Show events as they happen, of this run and the next ones; with RUN until that run ends. Ctrl-C ends it."""
     from wayfarer.fieldlog.folders import find_run, run_folders
@@ -102,32 +123,41 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
             _tell_damage(_damage_of(chosen))
 
 
-@app.command()
+@command()
 def show(
     run: Run = None,
     *,
     logs: Logs = None,
     ticks: Annotated[bool, typer.Option("--ticks", help="Print every control tick.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print each line as a JSON object for scripts; docs/json.md describes it.")
+    ] = False,
 ) -> None:
     """Show all events of a run, from its beginning."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import Damage, RunReader
     from wayfarer.fieldlog.run_fold import RunFold
     from wayfarer.views.text.run_narrator import RunNarrator
+    from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.verdict import NO_OUTCOME, readable
 
-    fold, narrator = RunFold(), RunNarrator(ticks=ticks)
+    fold, narrator, notes = RunFold(), RunNarrator(ticks=ticks), sys.stderr if as_json else sys.stdout
     reader = RunReader(find_run(run, log_folder(logs)))
     with _until_closed():
         for record in readable(reader):
-            _tell(narrator.tell(fold.take(record)))
+            lines = narrator.tell(fold.take(record))
+            if as_json:
+                for line in lines:
+                    print_json({"elapsed_s": line.at_s, "tone": line.tone, "text": line.text, "record": record})
+            else:
+                _tell(lines)
         if fold.state.ended is None:
-            print(NO_OUTCOME)
+            print(NO_OUTCOME, file=notes)
         if reader.damage != Damage():
-            print(reader.damage)
+            print(reader.damage, file=notes)
 
 
-@app.command()
+@command()
 def summary(
     run: Run = None,
     *,
@@ -138,50 +168,54 @@ def summary(
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import RunReader
     from wayfarer.views.text.run_summariser import summarise
+    from wayfarer.views.text.scripting import print_json
+    from wayfarer.views.text.summary_text import summary_text
     from wayfarer.views.text.verdict import readable
 
     reader = RunReader(find_run(run, log_folder(logs)))
     found = summarise(readable(reader))
     title = _titled(reader.run)
-    if as_json:
-        import json
-        from dataclasses import asdict
-
-        text = json.dumps({"run": title, **asdict(found), "damage": asdict(reader.damage)})
-    else:
-        from wayfarer.views.text.summary_text import summary_text
-
-        text = summary_text(title, found, reader.damage)
     with _until_closed():
-        print(text)
+        if as_json:
+            print_json({"run": title, **asdict(found), "damage": reader.damage})
+        else:
+            print(summary_text(title, found, reader.damage))
 
 
-@app.command(
-    epilog="Exit code: 0 if every log is complete, 3 if records of one are lost, 1 if one cannot be read at all."
-)
+@command(epilog="Exit code: 0 if every log is complete, 3 if records of one are lost, 1 if one cannot be read at all.")
 def check(
     runs: Annotated[
         list[str] | None,
-        typer.Argument(metavar="RUN", help="Numbers, folders or files of runs. (default: the newest run)"),
+        typer.Argument(
+            metavar="RUN",
+            autocompletion=completion.runs,
+            help="Numbers, folders or files of runs. (default: the newest run)",
+        ),
     ] = None,
     *,
     logs: Logs = None,
+    as_json: AsJson = False,
 ) -> None:
     """Read logs completely, and report lost or damaged records."""
     from wayfarer.fieldlog.folders import find_run
+    from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.verdict import judge
 
     folder = log_folder(logs)
+    found = [find_run(name, folder) for name in runs or ["last"]]
     verdicts = []
-    for run in [find_run(name, folder) for name in runs or ["last"]]:
-        verdict = judge(run)
-        verdicts.append(verdict)
+    for run in found:
+        verdicts.append(judge(run))
+        if not as_json:
+            with _until_closed():
+                print(f"{_titled(run)}: {painted(str(verdicts[-1]), TONES[verdicts[-1].integrity.name])}")
+    if as_json:
         with _until_closed():
-            print(f"{_titled(run)}: {verdict}")
+            print_json({"logs": [_as_object(run, verdict) for run, verdict in zip(found, verdicts, strict=True)]})
     raise typer.Exit(max(verdict.integrity for verdict in verdicts).exit_code)
 
 
-@app.command()
+@command()
 def export(
     run: Run = None,
     *,
@@ -235,6 +269,10 @@ def _form(wanted: OutputFormat | None, out: Path | None) -> OutputFormat:
     return wanted or named or OutputFormat.csv
 
 
+def _as_object(run: Path, verdict: LogVerdict) -> dict[str, object]:
+    return {"run": _titled(run), **verdict._asdict(), "integrity": verdict.integrity.name.lower()}
+
+
 def _titled(run: Path) -> str:
     """Return the name of a run's folder, however it was given."""
     from wayfarer.fieldlog.printable import clean
@@ -262,13 +300,7 @@ def _tell_damage(damage: Damage) -> None:
 
 def _tell(lines: Iterable[Line], *, flush: bool = False) -> None:
     for line in lines:
-        print(_painted(str(line), line.tone.value), flush=flush)
-
-
-def _painted(text: str, tone: str) -> str:
-    """Give a text its colour, on a terminal whose owner wants any (no-color.org)."""
-    wanted = sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
-    return f"\x1b[{COLOURS[tone]}m{text}\x1b[0m" if wanted and tone in COLOURS else text
+        print(painted(str(line), line.tone.value), flush=flush)
 
 
 @contextmanager

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from wayfarer.cli import completion
+from wayfarer.cli.log_folder import OWN_LOGS, SYSTEM_LOGS
+
 ROVER_FILE = Path("/etc/wayfarer/rover.toml")
-SYSTEM_LOGS = Path("/var/lib/wayfarer/field_logs")
-OWN_LOGS = Path("field_logs")
 
 Logs = Annotated[
     Path | None,
@@ -22,20 +22,17 @@ Logs = Annotated[
 Config = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME|FILE", help=f"Name of a built-in rover, or a rover file (TOML). (default: {ROVER_FILE})"
+        metavar="NAME|FILE",
+        autocompletion=completion.rovers,
+        help=f"Name of a built-in rover, or a rover file (TOML). (default: {ROVER_FILE})",
     ),
 ]
-Algorithm = Annotated[str, typer.Option(metavar="NAME", help="Escape algorithm; see wayfarer list.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")]
+Algorithm = Annotated[
+    str, typer.Option(metavar="NAME", autocompletion=completion.algorithm, help="Escape algorithm; see wayfarer list.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts; docs/json.md describes it.")]
 
 
 def examples(*commands: str) -> str:
-    """Return the end of a help text; typer prints paragraphs on lines of their own."""
-    return "\n\n".join(["Examples:", *commands])
-
-
-def log_folder(logs: Path | None) -> Path:
-    """Return where runs are logged."""
-    if logs is not None:
-        return logs
-    return SYSTEM_LOGS if os.access(SYSTEM_LOGS.parent, os.W_OK) else OWN_LOGS
+    """Return the end of a help text."""
+    return "\n".join(["Examples:", *commands])

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wayfarer.cli.options import Logs, examples, log_folder
+from wayfarer.cli import completion
+from wayfarer.cli.log_folder import log_folder
+from wayfarer.cli.options import AsJson, Logs, examples
 from wayfarer.errors import BadInput
 
 if TYPE_CHECKING:
@@ -25,14 +27,22 @@ EXAMPLES = examples(
 
 def replay(
     runs: Annotated[
-        list[str] | None, typer.Argument(metavar="[RUN]...", help="Numbers or folders. (default: the newest run)")
+        list[str] | None,
+        typer.Argument(
+            metavar="RUN", autocompletion=completion.runs, help="Numbers or folders. (default: the newest run)"
+        ),
     ] = None,
     *,
     config: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", help="Use the settings of this rover file instead of those in the log."),
+        typer.Option(
+            metavar="NAME|FILE",
+            autocompletion=completion.rovers,
+            help="Use the settings of this rover file instead of those in the log.",
+        ),
     ] = None,
     logs: Logs = None,
+    as_json: AsJson = False,
 ) -> None:
     """Run recorded readings through today's code, and compare the decisions with the log.
 
@@ -41,10 +51,12 @@ def replay(
     from wayfarer.config.rover_file import load_rover
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.replay import replay as replay_run
+    from wayfarer.views.text.colour import painted
+    from wayfarer.views.text.scripting import print_json
 
     settings = load_rover(config) if config else None
     folders = [find_run(run, log_folder(logs)) for run in runs or ["last"]]
-    codes = set()
+    codes, replays = set(), []
     for folder in folders:
         try:
             result = replay_run(folder, settings)
@@ -52,8 +64,13 @@ def replay(
             codes.add(BAD_INPUT)
             print("wayfarer:", error, file=sys.stderr)
             continue
-        print(told(folder, result))
+        replays.append({"run": folder.name, **result._asdict()})
+        if not as_json:
+            tone = "fault" if result.difference else "warning" if result.cut_t_s is not None else "good"
+            print(painted(told(folder, result), tone))
         codes.add(DIFFERS if result.difference else CUT if result.cut_t_s is not None or not result.ticks else 0)
+    if as_json:
+        print_json({"runs": replays})
     raise typer.Exit(next(code for code in (BAD_INPUT, DIFFERS, CUT, 0) if code in codes))
 
 

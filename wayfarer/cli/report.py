@@ -7,9 +7,12 @@ from typing import Annotated
 
 import typer
 
+from wayfarer.cli import completion
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import Logs, examples, log_folder
+from wayfarer.cli.log_folder import log_folder
+from wayfarer.cli.options import Logs, examples
 from wayfarer.errors import BadInput
+from wayfarer.views.text.scripting import say_next
 
 EXAMPLES = examples(
     "wayfarer report",
@@ -24,7 +27,9 @@ def report(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="[RUN|DIR]", help="A run, or a folder that `wayfarer sim --out` or `wayfarer sweep --out` wrote."
+            metavar="RUN|DIR",
+            autocompletion=completion.runs,
+            help="A run, or a folder that `wayfarer sim --out` or `wayfarer sweep --out` wrote.",
         ),
     ] = "last",
     *,
@@ -54,6 +59,7 @@ def report(
 
         page = write_run_report(run, out)
     print(f"the report is {page}")
+    say_next("xdg-open", page)
 
 
 def _of_trials(folder: Path, out: Path | None, gallery: int, jobs: int | None) -> Path:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import ROVER_FILE, Algorithm, Config, Logs, examples, log_folder
+from wayfarer.cli.log_folder import log_folder
+from wayfarer.cli.options import ROVER_FILE, Algorithm, Config, Logs, examples
 from wayfarer.cli.trial_options import DepthOption
 from wayfarer.cli.viewer_options import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.errors import BadInput
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.daemon.daemon import RoverSetup
 
+HINT = "In another terminal: wayfarer arm, wayfarer status, wayfarer stop"
 RUN_EXAMPLES = examples(
     "wayfarer run --sim",
     "wayfarer run --sim --live",
@@ -57,6 +59,7 @@ def run(
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.daemon import Service, serve
     from wayfarer.daemon.socket.paths import daemon_socket
+    from wayfarer.views.text.console import Console
 
     if not sim and (depth is not None or seed is not None):
         raise BadInput("--depth and --seed are for the simulated rover: add --sim, or leave them out")
@@ -78,6 +81,7 @@ def run(
         socket=daemon_socket(),
         simulated=sim,
         dry_run=dry_run,
+        console=lambda write: Console(HINT, write, then="wayfarer logs summary").show,
         viewers=viewers(live, live_host, live_port, foxglove, foxglove_port),
     )
     serve(service)

@@ -9,37 +9,25 @@ import typer
 
 from wayfarer.cli import trial_options as options
 from wayfarer.cli.extras import require
+from wayfarer.cli.options import AsJson, examples
 from wayfarer.cli.trial_options import RUNNING, DepthOption, PhysicsOption
 from wayfarer.errors import BadInput
 
-EXAMPLES = """Examples:
-
-wayfarer sim --trials 1000 --out results
-
-wayfarer sim --trials 1000 --out results --resume
-
-wayfarer sim --trials 200 --algorithm paper --slip-mean-m 2
-
-wayfarer sim --trials 500 --algorithm paper --forests reference
-
-wayfarer sim --algorithm levy-walk,my_rules:spiral --spl
-
-wayfarer sim --trial 17 --log logs/17
-
-wayfarer sim --trials 50 --log logs
-
-wayfarer sim --trials 100 --rover minirover --depth bus
-
-wayfarer sim --scenario extended-maze --rover forestrover --algorithm forest-pledge,levy-walk --trials 200
-
-wayfarer sim --ground mud --trials 200
-
-wayfarer sim --physics mujoco --friction 0.3:0.8 --rover forestrover --trials 20
-
-wayfarer sim --physics mujoco --friction 0.15 --rover forestrover --trial 9 --video trial.mp4
-
-wayfarer sim --trials 1000000 --out results --cluster tcp://10.0.0.7:8786
-"""
+EXAMPLES = examples(
+    "wayfarer sim --trials 1000 --out results",
+    "wayfarer sim --trials 1000 --out results --resume",
+    "wayfarer sim --trials 200 --algorithm paper --slip-mean-m 2",
+    "wayfarer sim --trials 500 --algorithm paper --forests reference",
+    "wayfarer sim --algorithm levy-walk,my_rules:spiral --spl",
+    "wayfarer sim --trial 17 --log logs/17",
+    "wayfarer sim --trials 50 --log logs",
+    "wayfarer sim --trials 100 --rover minirover --depth bus",
+    "wayfarer sim --scenario extended-maze --rover forestrover --algorithm forest-pledge,levy-walk --trials 200",
+    "wayfarer sim --ground mud --trials 200",
+    "wayfarer sim --physics mujoco --friction 0.3:0.8 --rover forestrover --trials 20",
+    "wayfarer sim --physics mujoco --friction 0.15 --rover forestrover --trial 9 --video trial.mp4",
+    "wayfarer sim --trials 1000000 --out results --cluster tcp://10.0.0.7:8786",
+)
 ONE_TRIAL = "One trial again"
 MUJOCO = "Physics mujoco"
 
@@ -49,7 +37,11 @@ Ground = Literal["ideal", "leaf-litter", "dry-soil", "mud"]  # the names of ``si
 Trials = Annotated[int, typer.Option(min=1, max=1_000_000, metavar="N", help="Trials of each algorithm.")]
 Scenario = Annotated[
     Site | None,
-    typer.Option(help="A site of the paper's field trials instead of a forest; each trial has its own layout."),
+    typer.Option(
+        metavar="SITE",
+        help="A site of the paper's field trials instead of a forest, with another layout in each trial: "
+        "extended-maze, dense-obstruction or forest-escape.",
+    ),
 ]
 ClusterAddress = Annotated[
     str | None,
@@ -65,7 +57,11 @@ Physics = Annotated[
 ]
 GroundName = Annotated[
     Ground,
-    typer.Option(help="Ground in physics-light: on 'ideal' the rover turns as commanded, on the others wheels slip."),
+    typer.Option(
+        metavar="GROUND",
+        help="Ground in physics-light. The rover turns as commanded on 'ideal'; "
+        "the wheels slip on leaf-litter, dry-soil and mud.",
+    ),
 ]
 Friction = Annotated[
     str | None,
@@ -151,6 +147,7 @@ def sim(
     log: Log = None,
     video: Video = None,
     video_speed: VideoSpeed = None,
+    as_json: AsJson = False,
 ) -> None:
     """Run the rover's code in simulated forests, and print success rate and path length per algorithm."""
     terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
@@ -175,11 +172,13 @@ def sim(
     commands.check_rover(campaign.rover, campaign.depth, rover)
     if trial is None:
         raise typer.Exit(
-            sim_command.run_all(campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log)
+            sim_command.run_all(
+                campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log, as_json=as_json
+            )
         )
     if video:
-        raise typer.Exit(sim_command.film_alone(campaign, trial, log, video, video_speed or 1.0))
-    raise typer.Exit(sim_command.run_alone(campaign, trial, log))
+        raise typer.Exit(sim_command.film_alone(campaign, trial, log, video, video_speed or 1.0, as_json=as_json))
+    raise typer.Exit(sim_command.run_alone(campaign, trial, log, as_json=as_json))
 
 
 def _require(in_mujoco: bool, video: Path | None, out: Path | None, cluster: str | None) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from wayfarer.fieldlog.wording import marks, whole_deg
+from wayfarer.views.text.colour import painted
 
 
 def status_text(status: Mapping[str, Any]) -> str:
@@ -37,7 +38,8 @@ def _marks(status: Mapping[str, Any]) -> str:
 
 
 def _health(status: Mapping[str, Any]) -> str:
-    return ", ".join([*status["conditions"], *status["motor_faults"]]) or "well"
+    wrong = ", ".join([*status["conditions"], *status["motor_faults"]])
+    return painted(wrong, "warning") if wrong else painted("well", "good")
 
 
 def _doing(status: Mapping[str, Any]) -> str:

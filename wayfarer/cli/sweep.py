@@ -9,26 +9,22 @@ import typer
 
 from wayfarer.cli import trial_options as options
 from wayfarer.cli.extras import require
+from wayfarer.cli.options import AsJson, examples
 from wayfarer.cli.trial_options import RUNNING, DepthOption
 
-EXAMPLES = """Examples:
-
-wayfarer sweep escape.turn_angle_deg=10:180:10 --trials 200 --out angles
-
-wayfarer sweep footprint_m=0.2,0.4,0.6,0.8 slip_mean_m=2,5,10 --spl --out body
-
-wayfarer sweep ground=ideal,leaf-litter,dry-soil,mud --out grounds
-
-wayfarer sweep sim.compass_noise_deg=0:20:2 --algorithm paper --forests reference --out noise
-
-wayfarer report angles
-"""
+EXAMPLES = examples(
+    "wayfarer sweep escape.turn_angle_deg=10:180:10 --trials 200 --out angles",
+    "wayfarer sweep footprint_m=0.2,0.4,0.6,0.8 slip_mean_m=2,5,10 --spl --out body",
+    "wayfarer sweep ground=ideal,leaf-litter,dry-soil,mud --out grounds",
+    "wayfarer sweep sim.compass_noise_deg=0:20:2 --algorithm paper --forests reference --out noise",
+    "wayfarer report angles",
+)
 
 
 Keys = Annotated[
     list[str],
     typer.Argument(
-        metavar="KEY=VALUES...",
+        metavar="KEY=VALUES",
         help="One key or two, each FIRST:LAST:STEP or a list. Any key of a rover file by its dotted name; "
         "footprint_m, length and width together; slip_mean_m; budget_m; ground; sim.trees_per_ha; "
         "sim. and any number of the simulated world.",
@@ -57,6 +53,7 @@ def sweep(
     spl: options.Spl = False,
     jobs: options.Jobs = None,
     resume: Resume = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run the same trials at each point of a grid of settings, and show how the results change."""
     require("sweeping")
@@ -73,4 +70,4 @@ def sweep(
     for point in plan.points:
         check_body(point, rover)
         check_rover(point.rover, point.depth, rover)
-    raise typer.Exit(run_all(plan, out, resume=resume, jobs=jobs or cores()))
+    raise typer.Exit(run_all(plan, out, resume=resume, jobs=jobs or cores(), as_json=as_json))

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from wayfarer.cli import completion
+
 if TYPE_CHECKING:
     from wayfarer.experiments.campaign import Campaign
 
@@ -37,7 +39,8 @@ def _positive(value: float) -> float:
 AlgorithmNames = Annotated[
     str,
     typer.Option(
-        metavar="NAME[,NAME...]|paper",
+        metavar="NAME[,NAME...]",
+        autocompletion=completion.algorithms,
         help="Escape algorithms; 'paper' means all ten of the paper. A name given twice runs once.",
     ),
 ]
@@ -45,11 +48,16 @@ Forests = Annotated[
     str | None,
     typer.Option(
         metavar="FILE|reference",
-        help="Forest file, used in file order; 'reference': the 500 of the paper's released simulator. Default: "
-        "generated layouts, each with two noise seeds.",
+        help="Forest file, used in file order; 'reference': the 500 of the paper's released simulator. "
+        "(default: generated layouts, each with two noise seeds)",
     ),
 ]
-RoverName = Annotated[str, typer.Option(metavar="NAME|FILE", help="Name of a built-in rover, or a rover file (TOML).")]
+RoverName = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME|FILE", autocompletion=completion.rovers, help="Name of a built-in rover, or a rover file (TOML)."
+    ),
+]
 Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Random seed of the campaign.")]
 SlipMeanM = Annotated[float, typer.Option(callback=_positive, metavar="M", help="Mean distance between slip events.")]
 BudgetM = Annotated[

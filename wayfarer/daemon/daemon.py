@@ -25,7 +25,6 @@ from wayfarer.control.shutdown import STOP_DEADLINE_S
 from wayfarer.control.supervisor import Supervisor, check_parts, first_cause
 from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.daemon.console_log import ConsoleLog
 from wayfarer.daemon.dry_run import DryMotors
 from wayfarer.daemon.host_health import Health, monitor_host_health
 from wayfarer.daemon.motors_lock import motors_device, motors_lock
@@ -41,8 +40,8 @@ from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.folders import new_run_folder
-from wayfarer.fieldlog.last_run import UnfinishedRun, unclean_text, unfinished_run
-from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.last_run import UnfinishedRun, unfinished_run
+from wayfarer.fieldlog.log import FieldLog, Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import Rover
@@ -72,9 +71,9 @@ class Service:
     """What one daemon runs.
 
     ``make_rover`` is called on the running loop with a function that ends the run (a simulated rover calls it when it
-    has escaped). ``seed`` is for an algorithm that draws lots. ``hint`` says on the terminal what to do with a rover
-    that is ready. ``viewers`` show the run. ``loop_factory`` makes the event loop; None is asyncio's own.
-    ``time_scale`` is how many times faster than the clock the time of such a loop goes.
+    has escaped). ``seed`` is for an algorithm that draws lots. ``console`` is given what writes a line to stderr, and
+    returns what shows a record there; None shows nothing. ``viewers`` show the run. ``loop_factory`` makes the event
+    loop; None is asyncio's own. ``time_scale`` is how many times faster than the clock the time of such a loop goes.
     """
 
     config: RoverConfig
@@ -85,7 +84,7 @@ class Service:
     socket: Path
     simulated: bool
     dry_run: bool
-    hint: str = "In another terminal: wayfarer arm, wayfarer status, wayfarer stop"
+    console: Callable[[Callable[[str], None]], Callable[[Record], None]] | None = None
     viewers: Sequence[Viewer] = ()
     loop_factory: Callable[[], asyncio.AbstractEventLoop] | None = None
     time_scale: float = 1.0
@@ -150,13 +149,14 @@ class Daemon:
         }
         self._lines = StderrWriter()
         self._writer = WriterThread(RunFiles(folder, config.log, self._lines.write))
-        shown_to = [viewer.show for viewer in service.viewers]
+        shown_to: list[Callable[[Record], None]] = [viewer.show for viewer in service.viewers]
+        if service.console is not None:
+            shown_to.append(service.console(self._lines.write))
         self._field_log = FieldLog(self._writer, self._header(about), t_s=self._loop.time(), viewers=shown_to)
         if before is not None:
             self._tell_of_unfinished(before)
         ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []
-        console, watchdog_feed = ConsoleLog(self._lines.write, service.hint), WatchdogFeed(self._notifier, self._guard)
-        self._log = Tee(self._field_log, *ground_truth_logs, console, watchdog_feed)
+        self._log = Tee(self._field_log, *ground_truth_logs, WatchdogFeed(self._notifier, self._guard))
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
         checks: list[Check] = [*rover_setup.checks, partial(system.log, lambda: self._writer.trouble)]
@@ -235,13 +235,12 @@ class Daemon:
         self._loop.call_soon_threadsafe(lambda: self._supervisor.controller.power(self._loop.time(), flags))
 
     def _tell_of_unfinished(self, before: UnfinishedRun) -> None:
-        """Tell of the run before, which was cut off (field catalogue, fault 33), in the log and on the terminal."""
+        """Tell of the run before, which was cut off (field catalogue, fault 33)."""
         run, last_t_s, last_t_wall, mode, error = before
         self._field_log.event(
             "unclean_shutdown", self._loop.time(),
             run=run, last_t_s=last_t_s, last_t_wall=last_t_wall, mode=mode, error=error,
         )  # fmt: skip
-        self._lines.write(unclean_text(before._asdict()))
 
     def _inspect(self) -> RunningInspection:
         calibrated = calibration_file(os.environ, Path.home())

@@ -33,14 +33,14 @@ GROUPS = ("i2c", "spi", "gpio", "video", "dialout")
 OWN_FOLDERS = (Path("/tmp"), Path("/var/tmp"))  # PrivateTmp= in the unit
 
 NEXT_STEPS = """\
-next:
+Next:
   sudo systemctl daemon-reload
   sudo systemctl enable --now wayfarer    # starts now and at each boot, always disarmed
   systemctl status wayfarer
   journalctl -u wayfarer -f"""
 NEXT_STEPS_THERE = """\
 the unit starts {command}: wayfarer must be installed at that path on that system
-next, on that system:
+Next, on that system:
   sudo {command} install-service    # makes the user 'wayfarer' and its folder, and says what is next"""
 
 

@@ -11,9 +11,10 @@ from wayfarer.experiments.rows import SUCCESSES
 from wayfarer.experiments.statistics import Estimate
 from wayfarer.views.text.terminal_table import Column, print_in_full, table
 
-LEGEND = """change: against the baseline, mean over pairs of the same forest and noise; 95 % by bootstrap of {} layouts
+LEGEND = """change: against the baseline, mean over pairs of the same forest and noise
+[95 %]: of changes by bootstrap of {} layouts, of shares exact
 path: pairs in which both escaped; a shorter path is negative
-shares: exact 95 % intervals; worst: a failed trial, else the longest path"""
+worst: a failed trial, else the longest path"""
 
 
 def print_comparison(console: Console, algorithms: Sequence[Comparison]) -> None:
@@ -41,8 +42,8 @@ NAME: Column[Comparison] = Column("algorithm", lambda one: one.algorithm, left=T
 GAINS: tuple[Column[Comparison], ...] = (
     Column("trials", lambda one: str(one.trials)),
     Column("SPL", lambda one: "" if one.spl is None else f"{one.spl:.3f}"),
-    Column("SPL change\n[95 %]", lambda one: _gain(one.spl_gain, 3)),
-    Column("path change, m\n[95 %]", lambda one: _gain(one.path_gain_m, 1)),
+    Column("SPL change\n[95 %]", lambda one: _gain(one.spl_gain, 3), wraps=True),
+    Column("path change, m\n[95 %]", lambda one: _gain(one.path_gain_m, 1), wraps=True),
 )
 OUTCOMES: tuple[Column[Comparison], ...] = (
     Column("entrapped %\n[95 %]", lambda one: _share(one.entrapped, 2)),

@@ -21,13 +21,15 @@ from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run_campaign import CampaignResult
 from wayfarer.experiments.tables import FORESTS, Layout, print_table
 from wayfarer.simhal.world.forest_file import content_of
+from wayfarer.views.text.scripting import print_json, say_next
 
 if TYPE_CHECKING:
     from wayfarer.experiments.dask_cluster import Cluster
 
 FAULT_FILE = "fault.txt"
-LEGEND = "success: escaped or left bounds; path: of the successes; time, anomalies: mean a trial"
-SITE_LEGEND = "time: from arming to the destination line, of the successes; interventions (overturned/off its wheels)"
+LEGEND = "success: escaped or left bounds; path: of these; time, anomalies: mean a trial"
+SITE_LEGEND = """time: from arming to the destination line, of the successes
+interventions (overturned/off its wheels)"""
 
 
 def run_all(
@@ -39,9 +41,10 @@ def run_all(
     cluster: str | None = None,
     forests: str | Path | None = None,
     log: Path | None = None,
+    as_json: bool = False,
     run_trial: RunTrial = field_trial,
 ) -> int:
-    """Run a campaign, show it, print its table, and return the exit code.
+    """Run a campaign, show it, print its table or what ``summary.json`` holds, and return the exit code.
 
     ``forests`` is what the campaign's forests were read from (``campaign.read_forest_file``); ``out`` keeps a copy.
     With ``log`` each trial's full field log goes into a separate folder there. With ``cluster``, the address of a
@@ -71,12 +74,18 @@ def run_all(
         )
     if finished.interrupted:
         return INTERRUPTED
+    if as_json:
+        print_json(finished.as_json())
+        return 0
     console = Console()
     print_table(console, finished.summaries, _layout(campaign))
     say(console, SITE_LEGEND if campaign.scenario else LEGEND)
     say(console, _effort(finished))
     if out:
         say(Console(stderr=True), f"the results are in {out}")
+        say_next("wayfarer", "report", out)
+    elif log:
+        say_next("wayfarer", "logs", "list", "--logs", log)
     return 0
 
 
@@ -105,8 +114,10 @@ def run_shown(
     return finished
 
 
-def run_alone(campaign: Campaign, trial: int, log: Path | None, run_trial: RunTrial = field_trial) -> int:
-    """Run one trial, print its row as in ``trials.csv``, and return the exit code: 1 after a fault.
+def run_alone(
+    campaign: Campaign, trial: int, log: Path | None, run_trial: RunTrial = field_trial, *, as_json: bool = False
+) -> int:
+    """Run one trial, print its row as in ``trials.csv`` or as JSON, and return the exit code: 1 after a fault.
 
     With ``log`` the full field log goes there, and after a fault the traceback.
 
@@ -121,7 +132,12 @@ def run_alone(campaign: Campaign, trial: int, log: Path | None, run_trial: RunTr
         make_empty_folder(log, "the log")
     done = TrialRunner(campaign, run_trial).run(Task(campaign.algorithms[0], trial), log)
     columns = columns_of(campaign.settings())
-    print(csv_line(columns) + csv_line(columns, done.row), end="")
+    if as_json:
+        print_json({name: getattr(done.row, name) for name in columns})
+    else:
+        print(csv_line(columns) + csv_line(columns, done.row), end="")
+    if log and not as_json:
+        say_next("wayfarer", "report", log)
     if done.fault is None:
         return 0
     say(Console(stderr=True), fault_line(done))
@@ -130,7 +146,9 @@ def run_alone(campaign: Campaign, trial: int, log: Path | None, run_trial: RunTr
     return 1
 
 
-def film_alone(campaign: Campaign, trial: int, log: Path | None, video: Path, speed: float) -> int:
+def film_alone(
+    campaign: Campaign, trial: int, log: Path | None, video: Path, speed: float, *, as_json: bool = False
+) -> int:
     """Run one trial in MuJoCo as ``run_alone`` does, film it, and return the exit code.
 
     The film is drawn after the trial, which is the same as without it. A trial that ends before its first control tick
@@ -144,7 +162,7 @@ def film_alone(campaign: Campaign, trial: int, log: Path | None, video: Path, sp
 
     aside, recorder = Console(stderr=True), Recorder()
     with film(video) as shown:
-        code = run_alone(campaign, trial, log, recorder)
+        code = run_alone(campaign, trial, log, recorder, as_json=as_json)
         if recorder.footage is None:
             raise BadInput(
                 f"--video {video}: trial {trial} ended before its first control tick; there is nothing to film"
@@ -152,6 +170,8 @@ def film_alone(campaign: Campaign, trial: int, log: Path | None, video: Path, sp
         with drawing(aside) as done:
             shown.show(recorder.footage, speed, done)
     say(aside, f"the film is {video}")
+    if not as_json:
+        say_next("xdg-open", video)
     return code
 
 

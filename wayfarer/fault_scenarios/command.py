@@ -22,6 +22,7 @@ from wayfarer.fault_scenarios.runner import RunResult, run_scenario, run_without
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fault_scenarios.table import print_results
 from wayfarer.fieldlog.atomic_file import write_whole
+from wayfarer.views.text.scripting import print_json, say_next
 
 CSV_FILE, JSON_FILE = "results.csv", "results.json"
 MOST_WELL_RUNS = 8  # in memory at a time: each holds all of its ticks
@@ -65,6 +66,7 @@ def run_scenarios(
     out: Path | None = None,
     skipped: Sequence[Result] = (),
     untried: Sequence[int] = (),
+    as_json: bool = False,
 ) -> int:
     """Run scenarios, print what came of them, and return the exit code: 1 if one is not as expected.
 
@@ -84,10 +86,15 @@ def run_scenarios(
         return INTERRUPTED
     results = [*(found[scenario.name] for scenario in scenarios), *skipped]
     results.sort(key=lambda each: each.row or 0)
-    print_results(Console(), results, untried)
+    if as_json:
+        print_json({"results": [_as_row(result) for result in results], "untried": untried})
+    else:
+        print_results(Console(), results, untried)
     if out is not None:
         _store(out, results)
         say(aside, f"the results are in {out}")
+        if found and not as_json:
+            say_next("wayfarer", "logs", "show", out / next(iter(found)))
     return 1 if any(each.problems for each in results) else 0
 
 

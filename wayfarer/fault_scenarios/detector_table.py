@@ -22,14 +22,17 @@ from wayfarer.fault_scenarios.batch import run_batch
 from wayfarer.fault_scenarios.detector_score import NOTHING, Score
 from wayfarer.fault_scenarios.detector_trials import CELLS, DetectorCase, DetectorTask, Scores, measure
 from wayfarer.fieldlog.atomic_file import write_whole
+from wayfarer.views.text.scripting import print_json
 from wayfarer.views.text.terminal_table import Column
 from wayfarer.views.text.terminal_table import table as terminal_table
 
 TRIALS = 50  # of each cell, where nobody says how many
 JSON_FILE = "detector.json"
 LEGEND = (
-    "recall: share of episodes that were noticed; precision: share of claims that were true",
-    "at least: lower end of the 95 % interval; delay: from an episode's beginning to its claim, median",
+    "recall: share of episodes that were noticed",
+    "precision: share of claims that were true",
+    "at least: lower end of the 95 % interval",
+    "delay: from an episode's beginning to its claim, median",
 )
 
 Measured = Mapping[DetectorCase, Scores]
@@ -44,8 +47,9 @@ class DetectorRow(NamedTuple):
 
 
 def run_detector(
-    rover: str | None, trials: int | None, jobs: int | None, out: Path | None, cells: Sequence[DetectorCase] = CELLS
-) -> int:
+    rover: str | None, trials: int | None, jobs: int | None, out: Path | None, cells: Sequence[DetectorCase] = CELLS,
+    *, as_json: bool = False,
+) -> int:  # fmt: skip
     """Measure the detector against what the simulated world knows, print the table, and return 0, or 130 if stopped.
 
     Raises:
@@ -61,12 +65,15 @@ def run_detector(
     except Stopped:
         say(aside, "interrupted: no table")
         return INTERRUPTED
-    console = Console()
-    console.print(table(measured))
-    for line in LEGEND:
-        say(console, line)
+    if as_json:
+        print_json({"table": objects(measured)})
+    else:
+        console = Console()
+        console.print(table(measured))
+        for line in LEGEND:
+            say(console, line)
     if out is not None:
-        write_whole(out / JSON_FILE, json.dumps(as_json(measured), indent=1) + "\n")
+        write_whole(out / JSON_FILE, json.dumps(objects(measured), indent=1) + "\n")
         say(aside, f"the results are in {out}")
     return 0
 
@@ -115,7 +122,7 @@ def table(measured: Measured) -> Table:
     return terminal_table(columns, rows(measured), gap=1)
 
 
-def as_json(measured: Measured) -> list[dict[str, Any]]:
+def objects(measured: Measured) -> list[dict[str, Any]]:
     """Return the rows with all their numbers; ``delay_s`` is median and 95th percentile."""
     return [
         {"anomaly": anomaly.value, **cell._asdict(), **each._asdict(), "delay_s": delay_s(each)}

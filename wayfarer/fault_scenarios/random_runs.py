@@ -29,6 +29,7 @@ from wayfarer.fault_scenarios.shrink import shrink
 from wayfarer.fieldlog.atomic_file import write_whole
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.build_rover import Depth
+from wayfarer.views.text.scripting import print_json
 
 ROWS_FILE = "trials.jsonl"
 SHOWN = 10  # trials with a broken rule, one after the other; further ones are counted
@@ -67,7 +68,7 @@ def run_seed(rover: str | None, depth: Depth | None, seed: int) -> RandomTrial:
 
 def run_random(
     trials: int, rover: str | None, depth: Depth | None, seed: int, jobs: int | None, out: Path | None,
-    console: Console | None = None,
+    console: Console | None = None, *, as_json: bool = False,
 ) -> int:  # fmt: skip
     """Run ``trials`` scenarios and say what came of them; with ``out`` store rows, and the smallest that broke a rule.
 
@@ -85,9 +86,14 @@ def run_random(
         make_empty_folder(out, "what comes of the trials")
     rows: list[RandomTrial] = []
     with suppress(Stopped):
-        rows.extend(run_batch(partial(run_seed, rover, depth), range(seed, seed + trials), jobs, "trials", console))
+        rows.extend(
+            run_batch(partial(run_seed, rover, depth), range(seed, seed + trials), jobs, "trials", Console(stderr=True))
+        )
     rows.sort()
     broken = [trial for trial in rows if trial.broken]
+    if as_json:
+        print_json({"trials": rows})
+        console = Console(stderr=True)
     for line in _summary(rows, broken):
         say(console, line)
     for trial in broken[:SHOWN]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, numbered, outcome, tick, write
-from wayfarer.views.text.listing import RunRow, lines, rows
+from wayfarer.views.text.listing import CELLS, RunRow, lines, rows
 
 RUN = "00017-20261121T061405Z"
 LONG_AGO_S = BEGAN_WALL_S - 1e6
@@ -20,13 +20,19 @@ def row(logs: Path, now_wall_s: float = LONG_AGO_S) -> RunRow:
     return found
 
 
+def cells(logs: Path) -> tuple[str, ...]:
+    """The only run's line, cell by cell."""
+    return tuple(cell(row(logs)) for cell in CELLS.values())
+
+
 def test_row_says_what_became_of_a_run(tmp_path: Path) -> None:
     write(tmp_path / RUN, numbered([HEADER, *drive(0.0, 4000.0, episodes=3), outcome(4000.0)]))
     began = time.strftime("%Y-%m-%d %H:%M", time.localtime(BEGAN_WALL_S))
-    assert row(tmp_path)[:8] == (
+    assert cells(tmp_path)[:8] == (
         "17", began, "1:06:40", "minirover", "forest-pledge", "2000", "3", "requested",
     )  # fmt: skip
-    assert float(row(tmp_path).size) > 10.0
+    assert row(tmp_path).commanded_m == pytest.approx(2000.0, abs=1.0)
+    assert (row(tmp_path).size_bytes or 0) > 10_000_000
 
 
 def test_run_without_an_outcome_goes_on_or_was_cut_off(tmp_path: Path) -> None:
@@ -38,39 +44,43 @@ def test_run_without_an_outcome_goes_on_or_was_cut_off(tmp_path: Path) -> None:
 
 def test_clock_that_was_never_set_is_not_shown_as_a_time(tmp_path: Path) -> None:
     write(tmp_path / RUN, [HEADER | {"t_wall": 50.0}, tick(1.0) | {"t_wall": 51.0}])
-    assert row(tmp_path).began == "clock not set"
+    assert cells(tmp_path)[1] == "clock not set"
+    assert row(tmp_path).began_wall_s is None
 
 
 def test_trial_has_a_time_of_its_own(tmp_path: Path) -> None:
     write(tmp_path / RUN, [HEADER | {"trial": 5, "simulated": True}, tick(1.0)])
-    assert row(tmp_path)[1:4] == ("trial 5", "0:00:01", "minirover (sim)")
+    assert cells(tmp_path)[1:4] == ("trial 5", "0:00:01", "minirover (sim)")
 
 
 def test_run_in_parts_is_told_by_its_first_and_its_last(tmp_path: Path) -> None:
     write(tmp_path / RUN, [HEADER, tick(1.0)], "run.00001.jsonl")
     write(tmp_path / RUN, [tick(7200.0)], "run.00004.jsonl")
     write(tmp_path / RUN, [HEADER | {"part": 5, "t_s": 7300.0}])
-    assert row(tmp_path)[2:7] == ("2:00:00", "minirover", "forest-pledge", "3600", "0")
+    assert cells(tmp_path)[2:7] == ("2:00:00", "minirover", "forest-pledge", "3600", "0")
 
 
 @pytest.mark.parametrize("content", [b"", b"\0" * 9000, b"nonsense\n", b'{"record":"run","t_s":1'])
 def test_run_of_which_nothing_can_be_read_is_listed_all_the_same(tmp_path: Path, content: bytes) -> None:
     (tmp_path / RUN).mkdir()
     (tmp_path / RUN / "run.jsonl").write_bytes(content)
-    assert row(tmp_path) == ("17", "", "", "", "", "", "", "unreadable", "")
+    assert cells(tmp_path) == ("17", "", "", "", "", "", "", "unreadable", "")
+    assert row(tmp_path) == RunRow(RUN, 17)
 
 
 def test_run_whose_first_part_lost_its_header_is_told_by_a_later_one(tmp_path: Path) -> None:
     write(tmp_path / RUN, [tick(1.0)], "run.00001.jsonl")
     write(tmp_path / RUN, [HEADER | {"part": 2, "t_s": 105.0, "simulated": True, "trial": 5}, tick(6.0)])
-    assert row(tmp_path)[:5] == ("17", "trial 5", "0:00:05", "minirover (sim)", "forest-pledge")
+    assert cells(tmp_path)[:5] == ("17", "trial 5", "0:00:05", "minirover (sim)", "forest-pledge")
 
 
 def test_folders_without_a_number_are_listed_by_their_names(tmp_path: Path) -> None:
     for name in ("forest-pledge-00017", RUN, "oo-pledge-00001"):
         write(tmp_path / name, [HEADER, tick(1.0)])
     (tmp_path / "no-run").mkdir()
-    assert sorted(each.run for each in rows(tmp_path, LONG_AGO_S)) == ["17", "forest-pledge-00017", "oo-pledge-00001"]
+    assert sorted(line.split()[0] for line in lines(rows(tmp_path, LONG_AGO_S), None)) == [
+        "17", "forest-pledge-00017", "oo-pledge-00001", "run",
+    ]  # fmt: skip
 
 
 def test_demo_began_when_its_first_record_says(tmp_path: Path) -> None:
@@ -78,17 +88,19 @@ def test_demo_began_when_its_first_record_says(tmp_path: Path) -> None:
     ended = outcome(180.0) | {"t_wall": BEGAN_WALL_S + 30.0}
     write(tmp_path / RUN, [HEADER | {"time_scale": 6.0, "simulated": True}, ended])
     began = time.strftime("%Y-%m-%d %H:%M", time.localtime(BEGAN_WALL_S))
-    assert (row(tmp_path).began, row(tmp_path).lasted) == (began, "0:03:00")
+    assert cells(tmp_path)[1:3] == (began, "0:03:00")
 
 
 def test_times_that_cannot_be_are_left_out(tmp_path: Path) -> None:
     write(tmp_path / RUN, [HEADER, tick(1.0), tick(1.7e308)])
-    assert row(tmp_path).lasted == "0:00:01"
+    assert row(tmp_path).lasted_s == 1.0
 
 
 def test_narrow_terminal_goes_without_the_less_important() -> None:
     table = [
-        RunRow("17", "2026-11-21 06:14", "1:06:40", "minirover (dry)", "forest-pledge", "2000", "3", "signal", "12.3")
+        RunRow(
+            RUN, 17, None, BEGAN_WALL_S, 4000.0, "minirover", "forest-pledge", False, True, 2000.0, 3, "signal", 12_000
+        )
     ]
     wide, narrow = lines(table, None), lines(table, 60)
     assert wide[0].split() == ["run", "began", "lasted", "rover", "algorithm", "m", "episodes", "outcome", "MB"]

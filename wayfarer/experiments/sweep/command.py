@@ -19,9 +19,11 @@ from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.sweep.axes import Value
 from wayfarer.experiments.sweep.grid import Sweep
 from wayfarer.experiments.tables import number
+from wayfarer.views.text.scripting import print_json, say_next
 from wayfarer.views.text.terminal_table import Column, table
 
-LEGEND = "success: escaped or left the map; path: mean of the successes; the report has the 95 % intervals"
+LEGEND = """success: escaped or left the map; path: mean of the successes
+the report has the 95 % intervals"""
 
 
 class _Cell(NamedTuple):
@@ -31,8 +33,16 @@ class _Cell(NamedTuple):
     summary: AlgorithmSummary
 
 
-def run_all(sweep: Sweep, out: Path, *, resume: bool = False, jobs: int = 1, run_trial: RunTrial = field_trial) -> int:
-    """Run a sweep, show it, print its table, and return the exit code.
+def run_all(
+    sweep: Sweep,
+    out: Path,
+    *,
+    resume: bool = False,
+    jobs: int = 1,
+    as_json: bool = False,
+    run_trial: RunTrial = field_trial,
+) -> int:
+    """Run a sweep, show it, print its table or the same as JSON, and return the exit code.
 
     Raises:
         BadInput: ``out`` cannot be used.
@@ -43,23 +53,32 @@ def run_all(sweep: Sweep, out: Path, *, resume: bool = False, jobs: int = 1, run
     if finished.interrupted:
         return INTERRUPTED
     console, names = Console(), sweep.base.algorithms
-    values = (values for values, _ in product(sweep.values, names))
+    values = [values for values, _ in product(sweep.values, names)]
+    if as_json:
+        document, keys = finished.as_json(), [axis.key for axis in sweep.axes]
+        points = (dict(zip(keys, each, strict=True)) for each in values)
+        print_json(
+            document | {"table": [{"point": at} | line for at, line in zip(points, document["table"], strict=True)]}
+        )
+        return 0
     cells = list(map(_Cell, values, finished.summaries))
     cells.sort(key=lambda cell: names.index(cell.summary.algorithm))
     console.print(table(list(_columns(sweep)), cells))
     say(console, LEGEND)
-    say(Console(stderr=True), f"the results are in {out}; `wayfarer report {out}` draws them")
+    say(Console(stderr=True), f"the results are in {out}")
+    say_next("wayfarer", "report", out)
     return 0
 
 
 def _columns(sweep: Sweep) -> Iterator[Column[_Cell]]:
     yield Column("algorithm", lambda cell: cell.summary.algorithm, left=True)
     for index, axis in enumerate(sweep.axes):
-        yield Column(axis.key.rpartition(".")[2], partial(_value, index))
+        title = axis.key.rpartition(".")[2].replace("_", "\n")  # a word a line: two long keys must fit 80 columns
+        yield Column(title, partial(_value, index))
     yield Column("success\n%", lambda cell: number(cell.summary.success_percent))
     yield Column("SPL", lambda cell: number(cell.summary.spl, 3))
     yield Column("path\nm", lambda cell: number(cell.summary.path_mean_m))
-    yield Column("left the map\n%", lambda cell: number(100 * cell.summary.left_bounds / cell.summary.trials))
+    yield Column("left the\nmap %", lambda cell: number(100 * cell.summary.left_bounds / cell.summary.trials))
 
 
 def _value(index: int, cell: _Cell) -> str:

@@ -2,39 +2,66 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.fields import began_wall_s, local_time, name, number, span, whole
+from wayfarer.fieldlog.fields import began_wall_s, flag, local_time, name, number, span, whole
 from wayfarer.fieldlog.folders import run_folders, run_number
 from wayfarer.fieldlog.last_run import end_of_log
 from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.reader import Record, RunReader, log_segments, read_header
-from wayfarer.fieldlog.wording import marks
 
+UNREADABLE = "unreadable"
 ALIVE_S = 5.0  # a log without an outcome that was written to so recently is of a run that goes on
 
 
 class RunRow(NamedTuple):
-    """One run in a few words; what its log does not tell is empty."""
+    """One run in a few words; a value that its log does not tell is None.
+
+    ``run`` is the name of the folder and ``number`` the number in it. ``trial`` is the number of a simulated trial,
+    which has virtual time and no ``began_wall_s``, seconds since 1970. ``outcome`` is the reason why it ended, or
+    ``goes on``, ``cut off`` or ``unreadable``. ``episodes`` are those of the last mission.
+    """
 
     run: str
-    began: str
-    lasted: str
-    rover: str
-    algorithm: str
-    metres: str
-    episodes: str
-    outcome: str
-    size: str
+    number: int | None = None
+    trial: int | None = None
+    began_wall_s: float | None = None
+    lasted_s: float | None = None
+    rover: str | None = None
+    algorithm: str | None = None
+    simulated: bool | None = None
+    dry_run: bool | None = None
+    commanded_m: float | None = None
+    episodes: int | None = None
+    outcome: str = UNREADABLE
+    size_bytes: int | None = None
 
 
-SHORT = {"simulated": " (sim)", "dry run": " (dry)"}
-TITLES = RunRow("run", "began", "lasted", "rover", "algorithm", "m", "episodes", "outcome", "MB")
+def _began(row: RunRow) -> str:
+    if row.trial is not None:
+        return f"trial {row.trial}"  # in virtual time
+    if row.began_wall_s is None:
+        return "" if row.outcome == UNREADABLE else "clock not set"
+    return local_time(row.began_wall_s, "%Y-%m-%d %H:%M")
+
+
+# The columns by their titles.
+CELLS: Mapping[str, Callable[[RunRow], str]] = {
+    "run": lambda row: row.run if row.number is None else str(row.number),
+    "began": _began,
+    "lasted": lambda row: span(row.lasted_s),
+    "rover": lambda row: "".join([row.rover or "", " (sim)" * bool(row.simulated), " (dry)" * bool(row.dry_run)]),
+    "algorithm": lambda row: row.algorithm or "",
+    "m": lambda row: "" if row.commanded_m is None else f"{row.commanded_m:.0f}",
+    "episodes": lambda row: "" if row.episodes is None else str(row.episodes),
+    "outcome": lambda row: row.outcome,
+    "MB": lambda row: "" if row.size_bytes is None else f"{row.size_bytes / 1e6:.1f}",
+}
 RIGHT = {"run", "lasted", "m", "episodes", "MB"}
-SPARED = ("size", "rover", "algorithm", "episodes")  # what a narrow terminal goes without, first to last
+SPARED = ("MB", "rover", "algorithm", "episodes")  # what a narrow terminal goes without, first to last
 
 
 def rows(logs: Path, now_wall_s: float) -> list[RunRow]:
@@ -52,53 +79,52 @@ def rows(logs: Path, now_wall_s: float) -> list[RunRow]:
 
 def lines(table: Sequence[RunRow], width: int | None) -> list[str]:
     """Return rows as lines under their titles, with as many columns as ``width`` characters hold (None: all)."""
-    shown = list(RunRow._fields)
+    shown = dict(CELLS)
     for spared in ("", *SPARED):
-        shown = [column for column in shown if column != spared]
-        laid_out = _laid_out(shown, [TITLES, *table])
+        shown.pop(spared, None)
+        laid_out = _laid_out([list(shown), *([cell(row) for cell in shown.values()] for row in table)])
         if width is None or max(map(len, laid_out)) <= width:
             break
     return laid_out
 
 
-def _laid_out(columns: Sequence[str], table: Sequence[RunRow]) -> list[str]:
-    widths = {column: max(len(getattr(row, column)) for row in table) for column in columns}
-    return ["  ".join(_cell(row, column, widths[column]) for column in columns).rstrip() for row in table]
+def _laid_out(table: Sequence[Sequence[str]]) -> list[str]:
+    """Return cells as lines; the first are the titles."""
+    titles, widths = table[0], [max(map(len, column)) for column in zip(*table, strict=True)]
+    return ["  ".join(map(_cell, row, titles, widths)).rstrip() for row in table]
 
 
-def _cell(row: RunRow, column: str, width: int) -> str:
-    text = str(getattr(row, column))
-    return text.rjust(width) if getattr(TITLES, column) in RIGHT else text.ljust(width)
+def _cell(text: str, title: str, width: int) -> str:
+    return text.rjust(width) if title in RIGHT else text.ljust(width)
 
 
 def _row(run: Path, now_wall_s: float) -> RunRow:
-    title = _title(run)
+    title, count = clean(run.name), run_number(run)
     try:
         segments = log_segments(run)
-        size_b, written_s = sum(segment.stat().st_size for segment in segments), segments[-1].stat().st_mtime
+        size_bytes, written_s = sum(segment.stat().st_size for segment in segments), segments[-1].stat().st_mtime
         first, last = next(iter(RunReader(run)), None), _last(segments)
     except (BadInput, OSError):
         first = None
     if first is None:
-        return RunRow(title, "", "", "", "", "", "", "unreadable", "")
+        return RunRow(title, count)
     header, end, tick = _header(run, first), last.get("any", {}), last.get("tick", {})
+    first_t_s, end_t_s, trial = number(first, "t_s"), number(end, "t_s"), whole(header, "trial")
     return RunRow(
         title,
-        _began(header, first, end),
-        _lasted(first, end),
-        "".join([name(header, "rover") or "", *(SHORT[mark] for mark in marks(header))]),
-        name(header, "algorithm") or "",
-        _rounded(tick, "travelled_m"),
-        _rounded(tick, "episodes"),
+        count,
+        trial,
+        began_wall_s(header, first, end) if trial is None else None,
+        None if first_t_s is None or end_t_s is None else end_t_s - first_t_s,
+        name(header, "rover"),
+        name(header, "algorithm"),
+        flag(header, "simulated"),
+        flag(header, "dry_run"),
+        number(tick, "travelled_m"),
+        whole(tick, "episodes"),
         _outcome(last.get("outcome"), alive=abs(now_wall_s - written_s) < ALIVE_S),
-        f"{size_b / 1e6:.1f}",
+        size_bytes,
     )
-
-
-def _title(run: Path) -> str:
-    """Return a run's number, or the name of its folder where that has none."""
-    count = run_number(run)
-    return clean(run.name) if count is None else str(count)
 
 
 def _header(run: Path, first: Record) -> Record:
@@ -115,24 +141,6 @@ def _outcome(outcome: Record | None, *, alive: bool) -> str:
     if outcome is None:
         return "goes on" if alive else "cut off"
     return name(outcome, "reason") or "unknown"
-
-
-def _lasted(first: Record, end: Record) -> str:
-    first_t_s, end_t_s = number(first, "t_s"), number(end, "t_s")
-    return "" if first_t_s is None or end_t_s is None else span(end_t_s - first_t_s)
-
-
-def _rounded(record: Record, key: str) -> str:
-    value = number(record, key)
-    return "" if value is None else f"{value:.0f}"
-
-
-def _began(header: Record, first: Record, end: Record) -> str:
-    trial = whole(header, "trial")
-    if trial is not None:
-        return f"trial {trial}"  # in virtual time
-    wall_s = began_wall_s(header, first, end)
-    return "clock not set" if wall_s is None else local_time(wall_s, "%Y-%m-%d %H:%M")
 
 
 def _last(segments: Sequence[Path]) -> dict[str, Record]:

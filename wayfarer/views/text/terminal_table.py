@@ -44,8 +44,13 @@ def add_row(made: Table, cells: Iterable[str | Text], style: str = "") -> None:
 
 
 def print_in_full(console: Console, whole: Table, parts: Sequence[Table]) -> None:
-    """Print a table, or where the console is too narrow for it its parts below each other."""
-    needed = console.measure(whole, options=console.options.update(max_width=UNBOUNDED)).maximum
-    for each in [whole] if needed <= console.width else parts:
+    """Print a table, or where the console is too narrow for it its parts below each other, closer if they must be."""
+    for each in [whole] if _fits(console, whole) else parts:
+        if not _fits(console, each):
+            each.padding = 0  # leaves one blank between two columns
         console.print(each)
         console.print()
+
+
+def _fits(console: Console, made: Table) -> bool:
+    return console.measure(made, options=console.options.update(max_width=UNBOUNDED)).maximum <= console.width

@@ -1,0 +1,55 @@
+"""What commands print on a terminal of 80 columns: whole, and on lines that fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_compare import out_at_once
+from tests.conftest import Run
+from wayfarer import cli
+
+FIELD_LOGS = Path(cli.__file__).parents[2] / "field_logs"
+
+
+@pytest.fixture
+def results(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Results of two algorithms, of which one has the longest name, with paths that differ by 200 m."""
+
+    def far_apart(*arguments: object) -> object:
+        result = out_at_once(*arguments)  # type: ignore[arg-type]
+        return result._replace(path_m=100.0 + result.path_m * (7.0 if result.algorithm == "retrying-pledge" else -1.0))
+
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", far_apart)
+    asked = ("--algorithm", "forest-pledge,retrying-pledge", "--trials", 6, "--jobs", 1, "--out", tmp_path / "results")
+    assert run("sim", *asked)[0] == 0
+    return tmp_path / "results"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("sim", "--algorithm", "retrying-pledge,levy-walk", "--trials", 8, "--jobs", 1),
+        ("sim", "--scenario", "dense-obstruction", "--rover", "forestrover", "--trials", 4, "--jobs", 1),
+        ("sweep", "escape.turn_angle_deg=60,90", "ground=leaf-litter,mud", "--rover", "forestrover", "--algorithm",
+         "retrying-pledge", "--trials", 2, "--jobs", 1, "--out", "sweep"),
+        ("sweep", "sim.compass_noise_deg=0:20:10", "escape.probe_straight_m=1", "--trials", 2, "--jobs", 1,
+         "--out", "sweep"),
+        ("compare", "results"),
+        ("faults", "--only", "compass-answers-45-ms-late,loop-blocked", "--jobs", 1),
+        ("faults", "--list"),
+        ("faults", "--trials", 1, "--jobs", 1),
+        ("list",),
+        ("logs", "summary", "--logs", FIELD_LOGS),
+    ],
+    ids=lambda arguments: " ".join(map(str, arguments[:2])),
+)  # fmt: skip
+def test_output_fits_80_columns_and_nothing_is_cut_off(
+    run: Run, results: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[object, ...]
+) -> None:
+    monkeypatch.chdir(results.parent)
+    monkeypatch.setenv("COLUMNS", "80")
+    code, out, err = run(*arguments)
+    assert code == 0, err
+    assert [line for line in out.splitlines() if len(line) > 80 or "…" in line] == []

@@ -1,0 +1,47 @@
+"""Shows a run on the terminal of its daemon, or in the journal: what happens, in the words of ``wayfarer logs``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from shlex import quote
+
+from wayfarer.fieldlog.fields import local_time, name
+from wayfarer.fieldlog.reader import Record
+from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.wording import Tone, event_name
+from wayfarer.views.text.colour import painted
+from wayfarer.views.text.run_narrator import RunNarrator
+
+
+class Console:
+    """Takes the records of a run and writes a line with the wall time for each thing that happens.
+
+    Args:
+        hint: what to do with a rover that is ready; told once it is.
+        write: takes a line for stderr, and must not wait.
+        then: the command that comes next, told with the run's folder at its end; empty for none.
+    """
+
+    def __init__(self, hint: str, write: Callable[[str], None], then: str = "") -> None:
+        self._hint = hint
+        self._write = write
+        self._then = then
+        self._log = ""
+        self._fold, self._narrator = RunFold(), RunNarrator()
+
+    def show(self, record: Record) -> None:
+        """Take a record; where nothing has changed, nothing is written."""
+        kind = record["record"]
+        if kind == "outcome" and record["reason"] == "failed":
+            return  # the command itself tells of its error
+        at = local_time(record["t_wall"], "%H:%M:%S")
+        for line in self._narrator.tell(self._fold.take(record)):
+            if line.tone is not Tone.QUIET:
+                self._write(f"{at}  {painted(line.text, line.tone.value, sys.stderr)}")
+        if kind == "run":
+            self._log = name(record, "log") or ""
+        elif kind == "event" and event_name(record) == "opened":
+            self._write(f"{at}  disarmed. {self._hint}")
+        elif kind == "outcome" and self._then:
+            self._write(f"Next: {self._then} {quote(self._log)}")
