@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 import typer
-from wayfarer.views.text.periods import PeriodPercentiles
 
 from tests.cli.json_schema import Table, keys_of, keys_of_class, read_tables, wrong
 from tests.commissioning.checks.rigs import Rig
@@ -36,7 +35,7 @@ from wayfarer.fieldlog.typed import Fix
 from wayfarer.views.text.last_position import LastPosition, RangeBearing
 from wayfarer.views.text.listing import RunRow
 from wayfarer.views.text.scripting import print_json
-from wayfarer.views.text.summary import Mark, RunSummary
+from wayfarer.views.text.summary import Mark, PeriodPercentiles, RunSummary
 
 FIELD_LOGS = Path(cli.__file__).parents[2] / "field_logs"
 tables = cache(read_tables)
