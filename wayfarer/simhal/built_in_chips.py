@@ -43,12 +43,12 @@ class MountedCompass(HeadingSensorModel):
 
 def mounted(settings: PMW3901Settings) -> Callable[[int, int], tuple[int, int]]:
     """Return the flow chip's x and y for a displacement forward and right, mounted as the rover file says."""
+    forward_is_x = settings.forward[1] == "x"
+    forward_sign, right_sign = (1 if axis[0] == "+" else -1 for axis in (settings.forward, settings.right))
 
     def turned(forward: int, right: int) -> tuple[int, int]:
-        counts = {}
-        for axis, along in ((settings.forward, forward), (settings.right, right)):
-            counts[axis[1]] = along if axis[0] == "+" else -along
-        return counts["x"], counts["y"]
+        forward, right = forward * forward_sign, right * right_sign
+        return (forward, right) if forward_is_x else (right, forward)
 
     return turned
 

@@ -12,7 +12,7 @@ from typing import Any
 from wayfarer.config.rover_file import RoverConfig, part_settings
 from wayfarer.config.wiring import I2C, SERIAL, SPI, NotedBuses
 from wayfarer.drivers.buses import Frame
-from wayfarer.drivers.pmw3901 import MOTION_BIT
+from wayfarer.drivers.pmw3901_burst import MOTION_BIT
 from wayfarer.simhal.built_in_chips import mounted
 from wayfarer.simhal.buses import FakeI2C
 from wayfarer.simhal.chip_wiring import driver_name
