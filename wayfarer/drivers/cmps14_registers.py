@@ -59,19 +59,22 @@ class RegisterBlock(NamedTuple):
 
 def decode(data: bytes) -> RegisterBlock:
     """Return what 31 bytes from register 0x00 say, true or not; pitch is in whole degrees before firmware 5."""
-    version, bearing8, bearing, pitch8, roll8, *axes, pitch, roll, levels = _MAP.unpack(data)
+    said = _MAP.unpack(data)
+    version, bearing8, bearing, pitch8, roll8 = said[:5]
+    mag, accel, gyro = said[5:8], said[8:11], said[11:14]
+    pitch, roll, levels = said[14:]
     return RegisterBlock(
-        version=version,
-        bearing_deg=bearing / 10.0,
-        bearing8_deg=bearing8 * 360 / 256,
-        pitch_deg=pitch / 10.0 if version >= _PITCH16_SINCE else float(pitch8),
-        pitch8_deg=pitch8,
-        roll_deg=roll / 10.0,
-        roll8_deg=roll8,
-        mag=(axes[0], axes[1], axes[2]),
-        accel=(axes[3], axes[4], axes[5]),
-        gyro=(axes[6], axes[7], axes[8]),
-        levels=CalibrationLevels(levels >> 6, levels >> 4 & 3, levels >> 2 & 3, levels & 3),
+        version,
+        bearing / 10.0,
+        bearing8 * 360 / 256,
+        pitch / 10.0 if version >= _PITCH16_SINCE else float(pitch8),
+        pitch8,
+        roll / 10.0,
+        roll8,
+        mag,
+        accel,
+        gyro,
+        CalibrationLevels(levels >> 6, levels >> 4 & 3, levels >> 2 & 3, levels & 3),
     )
 
 

@@ -99,6 +99,7 @@ class PMW3901:
     def __init__(self, settings: PMW3901Settings, buses: Buses) -> None:
         self.name = f"PMW3901 on {settings.bus}"
         self._settings = settings
+        self._m_per_count, self._limit_counts_s = settings.m_per_count, settings.limit_counts_s
         self._bus = buses.spi(settings.bus, mode=settings.spi_mode, speed_hz=settings.speed_hz)
         self._asked_t_s = self._read_t_s = 0.0
         self._is_first = True
@@ -130,7 +131,7 @@ class PMW3901:
             BadReading: a displacement that cannot be, as garbage on the bus makes it.
         """
         is_first, settings, burst = self._is_first, self._settings, await self._burst()
-        scale, good = settings.m_per_count, quality(burst, settings.squal_full) * (not is_first)
+        scale, good = self._m_per_count, quality(burst, settings.squal_full) * (not is_first)
         forward, right = _along(settings.forward, burst), _along(settings.right, burst)
         return MotionReading(self._read_t_s, forward * scale, right * scale, good)
 
@@ -160,7 +161,7 @@ class PMW3901:
         is_first, self._is_first = self._is_first, False
         if is_first:  # counts since nobody knows when: what moved while it started is among them
             return burst
-        if what := contradiction(burst, longest_s, self._settings.limit_counts_s):
+        if what := contradiction(burst, longest_s, self._limit_counts_s):
             self.troubles["garbage rejected"] += 1
             raise BadReading(
                 f"{self.name}: ({burst.dx}, {burst.dy}): {what}; noise on the SPI wires, keep them short; "

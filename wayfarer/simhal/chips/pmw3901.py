@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from struct import Struct
+from struct import Struct, pack
 from types import MappingProxyType
 
 from mypy_extensions import mypyc_attr
@@ -22,9 +22,9 @@ from wayfarer.simhal.sensor_models import FlowSensorModel
 
 BANK, RESET, OBSERVATION, BURST, ORIENTATION = 0x7F, 0x3A, 0x15, 0x16, 0x5B
 MOTION = range(0x02, 0x07)  # motion byte, then both displacements, low byte first
-_MOTION = Struct("<Bhh")
 PICTURE = range(0x07, 0x0D)  # SQUAL, raw sum, maximum and minimum, shutter lower and upper
 BURST_LENGTH = 13
+_BURST = Struct("<BBhh6B")  # what follows the first byte of one
 WAKE_S = 0.001  # the data sheet's least wait after a reset
 TWO_FRAMES_S = 0.015
 SQUAL_KNEE = 0x19  # below a knee it reports no motion at all (PX4 #28632); where, is not told: the data sheet's "dark"
@@ -178,24 +178,34 @@ class PMW3901Chip:
         return self._registers.get((self._bank, register), 0x00)
 
     def _burst(self, now_s: float) -> bytes:
-        motion = self._take_motion(now_s)
-        picture = self.squal, RAW_SUM, RAW_MAX, RAW_MIN, *divmod(self.shutter, 256)
-        return bytes((motion[0], self._observation(now_s), *motion[1:], *picture))
+        x, y = self._counts(now_s)
+        upper, lower = divmod(self.shutter, 256)
+        return _BURST.pack(
+            _motion(x, y), self._observation(now_s), x, y, self.squal, RAW_SUM, RAW_MAX, RAW_MIN, upper, lower
+        )
 
     def _observation(self, now_s: float) -> int:
         return 0xBF if self._running and now_s >= self._observed_s else 0x00
 
     def _take_motion(self, now_s: float) -> bytes:
-        """Return the motion byte and the counts since the last call, which start again at 0."""
-        x, y = self._counts(now_s) if self._running else (0, 0)
-        return _MOTION.pack(0xB0 if x or y else 0x30, x, y)
+        """Return registers 02 to 06."""
+        x, y = self._counts(now_s)
+        return pack("<Bhh", _motion(x, y), x, y)
 
     def _counts(self, now_s: float) -> tuple[int, int]:
+        """Return the counts since the last call, which start again at 0."""
+        if not self._running:
+            return 0, 0
         x, y = self._mounting(*self._sense.sample(now_s))
         if self.squal < SQUAL_KNEE:
             return 0, 0
         x, y = orient(self._registers[0x00, ORIENTATION], x, y)
         return _saturate(x), _saturate(y)
+
+
+def _motion(x: int, y: int) -> int:
+    """Return the motion byte that goes with counts."""
+    return 0xB0 if x or y else 0x30
 
 
 def orient(register: int, x: int, y: int) -> tuple[int, int]:

@@ -133,7 +133,7 @@ class SabertoothChip(MotorBoardChip):
             elif packet:
                 packet.append(byte)
                 if len(packet) == _PACKET_BYTES:
-                    self._check(*packet)
+                    self._check(packet[0], packet[1], packet[2], packet[3])
                     packet.clear()
 
     # -- packets -------------------------------------------------------------------------------------------------
