@@ -14,7 +14,8 @@ from pydantic import TypeAdapter, ValidationError
 from tests.drivers.benches import now_s
 from tests.virtual import virtual
 from wayfarer.angles import wrap180
-from wayfarer.drivers.cmps14 import CMPS14, OPEN_S, CalibrationLevels, CMPS14Settings, decode, flaw
+from wayfarer.drivers.cmps14 import CMPS14, OPEN_S, CMPS14Settings
+from wayfarer.drivers.cmps14_registers import CalibrationLevels, decode, flaw
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.simhal.buses import FakeBuses, FakeI2C
 from wayfarer.simhal.chips.cmps14 import CMPS14Chip

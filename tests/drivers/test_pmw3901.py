@@ -14,7 +14,8 @@ from pydantic import TypeAdapter, ValidationError
 from tests.drivers.benches import now_s
 from tests.simhal.chips.bench import Driven
 from tests.virtual import run_virtually, virtual
-from wayfarer.drivers.pmw3901 import FRAME_S, PMW3901, Axis, Burst, PMW3901Settings, contradiction, decode, quality
+from wayfarer.drivers.pmw3901 import PMW3901, Axis, PMW3901Settings
+from wayfarer.drivers.pmw3901_burst import FRAME_S, Burst, contradiction, decode, quality
 from wayfarer.drivers.pmw3901_table import trim
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.hal import MotionSensor

@@ -10,26 +10,27 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
+from collections.abc import Coroutine
 from dataclasses import dataclass
-from struct import Struct
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar
 
 from annotated_types import Interval
 
-from wayfarer.angles import wrap180, wrap360
+from wayfarer.angles import wrap360
 from wayfarer.drivers.buses import Buses
+from wayfarer.drivers.cmps14_registers import (
+    BLOCK_BYTES,
+    SILENT_LINE,
+    CalibrationLevels,
+    RegisterBlock,
+    decode,
+    flaw,
+    has_strange_pitch,
+)
 from wayfarer.errors import BadReading, DriverError, NotResponding, WrongPart
 from wayfarer.hal import CompassReading
 
-# version, bearing, bearing, pitch, roll, magnetometer, accelerometer, gyro, 2 unlisted, pitch, roll, calibration
-_MAP = Struct(">BBHbb3h3h3h2xhhB")
 _COMMAND_REGISTER = 0x00  # the same register reads the firmware version
-_SILENT_LINE = (0x00, 0xFF)  # what a line reads that nothing drives; no firmware has either number
-_PITCH16_SINCE = 5  # earlier firmware has no 16-bit pitch at 0x1A: published drivers agree, the data sheet is silent
-# Whether the 8-bit values are rounded or cut off is not documented: they may be one of their own steps away.
-_BEARING_APART_DEG = 360 / 256 + 0.1
-_TILT_APART_DEG = 1.5
-_ROLL8_ENDS_DEG = 89.0  # the 8-bit roll is documented for +-90 only, the 16-bit one for +-180
 
 # How long it boots is not documented: a second, beside the tens of seconds of the Pi that asks.
 _BOOT_TRIES, _BOOT_PAUSE_S = 10, 0.1
@@ -39,95 +40,6 @@ _COMMAND_GAP_S = 0.02  # data sheet page 3: after each byte of a command
 OPEN_S = 4 * _COMMAND_GAP_S  # switching background calibration off
 _ERASE_SETTLE_S = 0.6  # published drivers wait 0.3 to 0.6 s
 _CONFIG_FIXED, _CONFIG_BITS = 0x80, 0x97
-
-_CORRUPTED = "bytes shifted or swapped on the bus; lower i2c_arm_baudrate in config.txt, use shorter wires"
-
-
-class CalibrationLevels(NamedTuple):
-    """Calibration as in register 0x1E, each 0 (none) to 3 (full); the gyro's tells nothing, a bug of the sensor."""
-
-    system: int
-    gyro: int
-    accel: int
-    mag: int
-
-    @property
-    def heading(self) -> int:
-        """How far the part itself trusts its heading: the magnetometer's level, and 0 while the system's is 0.
-
-        The accelerometer's level is left out: the heading of a rover that is nearly level hardly depends on it. Even 3
-        is no proof: iron and motor currents beside the part move the bearing and not the level.
-        """
-        return self.mag if self.system else 0
-
-
-class RegisterBlock(NamedTuple):
-    """The registers 0x00 to 0x1E. The signs of tilt and the units of the raw axes are not documented."""
-
-    version: int
-    bearing_deg: float
-    bearing8_deg: float
-    pitch_deg: float
-    pitch8_deg: int
-    roll_deg: float
-    roll8_deg: int
-    mag: tuple[int, int, int]
-    accel: tuple[int, int, int]
-    gyro: tuple[int, int, int]
-    levels: CalibrationLevels
-
-
-def decode(data: bytes) -> RegisterBlock:
-    """Return what 31 bytes from register 0x00 say, true or not; pitch is in whole degrees before firmware 5."""
-    version, bearing8, bearing, pitch8, roll8, *axes, pitch, roll, levels = _MAP.unpack(data)
-    return RegisterBlock(
-        version=version,
-        bearing_deg=bearing / 10.0,
-        bearing8_deg=bearing8 * 360 / 256,
-        pitch_deg=pitch / 10.0 if version >= _PITCH16_SINCE else float(pitch8),
-        pitch8_deg=pitch8,
-        roll_deg=roll / 10.0,
-        roll8_deg=roll8,
-        mag=(axes[0], axes[1], axes[2]),
-        accel=(axes[3], axes[4], axes[5]),
-        gyro=(axes[6], axes[7], axes[8]),
-        levels=CalibrationLevels(levels >> 6, levels >> 4 & 3, levels >> 2 & 3, levels & 3),
-    )
-
-
-def flaw(block: RegisterBlock, version: int) -> str | None:
-    """Return why a block cannot be true, or None. ``version`` is what register 0x00 said when it was read alone."""
-    if block.version in _SILENT_LINE:
-        return f"firmware reads 0x{block.version:02X}: nobody drives the line, check power and wires"
-    if not any(block.accel):
-        return "the accelerometer feels no gravity: still booting, or a dead sensor; turn its power off and on"
-    garbled = _garbled(block, version)
-    return f"{garbled}: {_CORRUPTED}" if garbled else None
-
-
-def _garbled(block: RegisterBlock, version: int) -> str | None:
-    if block.version != version:
-        # All else could agree: where each byte is shifted by one bit, both bearings are doubled, and both pitches.
-        return f"firmware reads {block.version} and was {version} when opened"
-    if block.bearing_deg >= 360.0:
-        return f"bearing {block.bearing_deg:.1f} is beyond 359.9"
-    if abs(wrap180(block.bearing_deg - block.bearing8_deg)) > _BEARING_APART_DEG:
-        return f"bearing is {block.bearing_deg:.1f} in 16 bits and {block.bearing8_deg:.1f} in 8"
-    if _has_strange_pitch(block):
-        return f"pitch is {block.pitch_deg:.1f} in 16 bits and {block.pitch8_deg} in 8"
-    if _has_strange_roll(block):
-        return f"roll is {block.roll_deg:.1f} in 16 bits and {block.roll8_deg} in 8"
-    return None
-
-
-def _has_strange_pitch(block: RegisterBlock) -> bool:
-    return abs(block.pitch_deg) > 90.0 or abs(block.pitch_deg - block.pitch8_deg) > _TILT_APART_DEG
-
-
-def _has_strange_roll(block: RegisterBlock) -> bool:
-    if abs(block.roll_deg) > _ROLL8_ENDS_DEG:
-        return abs(block.roll_deg) > 180.0
-    return abs(block.roll_deg - block.roll8_deg) > _TILT_APART_DEG
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +98,7 @@ class CMPS14:
                 f"{self.name}: no answer ({error}); check power, wires and address, "
                 "and that its mode pin was open or high when it got power: low means serial"
             ) from error
-        if _has_strange_pitch(block):
+        if has_strange_pitch(block):
             got = f"pitch {block.pitch_deg:.1f} at 0x1A and {block.pitch8_deg} at 0x04, as from a CMPS12"
             raise WrongPart(self.name, "a CMPS14", got)
         self._check(block)
@@ -264,7 +176,7 @@ class CMPS14:
 
     async def _identify(self) -> None:
         (version,) = await self._insist(1)
-        if version in _SILENT_LINE:
+        if version in SILENT_LINE:
             raise WrongPart(self.name, "a firmware number", f"0x{version:02X}")
         self._version = version
         self.name = f"CMPS14 firmware {version} {self._where}"
@@ -272,7 +184,7 @@ class CMPS14:
     async def _first_block(self) -> RegisterBlock:
         """Return the first block that can be true or, when the time to boot is over, one that cannot."""
         for _ in range(_BOOT_TRIES):
-            block = decode(await self._insist(_MAP.size))
+            block = decode(await self._insist(BLOCK_BYTES))
             if flaw(block, self._version) is None:
                 break
             await asyncio.sleep(_BOOT_PAUSE_S)
@@ -287,7 +199,7 @@ class CMPS14:
             return await self._checked_block()
 
     async def _checked_block(self) -> RegisterBlock:
-        block = decode(await self._read(_MAP.size))
+        block = decode(await self._read(BLOCK_BYTES))
         self._check(block)
         return block
 
@@ -302,9 +214,9 @@ class CMPS14:
         except NotResponding:
             return await self._read(count)
 
-    async def _read(self, count: int) -> bytes:
+    def _read(self, count: int) -> Coroutine[Any, Any, bytes]:
         """Read registers from the first on."""
-        return await self._bus.write_read(self._settings.address, b"\x00", count)
+        return self._bus.write_read(self._settings.address, b"\x00", count)
 
     async def _command(self, sequence: bytes) -> None:
         for byte in sequence:

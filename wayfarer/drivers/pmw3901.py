@@ -14,13 +14,13 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from dataclasses import dataclass
-from struct import unpack
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
 from wayfarer.drivers import pmw3901_table as table
 from wayfarer.drivers.buses import Buses
+from wayfarer.drivers.pmw3901_burst import Burst, contradiction, decode, quality
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.hal import MotionReading
 
@@ -28,10 +28,8 @@ Axis = Literal["+x", "-x", "+y", "-y"]
 
 PRODUCT, INVERSE_PRODUCT = 0x49, 0xB6
 RUNNING = 0xBF  # the observation byte of a chip that works: hardware.md 2.2
-MOTION_BIT = 0x80
-SQUAL_DARK, SHUTTER_UPPER_DARK = 0x19, 0x1F  # too little texture at the longest exposure: data sheet 7.2
-# What the chip follows, and how often it looks (hardware.md 2.1); near that speed, the ground may be going faster.
-LIMIT_RAD_S, FRAME_S, AT_LIMIT = 7.4, 0.00826, 0.95
+# What the chip follows (hardware.md 2.1); near that speed, the ground may be going faster.
+LIMIT_RAD_S, AT_LIMIT = 7.4, 0.95
 RAD_PER_COUNT = 0.00213195  # the data sheet's (hardware.md 2.6)
 PROBE_TRIES = 3
 RESET_S, SETTLE_S, START_S = 0.02, 0.01, 0.24  # Pimoroni's waits; the reset needs 1 ms
@@ -89,45 +87,6 @@ class PMW3901Settings:
         return LIMIT_RAD_S / min(self.rad_per_count, RAD_PER_COUNT)
 
 
-class Burst(NamedTuple):
-    """One motion burst: displacement in counts since the read before, and what the picture was like.
-
-    ``motion`` is the chip's own word that it saw any; ``shutter`` is the exposure, in 0..8191.
-    """
-
-    motion: bool
-    observation: int
-    dx: int
-    dy: int
-    squal: int
-    shutter: int
-
-
-def decode(data: bytes) -> Burst:
-    """Return what the 12 bytes after a burst's address say (hardware.md 2.4)."""
-    motion, observation, dx, dy, squal, upper, lower = unpack("<BBhhBxxxBB", data)
-    return Burst(bool(motion & MOTION_BIT), observation, dx, dy, squal, (upper & 0x1F) << 8 | lower)
-
-
-def quality(burst: Burst, squal_full: int) -> float:
-    """Return how far a burst can be believed, from 0 (dark, or nothing to see) to 1; still or moving alike."""
-    dark = burst.squal < SQUAL_DARK and burst.shutter >> 8 == SHUTTER_UPPER_DARK
-    return 0.0 if dark else min(1.0, burst.squal / squal_full)
-
-
-def contradiction(burst: Burst, longest_s: float, limit_counts_s: float) -> str | None:
-    """Return what cannot be true of a burst, or None.
-
-    Its counts are of ``longest_s`` at most, and of one frame more: one that began before that may have ended in it.
-    """
-    limit = int(limit_counts_s * (longest_s + FRAME_S))
-    if max(abs(burst.dx), abs(burst.dy)) > limit:
-        return f"more than {limit} counts in {longest_s:.3f} s"
-    if not burst.motion and (burst.dx or burst.dy):
-        return "counts, and no motion seen"
-    return None
-
-
 class PMW3901:
     """The sensor as a ``hal.MotionSensor``.
 
@@ -140,6 +99,7 @@ class PMW3901:
     def __init__(self, settings: PMW3901Settings, buses: Buses) -> None:
         self.name = f"PMW3901 on {settings.bus}"
         self._settings = settings
+        self._m_per_count, self._limit_counts_s = settings.m_per_count, settings.limit_counts_s
         self._bus = buses.spi(settings.bus, mode=settings.spi_mode, speed_hz=settings.speed_hz)
         self._asked_t_s = self._read_t_s = 0.0
         self._is_first = True
@@ -171,7 +131,7 @@ class PMW3901:
             BadReading: a displacement that cannot be, as garbage on the bus makes it.
         """
         is_first, settings, burst = self._is_first, self._settings, await self._burst()
-        scale, good = settings.m_per_count, quality(burst, settings.squal_full) * (not is_first)
+        scale, good = self._m_per_count, quality(burst, settings.squal_full) * (not is_first)
         forward, right = _along(settings.forward, burst), _along(settings.right, burst)
         return MotionReading(self._read_t_s, forward * scale, right * scale, good)
 
@@ -201,7 +161,7 @@ class PMW3901:
         is_first, self._is_first = self._is_first, False
         if is_first:  # counts since nobody knows when: what moved while it started is among them
             return burst
-        if what := contradiction(burst, longest_s, self._settings.limit_counts_s):
+        if what := contradiction(burst, longest_s, self._limit_counts_s):
             self.troubles["garbage rejected"] += 1
             raise BadReading(
                 f"{self.name}: ({burst.dx}, {burst.dy}): {what}; noise on the SPI wires, keep them short; "

@@ -97,7 +97,7 @@ class FakeSPI:
         """Exchange pieces with the chip; without one the line floats high."""
         if self.chip is None:
             return tuple(b"\xff" * len(piece) for piece in pieces)
-        return tuple(self.chip.exchange(piece) for piece in pieces)
+        return tuple(map(self.chip.exchange, pieces))
 
 
 class FakeSerial:

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from math import cos, radians, sin
 from struct import Struct
 
+from mypy_extensions import mypyc_attr
+
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.sensor_models import HeadingSensorModel
 
@@ -35,6 +37,7 @@ _COUNTS_PER_G = 1000  # one of two published scales; the data sheet gives none
 _FIELD_LEVEL, _FIELD_DOWN = 200, 450  # counts; the field dips by 66 degrees, as in central Europe
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class CMPS14Chip:
     """Implements ``buses.I2CChip``; the sense is sampled once for each read of anything that is measured.
 
@@ -93,11 +96,12 @@ class CMPS14Chip:
         return self._registers(measured=start < _MEASURED.stop and end > _MEASURED.start)[start:end]
 
     def _registers(self, *, measured: bool) -> bytes:
-        if self._clock() < self._booted_s:
+        now_s = self._clock()
+        if now_s < self._booted_s:
             return bytes((self.firmware, *bytes(30)))
         if not measured:
             return bytes((self.firmware, *bytes(29), self.calibration))
-        heading, pitch, roll = self._sense.sample(self._clock())
+        heading, pitch, roll = self._sense.sample(now_s)
         pitch = max(-900, min(pitch, 900))
         return _MAP.pack(
             self.firmware,
@@ -107,7 +111,9 @@ class CMPS14Chip:
             max(-90, min(int(roll / 10), 90)),
             *_field(heading),
             *_gravity(pitch, roll),
-            *(0, 0, 0),
+            0,
+            0,
+            0,
             pitch if self.firmware >= _PITCH16_SINCE else 0,
             roll,
             self.calibration,

@@ -5,9 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
+from mypy_extensions import mypyc_attr
+
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class MotorBoardChip(ABC):
     """A board whose outputs have levels, negative for back; its deadman stops both at ``stops_by_s``.
 
@@ -29,8 +32,7 @@ class MotorBoardChip(ABC):
         self._clock = clock
         self._full_level = full_level
         self._left, self._right = (1, 0) if left_is_second else (0, 1)
-        self._left_sign = -1 if reverse_left else 1
-        self._right_sign = -1 if reverse_right else 1
+        self._reverse_left, self._reverse_right = reverse_left, reverse_right
 
     @property
     @abstractmethod
@@ -39,9 +41,10 @@ class MotorBoardChip(ABC):
 
     def tick(self) -> None:
         """Let the deadman trip, at its own time, if that has come. Every access does this first."""
-        trips_at_s = self.stops_by_s
-        if any(self.levels) and self._clock() >= trips_at_s:
-            self._stop(trips_at_s)
+        if self.levels != (0, 0):
+            trips_at_s = self.stops_by_s
+            if self._clock() >= trips_at_s:
+                self._stop(trips_at_s)
 
     def _stop(self, t_s: float) -> None:
         self._turn(t_s, (0, 0))
@@ -50,7 +53,6 @@ class MotorBoardChip(ABC):
         """Turn the wheels at the levels of both outputs from a time on."""
         self.levels = levels
         self._world.advance_to(t_s)
-        self._world.command(
-            levels[self._left] * self._left_sign / self._full_level,
-            levels[self._right] * self._right_sign / self._full_level,
-        )
+        left, right = levels[self._left] / self._full_level, levels[self._right] / self._full_level
+        # Subtracted from 0, because -0.0 is written otherwise than 0.0.
+        self._world.command(0.0 - left if self._reverse_left else left, 0.0 - right if self._reverse_right else right)

@@ -12,8 +12,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from struct import pack
+from struct import Struct, pack
 from types import MappingProxyType
+
+from mypy_extensions import mypyc_attr
 
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.sensor_models import FlowSensorModel
@@ -22,6 +24,7 @@ BANK, RESET, OBSERVATION, BURST, ORIENTATION = 0x7F, 0x3A, 0x15, 0x16, 0x5B
 MOTION = range(0x02, 0x07)  # motion byte, then both displacements, low byte first
 PICTURE = range(0x07, 0x0D)  # SQUAL, raw sum, maximum and minimum, shutter lower and upper
 BURST_LENGTH = 13
+_BURST = Struct("<BBhh6B")  # what follows the first byte of one
 WAKE_S = 0.001  # the data sheet's least wait after a reset
 TWO_FRAMES_S = 0.015
 SQUAL_KNEE = 0x19  # below a knee it reports no motion at all (PX4 #28632); where, is not told: the data sheet's "dark"
@@ -46,7 +49,11 @@ WRITABLE = {
         0x15: "48",
     }.items()
 }
-READ_ONLY = {0x00: bytes.fromhex("00 01 02 03 04 05 06 07 08 09 0A 0B 0C 16 5F"), 0x0E: bytes.fromhex("47 67 73")}
+READABLE = {
+    **WRITABLE,
+    0x00: WRITABLE[0x00] + bytes.fromhex("00 01 02 03 04 05 06 07 08 09 0A 0B 0C 16 5F"),
+    0x0E: WRITABLE[0x0E] + bytes.fromhex("47 67 73"),
+}
 FACTORY: Mapping[tuple[int, int], int] = MappingProxyType(
     {
         (0x00, 0x00): 0x49,
@@ -66,6 +73,7 @@ def as_on_the_crazyflie(forward: int, right: int) -> tuple[int, int]:
     return right, -forward
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class PMW3901Chip:
     """The chip; implements ``buses.SPIChip``.
 
@@ -117,22 +125,23 @@ class PMW3901Chip:
             raise ChipMisuse(
                 f"PMW3901: {len(data)} bytes ({data.hex(' ')}); a register takes 2, a burst {BURST_LENGTH}"
             )
-        if self._clock() < self._awake_s:
+        now_s = self._clock()
+        if now_s < self._awake_s:
             raise ChipMisuse(f"PMW3901: spoken to within {WAKE_S * 1e3:g} ms of its reset")
         register = data[0] & 0x7F
         if data[0] & 0x80:
-            self._write(register, data[1])
+            self._write(register, data[1], now_s)
             return bytes(2)
-        self._check(register, WRITABLE, READ_ONLY)
-        return b"\0" + (self._burst() if register == BURST else bytes((self._read(register),)))
+        self._check(register, READABLE)
+        return b"\0" + (self._burst(now_s) if register == BURST else bytes((self._read(register, now_s),)))
 
-    def _check(self, register: int, *maps: Mapping[int, bytes]) -> None:
-        if not any(register in registers.get(self._bank, b"") for registers in maps):
+    def _check(self, register: int, registers: Mapping[int, bytes]) -> None:
+        if register not in registers.get(self._bank, b""):
             raise ChipMisuse(
                 f"PMW3901: no such register 0x{register:02X} in bank 0x{self._bank:02X}, or not to be written"
             )
 
-    def _write(self, register: int, value: int) -> None:
+    def _write(self, register: int, value: int, now_s: float) -> None:
         self.writes.append((register, value))
         if register == BANK:
             if value not in WRITABLE:
@@ -144,21 +153,21 @@ class PMW3901Chip:
         match self._bank, register, value:
             case 0x00, 0x3A, 0x5A:
                 self.power_cycle()
-                self._awake_s = self._clock() + WAKE_S
+                self._awake_s = now_s + WAKE_S
             case 0x00, 0x15, _:
-                self._observed_s = self._clock() + TWO_FRAMES_S
+                self._observed_s = now_s + TWO_FRAMES_S
             case 0x00, 0x40, 0x80:
                 self._running = not self._unread
             case 0x0E, 0x43, 0x10:
                 self._probes += 1
 
-    def _read(self, register: int) -> int:
+    def _read(self, register: int, now_s: float) -> int:
         match self._bank, register:
             case 0x00, 0x02:
-                for at, value in zip(MOTION, self._take_motion(), strict=True):
+                for at, value in zip(MOTION, self._take_motion(now_s), strict=True):
                     self._registers[0x00, at] = value
             case 0x00, 0x15:
-                return self._observation()
+                return self._observation(now_s)
             case 0x00, at if at in PICTURE:
                 upper, lower = divmod(self.shutter, 256)
                 return (self.squal, RAW_SUM, RAW_MAX, RAW_MIN, lower, upper)[at - PICTURE.start]
@@ -168,25 +177,35 @@ class PMW3901Chip:
             self._unread.discard(register)
         return self._registers.get((self._bank, register), 0x00)
 
-    def _burst(self) -> bytes:
-        motion, *displacement = self._take_motion()
-        picture = self.squal, RAW_SUM, RAW_MAX, RAW_MIN
-        return bytes((motion, self._observation(), *displacement, *picture, *divmod(self.shutter, 256)))
+    def _burst(self, now_s: float) -> bytes:
+        x, y = self._counts(now_s)
+        upper, lower = divmod(self.shutter, 256)
+        return _BURST.pack(
+            _motion(x, y), self._observation(now_s), x, y, self.squal, RAW_SUM, RAW_MAX, RAW_MIN, upper, lower
+        )
 
-    def _observation(self) -> int:
-        return 0xBF if self._running and self._clock() >= self._observed_s else 0x00
+    def _observation(self, now_s: float) -> int:
+        return 0xBF if self._running and now_s >= self._observed_s else 0x00
 
-    def _take_motion(self) -> bytes:
-        """Return the motion byte and the counts since the last call, which start again at 0."""
-        x, y = self._counts() if self._running else (0, 0)
-        return pack("<Bhh", 0xB0 if x or y else 0x30, x, y)
+    def _take_motion(self, now_s: float) -> bytes:
+        """Return registers 02 to 06."""
+        x, y = self._counts(now_s)
+        return pack("<Bhh", _motion(x, y), x, y)
 
-    def _counts(self) -> tuple[int, int]:
-        x, y = self._mounting(*self._sense.sample(self._clock()))
+    def _counts(self, now_s: float) -> tuple[int, int]:
+        """Return the counts since the last call, which start again at 0."""
+        if not self._running:
+            return 0, 0
+        x, y = self._mounting(*self._sense.sample(now_s))
         if self.squal < SQUAL_KNEE:
             return 0, 0
         x, y = orient(self._registers[0x00, ORIENTATION], x, y)
         return _saturate(x), _saturate(y)
+
+
+def _motion(x: int, y: int) -> int:
+    """Return the motion byte that goes with counts."""
+    return 0xB0 if x or y else 0x30
 
 
 def orient(register: int, x: int, y: int) -> tuple[int, int]:

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from math import inf
 from typing import Literal, NamedTuple
 
+from mypy_extensions import mypyc_attr
+
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.motor_board import MotorBoardChip
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
@@ -73,6 +75,7 @@ _MOVES = {
 }
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class SabertoothChip(MotorBoardChip):
     """Implements ``buses.SerialChip``.
 
@@ -118,24 +121,22 @@ class SabertoothChip(MotorBoardChip):
         self._stop(self._clock())
 
     def receive(self, data: bytes) -> None:
-        """Take bytes, in whatever pieces they come."""
+        """Take bytes, in whatever pieces they come; an address begins a new packet, whatever became of the last."""
         self.tick()
+        packet = self._packet
         for byte in data:
-            self._take(byte)
+            if byte & _ADDRESS_BIT:
+                self.dropped += bool(packet)
+                packet.clear()
+                if byte == self._address:
+                    packet.append(byte)
+            elif packet:
+                packet.append(byte)
+                if len(packet) == _PACKET_BYTES:
+                    self._check(packet[0], packet[1], packet[2], packet[3])
+                    packet.clear()
 
     # -- packets -------------------------------------------------------------------------------------------------
-
-    def _take(self, byte: int) -> None:
-        """Collect a packet; an address begins a new one, whatever became of the last."""
-        packet = self._packet
-        if byte & _ADDRESS_BIT:
-            self.dropped += bool(packet)
-            packet[:] = (byte,) if byte == self._address else ()
-        elif packet:
-            packet.append(byte)
-            if len(packet) == _PACKET_BYTES:
-                self._check(*packet)
-                packet.clear()
 
     def _check(self, address: int, command: int, data: int, checksum: int) -> None:
         if (address + command + data) & 0x7F != checksum:

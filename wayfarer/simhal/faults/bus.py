@@ -12,8 +12,7 @@ from typing import Any
 from wayfarer.config.rover_file import RoverConfig, part_settings
 from wayfarer.config.wiring import I2C, SERIAL, SPI, NotedBuses
 from wayfarer.drivers.buses import Frame
-from wayfarer.drivers.pmw3901 import MOTION_BIT
-from wayfarer.simhal.built_in_chips import mounted
+from wayfarer.drivers.pmw3901_burst import MOTION_BIT
 from wayfarer.simhal.buses import FakeI2C
 from wayfarer.simhal.chip_wiring import driver_name
 from wayfarer.simhal.chips.pmw3901 import BURST
@@ -21,6 +20,7 @@ from wayfarer.simhal.faults.bus_hang import Hang
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.scoped import Effect, changed, listed
 from wayfarer.simhal.faults.wires import FaultyWire, TamperedBuses
+from wayfarer.simhal.mounting import mounted
 
 _THUNDERBORG_FAILSAFE = 20
 _DARK_SQUAL, _LONGEST_SHUTTER = 0, 0x1FFF

@@ -1,0 +1,114 @@
+"""The registers of a CMPS14: what a block of them says, and whether it can be true. Pure.
+
+They are those of the CMPS14 data sheet, pages 2 to 4. The part has no checksum, but it tells bearing and tilt twice.
+"""
+
+from __future__ import annotations
+
+from struct import Struct
+from typing import NamedTuple
+
+from wayfarer.angles import wrap180
+
+# version, bearing, bearing, pitch, roll, magnetometer, accelerometer, gyro, 2 unlisted, pitch, roll, calibration
+_MAP = Struct(">BBHbb3h3h3h2xhhB")
+BLOCK_BYTES = _MAP.size  # from register 0x00 on
+SILENT_LINE = (0x00, 0xFF)  # what a line reads that nothing drives; no firmware has either number
+_PITCH16_SINCE = 5  # earlier firmware has no 16-bit pitch at 0x1A: published drivers agree, the data sheet is silent
+# Whether the 8-bit values are rounded or cut off is not documented: they may be one of their own steps away.
+_BEARING_APART_DEG = 360 / 256 + 0.1
+_TILT_APART_DEG = 1.5
+_ROLL8_ENDS_DEG = 89.0  # the 8-bit roll is documented for +-90 only, the 16-bit one for +-180
+
+_CORRUPTED = "bytes shifted or swapped on the bus; lower i2c_arm_baudrate in config.txt, use shorter wires"
+
+
+class CalibrationLevels(NamedTuple):
+    """Calibration as in register 0x1E, each 0 (none) to 3 (full); the gyro's tells nothing, a bug of the sensor."""
+
+    system: int
+    gyro: int
+    accel: int
+    mag: int
+
+    @property
+    def heading(self) -> int:
+        """How far the part itself trusts its heading: the magnetometer's level, and 0 while the system's is 0.
+
+        The accelerometer's level is left out: the heading of a rover that is nearly level hardly depends on it. Even 3
+        is no proof: iron and motor currents beside the part move the bearing and not the level.
+        """
+        return self.mag if self.system else 0
+
+
+class RegisterBlock(NamedTuple):
+    """The registers 0x00 to 0x1E. The signs of tilt and the units of the raw axes are not documented."""
+
+    version: int
+    bearing_deg: float
+    bearing8_deg: float
+    pitch_deg: float
+    pitch8_deg: int
+    roll_deg: float
+    roll8_deg: int
+    mag: tuple[int, int, int]
+    accel: tuple[int, int, int]
+    gyro: tuple[int, int, int]
+    levels: CalibrationLevels
+
+
+def decode(data: bytes) -> RegisterBlock:
+    """Return what 31 bytes from register 0x00 say, true or not; pitch is in whole degrees before firmware 5."""
+    said = _MAP.unpack(data)
+    version, bearing8, bearing, pitch8, roll8 = said[:5]
+    mag, accel, gyro = said[5:8], said[8:11], said[11:14]
+    pitch, roll, levels = said[14:]
+    return RegisterBlock(
+        version,
+        bearing / 10.0,
+        bearing8 * 360 / 256,
+        pitch / 10.0 if version >= _PITCH16_SINCE else float(pitch8),
+        pitch8,
+        roll / 10.0,
+        roll8,
+        mag,
+        accel,
+        gyro,
+        CalibrationLevels(levels >> 6, levels >> 4 & 3, levels >> 2 & 3, levels & 3),
+    )
+
+
+def flaw(block: RegisterBlock, version: int) -> str | None:
+    """Return why a block cannot be true, or None. ``version`` is what register 0x00 said when it was read alone."""
+    if block.version in SILENT_LINE:
+        return f"firmware reads 0x{block.version:02X}: nobody drives the line, check power and wires"
+    if not any(block.accel):
+        return "the accelerometer feels no gravity: still booting, or a dead sensor; turn its power off and on"
+    garbled = _garbled(block, version)
+    return f"{garbled}: {_CORRUPTED}" if garbled else None
+
+
+def _garbled(block: RegisterBlock, version: int) -> str | None:
+    if block.version != version:
+        # All else could agree: where each byte is shifted by one bit, both bearings are doubled, and both pitches.
+        return f"firmware reads {block.version} and was {version} when opened"
+    if block.bearing_deg >= 360.0:
+        return f"bearing {block.bearing_deg:.1f} is beyond 359.9"
+    if abs(wrap180(block.bearing_deg - block.bearing8_deg)) > _BEARING_APART_DEG:
+        return f"bearing is {block.bearing_deg:.1f} in 16 bits and {block.bearing8_deg:.1f} in 8"
+    if has_strange_pitch(block):
+        return f"pitch is {block.pitch_deg:.1f} in 16 bits and {block.pitch8_deg} in 8"
+    if _has_strange_roll(block):
+        return f"roll is {block.roll_deg:.1f} in 16 bits and {block.roll8_deg} in 8"
+    return None
+
+
+def has_strange_pitch(block: RegisterBlock) -> bool:
+    """Tell whether a block has something else where a CMPS14 has its 16-bit pitch."""
+    return abs(block.pitch_deg) > 90.0 or abs(block.pitch_deg - block.pitch8_deg) > _TILT_APART_DEG
+
+
+def _has_strange_roll(block: RegisterBlock) -> bool:
+    if abs(block.roll_deg) > _ROLL8_ENDS_DEG:
+        return abs(block.roll_deg) > 180.0
+    return abs(block.roll_deg - block.roll8_deg) > _TILT_APART_DEG
