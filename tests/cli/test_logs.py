@@ -147,7 +147,7 @@ def test_summary_of_a_log_without_its_header_claims_nothing(run: Run, tmp_path: 
 
 
 def test_export_goes_to_a_pipe(run: Run) -> None:
-    assert run("export", 1, "--out", "-")[1].startswith("t_s,t_wall,n,event,phase")
+    assert run("export", 1, "--out", "-")[1].startswith("t_s,t_wall,n,elapsed_s,event,phase")
     assert run("export", 1, "--out", "-", "--format", "mcap")[0] == 2
 
 

@@ -17,6 +17,7 @@ from tests.views.text.records import SAMPLE_LOGS
 from tests.virtual import virtual
 from tests.workshop import Overriding
 from wayfarer import cli
+from wayfarer.cli.replay import told
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.control.controller import Mode
 from wayfarer.control.run_log import Tee
@@ -26,7 +27,9 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.experiments.trial import run_trial
+from wayfarer.fieldlog.fields import span
 from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import Replay, replay
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
@@ -135,6 +138,8 @@ def test_replay_goes_as_far_as_records_are_missing(tmp_path: Path) -> None:
     found = replay(run)
     assert (found.ticks, found.difference) == (30, None)
     assert found.cut_t_s is not None
+    at_s = found.cut_t_s - next(iter(RunReader(run)))["t_s"]
+    assert f"records are missing before {span(at_s, 2)} (t_s {found.cut_t_s:.3f})" in told(run, found)
 
 
 @pytest.mark.parametrize(

@@ -76,13 +76,17 @@ def replay(
 
 def told(run: Path, result: Replay) -> str:
     """Return a replay in a line."""
+    from wayfarer.fieldlog.fields import span
+
     so_far = f"{run.name}: {result.ticks} decisions as logged"
     if result.difference is not None:
         t_s, number, key, *values = result.difference
         logged, today = map(_short, values) if _short(values[0]) != _short(values[1]) else map(repr, values)
-        return f"{so_far}, then at t_s {t_s:.3f} (n {number}) {key} was {logged} and is {today} today"
+        at = f"{span(t_s - result.began_t_s, 2)} (t_s {t_s:.3f}, n {number})"
+        return f"{so_far}, then at {at} {key} was {logged} and is {today} today"
     if result.cut_t_s is not None:
-        return f"{so_far}; records are missing before t_s {result.cut_t_s:.3f}, what follows cannot be replayed"
+        at = f"{span(result.cut_t_s - result.began_t_s, 2)} (t_s {result.cut_t_s:.3f})"
+        return f"{so_far}; records are missing before {at}, what follows cannot be replayed"
     return so_far
 
 

@@ -50,12 +50,13 @@ class Replay(NamedTuple):
     """What became of a replay.
 
     ``ticks`` decisions were compared. ``cut_t_s`` is where records are missing in the log or garbled: what follows
-    cannot be replayed, because what the rover remembered there is not known.
+    cannot be replayed, because what the rover remembered there is not known. ``began_t_s`` is that of the first record.
     """
 
     ticks: int
     difference: DecisionDifference | None
     cut_t_s: float | None = None
+    began_t_s: float = 0.0
 
 
 def replay(run: Path, config: RoverConfig | None = None) -> Replay:
@@ -83,12 +84,12 @@ def replay(run: Path, config: RoverConfig | None = None) -> Replay:
     ticks = 0
     for record in records:
         if reader.damage.missing or not rerun.take(record):
-            return Replay(ticks, None, cut_t_s=record["t_s"])
+            return Replay(ticks, None, cut_t_s=record["t_s"], began_t_s=first["t_s"])
         if record["record"] != "tick":
             continue
         difference = compare(record, rerun.tick(record["t_s"]))
         if difference is not None:
-            return Replay(ticks, difference)
+            return Replay(ticks, difference, began_t_s=first["t_s"])
         ticks += 1
     return Replay(ticks, None)
 

@@ -84,8 +84,8 @@ class RunFold:
         if not state.first:
             state.first, self._first_t_s = record, t_s
         state.last = record
-        elapsed_s = t_s - self._first_t_s
-        state.elapsed_s = max(state.elapsed_s, elapsed_s)
+        state.elapsed_s = elapsed_s = t_s - self._first_t_s
+        state.lasted_s = max(state.lasted_s, elapsed_s)
         count, before = record.get("n"), self._number
         if count is None:
             return self._takers[record["record"]](elapsed_s, record)

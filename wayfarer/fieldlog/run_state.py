@@ -26,8 +26,9 @@ class LowBattery:
 class RunState:
     """How a run stands.
 
-    ``first`` and ``last`` are the records at both ends, and ``elapsed_s`` the seconds from the one to the latest of the
-    others. Before the first header, tick or motor board report those are views without values.
+    ``first`` and ``last`` are the records at both ends, ``elapsed_s`` the seconds from the one to the other, and
+    ``lasted_s`` those to the latest of all: a position is a little older than the record before it. Before the first
+    header, tick or motor board report, those are views without values.
 
     ``mode`` is ``disarmed``, ``arming``, ``armed`` or ``ended``. ``place`` is the latest by dead reckoning, metres from
     where the log begins, and ``start`` where the rover was first armed, if that is in the log (``from_start``; None: it
@@ -45,6 +46,7 @@ class RunState:
     first: Record = field(default_factory=dict)
     last: Record = field(default_factory=dict)
     elapsed_s: float = 0.0
+    lasted_s: float = 0.0
     mode: str = "disarmed"
     why_disarmed: str = "not armed since the start"
     operator_hold: bool = False

@@ -65,6 +65,11 @@ def test_what_comes_after_the_last_tick_has_a_row_of_its_own(tmp_path: Path) -> 
     assert (last["t_s"], last["heading_deg"]) == ("103.0", "")
 
 
+def test_time_since_the_first_record_is_in_the_table(tmp_path: Path) -> None:
+    times = [row["elapsed_s"] for row in rows(table(tmp_path, tick(1.0), tick(2.5), outcome(3.0)))]
+    assert times == ["1.000", "2.500", "3.000"]
+
+
 def test_path_is_in_the_table(tmp_path: Path) -> None:
     last = rows(table(tmp_path, *drive(0.0, 4.05, heading_deg=90.0)))[-1]
     assert (last["reckoned_north_m"], last["reckoned_east_m"]) == ("0.000", "2.000")

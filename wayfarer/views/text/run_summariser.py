@@ -63,7 +63,7 @@ class RunSummariser:
             simulated=header.simulated,
             dry_run=header.dry_run,
             began_wall_s=began_wall_s(header.record, state.first, state.last),
-            lasted_s=state.elapsed_s,
+            lasted_s=state.lasted_s,
             armed_s=state.armed_s,
             held_s=dict(state.held_s),
             commanded_m=state.commanded_m,

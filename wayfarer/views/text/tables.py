@@ -27,7 +27,7 @@ from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
 
 # Always there and in this order, so that the tables of two runs can be put below each other.
 COLUMNS = (
-    "t_s", "t_wall", "n", "event",
+    "t_s", "t_wall", "n", "elapsed_s", "event",
     "phase", "why", "anomalies", "heading_deg", "goal_heading_deg", "pitch_deg", "roll_deg", "travelled_m",
     "covered_m", "reckoned_north_m", "reckoned_east_m",
     "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
@@ -96,9 +96,11 @@ class _Sheet:
 
     def take(self, record: Record) -> Iterator[Cells]:
         """Take a record, and give the row if it is a tick."""
+        events = self._fold.take(record)
         self._stamp = {key: _cell(record.get(key)) for key in STAMP}
+        self._stamp["elapsed_s"] = f"{self._fold.state.elapsed_s:.3f}"
         said = _told(record)
-        for event in self._fold.take(record):
+        for event in events:
             match event:
                 case Tick():
                     yield self._row({**said, **_reckoned(event)})
