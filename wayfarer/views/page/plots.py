@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 from bokeh.document import Document
-from bokeh.models import BoxZoomTool, HoverTool, Model, PanTool, ResetTool, Tool, WheelZoomTool
+from bokeh.models import BoxZoomTool, HoverTool, Model, PanTool, ResetTool, WheelZoomTool
 from bokeh.models.renderers import GlyphRenderer
 from bokeh.plotting import figure
 
@@ -18,41 +18,41 @@ TEXT = "11px"
 Figure = figure
 
 
-def plot(name: str, height_px: int, tools: Sequence[Tool], **settings: Any) -> Figure:
+def plot(name: str, height_px: int | None, zooms: Literal["width", "both"], **settings: Any) -> Figure:
     """Return an empty figure as wide as its place. ``name`` is how a script of the page finds it.
 
-    ``settings`` are further properties of ``bokeh.plotting.figure``.
+    Dragging moves what zooms in ``both`` dimensions, as maps do, and zooms to what was dragged over in the other. Ctrl
+    and the wheel zoom as well; the wheel alone scrolls the page. ``settings`` are further properties of
+    ``bokeh.plotting.figure``.
     """
+    pan, box = PanTool(dimensions=zooms), BoxZoomTool(dimensions=zooms, match_aspect=zooms == "both")
+    wheel = WheelZoomTool(dimensions=zooms, modifiers={"ctrl": True})
     made = figure(
         name=name,
         height=height_px,
-        sizing_mode="stretch_width",
-        tools=list(tools),
+        tools=[pan, box, wheel, ResetTool()],
         background_fill_color=None,
         border_fill_color=None,
         outline_line_color=None,
         lod_threshold=None,  # a line of few points would be drawn coarsely while it is dragged
         min_border_right=12,
-        **settings,
+        **{"sizing_mode": "stretch_width"} | settings,
     )
     made.toolbar.logo = None
+    made.toolbar.active_drag, made.toolbar.active_scroll = pan if zooms == "both" else box, wheel
     made.axis.axis_label_text_font_size = made.axis.major_label_text_font_size = TEXT
     made.axis.axis_label_text_font_style = "normal"
     made.axis.minor_tick_line_color = None
     return made
 
 
-def zoom_tools(dimensions: Literal["width", "both"] = "both") -> list[Tool]:
-    """Return zoom by a box and by Ctrl and the wheel (the wheel alone scrolls the page), pan, and reset.
-
-    The first is what dragging does at first. With ``both`` dimensions, of a map, that is pan.
-    """
-    pan, box = PanTool(dimensions=dimensions), BoxZoomTool(dimensions=dimensions, match_aspect=dimensions == "both")
-    dragging = [pan, box] if dimensions == "both" else [box, pan]
-    return [*dragging, WheelZoomTool(dimensions=dimensions, modifiers={"ctrl": True}), ResetTool()]
+def layer(name: str, *renderers: GlyphRenderer[Any]) -> None:
+    """Let the page's box for a layer (``html.layers``) show and hide what was drawn."""
+    for renderer in renderers:
+        renderer.tags = [*renderer.tags, f"layer:{name}"]
 
 
-def hover(renderers: Sequence[GlyphRenderer], *rows: tuple[str, str], **settings: Any) -> HoverTool:
+def hover(renderers: Sequence[GlyphRenderer[Any]], *rows: tuple[str, str], **settings: Any) -> HoverTool:
     """Return a box that tells what is under the pointer: names, and values as ``@column{0.0} unit``."""
     return HoverTool(renderers=list(renderers), tooltips=list(rows), visible=False, **settings)
 
@@ -61,21 +61,24 @@ class Plots:
     """The models of one page, in the order in which they were placed."""
 
     def __init__(self) -> None:
-        self._document = Document()
+        self._models: list[Model] = []
 
     def place(self, model: Model) -> str:
         """Return the element in which the browser draws a model."""
-        self._document.add_root(model)
-        return f'<div class="plot" id="plot-{len(self._document.roots)}"></div>'
+        self._models.append(model)
+        return f'<div class="plot" id="plot-{len(self._models)}"></div>'
 
     def to_json(self) -> str:
         """Return what ``page.js`` needs to draw them.
 
         The same models give the same text: Bokeh counts its ids through the life of a process, a page from 1.
         """
-        ids: dict[str, str] = {}
-        content = _renumbered(self._document.to_json(deferred=False), ids)
-        places = {ids[root.id]: f"plot-{at}" for at, root in enumerate(self._document.roots, start=1)}
+        document, ids = Document(), dict[str, str]()
+        with document.models.freeze():  # else each root makes it look at all models once more
+            for model in self._models:
+                document.add_root(model)
+        content = _renumbered(document.to_json(deferred=False), ids)
+        places = {ids[model.id]: f"plot-{at}" for at, model in enumerate(self._models, start=1)}
         return json.dumps({"document": content, "places": places}, separators=(",", ":"))
 
 
