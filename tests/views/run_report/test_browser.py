@@ -44,7 +44,7 @@ def read(page: Page, name: str) -> str:
 def point_at(page: Page, selector: str, right: float, down: float) -> None:
     """Move the pointer over a plot, to a part of its width and of its height."""
     plot = page.locator(selector).first
-    plot.scroll_into_view_if_needed()
+    plot.evaluate("plot => plot.scrollIntoView({ block: 'center' })")  # not behind the cursor's bar
     box = plot.bounding_box()
     assert box is not None
     for step in (-4, 0):  # the first movement brings the pointer in, the next one moves it

@@ -173,7 +173,7 @@ def test_simulated_run_shows_the_forest_and_how_far_dead_reckoning_drifted(tmp_p
     records = sorted([*drive(), *truth], key=lambda each: float(each["t_s"]))
     page = page_of(tmp_path, {**HEADER, "simulated": True, "world": WORLD}, *records, OUTCOME)
     check_page(page)
-    assert "At the end they are 1.8 m apart" in text_of(page)
+    assert "At the end dead reckoning is 1.8 m from the true way" in text_of(page)
     assert '"Patches"' in drawn(page)  # the fallen trunk
 
 

@@ -13,8 +13,8 @@ def section(heading: str, *parts: str) -> str:
 
 
 def paragraph(text: str) -> str:
-    """Return a paragraph of plain text."""
-    return f"<p>{escape(text)}</p>"
+    """Return a paragraph of plain text; nothing where there is none."""
+    return f"<p>{escape(text)}</p>" if text else ""
 
 
 def bullets(texts: Iterable[str]) -> str:

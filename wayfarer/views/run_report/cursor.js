@@ -13,7 +13,7 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
   const readings = models.filter((model) => model.data_source).flatMap((model) => model.tags
     .filter((tag) => tag instanceof Map || typeof tag === "object")
     .map((tag) => ({ ...(tag instanceof Map ? Object.fromEntries(tag) : tag), data: model.data_source.data })));
-  const labels = JSON.parse(document.querySelector(".cursor").dataset.runs);
+  const runs = JSON.parse(document.querySelector(".cursor").dataset.runs);
 
   // The last index at which times are not later; -1 before the first.
   function before(times, t) {
@@ -31,8 +31,8 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
     return `${Math.floor(seconds / 3600)}:${two(Math.floor(seconds / 60) % 60)}:${two(seconds % 60)}.${tenths % 10}`;
   }
 
-  function valueAt({ data, decimals, unit }, t) {
-    const at = before(data.x, t), value = at < 0 ? undefined : (data.value ?? data.y)[at];
+  function valueAt({ data, decimals, unit, run }, t) {
+    const at = t > runs[run].end ? -1 : before(data.x, t), value = at < 0 ? undefined : (data.value ?? data.y)[at];
     if (typeof value === "string") return value.replaceAll("_", " ");
     return value === undefined || Number.isNaN(value) ? "unknown" : `${value.toFixed(decimals)} ${unit}`.trim();
   }
@@ -46,7 +46,7 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
     const names = [...new Set(readings.map((reading) => reading.name))];
     const rows = names.map((name) => [name, readings.filter((reading) => reading.name === name)
       .sort((a, b) => a.run - b.run)
-      .map((reading) => (labels.length > 1 ? `${labels[reading.run]}: ` : "") + valueAt(reading, t)).join(", ")]);
+      .map((reading) => (runs.length > 1 ? `${runs[reading.run].name}: ` : "") + valueAt(reading, t)).join(", ")]);
     shown.replaceChildren(...[["time", clock(t)], ...rows].map(([name, value]) => {
       const row = document.createElement("div");
       row.dataset.name = name;
@@ -55,7 +55,7 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
       }
       return row;
     }));
-    slider.value = t;
+    slider.value = String(t);
     slider.setAttribute("aria-valuetext", clock(t));
   }
 
@@ -89,5 +89,5 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
       range.setv({ start, end: start + width });
     });
   }
-  show(0);
+  show(end);
 });

@@ -25,6 +25,7 @@ GOAL: Mapping[str, Any] = {
     "line_width": 2,
 }  # as in Bokeh; its stubs say "body_line_..."
 EDGE: Mapping[str, Any] = {"line_color": palette.EDGE, "line_width": 0.8}
+NUMBER: Mapping[str, Any] = {"text_align": "center", "text_baseline": "middle", "text_font_size": "9px"}
 ARROW = 0.12  # of the map's side: length of an arrow to the goal
 CIRCLES = 200  # of the receiver's error, at most
 END: Mapping[str, Any] = {"marker": "x", "size": 11, "line_width": 3}
@@ -34,6 +35,7 @@ START: Mapping[str, Any] = {"marker": "star", "size": 14, "line_width": 1}
 def map_plot(tracks: Sequence[Track]) -> Figure:
     """Return the map. One run is in the colours of its phases, two have a colour each."""
     map_ = plot("map", None, "both", sizing_mode="scale_width", aspect_ratio=1.0, match_aspect=True)
+    map_.min_border_left = 40  # as wide as its numbers, whichever they are
     map_.xaxis.axis_label = "metres east; upwards: metres north"
     for forest in (track.forest for track in tracks[:1] if track.forest):
         draw_forest(map_, forest)
@@ -126,6 +128,9 @@ def _draw_places(map_: Figure, track: Track, run: int, side_m: float) -> None:
             "x", "y", source=source, marker="shape", angle="turned", size=size, fill_color=colour, **EDGE
         )
         layer(name, drawn)
+        if name == "mark":
+            source.data["number"] = [f"{number}" for number, _ in enumerate(found, start=1)]
+            layer(name, map_.text("x", "y", text="number", source=source, **NUMBER))
         map_.add_tools(hover([drawn], ("what", "@what"), ("time", "@t{0.0} s")))
     behind = np.flatnonzero(np.isnan(way.east_m)) + 1
     map_.scatter(way.east_m[behind], way.north_m[behind], marker="diamond", size=9, fill_color=palette.PAPER, **EDGE)

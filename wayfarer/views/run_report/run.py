@@ -73,7 +73,7 @@ def _drawn(runs: Sequence[RunData], names: Sequence[str], plots: Plots) -> Itera
     panels = list(draw_panels(runs, plots))
     shown = "".join(panels) if panels else html.paragraph(words.NO_TICKS)
     yield f'<div class="panels">\n<h2>Time lines</h2>\n{html.paragraph(words.PANELS) if panels else ""}{shown}</div>'
-    yield _cursor(max([1.0, *(data.summary.lasted_s for data in runs)]), names)
+    yield _cursor(runs, names)
     yield "</section>"
 
 
@@ -86,6 +86,7 @@ def _map(tracks: Sequence[Track], names: Sequence[str], plots: Plots) -> Iterato
         yield html.key("", zip(names, palette.RUNS, strict=True))
     yield html.figure(plots.place(map_plot(tracks)), words.track_caption(tracks))
     for track, name in zip(tracks, names, strict=True):
+        yield html.paragraph(words.fitted(track, "" if len(tracks) == 1 else f"Run {name}: "))
         if track.end_deg:
             yield words.where_link(track.end_deg, "" if len(tracks) == 1 else name)
         if track.data.summary.simulated and track.forest is None:
@@ -98,22 +99,23 @@ def _layers(tracks: Sequence[Track]) -> Iterator[html.Layer]:
         for phase, colour in palette.PHASES.items():
             yield html.Layer(phase, phase.replace("_", " "), colour)
     if any(track.reckoned for track in tracks):
-        yield html.Layer("reckoned", "dead reckoning", palette.GREY)
+        yield html.Layer("reckoned", "dead reckoning", palette.GREY, shown=len(tracks) == 1)
     if any(track.fixes for track in tracks):
-        yield html.Layer("fixes", "receiver", palette.RECEIVER)
+        yield html.Layer("fixes", "receiver", palette.RECEIVER, shown=len(tracks) == 1)
     yield from LAYERS
 
 
-def _cursor(end_s: float, names: Sequence[str]) -> str:
-    """Return the bar with the cursor's time and the values there."""
+def _cursor(runs: Sequence[RunData], names: Sequence[str]) -> str:
+    """Return the bar with the cursor's time and the values there; it begins at the end, with how that was."""
+    ends_s = [data.summary.lasted_s for data in runs]
+    end_s, told = max(1.0, *ends_s), [{"name": name, "end": end_s} for name, end_s in zip(names, ends_s, strict=True)]
     buttons = "".join(
         f'<button type="button" value="{value}" aria-label="{label}">{text}</button>' for value, text, label in BUTTONS
     )
     return "\n".join(
         [
-            f'<div class="cursor" data-runs="{escape(json.dumps(list(names)))}">',
-            f'<p><input type="range" min="0" max="{end_s:.2f}" step="any" value="0" aria-label="time of the cursor">'
-            f"{buttons}</p>",
+            f'<div class="cursor" data-runs="{escape(json.dumps(told))}">',
+            f'<p><input type="range" min="0" max="{end_s:.2f}" step="any" aria-label="cursor">{buttons}</p>',
             '<dl aria-live="off"></dl>',
             "</div>",
         ]

@@ -37,7 +37,7 @@ def time_range(runs: Sequence[RunData]) -> Range1d:
 def time_panel(name: str, height_px: int, time: Range1d, **settings: Any) -> Figure:
     """Return an empty panel with the cursor in it."""
     made = plot(name, height_px, "width", x_range=time, toolbar_location=None, **settings)
-    made.min_border_left, made.min_border_right = 60, 8  # the same in all, so that times stand below each other
+    made.min_border_left, made.min_border_right = 72, 8  # the same in all, so that times stand below each other
     made.xaxis.ticker = AdaptiveTicker(base=60, mantissas=[1, 2, 5, 10, 15, 30], min_interval=1.0, desired_num_ticks=5)
     made.xaxis.formatter = CustomJSTickFormatter(code=CLOCK)
     made.xgrid.grid_line_color = None
@@ -111,7 +111,7 @@ def events_panel(runs: Sequence[RunData], time: Range1d, shared: Sequence[Shared
         if name == "held":
             drawn += _held(made, runs[run], at)
             continue
-        colour = next(each.colour for each in LAYERS if each.name == name)
+        colour = palette.RUNS[run] if len(runs) > 1 else next(each.colour for each in LAYERS if each.name == name)
         drawn.append(
             made.scatter(
                 "x", at, source=shared[run].events[name], marker="shape", angle="turned", size=9,

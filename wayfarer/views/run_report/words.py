@@ -78,22 +78,25 @@ def number_of(run: Path) -> str:
 
 def track_caption(tracks: Sequence[Track]) -> str:
     """Explain the map."""
-    track = tracks[0]
-    parts = [RECKONED if track.reckoned is None else TRUE]
+    gaps = any(np.isnan(track.way.east_m).any() for track in tracks)
+    north = "True" if any(track.origin for track in tracks) else "Magnetic"
+    parts = [RECKONED if tracks[0].reckoned is None else TRUE, f"{north} north is up.", GAPS if gaps else ""]
+    return " ".join(filter(None, parts))
+
+
+def fitted(track: Track, run: str) -> str:
+    """Say how well dead reckoning does, as far as that is known; ``run`` names the run where there are two."""
+    parts = []
     if not isnan(track.drift_m):
-        parts.append(f"At the end they are {track.drift_m:.1f} m apart.")
+        parts.append(f"At the end dead reckoning is {track.drift_m:.1f} m from the true way.")
     if track.fit is not None:
         pinned_m, fitted_m = track.missed_m
         parts.append(
             f"Dead reckoning is laid onto all fixes at once: turned by {track.fit.turned_deg:.1f}° and stretched by "
-            f"{track.fit.stretched:.2f}; true north is up. Median distance of the fixes from it: {fitted_m:.1f} m "
-            f"({pinned_m:.1f} m if it began at the first fix)."
+            f"{track.fit.stretched:.2f}. Median distance of the fixes from it: {fitted_m:.1f} m ({pinned_m:.1f} m if "
+            "it began at the first fix)."
         )
-    elif track.reckoned is None:
-        parts.append("Magnetic north is up.")
-    if any(np.isnan(each.way.east_m).any() for each in tracks):
-        parts.append(GAPS)
-    return " ".join(parts)
+    return run + " ".join(parts) if parts else ""
 
 
 def where_link(end_deg: tuple[float, float], name: str) -> str:
