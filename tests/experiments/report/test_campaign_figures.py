@@ -19,8 +19,10 @@ from matplotlib.transforms import Bbox
 
 from tests.experiments.report.campaigns import STRANGERS, names, row, rows_of
 from wayfarer.escape.api import Phase
+from wayfarer.experiments.report.drawing import house_style, log_distances, save
 from wayfarer.experiments.report.escape_figure import escape_figure
 from wayfarer.experiments.report.forest_figure import forest_figure, legend_figure
+from wayfarer.experiments.report.forest_map import STROKES
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.paths_figure import paths_figure
 from wayfarer.experiments.report.ratio_figure import quantile, ratio_figure, ratios
@@ -28,8 +30,6 @@ from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import summarise
 from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
 from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.views.run_report.drawing import house_style, log_distances, save
-from wayfarer.views.run_report.forest_map import STROKES
 
 Rows = Mapping[str, Sequence[TrialRow]]
 

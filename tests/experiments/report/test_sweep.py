@@ -16,6 +16,7 @@ from tests.experiments.report.test_campaign_figures import assert_readable
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
 from wayfarer.experiments.folder_settings import tasks_of
+from wayfarer.experiments.report.drawing import house_style
 from wayfarer.experiments.report.reading import SweepResults, SweepSettings, read_sweep
 from wayfarer.experiments.report.sweep import write_sweep_report
 from wayfarer.experiments.report.sweep_curves import curves_figure
@@ -26,7 +27,6 @@ from wayfarer.experiments.sweep.axes import Axis
 from wayfarer.experiments.sweep.command import run_all
 from wayfarer.experiments.sweep.grid import make_sweep
 from wayfarer.experiments.sweep.measures import mean, spl_difference
-from wayfarer.views.run_report.drawing import house_style
 
 ANGLES = Axis("escape.turn_angle_deg", (50, 10, 30))
 SLIPS = Axis("slip_mean_m", (2, 10))

@@ -8,9 +8,7 @@ from typing import Any, NamedTuple
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wayfarer.experiments.report.groups import Group, grouped, short
-from wayfarer.experiments.rows import SUCCESSES, TrialRow
-from wayfarer.views.run_report.drawing import (
+from wayfarer.experiments.report.drawing import (
     BLACK,
     BLUE,
     GREEN,
@@ -22,6 +20,8 @@ from wayfarer.views.run_report.drawing import (
     WIDTH_IN,
     log_distances,
 )
+from wayfarer.experiments.report.groups import Group, grouped, short
+from wayfarer.experiments.rows import SUCCESSES, TrialRow
 
 PANEL_IN = 1.55
 LEGEND_LINE_IN = 0.19

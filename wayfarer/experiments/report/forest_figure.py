@@ -12,10 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
-from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
-from wayfarer.views.run_report.drawing import VERMILION, WIDTH_IN
-from wayfarer.views.run_report.forest_map import (
+from wayfarer.experiments.report.drawing import VERMILION, WIDTH_IN
+from wayfarer.experiments.report.forest_map import (
     END,
     GOAL,
     GOAL_LINE,
@@ -28,6 +26,8 @@ from wayfarer.views.run_report.forest_map import (
     columns,
     draw_forest,
 )
+from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
+from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 
 SIZE_IN = 3.1
 HEADING_M = 5.0  # length of the arrow at the start

@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from wayfarer.experiments.report.drawing import BLACK, GREY, ORANGE, VERMILION, WIDTH_IN, Style, log_distances
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.rows_layout import Rows, label_rows, lay_out
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.tables import PAPER
-from wayfarer.views.run_report.drawing import BLACK, GREY, ORANGE, VERMILION, WIDTH_IN, Style, log_distances
 
 BOX = "#A9CBE3"
 MARGINS_IN = 1.15  # axis labels and legend

@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from wayfarer.experiments.report.drawing import BLACK, BLUE, EDGE, GREY, SKY, WIDTH_IN, log_axis
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.rows_layout import label_rows, lay_out
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
-from wayfarer.views.run_report.drawing import BLACK, BLUE, EDGE, GREY, SKY, WIDTH_IN, log_axis
 
 MARGINS_IN = 1.15
 TIMES = "\N{MULTIPLICATION SIGN}"

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from matplotlib.axes import Axes
 
+from wayfarer.experiments.report.drawing import GREY
 from wayfarer.experiments.report.groups import Group, short
-from wayfarer.views.run_report.drawing import GREY
 
 ROW_IN = 0.235  # height of a row
 HEADING = 0.95  # rows that a group's name takes

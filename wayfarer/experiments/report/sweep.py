@@ -6,14 +6,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from wayfarer.experiments.report import words
-from wayfarer.experiments.report.drawn import file_name, write_drawn
+from wayfarer.experiments.report.drawing import save
+from wayfarer.experiments.report.drawn import figure, file_name, write_drawn
 from wayfarer.experiments.report.reading import SweepResults, read_sweep
 from wayfarer.experiments.report.sweep_curves import curves_figure
 from wayfarer.experiments.report.sweep_maps import maps_figure
 from wayfarer.experiments.sweep.axes import Value
 from wayfarer.experiments.sweep.measures import MEASURES, spl_difference
-from wayfarer.views.run_report import page
-from wayfarer.views.run_report.drawing import save
+from wayfarer.views.page import html
 
 PAIRED = (
     "All points met the same forests and noise, so they can be compared trial by trial: the last column is "
@@ -38,17 +38,17 @@ def write_sweep_report(folder: Path, out: Path | None = None) -> Path:
 
 def _body(results: SweepResults, figures: Path) -> Iterator[str]:
     swept = [(axis.key, f"{', '.join(map(str, axis.values))} (without a sweep: {axis.now})") for axis in results.axes]
-    yield page.facts([*swept, *words.facts(results.settings.campaign)])
+    yield html.facts([*swept, *words.facts(results.settings.campaign)])
     drawn = _maps(results, figures) if len(results.axes) == 2 else _curves(results, figures)
-    yield page.section("What changes", *drawn, page.paragraph(INTERVALS))
-    yield page.section("Each point", _table(results), page.paragraph(PAIRED))
+    yield html.section("What changes", *drawn, html.paragraph(INTERVALS))
+    yield html.section("Each point", _table(results), html.paragraph(PAIRED))
 
 
 def _curves(results: SweepResults, figures: Path) -> Iterator[str]:
     key = results.axes[0].key
     alt = f"Four curves over {key}: " + "; ".join(_ends(results, name) for name in results.algorithms)
     caption = "Bands: 95 % intervals. Broken line: the value without a sweep."
-    yield page.figure(save(curves_figure(results), figures, "curves", alt), caption)
+    yield figure(save(curves_figure(results), figures, "curves", alt), caption)
 
 
 def _maps(results: SweepResults, figures: Path) -> Iterator[str]:
@@ -56,7 +56,7 @@ def _maps(results: SweepResults, figures: Path) -> Iterator[str]:
     for name in results.algorithms:
         alt = f"Four maps of {name} over {up.key} and {right.key}: {_ends(results, name)}"
         caption = f"{name}. Colours mean the same for every algorithm; grey: not known. The intervals are in the table."
-        yield page.figure(save(maps_figure(results, name), figures, file_name("maps", name), alt), caption)
+        yield figure(save(maps_figure(results, name), figures, file_name("maps", name), alt), caption)
 
 
 def _ends(results: SweepResults, name: str) -> str:
@@ -77,7 +77,7 @@ def _table(results: SweepResults) -> str:
     for name in results.algorithms:
         rows.append(("group", [name, *[""] * (len(head) - 1)]))
         rows += [("", _row(results, point, values, name)) for point, values in enumerate(results.points)]
-    return page.table("Value [95 % interval]", head, rows)
+    return html.table("Value [95 % interval]", head, rows)
 
 
 def _row(results: SweepResults, point: int, values: Sequence[Value], name: str) -> list[str]:

@@ -7,12 +7,12 @@ import math
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from wayfarer.experiments.report.drawing import GREY, WIDTH_IN, Style
 from wayfarer.experiments.report.escape_figure import COLOURS, DASHES
 from wayfarer.experiments.report.groups import short
 from wayfarer.experiments.report.reading import SweepResults
 from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.sweep.measures import MEASURES, Measure
-from wayfarer.views.run_report.drawing import GREY, WIDTH_IN, Style
 
 PANEL_IN = 1.9
 LEGEND_LINE_IN = 0.19

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from wayfarer.experiments.report.drawing import PALE, WIDTH_IN
 from wayfarer.experiments.report.reading import SweepResults, SweptAxis
 from wayfarer.experiments.sweep.measures import MEASURES, Measure
-from wayfarer.views.run_report.drawing import PALE, WIDTH_IN
 
 PANEL_IN = 2.3
 COLOURS = "cividis"  # read alike by colour-blind readers

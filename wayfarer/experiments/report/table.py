@@ -9,7 +9,7 @@ from wayfarer.experiments.entrapment import Cause
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.reading import Results
 from wayfarer.experiments.tables import NAME, OUTCOMES, PAPER, PATHS, PaperColumn, fault_columns, lines_of
-from wayfarer.views.run_report import page
+from wayfarer.views.page import html
 
 CAPTION = "Success with its 95 % interval; path: of the successes; time and anomalies: mean a trial."
 
@@ -17,7 +17,7 @@ CAPTION = "Success with its 95 % interval; path: of the successes; time and anom
 def results_table(results: Results) -> str:
     """Return a row for each algorithm, under its group, with a row of the paper's below where the paper has one."""
     columns = (NAME, *OUTCOMES, *fault_columns(results.summaries.values()), *PATHS)
-    return page.table(CAPTION, [column.title for column in columns], _rows(results, columns))
+    return html.table(CAPTION, [column.title for column in columns], _rows(results, columns))
 
 
 def causes_table(causes: Sequence[tuple[str, Cause]]) -> str:
@@ -27,7 +27,7 @@ def causes_table(causes: Sequence[tuple[str, Cause]]) -> str:
         ("causes", [name, *(str(counts[name, why]) for why in Cause)])
         for name in dict.fromkeys(name for name, _ in causes)
     ]
-    return page.table("Entrapped trials by cause.", ["algorithm", *Cause], rows)
+    return html.table("Entrapped trials by cause.", ["algorithm", *Cause], rows)
 
 
 def _rows(results: Results, columns: Sequence[PaperColumn]) -> Iterator[tuple[str, list[str]]]:

@@ -10,8 +10,8 @@ from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.patches import Circle
 
 from wayfarer.escape.api import Phase
+from wayfarer.experiments.report.drawing import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION, Style
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
-from wayfarer.views.run_report.drawing import BLACK, BLUE, GREY, ORANGE, PURPLE, VERMILION, Style
 
 MARGIN_M = 1.5  # around the map: a rover may leave it
 TRUNK, TREE, GOAL = "#a3a3a3", "#B7D3B0", "#00754A"
