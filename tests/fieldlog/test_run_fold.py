@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from tests.views.text.records import HEADER, drive, event, narrated, numbered, outcome, record, tick, write
+from wayfarer.fieldlog.episodes import EpisodeBegan, EpisodeEnded
+from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
     AnomalyEnded,
     Armed,
-    EpisodeBegan,
-    EpisodeEnded,
     Gap,
     Marked,
     Noted,
@@ -25,7 +25,7 @@ from wayfarer.fieldlog.run_events import (
     RunBegan,
 )
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.typed import Header, RunEvent, Tick
+from wayfarer.fieldlog.typed import RunEvent, Tick
 from wayfarer.views.foxglove.notes import note
 from wayfarer.views.live.page_model import PageModel
 from wayfarer.views.text.export import write_table
