@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from tests.views.text.records import HEADER, drive, event, narrated, numbered, outcome, record, tick, write
+from wayfarer.fieldlog.episodes import EpisodeBegan, EpisodeEnded
+from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
     AnomalyEnded,
     Armed,
-    EpisodeBegan,
-    EpisodeEnded,
     Gap,
     Marked,
     Noted,
@@ -25,7 +25,8 @@ from wayfarer.fieldlog.run_events import (
     RunBegan,
 )
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.typed import Header, RunEvent, Tick
+from wayfarer.fieldlog.schema import KINDS
+from wayfarer.fieldlog.typed import RunEvent, Tick
 from wayfarer.views.foxglove.notes import note
 from wayfarer.views.live.page_model import PageModel
 from wayfarer.views.text.export import write_table
@@ -152,6 +153,13 @@ def test_new_key_of_an_event_is_shown_everywhere_without_an_edit(tmp_path: Path)
     assert message is not None
     for text in (line.text, model.snapshot()["lines"][0][1], table.getvalue(), message.text):
         assert "wet: water m 0.25" in text
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_record_can_be_taken_however_little_it_says(kind: str) -> None:
+    fold = RunFold()
+    fold.take({"record": kind, "t_s": 1.0})
+    assert fold.state.t_s == 1.0
 
 
 def test_state_does_not_grow_with_the_log() -> None:

@@ -8,8 +8,9 @@ from typing import Any
 
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.fields import name, number, table
+from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.typed import Header, RunEvent
+from wayfarer.fieldlog.typed import RunEvent
 
 
 @dataclass(slots=True)
@@ -68,36 +69,6 @@ class AnomalyEnded(RunEvent):
     """An anomaly of the tick before is gone."""
 
     kind: str
-
-
-@dataclass(slots=True)
-class Episode:
-    """From the first manoeuvre until the goal is followed again. A hold interrupts it; re-arming ends it.
-
-    ``side`` is that of the first turn, empty where it is not known; ``metres`` by dead reckoning. ``ended_by`` is the
-    ``why`` of the tick that ended it, or the event; None where it goes on or was cut off.
-    """
-
-    start_s: float
-    side: str
-    end_s: float
-    metres: float = 0.0
-    turns: int = 0
-    ended_by: str | None = None
-
-
-@dataclass(slots=True)
-class EpisodeBegan(RunEvent):
-    """An episode; the fold goes on writing in it until it ends."""
-
-    episode: Episode
-
-
-@dataclass(slots=True)
-class EpisodeEnded(RunEvent):
-    """The episode is over."""
-
-    episode: Episode
 
 
 @dataclass(slots=True)

@@ -12,7 +12,9 @@ from math import isnan
 from wayfarer.escape.api import Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.fieldlog.dead_reckoning import QUALITY_MIN, DeadReckoning
+from wayfarer.fieldlog.episodes import EpisodeTracker
 from wayfarer.fieldlog.fields import name, table, whole
+from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
     AnomalyEnded,
@@ -22,9 +24,6 @@ from wayfarer.fieldlog.run_events import (
     BoardFaults,
     Disarmed,
     Ended,
-    Episode,
-    EpisodeBegan,
-    EpisodeEnded,
     FaultInjected,
     Gap,
     GoalSet,
@@ -42,14 +41,12 @@ from wayfarer.fieldlog.run_events import (
 from wayfarer.fieldlog.run_state import LowBattery, RunState
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.typed import Board, Computer, Fix, Header, RunEvent, Tick, Truth
+from wayfarer.fieldlog.typed import Board, Computer, Fix, RunEvent, Tick, Truth
 
 # Nobody reads a bumper that no decision uses: it has a status when it first speaks.
 SENSORS = ("compass", "motion", "position")
-SIDES = {1.0: "right", -1.0: "left"}  # tau: clockwise is to the right
 HELD = {"hold", "fault"}  # the levels at which the gate lets no wheel turn
-MANOEUVRES = frozenset(phase.value for phase in Phase) - {Phase.FOLLOW.value, Phase.HALT.value}
-FOLLOW, BACK_OFF, TURN_AWAY = Phase.FOLLOW.value, Phase.BACK_OFF.value, Phase.TURN_AWAY.value
+BACK_OFF, TURN_AWAY = Phase.BACK_OFF.value, Phase.TURN_AWAY.value
 BATTERY_FALL_V = 0.1  # below the lowest told so far; a battery sags under load and comes back
 BATTERY_RISE_V = 1.0  # another battery
 
@@ -66,8 +63,7 @@ class RunFold:
         self._number: int | None = None
         self._announced = 0
         self._unbroken = False
-        self._episode: Episode | None = None
-        self._episode_from_m = 0.0
+        self._episodes = EpisodeTracker()
         self._mission_t_s: float | None = None
         self._mission_from_m = 0.0
         self._told_battery_v = float("inf")
@@ -137,9 +133,7 @@ class RunFold:
             told += self._compare_anomalies(tick, before)
         if tick.why != tick.phase:
             self._count_exhausted(tick.why or "")
-        if self._episode is not None or tick.phase in MANOEUVRES:
-            told += self._follow_episode(tick, before)
-        return told
+        return told + self._episodes.take(tick, before)
 
     def _reckon(self, tick: Tick) -> None:
         state, reckoning = self.state, self._reckoning
@@ -188,28 +182,6 @@ class RunFold:
         ended = [AnomalyEnded(*at, kind) for kind in sorted(old - new)]
         return [*ended, *(AnomalyBegan(*at, kind, tick.phase, tick.place) for kind in sorted(new - old))]
 
-    def _follow_episode(self, tick: Tick, before: Tick) -> Events:
-        """Begin, go on with or end an episode."""
-        episode, phase = self._episode, tick.phase
-        told: Events = []
-        if episode is None:
-            side = "" if tick.side is None else SIDES.get(tick.side, "")
-            episode = self._episode = Episode(tick.elapsed_s, side, tick.elapsed_s)
-            self._episode_from_m = tick.path_m
-            told.append(EpisodeBegan(tick.elapsed_s, tick.t_s, episode))
-        episode.metres = tick.path_m - self._episode_from_m
-        episode.turns += phase == TURN_AWAY != before.phase
-        if phase in MANOEUVRES or phase == FOLLOW:
-            episode.end_s = tick.elapsed_s
-        return self._end_episode(tick, tick.why) if phase == FOLLOW else told
-
-    def _end_episode(self, at: RunEvent, why: str | None) -> Events:
-        episode, self._episode = self._episode, None
-        if episode is None:
-            return []
-        episode.ended_by = why
-        return [EpisodeEnded(at.elapsed_s, at.t_s, episode)]
-
     # -- events --------------------------------------------------------------------------------------------------
 
     def _event(self, elapsed_s: float, record: Record) -> Events:
@@ -245,7 +217,7 @@ class RunFold:
             self._mission_t_s, self._mission_from_m = event.t_s, state.tick.travelled_m or 0.0
             if state.from_start is None:
                 state.from_start, state.start = True, state.place
-        return self._end_episode(event, event.name)
+        return self._episodes.end(event, event.name)
 
     # -- everything else -----------------------------------------------------------------------------------------
 

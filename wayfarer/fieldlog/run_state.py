@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from math import nan
 
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
+from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.run_events import Ended
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.typed import Board, Fix, Header, Tick
+from wayfarer.fieldlog.typed import Board, Fix, Tick
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,12 @@ from enum import Enum
 from typing import Any
 
 from wayfarer.fieldlog.fields import ABSURD, name
+from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.last_run import unclean_text
 from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.run_events import Ended, FaultInjected
 from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.typed import Fix, Header, Tick
+from wayfarer.fieldlog.typed import Fix, Tick
 
 
 class Tone(Enum):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.typed import Header
+from wayfarer.fieldlog.header import Header
 from wayfarer.views.foxglove.scene import ROVER, TRUTH
 from wayfarer.views.trail import Trail
 

@@ -13,11 +13,12 @@ from collections import deque
 from typing import Any
 
 from wayfarer.fieldlog.fields import span
+from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, PhaseChanged, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.typed import Header, RunEvent, Tick, Truth
+from wayfarer.fieldlog.typed import RunEvent, Tick, Truth
 from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, because, level_text
 from wayfarer.fieldlog.wording import Tone, why_text
 from wayfarer.views.text.run_narrator import RunNarrator

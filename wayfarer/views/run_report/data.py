@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.escape.api import Anomaly, Phase
+from wayfarer.fieldlog.episodes import Episode
 from wayfarer.fieldlog.fields import setting
 from wayfarer.fieldlog.reader import Damage, Record
-from wayfarer.fieldlog.run_events import Episode
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.typed import or_nan
 from wayfarer.safety.conditions import Level

@@ -7,8 +7,9 @@ from math import nan
 from pathlib import Path
 
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
+from wayfarer.fieldlog.episodes import EpisodeBegan
 from wayfarer.fieldlog.reader import Damage, Record, RunReader
-from wayfarer.fieldlog.run_events import AnomalyBegan, EpisodeBegan, Marked, Noted, RunBegan
+from wayfarer.fieldlog.run_events import AnomalyBegan, Marked, Noted, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Truth, or_nan
 from wayfarer.fieldlog.typed import Tick as LoggedTick

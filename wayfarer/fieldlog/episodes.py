@@ -1,0 +1,74 @@
+"""Episodes of a run: from the first manoeuvre until the goal is followed again. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from wayfarer.escape.api import Phase
+from wayfarer.fieldlog.typed import RunEvent, Tick
+
+SIDES = {1.0: "right", -1.0: "left"}  # tau: clockwise is to the right
+MANOEUVRES = frozenset(phase.value for phase in Phase) - {Phase.FOLLOW.value, Phase.HALT.value}
+
+
+@dataclass(slots=True)
+class Episode:
+    """From the first manoeuvre until the goal is followed again. A hold interrupts it; re-arming ends it.
+
+    ``side`` is that of the first turn, empty where it is not known; ``metres`` by dead reckoning. ``ended_by`` is the
+    ``why`` of the tick that ended it, or the event; None where it goes on or was cut off.
+    """
+
+    start_s: float
+    side: str
+    end_s: float
+    metres: float = 0.0
+    turns: int = 0
+    ended_by: str | None = None
+
+
+@dataclass(slots=True)
+class EpisodeBegan(RunEvent):
+    """An episode; the fold goes on writing in it until it ends."""
+
+    episode: Episode
+
+
+@dataclass(slots=True)
+class EpisodeEnded(RunEvent):
+    """The episode is over."""
+
+    episode: Episode
+
+
+class EpisodeTracker:
+    """Follows the ticks of one run."""
+
+    def __init__(self) -> None:
+        self._episode: Episode | None = None
+        self._from_m = 0.0
+
+    def take(self, tick: Tick, before: Tick) -> list[RunEvent]:
+        """Begin, go on with or end an episode."""
+        episode, phase = self._episode, tick.phase
+        told: list[RunEvent] = []
+        if episode is None:
+            if phase not in MANOEUVRES:
+                return told
+            side = "" if tick.side is None else SIDES.get(tick.side, "")
+            episode = self._episode = Episode(tick.elapsed_s, side, tick.elapsed_s)
+            self._from_m = tick.path_m
+            told.append(EpisodeBegan(tick.elapsed_s, tick.t_s, episode))
+        episode.metres = tick.path_m - self._from_m
+        episode.turns += phase == Phase.TURN_AWAY.value != before.phase
+        if phase in MANOEUVRES or phase == Phase.FOLLOW.value:
+            episode.end_s = tick.elapsed_s
+        return self.end(tick, tick.why) if phase == Phase.FOLLOW.value else told
+
+    def end(self, at: RunEvent, why: str | None) -> list[RunEvent]:
+        """End the episode, if there is one."""
+        episode, self._episode = self._episode, None
+        if episode is None:
+            return []
+        episode.ended_by = why
+        return [EpisodeEnded(at.elapsed_s, at.t_s, episode)]
