@@ -89,8 +89,8 @@ def _map(tracks: Sequence[Track], names: Sequence[str], plots: Plots) -> Iterato
         yield html.paragraph(words.fitted(track, "" if len(tracks) == 1 else f"Run {name}: "))
         if track.end_deg:
             yield words.where_link(track.end_deg, "" if len(tracks) == 1 else name)
-        if track.data.summary.simulated and track.forest is None:
-            yield html.paragraph(words.NO_FOREST)
+    if len(tracks) == 1 and tracks[0].data.summary.simulated and tracks[0].forest is None:
+        yield html.paragraph(words.NO_FOREST)
 
 
 def _layers(tracks: Sequence[Track]) -> Iterator[html.Layer]:
