@@ -115,7 +115,7 @@ def _cursor(runs: Sequence[RunData], names: Sequence[str]) -> str:
     return "\n".join(
         [
             f'<div class="cursor" data-runs="{escape(json.dumps(told))}">',
-            f'<p><input type="range" min="0" max="{end_s:.2f}" step="any" aria-label="cursor">{buttons}</p>',
+            f'<p><input type="range" min="0" max="{end_s}" step="any" aria-label="cursor">{buttons}</p>',
             '<dl aria-live="off"></dl>',
             "</div>",
         ]
