@@ -7,11 +7,11 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from wayfarer.fieldlog.fields import name
+from wayfarer.fieldlog.vocabulary import ANOMALIES
+from wayfarer.fieldlog.wording import Tone, event_text, event_tone
 from wayfarer.views import palette
 from wayfarer.views.page.html import Layer
 from wayfarer.views.run_report.data import GAP_S, LoggedEvent, RunData
-from wayfarer.fieldlog.wording import Tone, event_text, event_tone
-from wayfarer.fieldlog.vocabulary import ANOMALIES
 
 LAYERS = (
     Layer("anomaly", "anomalies", palette.ANOMALY),
