@@ -23,7 +23,9 @@ from xdist.scheduler import LoadFileScheduling
 
 TIERS = ("unit", "process", "long")
 # Drawing takes most of the time of the tests of pages, and is the same on every Python: not a unit test's.
-PROCESS_FOLDERS = {Path(__file__).parent / folder for folder in ("system", "experiments/report", "views/run_report")}
+PROCESS_FOLDERS = {
+    Path(__file__).parent / folder for folder in ("system", "experiments/report", "views/page", "views/run_report")
+}
 JUDGE_REAL_TIME = (
     "tests/system/",
     "tests/daemon/test_signals.py",

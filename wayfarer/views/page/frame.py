@@ -1,0 +1,77 @@
+"""The frame of all HTML pages: one file that needs no network, for telephones and printing too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from functools import cache
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+
+from bokeh.resources import Resources
+
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.atomic_file import whole_file
+from wayfarer.views.page.plots import Plots
+
+PAGE = "report.html"
+
+
+def write_page(out: Path, title: str, body: Iterable[str], plots: Plots | None = None, script: str = "") -> Path:
+    """Write a page, whole or not at all, and return ``out``.
+
+    Args:
+        out: the file; its folder is made if it is not there.
+        title: plain text.
+        body: HTML; it is asked for once, before the plots.
+        plots: what Bokeh draws in it. Without, the page has no script.
+        script: JavaScript that runs before the plots are drawn. When they are, ``document`` receives the event
+            ``plotted``, whose ``detail`` is Bokeh's document.
+
+    Raises:
+        BadInput: it cannot be written there.
+    """
+    text = "\n".join(_document(title, "\n".join(body), plots, script))
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(out) as draft:
+            draft.write_bytes(text.encode())
+    except OSError as error:
+        raise BadInput(
+            f"{out}: the report cannot be written there: {error.strerror or error}; name another file with --out"
+        ) from error
+    return out
+
+
+def _document(title: str, body: str, plots: Plots | None, script: str) -> Iterator[str]:
+    yield from (
+        "<!DOCTYPE html>",
+        '<html lang="en">',
+        "<head>",
+        '<meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<title>{escape(title)}</title>",
+        f"<style>\n{_own('page.css')}</style>",
+        "</head>",
+        "<body>",
+        "<main>",
+        f"<h1>{escape(title)}</h1>",
+        body,
+        "</main>",
+    )
+    if plots is not None:
+        content = plots.to_json().replace("</", "<\\/")  # else a text in it could end the element
+        yield f'<script type="application/json" id="plots">{content}</script>'
+        yield from (f"<script>\n{code}\n</script>" for code in (bokeh_js(), script, _own("page.js")))
+    yield from ("</body>", "</html>", "")
+
+
+@cache
+def bokeh_js() -> str:
+    """Return Bokeh for browsers: 1.3 MB, without its widgets, tables and WebGL."""
+    return "\n".join(Resources(mode="inline", components=["bokeh"], log_level="warn").js_raw)
+
+
+@cache
+def _own(name: str) -> str:
+    return (files("wayfarer.views.page") / name).read_text(encoding="utf-8")

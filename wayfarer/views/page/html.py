@@ -1,0 +1,81 @@
+"""Building blocks of HTML pages. Each takes plain text and escapes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import NamedTuple
+
+LONG = 30  # letters
+
+
+def section(heading: str, *parts: str) -> str:
+    """Return a section under a heading."""
+    return "\n".join(["<section>", f"<h2>{escape(heading)}</h2>", *parts, "</section>"])
+
+
+def paragraph(text: str) -> str:
+    """Return a paragraph of plain text."""
+    return f"<p>{escape(text)}</p>"
+
+
+def bullets(texts: Iterable[str]) -> str:
+    """Return a list of plain texts."""
+    return "\n".join(["<ul>", *(f"<li>{escape(text)}</li>" for text in texts), "</ul>"])
+
+
+def link(address: str, text: str) -> str:
+    """Return a link."""
+    return f'<a href="{escape(address)}">{escape(text)}</a>'
+
+
+def facts(pairs: Iterable[tuple[str, str]]) -> str:
+    """Return names and values as a list; a long value has a separate line."""
+    lines = ['<dl class="facts">']
+    for name, value in pairs:
+        kind = ' class="long"' if len(value) > LONG else ""
+        lines.append(f"<div{kind}><dt>{escape(name)}</dt><dd>{_lines(value)}</dd></div>")
+    return "\n".join([*lines, "</dl>"])
+
+
+class Layer(NamedTuple):
+    """What can be shown and hidden in all plots of a page: every model that is tagged ``layer:`` and its name."""
+
+    name: str
+    text: str
+    colour: str
+    shown: bool = True
+
+
+def layers(title: str, each: Iterable[Layer]) -> str:
+    """Return a box to tick for each layer; it is the key to the colours as well."""
+    boxes = [
+        f'<label><input type="checkbox" data-layer="{escape(layer.name)}"{" checked" * layer.shown}>'
+        f'<i style="background: {escape(layer.colour)}"></i>{escape(layer.text)}</label>'
+        for layer in each
+    ]
+    return "\n".join(['<fieldset class="layers">', f"<legend>{escape(title)}</legend>", *boxes, "</fieldset>"])
+
+
+def figure(drawn: str, caption: str) -> str:
+    """Return a drawing, which is HTML, with its caption."""
+    return "\n".join(["<figure>", drawn, f"<figcaption>{escape(caption)}</figcaption>", "</figure>"])
+
+
+def table(caption: str, head: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]]) -> str:
+    """Return a table; each row has a class and its cells, the first of which names it. A line feed parts lines."""
+    lines = [
+        '<div class="table" tabindex="0">',
+        "<table>",
+        f"<caption>{escape(caption)}</caption>",
+        "<thead><tr>" + "".join(f'<th scope="col">{_lines(cell)}</th>' for cell in head) + "</tr></thead>",
+        "<tbody>",
+    ]
+    for kind, (name, *cells) in rows:
+        data = "".join(f"<td>{_lines(cell)}</td>" for cell in cells)
+        lines.append(f'<tr class="{kind}"><th scope="row">{_lines(name)}</th>{data}</tr>')
+    return "\n".join([*lines, "</tbody>", "</table>", "</div>"])
+
+
+def _lines(text: str) -> str:
+    return escape(text).replace("\n", "<br>")

@@ -1,0 +1,47 @@
+"""The colours of everything that shows a run: the same on light and on dark ground. Pure.
+
+M. Okabe, K. Ito, "Color Universal Design", 2008, without their light hues, which white paper swallows. Each colour has
+a contrast of 3 or more to ``PAPER`` and to ``NIGHT`` (WCAG 2.1, 1.4.11), and those of two phases can be told apart by
+colour-blind people (G. Machado, 2009; ``tests/views/test_palette.py`` computes both). ORANGE is for marks with a dark
+edge only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from wayfarer.escape.api import Anomaly, Phase
+from wayfarer.safety.conditions import Level
+
+PAPER, NIGHT = "#ffffff", "#121412"  # the ground of a light and of a dark page
+BLUE, VERMILION, GREEN, PURPLE, ORANGE = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
+GREY, EDGE = "#6E6E6E", "#4A4A4A"
+
+PHASES: Mapping[str, str] = {
+    Phase.FOLLOW.value: BLUE,
+    Phase.PROBE.value: VERMILION,
+    Phase.STRIDE.value: GREEN,
+    Phase.TURN_AWAY.value: PURPLE,
+    Phase.BACK_OFF.value: GREY,
+}  # a rover that stands draws no way, and has none
+
+# Told apart by shape: Bokeh's name, and by how many degrees it is turned to the left. The triangles point to where the
+# body tips.
+ANOMALY_MARKERS: Mapping[str, tuple[str, float]] = {
+    Anomaly.IMMOBILISED.value: ("circle", 0.0),
+    Anomaly.NOSE_UP.value: ("triangle", 0.0),
+    Anomaly.NOSE_DOWN.value: ("triangle", 180.0),
+    Anomaly.RIGHT_DOWN.value: ("triangle", -90.0),
+    Anomaly.LEFT_DOWN.value: ("triangle", 90.0),
+    Anomaly.TOUCHED.value: ("square", 0.0),
+}
+ANOMALY, TROUBLE, PERSON = ORANGE, VERMILION, BLUE
+LEVELS: Mapping[str, str] = {
+    Level.DEGRADE.name.lower(): ORANGE,
+    Level.HOLD.name.lower(): VERMILION,
+    Level.FAULT.name.lower(): PURPLE,
+}
+RUNS = (BLUE, VERMILION)  # two runs in one page
+MEASURED, ASKED, LIMIT = BLUE, GREY, VERMILION
+RECEIVER = "#2489BC"
+TRUNK, TREE, GOAL_LINE = "#9C7A54", "#63926B", "#00804F"
