@@ -10,15 +10,16 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 from bokeh.document import Document
-from bokeh.models import BoxZoomTool, HoverTool, Model, PanTool, ResetTool, Tool, WheelZoomTool
+from bokeh.models import BoxZoomTool, HoverTool, Model, PanTool, ResetTool, SaveTool, Tool, WheelZoomTool
 from bokeh.models.renderers import GlyphRenderer
+from bokeh.models.tools import Drag
 from bokeh.plotting import figure
 
 TEXT = "11px"
 Figure = figure
 
 
-def plot(name: str, height_px: int, tools: Sequence[Tool], **settings: Any) -> Figure:
+def plot(name: str, height_px: int | None, tools: Sequence[Tool], **settings: Any) -> Figure:
     """Return an empty figure as wide as its place. ``name`` is how a script of the page finds it.
 
     ``settings`` are further properties of ``bokeh.plotting.figure``.
@@ -26,33 +27,40 @@ def plot(name: str, height_px: int, tools: Sequence[Tool], **settings: Any) -> F
     made = figure(
         name=name,
         height=height_px,
-        sizing_mode="stretch_width",
-        tools=list(tools),
+        tools=[*tools, SaveTool(filename=name)],
         background_fill_color=None,
         border_fill_color=None,
         outline_line_color=None,
         lod_threshold=None,  # a line of few points would be drawn coarsely while it is dragged
         min_border_right=12,
-        **settings,
+        **{"sizing_mode": "stretch_width"} | settings,
     )
     made.toolbar.logo = None
+    made.toolbar.active_drag = next((tool for tool in tools if isinstance(tool, Drag)), None)  # else it is always pan
     made.axis.axis_label_text_font_size = made.axis.major_label_text_font_size = TEXT
     made.axis.axis_label_text_font_style = "normal"
     made.axis.minor_tick_line_color = None
     return made
 
 
-def zoom_tools(dimensions: Literal["width", "both"] = "both") -> list[Tool]:
+def zoom_tools(dimensions: Literal["width", "both"] = "both", *, same_scale: bool = True) -> list[Tool]:
     """Return zoom by a box and by Ctrl and the wheel (the wheel alone scrolls the page), pan, and reset.
 
-    The first is what dragging does at first. With ``both`` dimensions, of a map, that is pan.
+    The first is what dragging does at first. With ``both`` dimensions at the ``same_scale``, of a map, that is pan.
     """
-    pan, box = PanTool(dimensions=dimensions), BoxZoomTool(dimensions=dimensions, match_aspect=dimensions == "both")
-    dragging = [pan, box] if dimensions == "both" else [box, pan]
+    is_map = dimensions == "both" and same_scale
+    pan, box = PanTool(dimensions=dimensions), BoxZoomTool(dimensions=dimensions, match_aspect=is_map)
+    dragging = [pan, box] if is_map else [box, pan]
     return [*dragging, WheelZoomTool(dimensions=dimensions, modifiers={"ctrl": True}), ResetTool()]
 
 
-def hover(renderers: Sequence[GlyphRenderer], *rows: tuple[str, str], **settings: Any) -> HoverTool:
+def layer(name: str, *renderers: GlyphRenderer[Any]) -> None:
+    """Let the page's box for a layer (``html.layers``) show and hide what was drawn."""
+    for renderer in renderers:
+        renderer.tags = [*renderer.tags, f"layer:{name}"]
+
+
+def hover(renderers: Sequence[GlyphRenderer[Any]], *rows: tuple[str, str], **settings: Any) -> HoverTool:
     """Return a box that tells what is under the pointer: names, and values as ``@column{0.0} unit``."""
     return HoverTool(renderers=list(renderers), tooltips=list(rows), visible=False, **settings)
 
