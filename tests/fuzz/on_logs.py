@@ -198,8 +198,8 @@ def _report(run: Path) -> str:
 
 REPORT = Target(
     "report",
-    [f"wayfarer.views.run_report.{part}" for part in ("run", "map", "marks", "panels", "tables", "timeline", "track",
-     "words", "event_rows", "series", "position")],
+    [f"wayfarer.views.run_report.{part}" for part in ("run", "events", "map", "panels", "quantities", "receiver",
+     "series", "tables", "time_axis", "track", "words")],
     lambda kept: logs_of(KINDS, kept),
     lambda: _runs(_report),
     quick=2,

@@ -1,4 +1,4 @@
-"""``wayfarer report``: an HTML page with figures, of a campaign, a sweep or a field run."""
+"""``wayfarer report``: an HTML page with figures, of a field run or two, a campaign or a sweep."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from wayfarer.errors import BadInput
 EXAMPLES = examples(
     "wayfarer report",
     "wayfarer report 17",
+    "wayfarer report 17 18",
     "wayfarer report 17 --out ~/run17/report.html",
     "wayfarer report results",
     "wayfarer report results --gallery 30 --jobs 2",
@@ -27,6 +28,9 @@ def report(
             metavar="[RUN|DIR]", help="A run, or a folder that `wayfarer sim --out` or `wayfarer sweep --out` wrote."
         ),
     ] = "last",
+    other: Annotated[
+        str | None, typer.Argument(metavar="[RUN]", help="Another run, to be shown beside the first one in one page.")
+    ] = None,
     *,
     gallery: Annotated[
         int, typer.Option(min=0, max=1000, metavar="N", help="Number of trials of a campaign to run again and draw.")
@@ -39,13 +43,20 @@ def report(
         typer.Option(
             metavar="FILE",
             dir_okay=False,
-            help="File name of the page; figures go into the same folder. (default: report.html in the run's folder)",
+            help="File name of the page. (default: report.html in the run's folder; of two runs, in the second one's)",
         ),
     ] = None,
     logs: Logs = None,
 ) -> None:
-    """Write report.html and its figures for a run (default: the newest one), a campaign or a sweep."""
+    """Write report.html for a run (default: the newest one), for two runs beside each other, a campaign or a sweep."""
     require("a report")
+    if other is not None:
+        from wayfarer.fieldlog.folders import find_run
+        from wayfarer.views.run_report.run import write_comparison
+
+        page = write_comparison(find_run(what, log_folder(logs)), find_run(other, log_folder(logs)), out)
+        print(f"the report is {page}")
+        return
     run = _run(what, log_folder(logs))
     if run is None:
         page = _of_trials(Path(what), out, gallery, jobs)

@@ -145,11 +145,11 @@ def test_map_has_all_trials_and_shows_one() -> None:
         Trace([TrajectoryPoint(25.0, 12.5 + n, Phase.FOLLOW) for n in range(9)], [(25.0, 14.0)]) for _ in range(3)
     ]
     figure: Any = trials_map([trial_of(trace, number) for number, trace in enumerate(traces)])
-    views = {renderer.view.filter.group for renderer in figure.renderers if "trial" in _data(renderer)}
+    views = {renderer.view.filter.group for renderer in figure.renderers if "number" in _data(renderer)}
     assert views == {0}
     for renderer in figure.renderers:
-        if "trial" in _data(renderer) and len(_data(renderer)["trial"]):
-            assert set(np.asarray(_data(renderer)["trial"]).tolist()) == {0, 1, 2}
+        if len(_data(renderer).get("number", ())):
+            assert set(np.asarray(_data(renderer)["number"]).tolist()) == {0, 1, 2}
 
 
 def _data(renderer: Any) -> Mapping[str, Any]:

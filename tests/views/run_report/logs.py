@@ -75,7 +75,24 @@ def page_of(tmp_path: Path, *all_records: Record, tail: bytes = b"") -> str:
     return write_run_report(write_log(tmp_path / "00001-run", all_records, tail)).read_text(encoding="utf-8")
 
 
+def bare(page: str) -> str:
+    """The page without its scripts."""
+    return re.sub(r"<script\b.*?</script>", " ", page, flags=re.DOTALL)
+
+
+def drawn(page: str) -> str:
+    """What the page gives to Bokeh."""
+    found = re.search(r'<script type="application/json" id="plots">(.*?)</script>', page, flags=re.DOTALL)
+    assert found
+    return found[1]
+
+
+def titles(page: str) -> list[str]:
+    """The titles of the plots."""
+    return [unescape(title) for title in re.findall(r'<p class="key"><b>(.*?)</b>', page)]
+
+
 def text_of(page: str) -> str:
     """What a reader sees, without figures."""
-    bare = re.sub(r"<(style|svg)\b.*?</\1>", " ", page, flags=re.DOTALL)
-    return " ".join(unescape(re.sub(r"<[^>]+>", " ", bare)).split())
+    text = re.sub(r"<style\b.*?</style>", " ", bare(page), flags=re.DOTALL)
+    return " ".join(unescape(re.sub(r"<[^>]+>", " ", text)).split())

@@ -1,28 +1,148 @@
-"""The page of one run in a real browser, opened from disk without a network."""
+"""The page of one run, and of two, in a real browser, opened from disk without a network."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Page
 
-from tests.browser import DESKTOP, PHONE, OpenPage
-from tests.views.run_report.logs import HEADER, OUTCOME, episode, write_log
+from tests.browser import DESKTOP, PHONE, Opened, OpenPage
+from tests.views.run_report.logs import ARMED, HEADER, OUTCOME, episode, fix, tick, write_log
 from tests.views.text.records import event
-from wayfarer.views.run_report.run import write_run_report
+from wayfarer.views.run_report.run import write_comparison, write_run_report
+
+MODELS = "[...Bokeh.documents[0]._all_models.values()]"
+SEEN = f"(({{x_range}}) => [x_range.start, x_range.end])({MODELS}.find((model) => model.name === 'duty'))"
+RING = f"[...{MODELS}.find((model) => model.name === 'here-0').data_source.data.y]"
+TEXT = "<b>a mark</b> without an end" + "d" * 120
+SIZES = pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
 
 
-@pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_page_shows_figures_and_tables_and_does_not_overflow(
-    tmp_path: Path, browser_page: OpenPage, viewport: tuple[int, int]
-) -> None:
-    text = "<b>a mark</b> without an end" + "d" * 120
-    run = write_log(tmp_path / "00017-run", [HEADER, *episode(), event("mark", 4.0, text=text), OUTCOME])
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """A run with an episode and a mark, and one that turned east."""
+    folder = tmp_path_factory.mktemp("runs")
+    first = [HEADER, ARMED, *episode(), fix(2.0, 2.0), event("mark", 4.5, text=TEXT), OUTCOME]
+    first.sort(key=lambda each: float(each["t_s"]))
+    second = [HEADER, ARMED, *(tick(0.05 * at, heading_deg=90.0) for at in range(60)), OUTCOME]
+    return [write_log(folder / f"0001{each}-run", records) for each, records in ((7, first), (8, second))]
+
+
+def opened(browser_page: OpenPage, path: Path, viewport: tuple[int, int] = DESKTOP) -> Opened:
     opened = browser_page(viewport, offline=True)
-    opened.page.goto(write_run_report(run).as_uri())
-    assert opened.page.locator("figure svg").count() == 2
-    assert opened.page.locator("tbody tr").count() == 2 + 1 + 2
-    assert opened.page.locator("li", has_text="<b>a mark</b>").is_visible()
-    assert opened.page.locator("figure svg text", has_text="heading, °").is_visible()
-    assert opened.overflow_px() == 0
-    assert opened.trouble == []
+    opened.page.goto(path.as_uri())
+    opened.page.wait_for_selector("html[data-plotted]", state="attached", timeout=20_000)
+    return opened
+
+
+def read(page: Page, name: str) -> str:
+    """What the cursor's bar says."""
+    return page.locator(f".cursor [data-name='{name}'] dd").inner_text()
+
+
+def point_at(page: Page, selector: str, right: float, down: float) -> None:
+    """Move the pointer over a plot, to a part of its width and of its height."""
+    plot = page.locator(selector).first
+    plot.evaluate("plot => plot.scrollIntoView({ block: 'center' })")  # not behind the cursor's bar
+    box = plot.bounding_box()
+    assert box is not None
+    for step in (-4, 0):  # the first movement brings the pointer in, the next one moves it
+        page.mouse.move(box["x"] + right * box["width"] + step, box["y"] + down * box["height"])
+
+
+def panel(page: Page, title: str) -> str:
+    """The selector of the plot under a title."""
+    assert page.locator(".key", has_text=title).count() == 1
+    return f".key:has-text('{title}') + .plot .bk-events"
+
+
+@SIZES
+def test_page_shows_plots_and_tables_and_does_not_overflow(
+    runs: list[Path], browser_page: OpenPage, viewport: tuple[int, int]
+) -> None:
+    shown = opened(browser_page, write_run_report(runs[0]), viewport)
+    assert shown.page.locator(".map .plot canvas").count() > 0
+    assert shown.page.locator(".panels .key b").all_inner_texts() == [
+        "events", "heading, °", "counter C, °", "tilt, °", "speed, m/s", "duty",
+    ]  # fmt: skip
+    assert shown.page.locator("tbody tr").count() == 2 + 1 + 3
+    assert shown.page.locator("li", has_text="<b>a mark</b>").is_visible()
+    assert shown.page.locator("a[href^='geo:']").is_visible()
+    assert shown.overflow_px() == 0
+    assert shown.trouble == []
+
+
+@SIZES
+def test_slider_moves_the_cursor_through_map_panels_and_values(
+    runs: list[Path], browser_page: OpenPage, viewport: tuple[int, int]
+) -> None:
+    shown = opened(browser_page, write_run_report(runs[0]), viewport)
+    shown.page.locator(".cursor input").fill("2.2")
+    assert read(shown.page, "time") == "0:00:02.2"
+    assert read(shown.page, "phase") == "back off"
+    assert read(shown.page, "commanded") == "1.00 m/s"
+    lines = f"{MODELS}.filter((model) => model.tags.includes('cursor'))"
+    assert shown.page.evaluate(f"{lines}.map((line) => line.location)") == [2.2] * 6
+    (y_m,) = shown.page.evaluate(RING)
+    assert y_m == pytest.approx(0.2, abs=0.06)  # one metre a second, from the fix at 2 s
+    assert shown.overflow_px() == 0
+
+
+def test_pointer_over_a_panel_moves_the_cursor(runs: list[Path], browser_page: OpenPage) -> None:
+    shown = opened(browser_page, write_run_report(runs[0]))
+    times = []
+    for right in (0.3, 0.6, 0.9):
+        point_at(shown.page, panel(shown.page, "duty"), right, 0.4)
+        shown.page.wait_for_timeout(100)
+        times.append(read(shown.page, "time"))
+    assert times == sorted(times)
+    assert len(set(times)) == 3
+
+
+def test_pointer_over_the_map_finds_the_time(runs: list[Path], browser_page: OpenPage) -> None:
+    shown = opened(browser_page, write_run_report(runs[0]))
+    point_at(shown.page, ".map .bk-events", 0.5, 0.1)
+    shown.page.wait_for_timeout(100)
+    late = read(shown.page, "time")
+    point_at(shown.page, ".map .bk-events", 0.5, 0.8)
+    shown.page.wait_for_timeout(100)
+    assert read(shown.page, "time") < late  # the rover drove north: what is above comes later
+
+
+def test_drag_zooms_all_panels_and_the_button_shows_all_again(runs: list[Path], browser_page: OpenPage) -> None:
+    shown = opened(browser_page, write_run_report(runs[0]))
+    whole = shown.page.evaluate(SEEN)
+    point_at(shown.page, panel(shown.page, "heading"), 0.4, 0.4)
+    shown.page.mouse.down()
+    box = shown.page.locator(panel(shown.page, "heading")).bounding_box()
+    assert box is not None
+    shown.page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 0.5 * box["height"], steps=5)
+    shown.page.mouse.up()
+    shown.page.wait_for_timeout(200)
+    start, end = shown.page.evaluate(SEEN)
+    assert whole[0] < start < end < whole[1] + 1e-6
+    shown.page.get_by_role("button", name="the whole time").click()
+    assert shown.page.evaluate(SEEN) == whole
+    shown.page.get_by_role("button", name="zoom in").click()
+    start, end = shown.page.evaluate(SEEN)
+    assert end - start < 0.7 * (whole[1] - whole[0])
+
+
+def test_anomalies_can_be_switched_off_on_map_and_panels(runs: list[Path], browser_page: OpenPage) -> None:
+    shown = opened(browser_page, write_run_report(runs[0]))
+    visible = f"{MODELS}.filter((model) => model.tags.includes('layer:anomaly')).map((drawn) => drawn.visible)"
+    assert shown.page.evaluate(visible) == [True, True]
+    shown.page.get_by_label("anomalies").uncheck()
+    assert shown.page.evaluate(visible) == [False, False]
+
+
+@SIZES
+def test_two_runs_share_the_cursor(runs: list[Path], browser_page: OpenPage, viewport: tuple[int, int]) -> None:
+    shown = opened(browser_page, write_comparison(*runs), viewport)
+    shown.page.locator(".cursor input").fill("1.0")
+    assert read(shown.page, "heading") == "17: 0 °, 18: 90 °"
+    shown.page.locator(".cursor input").fill("3.3")
+    assert read(shown.page, "phase") == "17: probe, 18: follow"
+    assert shown.overflow_px() == 0
+    assert shown.trouble == []

@@ -1,4 +1,4 @@
-"""Columns made ready for drawing: what is unknown stays a gap."""
+"""Columns made ready for drawing: what is unknown stays a gap, and no extreme is lost."""
 
 from __future__ import annotations
 
@@ -7,37 +7,36 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.views.run_report.data import Floats
-from wayfarer.views.run_report.series import (
-    ValueSpan,
-    around,
-    broken_at_gaps,
-    broken_beside,
-    pieces,
-    spans,
-    without_unknown,
-)
+from wayfarer.views.run_report.data import Columns, Floats
+from wayfarer.views.run_report.series import ValueSpan, around, at_ticks, beside_ticks, pieces, spans, thinned
 
 
 def times(values: Floats) -> Floats:
     return np.arange(values.size, dtype=np.float64)
 
 
-def test_line_is_broken_where_nothing_was_logged() -> None:
-    t_s, values = broken_at_gaps(np.array([0.0, 0.5, 9.0, 9.5]), np.array([1.0, 2.0, 3.0, 4.0]))
-    np.testing.assert_array_equal(values, [1.0, 2.0, np.nan, 3.0, 4.0])
+def ticks(t_s: list[float], lost_before: int | None = None) -> Columns:
+    stretch = np.zeros(len(t_s))
+    stretch[lost_before:] += lost_before is not None
+    return {"t_s": np.array(t_s), "stretch": stretch}
+
+
+def test_line_is_broken_where_nothing_was_logged_and_where_records_are_missing() -> None:
+    t_s, values = at_ticks(ticks([0.0, 0.5, 9.0, 9.5, 9.6], lost_before=4), np.arange(5.0))
+    np.testing.assert_array_equal(values, [0.0, 1.0, np.nan, 2.0, 3.0, np.nan, 4.0])
     assert (np.diff(t_s) >= 0).all()
 
 
 def test_line_beside_ticks_is_broken_where_they_are_and_where_it_was_silent() -> None:
-    ticks_s = np.array([0.0, 0.5, 1.0, 5.0, 5.5, 6.0, 6.5, 7.0])
-    _, values = broken_beside(ticks_s, np.array([0.2, 0.9, 5.1, 5.3, 7.0]), np.arange(5.0), 1.5)
+    ticks_s = ticks([0.0, 0.5, 1.0, 5.0, 5.5, 6.0, 6.5, 7.0])
+    told = np.array([0.0, np.nan, 1.0, 2.0, 3.0, 4.0])  # a slow sensor: what it did not say makes no gap
+    _, values = beside_ticks(ticks_s, np.array([0.2, 0.3, 0.9, 5.1, 5.3, 7.0]), told, 1.5)
     np.testing.assert_array_equal(values, [0.0, 1.0, np.nan, 2.0, 3.0, np.nan, 4.0])
 
 
 @given(st.lists(st.floats(0.0, 359.9), min_size=1, max_size=50).map(np.array), st.floats(0.0, 359.0))
 def test_headings_never_jump_round_the_back(headings_deg: Floats, centre_deg: float) -> None:
-    _, drawn_deg = around(times(headings_deg), headings_deg, centre_deg)
+    _, drawn_deg = around((times(headings_deg), headings_deg), centre_deg)
     assert not (np.abs(np.diff(drawn_deg)) > 180.0).any()
     known_deg = drawn_deg[~np.isnan(drawn_deg)]
     apart_deg = (known_deg + centre_deg - headings_deg) % 360.0
@@ -45,8 +44,22 @@ def test_headings_never_jump_round_the_back(headings_deg: Floats, centre_deg: fl
 
 
 def test_heading_that_wavers_at_north_is_one_line() -> None:
-    _, drawn_deg = around(times(np.zeros(4)), np.array([359.0, 1.0, 358.0, 2.0]), 0.0)
+    _, drawn_deg = around((times(np.zeros(4)), np.array([359.0, 1.0, 358.0, 2.0])), 0.0)
     assert drawn_deg.tolist() == [-1.0, 1.0, -2.0, 2.0]
+
+
+@given(st.lists(st.floats(-100.0, 100.0) | st.just(np.nan), min_size=1, max_size=200).map(np.array), st.integers(1, 20))
+def test_thin_line_is_short_and_keeps_extremes_ends_and_gaps(values: Floats, bins: int) -> None:
+    t_s, kept = thinned((times(values), values), bins)
+    gaps = int(np.isnan(kept).sum())
+    assert kept.size <= max(2 * bins, 2 * (bins + gaps) + gaps)
+    assert (np.diff(t_s) > 0).all()
+    np.testing.assert_array_equal(kept, values[t_s.astype(int)])
+    if not np.isnan(values).all():
+        assert (np.nanmin(kept), np.nanmax(kept)) == (np.nanmin(values), np.nanmax(values))
+    for first, last in zip(t_s[:-1].astype(int), t_s[1:].astype(int), strict=True):
+        if not np.isnan(values[[first, last]]).any():
+            assert not np.isnan(values[first : last + 1]).any(), "a gap was bridged"
 
 
 def test_spans_join_equal_values_and_end_at_gaps() -> None:
@@ -56,7 +69,7 @@ def test_spans_join_equal_values_and_end_at_gaps() -> None:
 
 
 def test_more_spans_than_can_be_seen_are_sampled() -> None:
-    found = spans(times(np.zeros(1000)) * 0.05, times(np.zeros(1000)) % 3.0, samples=50)
+    found = spans(times(np.zeros(1000)) * 0.05, times(np.zeros(1000)) % 3.0, most=50)
     assert 0 < len(found) <= 50
     assert {span.value for span in found} == {0.0, 1.0, 2.0}
 
@@ -65,18 +78,14 @@ def test_more_spans_than_can_be_seen_are_sampled() -> None:
 def test_too_little_to_draw_is_no_error(count: int) -> None:
     few = np.zeros(count)
     assert len(spans(few, few)) == count
-    assert broken_at_gaps(few, few)[0].size == around(few, few, 0.0)[0].size == count
-    assert pieces((few, few), np.ones(count, np.bool_))[0].size == 0
+    assert at_ticks(ticks([0.0] * count), few)[0].size == count
+    assert around((few, few), 0.0)[0].size == thinned((few, few))[0].size == count
+    assert pieces(np.ones(count, np.bool_), few)[0].size == 0
 
 
 def test_a_piece_goes_on_to_where_the_next_begins() -> None:
     way = np.arange(6.0)
     inside = np.array([True, True, False, True, False, True])
-    east_m, north_m = pieces((way, way + 10.0), inside)
+    east_m, north_m = pieces(inside, way, way + 10.0)
     np.testing.assert_array_equal(east_m, [0.0, 1.0, 2.0, np.nan, 3.0, 4.0, np.nan])
     np.testing.assert_array_equal(north_m, east_m + 10.0)
-
-
-def test_readings_of_a_slow_sensor_are_joined() -> None:
-    t_s, values = without_unknown(np.arange(4.0), np.array([np.nan, 1.0, np.nan, 2.0]))
-    assert (t_s.tolist(), values.tolist()) == ([1.0, 3.0], [1.0, 2.0])

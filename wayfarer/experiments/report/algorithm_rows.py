@@ -13,7 +13,7 @@ from bokeh.plotting import ColumnDataSource
 
 from wayfarer.experiments.report.groups import Group, short
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, plot, zoom_tools
+from wayfarer.views.page.plots import Figure, plot
 
 HEADING = 0.55  # rows that a group's name takes
 MARGINS_PX = 60  # the axis below, and the legend's place
@@ -58,7 +58,7 @@ def rows_plot(name: str, layout: Rows, row_px: int, label: str, low: float, high
     made = plot(
         name,
         round(layout.rows * row_px) + MARGINS_PX,
-        zoom_tools("width"),
+        "width",
         x_range=(low, high),
         y_range=(layout.rows, 0.0),
         output_backend=SVG,

@@ -14,7 +14,7 @@ from wayfarer.experiments.report.algorithm_rows import SVG, plain_numbers, sourc
 from wayfarer.experiments.report.groups import grouped, short
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover, plot, zoom_tools
+from wayfarer.views.page.plots import Figure, hover, plot
 
 PANEL_PX = 340
 DASHES: tuple[tuple[int, ...], ...] = ((), (7, 2), (2, 2), (8, 2, 2, 2))  # not as many as colours: 20 looks
@@ -92,7 +92,7 @@ def _figure(
     made = plot(
         f"escape, {title}",
         PANEL_PX,
-        zoom_tools("both", same_scale=False),
+        "both",
         x_axis_type="log",
         x_range=x_range,
         y_range=y_range,

@@ -15,7 +15,7 @@ from wayfarer.experiments.report.reading import SweepResults
 from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.sweep.measures import MEASURES, Measure
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover, layer, plot, zoom_tools
+from wayfarer.views.page.plots import Figure, hover, layer, plot
 
 PANEL_PX = 240
 UNKNOWN = Estimate(math.nan, math.nan, math.nan)
@@ -32,7 +32,7 @@ def curves_figures(results: SweepResults) -> Iterator[Figure]:
         made = plot(
             measure.name,
             PANEL_PX,
-            zoom_tools("both", same_scale=False),
+            "both",
             output_backend=SVG,
             title=measure.title,
             **x_range,

@@ -15,7 +15,7 @@ from wayfarer.experiments.report.reading import SweepResults, SweptAxis
 from wayfarer.experiments.report.sweep_curves import known_measures
 from wayfarer.experiments.sweep.measures import Measure
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover, plot, zoom_tools
+from wayfarer.views.page.plots import Figure, hover, plot
 
 PANEL_PX = 300
 MOST_NAMES = 8  # along an axis; of more values every so manieth is named
@@ -27,7 +27,7 @@ def maps_figures(results: SweepResults, algorithm: str) -> Iterator[Figure]:
     up, right = results.axes
     for measure in known_measures(results):
         made = plot(
-            f"{measure.name}, {algorithm}", PANEL_PX, zoom_tools("both", same_scale=False), output_backend=SVG,
+            f"{measure.name}, {algorithm}", PANEL_PX, "both", output_backend=SVG,
             title=measure.title,
             x_range=(-0.5, len(right.values) - 0.5), y_range=(-0.5, len(up.values) - 0.5),
         )  # fmt: skip

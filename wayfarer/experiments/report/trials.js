@@ -24,7 +24,7 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
     });
     before.disabled = shown === 0;
     after.disabled = shown === texts.length - 1;
-    close.disabled = !kept.trial.includes(shown);
+    close.disabled = !kept.number.includes(shown);
     look(...room);
   };
   const step = (by) => () => { location.hash = `#trial-${shown + by}`; };
@@ -32,7 +32,7 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
   after.addEventListener("click", step(1));
   whole.addEventListener("click", () => look(...room));
   close.addEventListener("click", () => {
-    const at = kept.trial.indexOf(shown), half = kept.size[at];
+    const at = kept.number.indexOf(shown), half = kept.size[at];
     const slope = (room[1][1] - room[1][0]) / (room[0][1] - room[0][0]); // of the frame: both axes keep one scale
     look([kept.x[at] - half, kept.x[at] + half], [kept.y[at] - half * slope, kept.y[at] + half * slope]);
   });

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
-from math import atan2, hypot, radians
+from math import radians
 from typing import Any, NamedTuple
 
 from bokeh.models import CDSView, GroupFilter
@@ -17,7 +17,8 @@ from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover, layer, plot, zoom_tools
+from wayfarer.views.page.plots import Figure, hover, layer, plot
+from wayfarer.views.run_report.forest import draw_forests
 from wayfarer.views.vocabulary import PHASES
 
 MARGIN_M = 1.5  # around the map: a rover may leave it
@@ -36,62 +37,33 @@ class DrawnTrial(NamedTuple):
 
 def trials_map(trials: Sequence[DrawnTrial]) -> Figure:
     """Return the map; metres, north up. ``trials.js`` chooses the trial, which is the first to begin with."""
-    made = plot("trials", None, zoom_tools(), sizing_mode="scale_width", aspect_ratio=1.0, match_aspect=True)
+    made = plot("trials", None, "map", sizing_mode="scale_width", aspect_ratio=1.0, match_aspect=True)
     made.xaxis.axis_label, made.yaxis.axis_label = "east, m", "north, m"
-    _edge(made)
-    _forests(made, trials)
+    _leave_room(made)
+    draw_forests(made, [trial.forest for trial in trials])
     for phase in Phase:
         if phase.value in palette.PHASES:
             _ways(made, trials, phase)
     _marks(made, trials)
-    shown = GroupFilter(column_name="trial", group=0, name=SHOWN)
+    shown = GroupFilter(column_name="number", group=0, name=SHOWN)
     renderers: Any = made.renderers
     for renderer in renderers:
-        if "trial" in renderer.data_source.data:
+        if "number" in renderer.data_source.data:
             renderer.view = CDSView(filter=shown)  # one each: a view knows the rows of one source
     return made
 
 
-def _edge(made: Figure) -> None:
-    """Draw the edge of the world, and leave room around it for all trials alike."""
-    low_m, high_m = -MARGIN_M, WORLD_SIZE_M + MARGIN_M
-    corners = made.scatter([low_m, high_m], [low_m, high_m], alpha=0.0)
+def _leave_room(made: Figure) -> None:
+    """Show the world and some room around it for all trials alike: a rover may leave it."""
+    ends_m = [-MARGIN_M, WORLD_SIZE_M + MARGIN_M]
+    corners = made.scatter(ends_m, ends_m, alpha=0.0)
     made.x_range.renderers = made.y_range.renderers = [corners]  # type: ignore[attr-defined]  # both are DataRange1d
-    x_m = [0.0, 0.0, WORLD_SIZE_M, WORLD_SIZE_M, 0.0]
-    made.line(x_m, [*x_m[1:], 0.0], line_color=palette.GREY, line_width=0.5)
-
-
-def _forests(made: Figure, trials: Sequence[DrawnTrial]) -> None:
-    """Draw trunks with their round ends, trees and goal lines, to scale."""
-    trunks = _columns(trials, _trunks, ("x", "y", "length", "thick", "angle"))
-    made.rect("x", "y", "length", "thick", "angle", source=trunks, color=palette.TRUNK, line_color=None)
-    for circles, colour in ((_trunk_ends, palette.TRUNK), (_trees, palette.TREE)):
-        drawn = _columns(trials, circles, ("x", "y", "radius"))
-        made.circle("x", "y", "radius", source=drawn, color=colour, line_color=None)
-    goals = _columns(trials, lambda trial: [(0.0, WORLD_SIZE_M, trial.forest.goal_y_m)], ("x", "end", "y"))
-    made.segment("x", "y", "end", "y", source=goals, line_color=palette.GOAL_LINE, line_width=3)
-
-
-def _trunks(trial: DrawnTrial) -> Iterator[tuple[float, ...]]:
-    for trunk, diameter_m in trial.forest.thick_trunks:
-        dx_m, dy_m = trunk.x1_m - trunk.x0_m, trunk.y1_m - trunk.y0_m
-        yield trunk.x0_m + dx_m / 2, trunk.y0_m + dy_m / 2, hypot(dx_m, dy_m), diameter_m, atan2(dy_m, dx_m)
-
-
-def _trunk_ends(trial: DrawnTrial) -> Iterator[tuple[float, ...]]:
-    for trunk, diameter_m in trial.forest.thick_trunks:
-        yield trunk.x0_m, trunk.y0_m, diameter_m / 2
-        yield trunk.x1_m, trunk.y1_m, diameter_m / 2
-
-
-def _trees(trial: DrawnTrial) -> list[tuple[float, ...]]:
-    return [(*tree_m, trial.forest.tree_radius_m) for tree_m in trial.forest.trees_m]
 
 
 def _ways(made: Figure, trials: Sequence[DrawnTrial], phase: Phase) -> None:
     """Draw the parts of all ways in a phase, and put points on them that tell what the rover did there."""
     lines = [way_in(trial.trace.points, phase) for trial in trials]
-    ways = source(trial=range(len(trials)))
+    ways = source(number=range(len(trials)))
     for name, at in (("xs", 0), ("ys", 1)):
         ways.data[name] = [source(way=line[at]).data["way"] for line in lines]
     colour = palette.PHASES[phase.value]
@@ -157,7 +129,7 @@ def _kept(trial: DrawnTrial) -> list[tuple[float, ...]]:
 
 
 def _columns(trials: Sequence[DrawnTrial], rows_of: Callable[[DrawnTrial], Any], names: Sequence[str]) -> Any:
-    """Return what ``rows_of`` each trial as columns, with the number of the trial in ``trial``."""
+    """Return what ``rows_of`` each trial as columns, with its number in ``number``."""
     rows = [(number, *row) for number, trial in enumerate(trials) for row in rows_of(trial)]
     columns = zip(*rows, strict=True) if rows else [()] * (len(names) + 1)
-    return source(**dict(zip(("trial", *names), columns, strict=True)))
+    return source(**dict(zip(("number", *names), columns, strict=True)))

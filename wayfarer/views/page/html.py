@@ -6,8 +6,6 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import NamedTuple
 
-LONG = 30  # letters
-
 
 def section(heading: str, *parts: str) -> str:
     """Return a section under a heading."""
@@ -15,8 +13,8 @@ def section(heading: str, *parts: str) -> str:
 
 
 def paragraph(text: str) -> str:
-    """Return a paragraph of plain text."""
-    return f"<p>{escape(text)}</p>"
+    """Return a paragraph of plain text; nothing where there is none."""
+    return f"<p>{escape(text)}</p>" if text else ""
 
 
 def bullets(texts: Iterable[str]) -> str:
@@ -30,12 +28,9 @@ def link(address: str, text: str) -> str:
 
 
 def facts(pairs: Iterable[tuple[str, str]]) -> str:
-    """Return names and values as a list; a long value has a separate line."""
-    lines = ['<dl class="facts">']
-    for name, value in pairs:
-        kind = ' class="long"' if len(value) > LONG else ""
-        lines.append(f"<div{kind}><dt>{escape(name)}</dt><dd>{_lines(value)}</dd></div>")
-    return "\n".join([*lines, "</dl>"])
+    """Return names and values as a list."""
+    items = [f"<div><dt>{escape(name)}</dt><dd>{_lines(value)}</dd></div>" for name, value in pairs]
+    return "\n".join(['<dl class="facts">', *items, "</dl>"])
 
 
 class Layer(NamedTuple):
@@ -48,13 +43,21 @@ class Layer(NamedTuple):
 
 
 def layers(title: str, each: Iterable[Layer]) -> str:
-    """Return a box to tick for each layer; it is the key to the colours as well."""
+    """Return a box to tick for each layer, which is the key to the colours too; ``title`` is for those who hear it."""
     boxes = [
         f'<label><input type="checkbox" data-layer="{escape(layer.name)}"{" checked" * layer.shown}>'
         f'<i style="background: {escape(layer.colour)}"></i>{escape(layer.text)}</label>'
         for layer in each
     ]
-    return "\n".join(['<fieldset class="layers">', f"<legend>{escape(title)}</legend>", *boxes, "</fieldset>"])
+    return "\n".join([f'<fieldset class="layers" aria-label="{escape(title)}">', *boxes, "</fieldset>"])
+
+
+def key(title: str, lines: Iterable[tuple[str, str]]) -> str:
+    """Return the title of a plot, with the names and the colours of its lines."""
+    names = "".join(
+        f'<span><i style="background: {escape(colour)}"></i>{escape(name)}</span>' for name, colour in lines
+    )
+    return f'<p class="key"><b>{escape(title)}</b>{names}</p>'
 
 
 def figure(drawn: str, caption: str = "", alt: str = "") -> str:

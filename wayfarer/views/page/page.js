@@ -15,7 +15,7 @@
   // A checkbox with data-layer="x" shows and hides everything that is tagged "layer:x".
   for (const box of document.querySelectorAll("input[data-layer]")) {
     const tag = `layer:${box.dataset.layer}`;
-    const layer = [...plotted._all_models.values()].filter((model) => model.tags?.includes(tag));
+    const layer = [...plotted._all_models.values()].filter((model) => model.tags.includes(tag) && "visible" in model.properties);
     const show = () => layer.forEach((model) => { model.visible = box.checked; });
     box.addEventListener("change", show);
     show();

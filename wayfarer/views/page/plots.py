@@ -10,24 +10,28 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 from bokeh.document import Document
-from bokeh.models import BoxZoomTool, HoverTool, Model, PanTool, ResetTool, SaveTool, Tool, WheelZoomTool
+from bokeh.models import BoxZoomTool, HoverTool, Model, PanTool, ResetTool, SaveTool, WheelZoomTool
 from bokeh.models.renderers import GlyphRenderer
-from bokeh.models.tools import Drag
 from bokeh.plotting import figure
 
 TEXT = "11px"
 Figure = figure
 
 
-def plot(name: str, height_px: int | None, tools: Sequence[Tool], **settings: Any) -> Figure:
+def plot(name: str, height_px: int | None, zooms: Literal["width", "both", "map"], **settings: Any) -> Figure:
     """Return an empty figure as wide as its place. ``name`` is how a script of the page finds it.
 
-    ``settings`` are further properties of ``bokeh.plotting.figure``.
+    Dragging moves a ``map``, which keeps one scale for both axes, and zooms to what was dragged over in the others.
+    Ctrl and the wheel zoom as well; the wheel alone scrolls the page. ``settings`` are further properties of
+    ``bokeh.plotting.figure``.
     """
+    sides: Literal["width", "both"] = "width" if zooms == "width" else "both"
+    pan, box = PanTool(dimensions=sides), BoxZoomTool(dimensions=sides, match_aspect=zooms == "map")
+    wheel = WheelZoomTool(dimensions=sides, modifiers={"ctrl": True})
     made = figure(
         name=name,
         height=height_px,
-        tools=[*tools, SaveTool(filename=name)],
+        tools=[pan, box, wheel, ResetTool(), SaveTool(filename=name)],
         background_fill_color=None,
         border_fill_color=None,
         outline_line_color=None,
@@ -36,22 +40,11 @@ def plot(name: str, height_px: int | None, tools: Sequence[Tool], **settings: An
         **{"sizing_mode": "stretch_width"} | settings,
     )
     made.toolbar.logo = None
-    made.toolbar.active_drag = next((tool for tool in tools if isinstance(tool, Drag)), None)  # else it is always pan
+    made.toolbar.active_drag, made.toolbar.active_scroll = pan if zooms == "map" else box, wheel
     made.axis.axis_label_text_font_size = made.axis.major_label_text_font_size = TEXT
     made.axis.axis_label_text_font_style = "normal"
     made.axis.minor_tick_line_color = None
     return made
-
-
-def zoom_tools(dimensions: Literal["width", "both"] = "both", *, same_scale: bool = True) -> list[Tool]:
-    """Return zoom by a box and by Ctrl and the wheel (the wheel alone scrolls the page), pan, and reset.
-
-    The first is what dragging does at first. With ``both`` dimensions at the ``same_scale``, of a map, that is pan.
-    """
-    is_map = dimensions == "both" and same_scale
-    pan, box = PanTool(dimensions=dimensions), BoxZoomTool(dimensions=dimensions, match_aspect=is_map)
-    dragging = [pan, box] if is_map else [box, pan]
-    return [*dragging, WheelZoomTool(dimensions=dimensions, modifiers={"ctrl": True}), ResetTool()]
 
 
 def layer(name: str, *renderers: GlyphRenderer[Any]) -> None:
@@ -69,21 +62,24 @@ class Plots:
     """The models of one page, in the order in which they were placed."""
 
     def __init__(self) -> None:
-        self._document = Document()
+        self._models: list[Model] = []
 
     def place(self, model: Model) -> str:
         """Return the element in which the browser draws a model."""
-        self._document.add_root(model)
-        return f'<div class="plot" id="plot-{len(self._document.roots)}"></div>'
+        self._models.append(model)
+        return f'<div class="plot" id="plot-{len(self._models)}"></div>'
 
     def to_json(self) -> str:
         """Return what ``page.js`` needs to draw them.
 
         The same models give the same text: Bokeh counts its ids through the life of a process, a page from 1.
         """
-        ids: dict[str, str] = {}
-        content = _renumbered(self._document.to_json(deferred=False), ids)
-        places = {ids[root.id]: f"plot-{at}" for at, root in enumerate(self._document.roots, start=1)}
+        document, ids = Document(), dict[str, str]()
+        with document.models.freeze():  # else each root makes it look at all models once more
+            for model in self._models:
+                document.add_root(model)
+        content = _renumbered(document.to_json(deferred=False), ids)
+        places = {ids[model.id]: f"plot-{at}" for at, model in enumerate(self._models, start=1)}
         return json.dumps({"document": content, "places": places}, separators=(",", ":"))
 
 

@@ -1,194 +1,168 @@
-"""The map of one run: its frame and contents. Metres east and north, north up."""
+"""The map of one run or of two: metres east and north."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import count, islice
-from math import cos, hypot, isnan, radians, sin, tau
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from math import cos, isnan, radians, sin
+from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import PatchCollection
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Circle
-from matplotlib.ticker import MaxNLocator
+from bokeh.models.annotations import Arrow, NormalHead
+from bokeh.plotting import ColumnDataSource
 
-from wayfarer.views.run_report.data import Floats
-from wayfarer.views.run_report.drawing import BLACK, GREEN, VERMILION, WIDTH_IN
-from wayfarer.views.run_report.forest_map import END, START, STROKES
-from wayfarer.views.run_report.marks import ANOMALY_MARKS, anomaly_style
-from wayfarer.views.run_report.position import LocalFix
+from wayfarer.views import palette
+from wayfarer.views.page.plots import Figure, hover, layer, plot
+from wayfarer.views.run_report.data import PHASES, Floats
+from wayfarer.views.run_report.events import happenings
+from wayfarer.views.run_report.forest import draw_forests
 from wayfarer.views.run_report.series import pieces
+from wayfarer.views.run_report.track import Track, Way
 
-LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN = 0.6, 1.65, 0.1, 0.5  # around the map; the legend is at the right
-SIDE_IN = WIDTH_IN - LEFT_IN - RIGHT_IN
+POINTS = 8000  # of a way: an hour at 0.2 m/s has one for each 9 cm
 SMALLEST_M = 4.0
-LINES = 8  # of the grid, at most
-BADGE_PT = 10.0
-ROUNDING_PT = 1e-6
-MANY = 30  # anomalies
-CIRCLES = 200  # of error, at most
+GOAL: Mapping[str, Any] = {
+    "line_color": palette.GOAL_LINE,
+    "line_width": 2,
+}  # as in Bokeh; its stubs say "body_line_..."
+EDGE: Mapping[str, Any] = {"line_color": palette.EDGE, "line_width": 0.8}
+NUMBER: Mapping[str, Any] = {"text_align": "center", "text_baseline": "middle", "text_font_size": "9px"}
 ARROW = 0.12  # of the map's side: length of an arrow to the goal
-LOG_BEGINS: dict[str, Any] = {"marker": "o", "markersize": 6, "color": "white", "markeredgecolor": BLACK}
-GAP: dict[str, Any] = {
-    "linestyle": "none", "marker": "D", "markersize": 4.5, "color": "white", "markeredgecolor": BLACK,
-    "markeredgewidth": 0.8,
-}  # fmt: skip
-RECEIVER: dict[str, Any] = {"color": GREEN, "linewidth": 0.7, "marker": "+", "markersize": 4.0, "markeredgewidth": 0.7}
+CIRCLES = 200  # of the receiver's error, at most
+END: Mapping[str, Any] = {"marker": "x", "size": 11, "line_width": 3}
+START: Mapping[str, Any] = {"marker": "star", "size": 14, "line_width": 1}
 
 
-Point = tuple[float, float]  # metres east and north
+def map_plot(tracks: Sequence[Track]) -> Figure:
+    """Return the map. One run is in the colours of its phases, two have a colour each."""
+    map_ = plot("map", None, "map", sizing_mode="scale_width", aspect_ratio=1.0, match_aspect=True)
+    map_.min_border_left = 40  # as wide as its numbers, whichever they are
+    map_.xaxis.axis_label = "metres east; upwards: metres north"
+    draw_forests(map_, [track.forest for track in tracks[:1] if track.forest])
+    side_m = _leave_room(map_, tracks)
+    for at, track in enumerate(tracks):
+        colours = palette.PHASES if len(tracks) == 1 else dict.fromkeys(PHASES, palette.RUNS[at])
+        _draw_fixes(map_, track)
+        _draw_ways(map_, track, colours)
+        _draw_places(map_, track, at, side_m)
+    _draw_cursors(map_, tracks)
+    return map_
 
 
-class MapFrame(NamedTuple):
-    """What is seen: metres east and north at the lower left, and the length of a side in metres."""
-
-    east_m: float
-    north_m: float
-    side_m: float
-
-    @property
-    def points_per_m(self) -> float:
-        """Return the scale, in points of print."""
-        return 72.0 * SIDE_IN / self.side_m
-
-
-class Way(NamedTuple):
-    """A way: metres east and north, and which of ``STROKES`` draws it from there on; NaN where it is broken."""
-
-    east_m: Floats
-    north_m: Floats
-    stroke: Floats
+def _leave_room(map_: Figure, tracks: Sequence[Track]) -> float:
+    """Make the map so large that everything is on it, and return its side in metres."""
+    ways = [way for track in tracks for way in (track.way, track.reckoned) if way is not None]
+    fixes_m = np.concatenate([track.fixes_m for track in tracks])
+    x_m = np.concatenate([*(way.east_m for way in ways), fixes_m.real])
+    y_m = np.concatenate([*(way.north_m for way in ways), fixes_m.imag])
+    x_m, y_m = (each[~np.isnan(each)] if not np.isnan(each).all() else np.zeros(1) for each in (x_m, y_m))
+    side_m = max(SMALLEST_M, float(np.ptp(x_m)), float(np.ptp(y_m)))
+    corners_m = [(each.min() + each.max()) / 2.0 + np.array([-0.55, 0.55]) * side_m for each in (x_m, y_m)]
+    map_.scatter(*corners_m, alpha=0.0)
+    return side_m
 
 
-def map_around(places_m: Floats) -> MapFrame:
-    """Return a map with all places on it; they are rows of metres east and north."""
-    places_m = places_m if places_m.size else np.zeros((1, 2))
-    low_m, high_m = np.nanmin(places_m, axis=0), np.nanmax(places_m, axis=0)
-    side_m = max(SMALLEST_M, 1.16 * float(max(high_m - low_m)))
-    east_m, north_m = (low_m + high_m - side_m) / 2.0
-    return MapFrame(float(east_m), float(north_m), side_m)
-
-
-def frame(shown: MapFrame) -> tuple[Figure, Axes]:
-    """Return a figure with the empty map in it, as wide as a page allows."""
-    height_in = SIDE_IN + TOP_IN + BOTTOM_IN
-    figure = Figure((WIDTH_IN, height_in))
-    axes = figure.add_axes((LEFT_IN / WIDTH_IN, BOTTOM_IN / height_in, SIDE_IN / WIDTH_IN, SIDE_IN / height_in))
-    axes.set_xlim(shown.east_m, shown.east_m + shown.side_m)
-    axes.set_ylim(shown.north_m, shown.north_m + shown.side_m)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(LINES, steps=[1, 2, 5, 10]))
-    axes.set_xlabel("east, m")
-    axes.set_ylabel("north, m")
-    axes.grid(visible=True)
-    axes.set_axisbelow(True)
-    return figure, axes
-
-
-def broken(way: Way, stretch: Floats) -> Way:
-    """Return a way that does not bridge what is missing between one stretch of the log and the next."""
-    at = np.flatnonzero(np.diff(stretch)) + 1
-    return Way(*(np.insert(column, at, np.nan) for column in way))
-
-
-def draw_way(axes: Axes, way: Way) -> None:
-    """Draw a way in the colours of its phases."""
-    for at, stroke in enumerate(STROKES):
-        inside = way.stroke == at
-        if inside.any():
-            line = pieces((way.east_m, way.north_m), inside)
-            axes.plot(*line, color=stroke.colour, linewidth=1.2 * stroke.width, label=stroke.text, zorder=2)
-
-
-def draw_gaps(axes: Axes, way: Way) -> None:
-    """Mark where a way goes on behind a break: dead reckoning has the rover near where it lost it."""
-    behind = np.flatnonzero(np.isnan(way.east_m)) + 1
-    if behind.size:
-        axes.plot(way.east_m[behind], way.north_m[behind], label="records missing", zorder=3.5, **GAP)
-
-
-def draw_ends(axes: Axes, way: Way, *, from_start: bool) -> None:
-    """Mark where a way begins and ends; where the beginning is lost, its first place is not the start."""
-    first = (START, 0, "start") if from_start else (LOG_BEGINS, 0, "log begins")
-    for style, at, label in (first, (END, -1, "end")):
-        if way.east_m.size:
-            axes.plot(way.east_m[at], way.north_m[at], linestyle="none", label=label, zorder=4, **style)
-
-
-def draw_arrow(axes: Axes, place_m: Point, heading_deg: float, shown: MapFrame) -> None:
-    """Draw a compass heading at a place, for the goal that was taken there."""
-    length_m, along = ARROW * shown.side_m, radians(heading_deg)
-    tip_m = (place_m[0] + length_m * sin(along), place_m[1] + length_m * cos(along))
-    arrow = {"arrowstyle": "-|>", "color": VERMILION, "linewidth": 1.1, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", tip_m, place_m, arrowprops=arrow, annotation_clip=False, zorder=3.9)
-
-
-def draw_onsets(axes: Axes, onsets: Sequence[tuple[str, Point]]) -> None:
-    """Mark anomalies, each kind in its own shape; many are drawn smaller."""
-    size_pt = 4.2 if len(onsets) <= MANY else 2.6
-    for kind in ANOMALY_MARKS:
-        places_m = [place_m for each, place_m in onsets if each == kind]
-        if places_m:
-            axes.plot(*np.array(places_m).T, zorder=3, label=kind.replace("_", " "), **anomaly_style(kind, size_pt))
-
-
-def draw_marks(axes: Axes, marks: Sequence[tuple[int, Point]], shown: MapFrame) -> None:
-    """Draw a person's marks: a line from each place to a badge with the mark's number."""
-    known = [(number, east_m, north_m) for number, (east_m, north_m) in marks if not isnan(east_m + north_m)]
-    scale = shown.points_per_m
-    badges_pt = spread_badges([(east_m * scale, north_m * scale) for _, east_m, north_m in known], BADGE_PT)
-    badge = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": BLACK, "linewidth": 0.7}
-    for (number, east_m, north_m), (x_pt, y_pt) in zip(known, badges_pt, strict=True):
-        axes.plot([east_m, x_pt / scale], [north_m, y_pt / scale], color=BLACK, linewidth=0.7, zorder=4.5)
-        axes.text(
-            x_pt / scale,
-            y_pt / scale,
-            f"{number}",
-            fontsize=6.5,
-            ha="center",
-            va="center_baseline",
-            bbox=badge,
-            zorder=5,
-        )
-
-
-def spread_badges(places_pt: Sequence[tuple[float, float]], size_pt: float) -> list[tuple[float, float]]:
-    """Return where badges go, each as near to its place as can be without lying on the place or on another badge."""
-    taken: list[tuple[float, float]] = []
-    for x_pt, y_pt in places_pt:
-        around = (
-            (x_pt + ring * size_pt * cos(turn), y_pt + ring * size_pt * sin(turn))
-            for ring in count(1)
-            for turn in (tau * (step + 0.5) / (6 * ring) for step in range(6 * ring))
-        )
-        taken.append(
-            next(at for at in around if all(hypot(at[0] - x, at[1] - y) >= size_pt - ROUNDING_PT for x, y in taken))
-        )
-    return taken
-
-
-def draw_fixes(axes: Axes, fixes: Sequence[LocalFix]) -> None:
+def _draw_fixes(map_: Figure, track: Track) -> None:
     """Draw what the receiver said, with circles of its error."""
-    if not fixes:
+    if not track.fixes:
         return
-    axes.plot(
-        [fix.east_m for fix in fixes], [fix.north_m for fix in fixes], label="receiver's fixes", zorder=1.8, **RECEIVER
+    fixes, places_m = track.fixes, track.fixes_m
+    told = ColumnDataSource(
+        {
+            "x": _small(places_m.real), "y": _small(places_m.imag),
+            "latitude": [f"{fix.latitude_deg:.6f}" for fix in fixes],
+            "longitude": [f"{fix.longitude_deg:.6f}" for fix in fixes],
+            "error": ["unknown" if isnan(fix.error_m) else f"{fix.error_m:.1f} m" for fix in fixes],
+            "t": _small([fix.t_s for fix in fixes]),
+        }
+    )  # fmt: skip
+    every = -(-len(fixes) // CIRCLES)
+    circles = ColumnDataSource(
+        {name: told.data[name][::every] for name in ("x", "y")} | {"r": _small([fix.error_m for fix in fixes][::every])}
     )
-    circles = [
-        Circle((fix.east_m, fix.north_m), fix.error_m)
-        for fix in islice(fixes, 0, None, -(-len(fixes) // CIRCLES))
-        if not isnan(fix.error_m)
-    ]
-    axes.add_collection(
-        PatchCollection(circles, facecolor="none", edgecolor=GREEN, alpha=0.25, linewidth=0.5, zorder=1.2)
+    rings = map_.circle(
+        "x", "y", radius="r", source=circles, fill_color=None, line_color=palette.RECEIVER, line_alpha=0.25
     )
+    dots = map_.scatter("x", "y", source=told, marker="cross", size=6, color=palette.RECEIVER)
+    layer("fixes", rings, dots)
+    rows = (("fix", "@latitude @longitude"), ("error", "@error"), ("time", "@t{0.0} s"))
+    map_.add_tools(hover([dots], *rows))
 
 
-def draw_legend(axes: Axes, *keys: dict[str, Any]) -> None:
-    """Say at the right of the map what is what; ``keys`` are the styles of what was drawn without a label."""
-    drawn, _ = axes.get_legend_handles_labels()
-    handles = [*drawn, *(Line2D([], [], **key) for key in keys)]
-    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.5, handlelength=1.6)
+def _draw_ways(map_: Figure, track: Track, colours: Mapping[str, str]) -> None:
+    if track.reckoned is not None:
+        _line(map_, _thinned(track.reckoned)[1:3], palette.GREY, "reckoned", line_dash=[6, 3])
+    way = _thinned(track.way)
+    for phase, colour in colours.items():
+        inside = way.phase == PHASES.index(phase)
+        if inside.any():
+            _line(map_, pieces(inside, way.east_m, way.north_m), colour, phase, line_width=2.5)
+    if len(set(colours.values())) > 1 and np.isnan(way.phase).all():
+        _line(map_, (way.east_m, way.north_m), palette.GREY, "unknown")
+
+
+def _draw_places(map_: Figure, track: Track, run: int, side_m: float) -> None:
+    """Mark start and end, goals, gaps, anomalies and marks."""
+    way = track.way
+    for (east_m, north_m), heading_deg in track.goals():
+        along, length_m = radians(heading_deg), ARROW * side_m
+        tip_m = east_m + length_m * sin(along), north_m + length_m * cos(along)
+        head = NormalHead(size=9, fill_color=palette.GOAL_LINE, line_color=palette.GOAL_LINE)
+        ends_m: dict[str, Any] = {"x_start": east_m, "y_start": north_m, "x_end": tip_m[0], "y_end": tip_m[1]}
+        map_.add_layout(Arrow(end=head, **ends_m, **GOAL))
+    told = [
+        (place_m, each) for each in happenings(track.data) for place_m in [way.at(each.t_s)]
+        if each.layer in ("anomaly", "mark") and not isnan(sum(place_m))
+    ]  # fmt: skip
+    for name, colour, size in (("anomaly", palette.ANOMALY, 9), ("mark", palette.PAPER, 16)):
+        found = [each for each in told if each[1].layer == name]
+        source = ColumnDataSource(
+            {
+                "x": _small([place_m[0] for place_m, _ in found]), "y": _small([place_m[1] for place_m, _ in found]),
+                "what": [each.text for _, each in found], "t": _small([each.t_s for _, each in found]),
+                "shape": [each.shape for _, each in found],
+                "turned": _small([radians(each.turned_deg) for _, each in found]),
+            }
+        )  # fmt: skip
+        drawn = map_.scatter(
+            "x", "y", source=source, marker="shape", angle="turned", size=size, fill_color=colour, **EDGE
+        )
+        layer(name, drawn)
+        if name == "mark":
+            source.data["number"] = [f"{number}" for number, _ in enumerate(found, start=1)]
+            layer(name, map_.text("x", "y", text="number", source=source, **NUMBER))
+        map_.add_tools(hover([drawn], ("what", "@what"), ("time", "@t{0.0} s")))
+    behind = np.flatnonzero(np.isnan(way.east_m)) + 1
+    map_.scatter(way.east_m[behind], way.north_m[behind], marker="diamond", size=9, fill_color=palette.PAPER, **EDGE)
+    if way.t_s.size:
+        ends = [(START, 0)] if track.data.summary.where.from_start else []
+        for style, at in [*ends, (END, -1)]:
+            map_.scatter(way.east_m[[at]], way.north_m[[at]], color=palette.RUNS[run], **style)
+
+
+def _draw_cursors(map_: Figure, tracks: Sequence[Track]) -> None:
+    """Put in what the cursor needs: the ways over time, unseen, and a ring on each at the time of the cursor."""
+    for at, track in enumerate(tracks):
+        way = _thinned(track.way)
+        source = ColumnDataSource({name: _small(each) for name, each in zip("txy", way, strict=False)})
+        map_.line("x", "y", source=source, line_alpha=0.0, name=f"way-{at}")
+        here = ColumnDataSource({"x": [], "y": []})
+        map_.scatter(
+            "x", "y", source=here, name=f"here-{at}", size=16, fill_color=None, line_width=3, color=palette.RUNS[1 - at]
+        )
+
+
+def _thinned(way: Way) -> Way:
+    """Return every so many points of a way, with its gaps and its end."""
+    every = max(1, -(-way.t_s.size // POINTS))
+    kept = np.arange(way.t_s.size) % every == 0
+    kept[-1:] = True
+    return Way(*(column[kept | np.isnan(way.east_m)] for column in way))
+
+
+def _line(map_: Figure, places_m: Sequence[Floats], colour: str, name: str, **look: Any) -> None:
+    source = ColumnDataSource({name: _small(each) for name, each in zip("xy", places_m, strict=True)})
+    layer(name, map_.line("x", "y", source=source, line_color=colour, **look))
+
+
+def _small(values: Any) -> np.ndarray[Any, np.dtype[np.float32]]:
+    return np.asarray(values, dtype=np.float32)

@@ -1,81 +1,127 @@
-"""Writes the report of one field run: a page beside its log, and its figures as files."""
+"""Writes the report of one run, or of two beside each other: one page that needs no network."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Sequence
+from functools import cache
+from html import escape
+from importlib.resources import files
 from pathlib import Path
 
-import matplotlib
-
-from wayfarer.errors import BadForest
-from wayfarer.fieldlog.reader import Record
-from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.forest_file import from_row
-from wayfarer.views.run_report import page, words
+from wayfarer.views import palette
+from wayfarer.views.page import html
+from wayfarer.views.page.frame import PAGE, write_page
+from wayfarer.views.page.plots import Plots
+from wayfarer.views.run_report import words
+from wayfarer.views.run_report.comparison import facts_table, settings_table
 from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.drawing import house_style, save
-from wayfarer.views.run_report.panels import panels_of
+from wayfarer.views.run_report.events import LAYERS
+from wayfarer.views.run_report.map import map_plot
+from wayfarer.views.run_report.panels import draw_panels
 from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.run_report.tables import anomalies_table, episodes_table, events_list, sensors_table
-from wayfarer.views.run_report.timeline import timeline_figure
-from wayfarer.views.run_report.track import forest_track_figure, track_figure
+from wayfarer.views.run_report.track import Track, tracks_of
+
+BUTTONS = (
+    ("in", "+", "zoom in"), ("out", "\N{MINUS SIGN}", "zoom out"), ("back", "←", "earlier"), ("on", "→", "later"),
+    ("all", "all", "the whole time"),
+)  # fmt: skip
 
 
 def write_run_report(run: Path, out: Path | None = None) -> Path:
     """Write the report of the run in a folder, and return the page's path: ``out``, or ``report.html`` in the folder.
 
-    The figures stand in ``figures`` beside the page. The same log gives the same bytes. A log that is damaged or cut
-    off gives a page that says what is not there.
+    The same log gives the same bytes. A log that is damaged or cut off gives a page that says what is not there.
 
     Raises:
         BadInput: there is no log in the folder, nothing in it can be read, or the report cannot be written.
     """
-    data = read_run(run)
-
-    def body(figures: Path) -> list[str]:
-        with house_style(), matplotlib.rc_context({"figure.constrained_layout.use": False}), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", r"Glyph .* missing from font")  # of a mark; the page has it
-            return list(_body(data, run.resolve().name, figures))
-
-    return page.write_page(run / page.PAGE if out is None else out, words.title(data), body)
-
-
-def _body(data: RunData, folder: str, figures: Path) -> Iterator[str]:
-    yield page.facts(words.facts(data, folder))
-    yield page.section("Track", *_tracks(data, figures))
-    yield page.section("Time lines", _timeline(data, figures))
-    yield page.section("Anomalies and episodes", anomalies_table(data), episodes_table(data))
-    yield page.section("Events", events_list(data))
-    yield page.section("Sensors", sensors_table(data))
+    data, plots = read_run(run), Plots()
+    body = [
+        html.facts(words.facts(data, run.resolve().name)),
+        *_drawn([data], [words.number_of(run)], plots),
+        html.section("Anomalies and episodes", anomalies_table(data), episodes_table(data)),
+        html.section("Events", events_list(data)),
+        html.section("Sensors", sensors_table(data)),
+    ]
+    return write_page(run / PAGE if out is None else out, words.title(data), body, plots, _cursor_js())
 
 
-def _tracks(data: RunData, figures: Path) -> Iterator[str]:
-    """Yield the map by dead reckoning, and that of the forest where the run was simulated."""
-    if data.has_way:
-        drawing = save(track_figure(data), figures, "track", words.track_alt(data))
-        yield page.figure(drawing, words.track_caption(data))
-    else:
-        yield page.paragraph(words.NO_WAY)
-    forest = _forest_of(data.header)
-    if forest is not None and data.truth["x_m"].size:
-        drawing = save(forest_track_figure(data, forest), figures, "track-in-forest", words.forest_alt(data))
-        yield page.figure(drawing, words.forest_caption(data))
-    elif data.summary.simulated:
-        yield page.paragraph(words.NO_FOREST)
+def write_comparison(first: Path, second: Path, out: Path | None = None) -> Path:
+    """Write two runs into one page, and return its path: ``out``, or ``report-N-M.html`` in the second folder.
+
+    Raises:
+        BadInput: as ``write_run_report``.
+    """
+    runs, plots = [read_run(first), read_run(second)], Plots()
+    names = [words.number_of(first), words.number_of(second)]
+    body = [
+        html.section("Figures", facts_table(runs, names)),
+        *_drawn(runs, names, plots),
+        html.section("What changed in the rover file", settings_table(runs, names)),
+    ]
+    out = out or second / f"report-{'-'.join(names)}.html"
+    return write_page(out, f"Runs {names[0]} and {names[1]}", body, plots, _cursor_js())
 
 
-def _forest_of(header: Record) -> Forest | None:
-    """Return the forest that a simulated run was in; None where the header has none that can be read."""
-    try:
-        return from_row(header["world"])
-    except (BadForest, LookupError, TypeError):
-        return None
+def _drawn(runs: Sequence[RunData], names: Sequence[str], plots: Plots) -> Iterator[str]:
+    """Yield the map, the time panels, and the cursor that they share."""
+    tracks = tracks_of(runs)
+    yield '<section class="run">'
+    yield f'<div class="map">\n<h2>Track</h2>\n{"".join(_map(tracks, names, plots))}</div>'
+    panels = list(draw_panels(runs, plots))
+    shown = "".join(panels) if panels else html.paragraph(words.NO_TICKS)
+    yield f'<div class="panels">\n<h2>Time lines</h2>\n{html.paragraph(words.PANELS) if panels else ""}{shown}</div>'
+    yield _cursor(runs, names)
+    yield "</section>"
 
 
-def _timeline(data: RunData, figures: Path) -> str:
-    if not panels_of(data):
-        return page.paragraph(words.NO_TICKS)
-    figure, unplaced = timeline_figure(data)
-    drawing = save(figure, figures, "time-lines", words.timeline_alt(data))
-    return page.figure(drawing, words.timeline_caption(unplaced))
+def _map(tracks: Sequence[Track], names: Sequence[str], plots: Plots) -> Iterator[str]:
+    if not any(track.data.has_way or track.reckoned for track in tracks):
+        yield html.paragraph(words.NO_WAY)
+        return
+    yield html.layers("Shown on the map and in the time lines", _layers(tracks))
+    if len(tracks) > 1:
+        yield html.key("", zip(names, palette.RUNS, strict=True))
+    yield html.figure(plots.place(map_plot(tracks)), words.track_caption(tracks))
+    for track, name in zip(tracks, names, strict=True):
+        yield html.paragraph(words.fitted(track, "" if len(tracks) == 1 else f"Run {name}: "))
+        if track.end_deg:
+            yield words.where_link(track.end_deg, "" if len(tracks) == 1 else name)
+        if track.data.summary.simulated and track.forest is None:
+            yield html.paragraph(words.NO_FOREST)
+
+
+def _layers(tracks: Sequence[Track]) -> Iterator[html.Layer]:
+    """Yield what can be switched off: of one run also its phases."""
+    if len(tracks) == 1:
+        for phase, colour in palette.PHASES.items():
+            yield html.Layer(phase, phase.replace("_", " "), colour)
+    if any(track.reckoned for track in tracks):
+        yield html.Layer("reckoned", "dead reckoning", palette.GREY, shown=len(tracks) == 1)
+    if any(track.fixes for track in tracks):
+        yield html.Layer("fixes", "receiver", palette.RECEIVER, shown=len(tracks) == 1)
+    yield from LAYERS
+
+
+def _cursor(runs: Sequence[RunData], names: Sequence[str]) -> str:
+    """Return the bar with the cursor's time and the values there; it begins at the end, with how that was."""
+    ends_s = [data.summary.lasted_s for data in runs]
+    end_s, told = max(1.0, *ends_s), [{"name": name, "end": end_s} for name, end_s in zip(names, ends_s, strict=True)]
+    buttons = "".join(
+        f'<button type="button" value="{value}" aria-label="{label}">{text}</button>' for value, text, label in BUTTONS
+    )
+    return "\n".join(
+        [
+            f'<div class="cursor" data-runs="{escape(json.dumps(told))}">',
+            f'<p><input type="range" min="0" max="{end_s:.2f}" step="any" aria-label="cursor">{buttons}</p>',
+            '<dl aria-live="off"></dl>',
+            "</div>",
+        ]
+    )
+
+
+@cache
+def _cursor_js() -> str:
+    return (files("wayfarer.views.run_report") / "cursor.js").read_text(encoding="utf-8")

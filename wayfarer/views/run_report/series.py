@@ -1,18 +1,19 @@
-"""Prepares columns of numbers for drawing: a line has a gap where data are missing. matplotlib thins it."""
+"""Prepares columns of numbers for drawing: lines with a gap where data are missing, thin enough for a page."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import nan
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.views.run_report.data import GAP_S, Floats
+from wayfarer.views.run_report.data import GAP_S, Columns, Floats
 
-BINS = 900  # two columns of pixels, or a third of a point on paper, for each
+BINS = 3000  # of a line: one for 1.2 s of an hour, and some in each column of pixels of a screen
+
+Line = tuple[Floats, Floats]  # times in seconds, and values
 
 
 class ValueSpan(NamedTuple):
@@ -23,31 +24,50 @@ class ValueSpan(NamedTuple):
     value: float
 
 
-def broken_at_gaps(t_s: Floats, values: Floats, gap_s: float = GAP_S) -> tuple[Floats, Floats]:
-    """Return a line that does not bridge a time in which nothing was logged."""
-    return _broken(t_s, values, np.diff(t_s) > gap_s)
+def breaks(ticks: Columns) -> NDArray[np.bool_]:
+    """Return between which ticks records are missing, or nothing was logged for a while."""
+    missing: NDArray[np.bool_] = (np.diff(ticks["t_s"]) > GAP_S) | (np.diff(ticks["stretch"]) != 0.0)
+    return missing
 
 
-def broken_beside(ticks_s: Floats, t_s: Floats, values: Floats, silent_s: float) -> tuple[Floats, Floats]:
-    """Return a line of something that is told more seldom than ticks; it bridges neither their gaps nor a silence."""
-    gaps_s = ticks_s[:-1][np.diff(ticks_s) > GAP_S]
-    return _broken(t_s, values, (np.diff(np.searchsorted(gaps_s, t_s)) > 0) | (np.diff(t_s) > silent_s))
+def at_ticks(ticks: Columns, values: Floats) -> Line:
+    """Return the line of a value that each tick has."""
+    return broken(ticks["t_s"], values, breaks(ticks))
 
 
-def around(t_s: Floats, angles_deg: Floats, centre_deg: float) -> tuple[Floats, Floats]:
-    """Return angles as deviations from a centre, -180 to 180 degrees, broken where they go round the back."""
-    deviations_deg = (angles_deg - centre_deg + 180.0) % 360.0 - 180.0
-    return _broken(t_s, deviations_deg, np.abs(np.diff(deviations_deg)) > 180.0)
-
-
-def without_unknown(t_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return only what is known: the readings of a sensor that speaks less often than the tick."""
+def beside_ticks(ticks: Columns, t_s: Floats, values: Floats, silent_s: float) -> Line:
+    """Return the line of what is told more seldom than ticks; it bridges neither their gaps nor a silence."""
     known = ~np.isnan(values)
-    return t_s[known], values[known]
+    t_s, values = t_s[known], values[known]
+    gaps_s = ticks["t_s"][:-1][breaks(ticks)]
+    return broken(t_s, values, (np.diff(np.searchsorted(gaps_s, t_s)) > 0) | (np.diff(t_s) > silent_s))
 
 
-def spans(t_s: Floats, values: Floats, samples: int = BINS) -> list[ValueSpan]:
-    """Return the times in which a value stays the same, at most ``samples`` of them; unknown values have none.
+def around(line: Line, centre_deg: float) -> Line:
+    """Return angles as deviations from a centre, -180 to 180 degrees, broken where they go round the back."""
+    deviations_deg = (line[1] - centre_deg + 180.0) % 360.0 - 180.0
+    return broken(line[0], deviations_deg, np.abs(np.diff(deviations_deg)) > 180.0)
+
+
+def thinned(line: Line, bins: int = BINS) -> Line:
+    """Return the smallest and the largest value in each of so many equal times, and every gap."""
+    t_s, values = line
+    unknown = np.isnan(values)
+    again = unknown & np.append(False, unknown[:-1])  # one of several unknown values makes the same gap
+    t_s, values, unknown = t_s[~again], values[~again], unknown[~again]
+    if t_s.size <= 2 * bins:
+        return t_s, values
+    part = np.minimum((t_s - t_s[0]) / (t_s[-1] - t_s[0]) * bins, bins - 1).astype(np.intp)
+    group = np.cumsum(np.append(0, (np.diff(part) != 0) | (np.diff(unknown) != 0)))
+    order = np.lexsort((values, group))
+    firsts = np.flatnonzero(np.append(True, np.diff(group[order]) != 0))
+    lasts = np.append(firsts[1:] - 1, order.size - 1)
+    kept = np.unique(np.concatenate([order[firsts], order[lasts], np.flatnonzero(unknown)]))
+    return t_s[kept], values[kept]
+
+
+def spans(t_s: Floats, values: Floats, most: int = BINS) -> list[ValueSpan]:
+    """Return the times in which a value stays the same, at most ``most`` of them; unknown values have none.
 
     The last value is taken to hold for as long as the tick before it did.
     """
@@ -56,19 +76,24 @@ def spans(t_s: Floats, values: Floats, samples: int = BINS) -> list[ValueSpan]:
     ends_s = np.append(t_s[1:], t_s[-1] + (t_s[-1] - t_s[-2] if t_s.size > 1 else 0.0))
     ends_s = np.where(ends_s - t_s > GAP_S, t_s, ends_s)
     found = list(_runs(t_s, ends_s, values))
-    if len(found) <= samples:
+    if len(found) <= most:
         return found
-    grid_s = np.linspace(t_s[0], t_s[-1], samples + 1)
+    grid_s = np.linspace(t_s[0], t_s[-1], most + 1)
     at = np.clip(np.searchsorted(t_s, grid_s[:-1], side="right") - 1, 0, t_s.size - 1)
     return list(_runs(grid_s[:-1], grid_s[1:], values[at]))
 
 
-def pieces(columns: tuple[Floats, Floats], inside: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def pieces(inside: NDArray[np.bool_], *columns: Floats) -> list[Floats]:
     """Return the parts of a way that begin at points inside, as one line with gaps; each goes on to the next point."""
     changes = np.flatnonzero(np.diff(np.concatenate(([0], inside[:-1], [0]))))
     parts = [slice(first, end + 1) for first, end in changes.reshape(-1, 2)]
-    first, second = (np.concatenate([[], *(np.append(column[part], nan) for part in parts)]) for column in columns)
-    return first, second
+    return [np.concatenate([[], *(np.append(column[part], np.nan) for part in parts)]) for column in columns]
+
+
+def broken(t_s: Floats, values: Floats, between: NDArray[np.bool_]) -> Line:
+    """Return a line with a gap between two points where there shall be one."""
+    at = np.flatnonzero(between) + 1
+    return np.insert(t_s, at, t_s[at]), np.insert(values, at, np.nan)
 
 
 def _runs(starts_s: Floats, ends_s: Floats, values: Floats) -> Iterator[ValueSpan]:
@@ -78,8 +103,3 @@ def _runs(starts_s: Floats, ends_s: Floats, values: Floats) -> Iterator[ValueSpa
     for first, end in pairwise(bounds):
         if not np.isnan(values[first]):
             yield ValueSpan(float(starts_s[first]), float(ends_s[end - 1]), float(values[first]))
-
-
-def _broken(t_s: Floats, values: Floats, between: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    at = np.flatnonzero(between) + 1
-    return np.insert(t_s, at, t_s[at]), np.insert(values, at, nan)

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from html import escape
 from math import isnan
 
-from wayfarer.fieldlog.fields import name, span
-from wayfarer.views.run_report import page, words
+from wayfarer.fieldlog.fields import span
+from wayfarer.views.page import html
+from wayfarer.views.run_report import words
 from wayfarer.views.run_report.data import LoggedEvent, RunData, Sensor
-from wayfarer.views.run_report.marks import is_trouble
+from wayfarer.views.run_report.events import is_trouble, mark_text
 from wayfarer.views.text.wording import event_text
 
 ROWS = 500  # of a table; the log has all of them
@@ -19,7 +20,7 @@ def anomalies_table(data: RunData) -> str:
     """Return the anomalies by cause."""
     counts = data.summary.anomalies
     if not counts:
-        return page.paragraph("There were no anomalies.")
+        return html.paragraph("There were no anomalies.")
     total, hundred_m = sum(counts.values()), data.summary.reckoned_m / 100.0
     rows = [
         (
@@ -34,13 +35,13 @@ def anomalies_table(data: RunData) -> str:
         for kind, count in sorted(counts.items(), key=lambda item: -item[1])
     ]
     caption = "Anomalies by cause. Each is counted when it begins."
-    return page.table(caption, ("cause", "times", "share", "in 100 m"), rows)
+    return html.table(caption, ("cause", "times", "share", "in 100 m"), rows)
 
 
 def episodes_table(data: RunData) -> str:
     """Return the episodes, in their order."""
     if not data.episodes:
-        return page.paragraph(words.NO_EPISODE)
+        return html.paragraph(words.NO_EPISODE)
     rows = [
         (
             "",
@@ -58,17 +59,17 @@ def episodes_table(data: RunData) -> str:
     ]
     caption = "Episodes: from an anomaly until the goal was followed again."
     head = ("no.", "began", "first turn", "turns", "lasted, s", "way, m", "ended by")
-    return "\n".join([page.table(caption, head, rows[:ROWS]), *_rest(rows)])
+    return "\n".join([html.table(caption, head, rows[:ROWS]), *_rest(rows)])
 
 
 def events_list(data: RunData) -> str:
     """Return everything that was reported, in its order; trouble is set in bold."""
     if not data.events:
-        return page.paragraph(words.NO_EVENT)
+        return html.paragraph(words.NO_EVENT)
     items = [f"<li>{escape(span(event.t_s, 1))} {_event(event)}</li>" for event in data.events[:ROWS]]
     return "\n".join(
         [
-            page.paragraph("What people asked for, and what the rover reported."),
+            html.paragraph("What people asked for, and what the rover reported."),
             "<ul>",
             *items,
             "</ul>",
@@ -79,7 +80,7 @@ def events_list(data: RunData) -> str:
 
 def _event(event: LoggedEvent) -> str:
     if event.mark:
-        return f"mark {event.mark}: {escape(name(event.record, 'text') or '')}"
+        return escape(mark_text(event))
     text = escape(event_text(event.record))
     return f"<strong>{text}</strong>" if is_trouble(event) else text
 
@@ -87,13 +88,13 @@ def _event(event: LoggedEvent) -> str:
 def sensors_table(data: RunData) -> str:
     """Return how well each sensor spoke."""
     if not data.sensors:
-        return page.paragraph(words.NO_SENSOR)
+        return html.paragraph(words.NO_SENSOR)
     rows = [("", (sensor, *_health(data, sensor, health))) for sensor, health in data.sensors.items()]
     caption = (
         "Sensors, as the control loop saw them: it looks at each once a tick. Unsure: readings of motion whose quality "
         "is too low to be used."
     )
-    return page.table(
+    return html.table(
         caption, ("sensor", "readings", "rate, Hz", "set, Hz", "longest gap, s", "unsure", "failures"), rows
     )
 
@@ -113,4 +114,4 @@ def _health(data: RunData, sensor: str, health: Sensor) -> Sequence[str]:
 
 def _rest(rows: Sequence[object]) -> list[str]:
     """Say how many rows are left out, if any."""
-    return [page.paragraph(f"{len(rows) - ROWS} more are in the log: wayfarer logs show.")] if len(rows) > ROWS else []
+    return [html.paragraph(f"{len(rows) - ROWS} more are in the log: wayfarer logs show.")] if len(rows) > ROWS else []

@@ -1,124 +1,151 @@
-"""The track of a run seen from above: by dead reckoning, and in the forest if it was simulated."""
+"""Where a rover went: by dead reckoning, laid onto the receiver's fixes, or truly in the forest of a simulation."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from math import hypot, isnan, nan
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from wayfarer.angles import Coordinates, coordinates_deg
+from wayfarer.errors import BadForest
 from wayfarer.fieldlog.fields import number
-from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
-from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.drawing import GREY, VERMILION
-from wayfarer.views.run_report.forest_map import GOAL, MARGIN_M, TREE, TRUNK, draw_forest
-from wayfarer.views.run_report.map import (
-    MapFrame,
-    Point,
-    Way,
-    broken,
-    draw_arrow,
-    draw_ends,
-    draw_fixes,
-    draw_gaps,
-    draw_legend,
-    draw_marks,
-    draw_onsets,
-    draw_way,
-    frame,
-    map_around,
-)  # fmt: skip
-from wayfarer.views.run_report.marks import stroke_of
-from wayfarer.views.run_report.position import local_metres
+from wayfarer.simhal.parts import ORIGIN
+from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.forest_file import from_row
+from wayfarer.views.run_report.data import Floats, MapFix, RunData
+from wayfarer.views.run_report.receiver import Fit, Places, believable, fit, places_of
 
-RECKONED: dict[str, Any] = {"color": GREY, "linewidth": 0.9, "linestyle": (0, (4, 1.5)), "label": "dead reckoning"}
-ARROW: dict[str, Any] = {"color": VERMILION, "linewidth": 1.1, "marker": ">", "markersize": 4, "label": "goal heading"}
-TRUNK_KEY: dict[str, Any] = {"color": TRUNK, "linewidth": 2.2, "label": "fallen trunk"}
-TREE_KEY: dict[str, Any] = {
-    "color": TREE, "linestyle": "none", "marker": "o", "markersize": 5, "markeredgecolor": GOAL,
-    "label": "standing tree",
-}  # fmt: skip
+Point = tuple[float, float]  # metres east and north
 
 
-def track_figure(data: RunData) -> Figure:
-    """Return the way by dead reckoning, with the receiver's fixes where there are some."""
-    way, fixes = _reckoned(data), local_metres(data.fixes)
-    fixes_m = np.reshape([(fix.east_m, fix.north_m) for fix in fixes], (-1, 2))
-    shown = map_around(np.concatenate([np.stack([way.east_m, way.north_m], axis=1), fixes_m]))
-    figure, axes = frame(shown)
-    draw_fixes(axes, fixes)
-    draw_way(axes, way)
-    goals = list(_goals(data, way))
-    for place_m, goal_deg in goals:
-        draw_arrow(axes, place_m, goal_deg, shown)
-    draw_onsets(axes, [(onset.kind, (onset.east_m, onset.north_m)) for onset in data.onsets])
-    draw_gaps(axes, way)
-    draw_ends(axes, way, from_start=data.summary.where.from_start)
-    draw_marks(axes, [(event.mark, (event.east_m, event.north_m)) for event in data.events if event.mark], shown)
-    draw_legend(axes, *([ARROW] if goals else []))
-    return figure
+class Way(NamedTuple):
+    """A way over time, metres east and north; all but the time is NaN where records are missing."""
+
+    t_s: Floats
+    east_m: Floats
+    north_m: Floats
+    phase: Floats
+
+    def at(self, t_s: float) -> Point:
+        """Return the place at a time; NaN where nothing is known."""
+        if not self.t_s.size:
+            return nan, nan
+        return float(np.interp(t_s, self.t_s, self.east_m)), float(np.interp(t_s, self.t_s, self.north_m))
+
+    def mapped(self, onto: Fit) -> Way:
+        """Return the way laid onto the receiver's fixes."""
+        places_m = onto(self.east_m + 1j * self.north_m)
+        return self._replace(east_m=places_m.real, north_m=places_m.imag)
 
 
-def forest_track_figure(data: RunData, forest: Forest) -> Figure:
-    """Return where a simulated rover really went, and where dead reckoning had it."""
-    shown = MapFrame(-MARGIN_M, -MARGIN_M, WORLD_SIZE_M + 2 * MARGIN_M)
-    figure, axes = frame(shown)
-    true, reckoned = _true(data), _from_true_start(data)
-    draw_way(axes, true)
-    axes.plot(reckoned.east_m, reckoned.north_m, zorder=2.5, **RECKONED)
-    draw_onsets(axes, [(onset.kind, _true_place(data, onset.t_s)) for onset in data.onsets])
-    draw_ends(axes, true, from_start=data.summary.where.from_start)
-    draw_marks(axes, [(event.mark, _true_place(data, event.t_s)) for event in data.events if event.mark], shown)
-    draw_forest(axes, forest, shown.points_per_m)
-    draw_legend(axes, TRUNK_KEY, TREE_KEY)
-    return figure
+@dataclass(frozen=True)
+class Track:
+    """What the map shows of one run.
+
+    ``way`` is the best that is known, ``reckoned`` dead reckoning beside it where the run was simulated. ``fixes_m``
+    are the places of ``fixes``, and ``origin`` is where the map's zero is; without fixes nobody knows that.
+    """
+
+    data: RunData
+    way: Way
+    reckoned: Way | None = None
+    forest: Forest | None = None
+    origin: Coordinates | None = None
+    fixes: Sequence[MapFix] = ()
+    fit: Fit | None = None
+
+    @property
+    def fixes_m(self) -> Places:
+        """Return the places of the fixes, metres east + 1j * metres north."""
+        return places_of(self.fixes, self.origin) if self.origin else np.array([], dtype=np.complex128)
+
+    @property
+    def end_deg(self) -> tuple[float, float] | None:
+        """Return latitude and longitude of the end: of the whole way as fitted, else of the last fix."""
+        way = self.way if self.reckoned is None else self.reckoned
+        if self.origin and self.fit and way.t_s.size:
+            return coordinates_deg(self.origin, float(way.north_m[-1]), float(way.east_m[-1]))
+        return (self.fixes[-1].latitude_deg, self.fixes[-1].longitude_deg) if self.fixes else None
+
+    @property
+    def drift_m(self) -> float:
+        """Return how far dead reckoning is from the true way at the end; NaN where one of them is not known."""
+        if self.reckoned is None or not (self.reckoned.t_s.size and self.way.t_s.size):
+            return nan
+        return hypot(self.reckoned.east_m[-1] - self.way.east_m[-1], self.reckoned.north_m[-1] - self.way.north_m[-1])
+
+    @property
+    def missed_m(self) -> tuple[float, float]:
+        """Return the median distance of the fixes from the way, unfitted (from the first fix) and fitted, metres."""
+        paired = [fix for fix in self.fixes if not isnan(fix.north_m + fix.east_m)]
+        if not self.fit or not self.origin or not paired:
+            return nan, nan
+        reckoned_m, fixed_m = (
+            np.array([complex(fix.east_m, fix.north_m) for fix in paired]),
+            places_of(paired, self.origin),
+        )
+        pinned_m = reckoned_m - reckoned_m[0] + fixed_m[0]
+        return float(np.median(np.abs(pinned_m - fixed_m))), float(np.median(np.abs(self.fit(reckoned_m) - fixed_m)))
+
+    def goals(self) -> Iterator[tuple[Point, float]]:
+        """Yield where the rover took a goal, and its heading in degrees on this map; a log may begin after that."""
+        turned_deg = self.fit.turned_deg if self.fit and self.reckoned is None else 0.0
+        told = [event for event in self.data.events if event.name in ("armed", "goal")]
+        for event in told:
+            goal_deg, place_m = number(event.record, "goal_heading_deg"), self.way.at(event.t_s)
+            if goal_deg is not None and not isnan(sum(place_m)):
+                yield place_m, goal_deg + turned_deg
+        goals_deg = self.data.ticks["goal_heading_deg"]
+        goals_deg = goals_deg[~np.isnan(goals_deg)]
+        if not told and goals_deg.size and self.way.t_s.size:
+            yield (float(self.way.east_m[0]), float(self.way.north_m[0])), float(goals_deg[0]) + turned_deg
 
 
-def drift_m(data: RunData) -> float:
-    """Return how far dead reckoning is from the truth at the end; NaN where one of them is not known."""
-    true, reckoned = _true(data), _from_true_start(data)
-    if not true.east_m.size or not reckoned.east_m.size:
-        return nan
-    return hypot(reckoned.east_m[-1] - true.east_m[-1], reckoned.north_m[-1] - true.north_m[-1])
+def track_of(data: RunData, *, origin: Coordinates | None = None) -> Track:
+    """Return what the map shows of a run; ``origin`` is where zero shall be, else the first fix."""
+    way, fixes, forest = _reckoned(data), believable(data.fixes), _forest_of(data)
+    if forest is not None and data.truth["x_m"].size:
+        found = fit(fixes, ORIGIN)
+        true = _broken(*(data.truth[name] for name in ("t_s", "x_m", "y_m", "phase", "stretch")))
+        beside = way.mapped(found) if found else _from_start_of(way, true)
+        return Track(data, true, beside, forest, ORIGIN if fixes else None, fixes, found)
+    if not fixes:
+        return Track(data, way)
+    found = fit(fixes, origin or fixes[0])
+    return Track(data, way.mapped(found) if found else way, None, None, origin or fixes[0], fixes, found)
+
+
+def tracks_of(runs: Sequence[RunData]) -> list[Track]:
+    """Return what one map shows of some runs: receivers give them the same zero, else all begin there."""
+    origin = next((fix for data in runs for fix in believable(data.fixes)[:1]), None)
+    return [track_of(data, origin=origin) for data in runs]
 
 
 def _reckoned(data: RunData) -> Way:
     ticks = data.ticks
     known = ~np.isnan(ticks["north_m"] + ticks["east_m"])
-    way = Way(ticks["east_m"][known], ticks["north_m"][known], stroke_of(ticks["phase"])[known])
-    return broken(way, ticks["stretch"][known])
+    return _broken(*(ticks[name][known] for name in ("t_s", "east_m", "north_m", "phase", "stretch")))
 
 
-def _true(data: RunData) -> Way:
-    truth = data.truth
-    return broken(Way(truth["x_m"], truth["y_m"], stroke_of(truth["phase"])), truth["stretch"])
+def _broken(t_s: Floats, east_m: Floats, north_m: Floats, phase: Floats, stretch: Floats) -> Way:
+    """Return a way that does not bridge what is missing between one stretch of the log and the next."""
+    at = np.flatnonzero(np.diff(stretch)) + 1
+    return Way(np.insert(t_s, at, t_s[at]), *(np.insert(each, at, nan) for each in (east_m, north_m, phase)))
 
 
-def _from_true_start(data: RunData) -> Way:
-    """Return the way by dead reckoning in the metres of the forest: it begins where the rover really was."""
-    way, true = _reckoned(data), _true(data)
-    if not way.east_m.size or not true.east_m.size:
+def _from_start_of(way: Way, true: Way) -> Way:
+    if not way.t_s.size:
         return way
-    return way._replace(
-        east_m=way.east_m + (true.east_m[0] - way.east_m[0]), north_m=way.north_m + (true.north_m[0] - way.north_m[0])
-    )
+    east_m, north_m = true.at(float(way.t_s[0]))
+    return way._replace(east_m=way.east_m - way.east_m[0] + east_m, north_m=way.north_m - way.north_m[0] + north_m)
 
 
-def _true_place(data: RunData, t_s: float) -> Point:
-    truth = data.truth
-    return float(np.interp(t_s, truth["t_s"], truth["x_m"])), float(np.interp(t_s, truth["t_s"], truth["y_m"]))
-
-
-def _goals(data: RunData, way: Way) -> Iterator[tuple[Point, float]]:
-    """Yield where the rover took a goal, and its heading in degrees; a log may begin after that."""
-    told = [event for event in data.events if event.name in ("armed", "goal")]
-    for event in told:
-        goal_deg = number(event.record, "goal_heading_deg")
-        if goal_deg is not None and not isnan(event.east_m + event.north_m):
-            yield (event.east_m, event.north_m), goal_deg
-    goals_deg = data.ticks["goal_heading_deg"]
-    goals_deg = goals_deg[~np.isnan(goals_deg)]
-    if not told and goals_deg.size and way.east_m.size:
-        yield (float(way.east_m[0]), float(way.north_m[0])), float(goals_deg[0])
+def _forest_of(data: RunData) -> Forest | None:
+    """Return the forest that a simulated run was in; None where the header has none that can be read."""
+    try:
+        return from_row(data.header["world"])
+    except (BadForest, LookupError, TypeError):
+        return None

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from html import escape
 from math import isnan
+from pathlib import Path
 
 import numpy as np
 
 from wayfarer.fieldlog.fields import span
 from wayfarer.fieldlog.printable import clean
+from wayfarer.views.page import html
 from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.track import drift_m
-from wayfarer.views.text.summary_text import counted, distance_line, summary_facts, where_lines
+from wayfarer.views.run_report.track import Track
+from wayfarer.views.text.summary_text import summary_facts
 
 NO_WAY = "The log has no heading, so the path of the rover is unknown."
 NO_TICKS = "No time lines: the log has no control ticks, or they hold no values."
@@ -19,6 +22,24 @@ NO_FOREST = "The log is of a simulated run, but its forest or its true path is m
 NO_EPISODE = "There was no escape episode: the rover followed its goal all the time."
 NO_EVENT = "No events."
 LAST_GOALS = 5  # as many stand in the header
+PANELS = (
+    "Colours behind the lines: what the rover did; none: it stood. Drag over a panel to zoom, or use Ctrl and the "
+    "wheel. Lines keep every extreme, and are broken where nothing is known."
+)
+RECKONED = (
+    "The way by dead reckoning: measured motion, else the wheels' commands, and the compass. Slip stretches it, an "
+    "error of the compass turns it. Star: start; cross: end; arrow: goal."
+)
+TRUE = (
+    "Where the simulated rover really went (coloured), and where dead reckoning had it (dashed). Star: start; cross: "
+    "end; arrow: goal."
+)
+GAPS = (
+    "White diamonds: records are missing there. Nobody knows how the rover moved meanwhile; the way goes on where it "
+    "broke off."
+)
+SAME_SETTINGS = "Nothing: both runs had the same rover file."
+SETTINGS = "Keys of the rover file with another value."
 NO_SENSOR = "The log has no sensor readings."
 
 
@@ -48,62 +69,40 @@ def _goal(data: RunData) -> str:
 # -- figures -----------------------------------------------------------------------------------------------------
 
 
-def track_caption(data: RunData) -> str:
-    """Explain the drawing of the way."""
-    fixes = ""
-    if data.fixes:
-        fixes = (
-            " Green crosses and circles: the receiver's fixes with their error, laid so that the first fix is where "
-            "dead reckoning had the rover then; the receiver counts from true north."
+def number_of(run: Path) -> str:
+    """Return what a run is called in short: its number, else its folder."""
+    name = run.resolve().name
+    number = name.partition("-")[0]
+    return f"{int(number)}" if number.isascii() and number.isdigit() else clean(name)
+
+
+def track_caption(tracks: Sequence[Track]) -> str:
+    """Explain the map."""
+    gaps = any(np.isnan(track.way.east_m).any() for track in tracks)
+    north = "True" if any(track.origin for track in tracks) else "Magnetic"
+    parts = [RECKONED if tracks[0].reckoned is None else TRUE, f"{north} north is up.", GAPS if gaps else ""]
+    return " ".join(filter(None, parts))
+
+
+def fitted(track: Track, run: str) -> str:
+    """Say how well dead reckoning does, as far as that is known; ``run`` names the run where there are two."""
+    parts = []
+    if not isnan(track.drift_m):
+        parts.append(f"At the end dead reckoning is {track.drift_m:.1f} m from the true way.")
+    if track.fit is not None:
+        pinned_m, fitted_m = track.missed_m
+        parts.append(
+            f"Dead reckoning is laid onto all fixes at once: turned by {track.fit.turned_deg:.1f}° and stretched by "
+            f"{track.fit.stretched:.2f}. Median distance of the fixes from it: {fitted_m:.1f} m ({pinned_m:.1f} m if "
+            "it began at the first fix)."
         )
-    marks = " Numbers: marks, as in the list of events." if data.summary.marks else ""
-    gaps = ""
-    if np.diff(data.ticks["stretch"]).any():
-        gaps = (
-            " White diamonds: records are missing there. Nobody knows how the rover moved meanwhile; the way goes on "
-            "where it broke off."
-        )
-    return (
-        "The way by dead reckoning (measured motion, else the wheels' commands; the compass), from where the log "
-        f"begins; magnetic north is up. An error of the compass turns it, slip stretches it.{gaps}{fixes}{marks}"
-    )
+    return run + " ".join(parts) if parts else ""
 
 
-def track_alt(data: RunData) -> str:
-    """Say in words what the drawing of the way shows."""
-    where = "; ".join(where_lines(data.summary.where, data.damage.missing))
-    return f"Map of the way: {distance_line(data.summary)}; it ended {where}. {_anomalies(data)}"
-
-
-def forest_caption(data: RunData) -> str:
-    """Explain the drawing of a simulated run in its forest."""
-    drift = drift_m(data)
-    apart = "" if isnan(drift) else f" At the end they are {drift:.1f} m apart."
-    return f"Where the simulated rover really went (coloured), and where dead reckoning had it (dashed).{apart}"
-
-
-def forest_alt(data: RunData) -> str:
-    """Say in words what the drawing of a simulated run in its forest shows."""
-    return f"Map of the forest with trunks, trees, goal line and the true way of the rover. {forest_caption(data)}"
-
-
-def timeline_caption(unplaced: int) -> str:
-    """Explain the time lines."""
-    left_out = f" {unplaced} kinds of events found no room; the list of events has them." if unplaced else ""
-    return (
-        "Colours behind the lines: what the rover did; white: it stood. The heading is drawn around the first goal, so "
-        "that nothing jumps at north. Lines are thinned without losing an extreme, and broken where nothing is known; "
-        f"a late tick is one after which the gate holds the wheels.{left_out}"
-    )
-
-
-def timeline_alt(data: RunData) -> str:
-    """Say in words what the time lines show."""
-    return (
-        "Time lines of anomalies, heading and goal, counter, tilt, speed, battery and control period over "
-        f"{span(data.summary.lasted_s)}. {_anomalies(data)}"
-    )
-
-
-def _anomalies(data: RunData) -> str:
-    return f"Anomalies: {counted(data.summary.anomalies) or 'none'}."
+def where_link(end_deg: tuple[float, float], name: str) -> str:
+    """Return where a run ended, with links that the map of a telephone, or a browser, opens."""
+    latitude, longitude = (f"{degrees:.6f}" for degrees in end_deg)
+    at = f"{latitude},{longitude}"
+    osm = f"https://www.openstreetmap.org/?mlat={latitude}&mlon={longitude}#map=18/{latitude}/{longitude}"
+    links = f"{html.link(f'geo:{at}?q={at}', 'open in a map')}, {html.link(osm, 'OpenStreetMap')}"
+    return f"<p>{escape(f'Run {name} ended' if name else 'Ended')} at {latitude}°, {longitude}°: {links}.</p>"

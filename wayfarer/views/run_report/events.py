@@ -1,0 +1,71 @@
+"""Anomalies and events of a run, as layers that can be shown and hidden."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+from wayfarer.fieldlog.fields import name
+from wayfarer.views import palette
+from wayfarer.views.page.html import Layer
+from wayfarer.views.run_report.data import GAP_S, LoggedEvent, RunData
+from wayfarer.views.text.wording import Tone, event_text, event_tone
+from wayfarer.views.vocabulary import ANOMALIES
+
+LAYERS = (
+    Layer("anomaly", "anomalies", palette.ANOMALY),
+    Layer("mark", "marks", palette.EDGE),
+    Layer("trouble", "trouble", palette.TROUBLE),
+    Layer("person", "by hand", palette.PERSON),
+    Layer("other", "other", palette.GREY, shown=False),
+)
+
+
+class Happening(NamedTuple):
+    """Something at a time: its layer, what a pointer is told of it, and the shape and the turn of its mark."""
+
+    t_s: float
+    layer: str
+    text: str
+    shape: str = "diamond"
+    turned_deg: float = 0.0
+
+
+def happenings(data: RunData) -> list[Happening]:
+    """Return all that a run's panels mark, by time."""
+    return sorted([*_anomalies(data), *_events(data), *_silences(data)])
+
+
+def _anomalies(data: RunData) -> Iterator[Happening]:
+    for onset in data.onsets:
+        shape, turned_deg = palette.ANOMALY_MARKERS[onset.kind]
+        yield Happening(onset.t_s, "anomaly", ANOMALIES[onset.kind], shape, turned_deg)
+
+
+def _events(data: RunData) -> Iterator[Happening]:
+    for event in data.events:
+        if event.mark:
+            yield Happening(event.t_s, "mark", mark_text(event), "hex")
+        else:
+            by_hand = event_tone(event.record) is Tone.PERSON
+            layer = "trouble" if is_trouble(event) else "person" if by_hand else "other"
+            yield Happening(event.t_s, layer, event_text(event.record))
+
+
+def _silences(data: RunData) -> Iterator[Happening]:
+    """Yield the times from which nothing was logged of the control loop."""
+    for before_s, t_s in pairwise(data.ticks["t_s"].tolist()):
+        if t_s - before_s > GAP_S:
+            yield Happening(before_s, "trouble", f"no ticks for {t_s - before_s:.0f} s")
+
+
+def mark_text(event: LoggedEvent) -> str:
+    """Return the number and the text of a person's mark."""
+    return f"mark {event.mark}: {name(event.record, 'text') or ''}".rstrip(": ")
+
+
+def is_trouble(event: LoggedEvent) -> bool:
+    """Return whether an event tells of something that went wrong; a hold that somebody asked for did not."""
+    tone = event_tone(event.record)
+    return tone in (Tone.WARNING, Tone.FAULT) and event.record.get("cause") != "operator_hold"

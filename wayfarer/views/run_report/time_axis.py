@@ -1,0 +1,158 @@
+"""What all time panels have: range of time, cursor, phases as bands, events as lines; and the panel of events."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import radians
+from typing import Any, NamedTuple
+
+import numpy as np
+from bokeh.models import AdaptiveTicker, CustomJSTickFormatter, Range1d
+from bokeh.models.annotations import Span
+from bokeh.models.renderers import GlyphRenderer
+from bokeh.plotting import ColumnDataSource
+
+from wayfarer.views import palette
+from wayfarer.views.page.plots import Figure, hover, layer, plot
+from wayfarer.views.run_report.data import LEVELS, PHASES, RunData
+from wayfarer.views.run_report.events import LAYERS, happenings
+from wayfarer.views.run_report.series import BINS, spans
+
+SHADE = 0.16  # of a phase's colour, behind the lines
+ROW_PX, AXIS_PX = 18, 26
+NARROWEST_S = 1.0  # of what can be zoomed to: ticks are whole seconds
+CLOCK = """
+const two = (part) => String(part).padStart(2, "0");
+const minutes = Math.floor(tick / 60), seconds = two(tick % 60);
+return minutes < 60 ? `${minutes}:${seconds}` : `${Math.floor(minutes / 60)}:${two(minutes % 60)}:${seconds}`;
+"""
+
+
+def time_range(runs: Sequence[RunData]) -> Range1d:
+    """Return the range that all panels share: the longest of the runs, which all begin at 0."""
+    end_s = max([1.0, *(data.summary.lasted_s for data in runs)])
+    return Range1d(start=0.0, end=end_s, bounds=(0.0, end_s), min_interval=min(end_s, NARROWEST_S))
+
+
+def time_panel(name: str, height_px: int, time: Range1d, **settings: Any) -> Figure:
+    """Return an empty panel with the cursor in it."""
+    made = plot(name, height_px, "width", x_range=time, toolbar_location=None, **settings)
+    made.min_border_left, made.min_border_right = 72, 8  # the same in all, so that times stand below each other
+    made.xaxis.ticker = AdaptiveTicker(base=60, mantissas=[1, 2, 5, 10, 15, 30], min_interval=1.0, desired_num_ticks=5)
+    made.xaxis.formatter = CustomJSTickFormatter(code=CLOCK)
+    made.xgrid.grid_line_color = None
+    made.tags = ["time"]
+    made.add_layout(Span(location=np.nan, dimension="height", line_color=palette.TROUBLE, tags=["cursor"]))
+    return made
+
+
+class Shared(NamedTuple):
+    """The phases of one run by name, and its events by layer, for all panels."""
+
+    phases: Mapping[str, ColumnDataSource]
+    events: Mapping[str, ColumnDataSource]
+
+
+def shared_by_panels(data: RunData) -> Shared:
+    """Return what all panels of a run show behind their lines."""
+    bands = spans(data.ticks["t_s"], data.ticks["phase"], BINS)
+    phases = {}
+    for phase in palette.PHASES:
+        times_s = [(band.start_s, band.end_s) for band in bands if PHASES[int(band.value)] == phase]
+        from_s, to_s = np.array(times_s, dtype=np.float32).reshape(-1, 2).T
+        phases[phase] = ColumnDataSource({"x0": from_s, "x1": to_s})
+    told = happenings(data)
+    events = {layer.name: [each for each in told if each.layer == layer.name] for layer in LAYERS}
+    return Shared(
+        {phase: source for phase, source in phases.items() if len(source.data["x0"])},
+        {
+            layer: ColumnDataSource(
+                {
+                    "x": np.array([each.t_s for each in found], dtype=np.float32),
+                    "what": [each.text for each in found],
+                    "shape": [each.shape for each in found], "turned": [radians(each.turned_deg) for each in found],
+                }
+            )
+            for layer, found in events.items() if found
+        },
+    )  # fmt: skip
+
+
+def background(made: Figure, shared: Sequence[Shared]) -> None:
+    """Draw the phases of a single run, and its events but anomalies, behind a panel."""
+    if len(shared) > 1:
+        return
+    for phase, source in shared[0].phases.items():
+        colour = palette.PHASES[phase]
+        layer(phase, made.vstrip("x0", "x1", source=source, fill_color=colour, fill_alpha=SHADE, line_color=None))
+    for each in LAYERS:
+        if each.name != "anomaly" and each.name in shared[0].events:
+            source = shared[0].events[each.name]
+            lines = made.vspan("x", source=source, line_color=each.colour, line_alpha=0.6, line_dash=[3, 3])
+            layer(each.name, lines)
+
+
+def events_panel(runs: Sequence[RunData], time: Range1d, shared: Sequence[Shared]) -> Figure:
+    """Return the panel of all events: a row for each layer and for when the wheels were held, of each run."""
+    rows = [
+        (run, name, text) for run, data in enumerate(runs)
+        for name, text in [*((layer.name, layer.text) for layer in LAYERS), ("held", "held")]
+        if name in shared[run].events or (name == "held" and _was_held(data))
+    ]  # fmt: skip
+    made = time_panel(
+        "events", ROW_PX * max(1, len(rows)) + AXIS_PX, time, y_range=Range1d(start=len(rows) - 0.5, end=-0.5)
+    )
+    background(made, shared)
+    made.ygrid.grid_line_color = None
+    made.yaxis.ticker = list(range(len(rows)))
+    made.yaxis.major_label_overrides = {at: text for at, (_, _, text) in enumerate(rows)}
+    drawn: list[GlyphRenderer[Any]] = []
+    for at, (run, name, _) in enumerate(rows):
+        if name == "held":
+            drawn += _held(made, runs[run], at)
+            continue
+        colour = palette.RUNS[run] if len(runs) > 1 else next(each.colour for each in LAYERS if each.name == name)
+        drawn.append(
+            made.scatter(
+                "x", at, source=shared[run].events[name], marker="shape", angle="turned", size=9,
+                fill_color=colour, line_color=palette.EDGE, line_width=0.8,
+            )
+        )  # fmt: skip
+        layer(name, drawn[-1])
+    made.add_tools(hover(drawn, ("what", "@what"), ("time", "@x{0.0} s")))
+    for run, data in enumerate(runs):
+        _states(made, run, data)
+    return made
+
+
+def _was_held(data: RunData) -> bool:
+    return bool((data.ticks["level"] >= LEVELS["degrade"]).any())
+
+
+def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]:
+    """Draw when the rover's own condition made the gate hold the wheels, or do with less."""
+    held = spans(data.ticks["t_s"], data.ticks["level"])
+    for level, colour in palette.LEVELS.items():
+        bars = [each for each in held if each.value == LEVELS[level]]
+        if bars:
+            columns = {
+                "left": [each.start_s for each in bars], "right": [each.end_s for each in bars],
+                "what": [f"{level} for {each.end_s - each.start_s:.1f} s" for each in bars],
+                "x": [each.start_s for each in bars],
+            }  # fmt: skip
+            yield made.hbar(
+                y=row, left="left", right="right", height=0.6, source=ColumnDataSource(columns), color=colour
+            )
+
+
+def _states(made: Figure, run: int, data: RunData) -> None:
+    """Put in, unseen, what the cursor reads of phase and level: where each changes."""
+    levels = {int(value): level for level, value in LEVELS.items()}
+    for name, words in (("phase", dict(enumerate(PHASES))), ("level", levels)):
+        bands = spans(data.ticks["t_s"], data.ticks[name])
+        columns = {
+            "x": np.array([band.start_s for band in bands], dtype=np.float32),
+            "value": [words[int(band.value)] for band in bands],
+        }
+        read = {"run": run, "name": name, "unit": "", "decimals": 0}
+        made.scatter("x", 0, source=ColumnDataSource(columns), alpha=0.0).tags = [read]
