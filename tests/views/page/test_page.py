@@ -53,12 +53,9 @@ def test_pointer_is_told_what_is_under_it_as_text(tmp_path: Path, browser_page: 
     shown = opened(browser_page, write(tmp_path / "page.html"))
     for y in (85, 90):  # the first movement brings the pointer in, the next one moves it
         shown.page.locator(".plot .bk-events").hover(position={"x": 300, "y": y})
-    tip = shown.page.locator(".bk-Tooltip")
+    tip = shown.page.locator(".bk-tooltip-content")
     tip.wait_for(timeout=10_000)
-    values = tip.locator(".bk-tooltip-row-value")
-    values.first.wait_for(timeout=10_000)
-    assert values.all_inner_texts() == [HOSTILE, "1.0 m/s"]
-    assert tip.locator("b").count() == 0
+    assert tip.inner_text().split("\n") == [f"what:\t{HOSTILE}", "speed:\t1.0 m/s"]
 
 
 def test_box_hides_its_layer(tmp_path: Path, browser_page: OpenPage) -> None:
@@ -69,18 +66,34 @@ def test_box_hides_its_layer(tmp_path: Path, browser_page: OpenPage) -> None:
     assert shown.page.evaluate(visible) is False
 
 
-def test_drag_moves_a_map_on_a_desk_and_scrolls_the_page_on_a_telephone(tmp_path: Path, browser_page: OpenPage) -> None:
-    for viewport, moves in ((DESKTOP, True), (PHONE, False)):
-        shown = opened(browser_page, write(tmp_path / "page.html"), viewport)
-        mouse = shown.page.mouse
-        box = shown.page.locator(".plot .bk-events").bounding_box()
-        assert box is not None
-        mouse.move(box["x"] + 150, box["y"] + 100)
-        mouse.down()
-        mouse.move(box["x"] + 100, box["y"] + 100, steps=4)
-        mouse.up()
-        shown.page.wait_for_timeout(100)
-        assert (shown.page.evaluate(f"{SPEED}.x_range.start") > 0.1) is moves
+def test_drag_moves_a_map(tmp_path: Path, browser_page: OpenPage) -> None:
+    shown = opened(browser_page, write(tmp_path / "page.html"))
+    x, y = middle(shown)
+    shown.page.mouse.move(x, y)
+    shown.page.mouse.down()
+    shown.page.mouse.move(x - 100, y, steps=4)
+    shown.page.mouse.up()
+    shown.page.wait_for_function(f"{SPEED}.x_range.start > 0.1")
+
+
+def test_finger_over_a_plot_scrolls_the_page(tmp_path: Path, browser_page: OpenPage) -> None:
+    shown = opened(browser_page, write(tmp_path / "page.html"), (PHONE[0], 300))
+    x, y = middle(shown)
+    hand = shown.page.context.new_cdp_session(shown.page)
+    hand.send("Emulation.setTouchEmulationEnabled", {"enabled": True})
+    hand.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
+    for step in range(1, 11):
+        hand.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": [{"x": x, "y": y - 10 * step}]})
+    hand.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    shown.page.wait_for_function("scrollY > 20", timeout=10_000)
+    assert shown.page.evaluate(f"{SPEED}.y_range.end") == 2.0
+
+
+def middle(shown: Opened) -> tuple[float, float]:
+    """The middle of the plot, in pixels of the window."""
+    box = shown.page.locator(".plot .bk-events").bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
 
 
 def test_same_models_give_the_same_bytes(tmp_path: Path) -> None:

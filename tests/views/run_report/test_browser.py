@@ -69,6 +69,7 @@ def test_page_shows_plots_and_tables_and_does_not_overflow(
     assert shown.page.locator("tbody tr").count() == 2 + 1 + 3
     assert shown.page.locator("li", has_text="<b>a mark</b>").is_visible()
     assert shown.page.locator("a[href^='geo:']").is_visible()
+    assert read(shown.page, "phase") == "follow"  # the cursor begins at the end
     assert shown.overflow_px() == 0
     assert shown.trouble == []
 
@@ -142,7 +143,9 @@ def test_two_runs_share_the_cursor(runs: list[Path], browser_page: OpenPage, vie
     shown = opened(browser_page, write_comparison(*runs), viewport)
     shown.page.locator(".cursor input").fill("1.0")
     assert read(shown.page, "heading") == "17: 0 °, 18: 90 °"
-    shown.page.locator(".cursor input").fill("3.3")
+    shown.page.locator(".cursor input").fill("2.9")
     assert read(shown.page, "phase") == "17: probe, 18: follow"
+    shown.page.locator(".cursor input").fill("3.3")
+    assert read(shown.page, "phase") == "17: probe, 18: unknown"  # the second run has ended
     assert shown.overflow_px() == 0
     assert shown.trouble == []

@@ -31,7 +31,9 @@ from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.views.run_report import words
+from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.run_report.run import write_comparison, write_run_report
+from wayfarer.views.run_report.track import tracks_of
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary_text import summary_facts
 
@@ -304,6 +306,17 @@ def test_two_runs_stand_beside_each_other_with_what_changed(tmp_path: Path) -> N
     assert "tilt_deg" not in text
     assert re.search(r'<tr class="differs"><th scope="row">anomalies</th><td>[^<]*1[^<]*</td>', page)
     assert '"way-1"' in drawn(page)
+
+
+def test_runs_whose_maps_nothing_joins_begin_at_one_place(tmp_path: Path) -> None:
+    truth = [record("truth", 0.2 * step, x_m=25.0, y_m=12.5 + 0.3 * step, heading_deg=0.0) for step in range(20)]
+    simulated = [{**HEADER, "simulated": True, "world": WORLD}, *drive(4.0), *truth]
+    simulated.sort(key=lambda each: float(each["t_s"]))
+    there = read_run(write_log(tmp_path / "1-run", [*simulated, OUTCOME]))
+    outside = read_run(write_log(tmp_path / "2-run", [HEADER, *drive(4.0), OUTCOME]))
+    apart = [(track.way.north_m[0], track.forest) for track in tracks_of([there, outside])]
+    assert apart == [(0.0, None), (0.0, None)]
+    assert [track.way.north_m[0] for track in tracks_of([there, there])] == [12.5, 12.5]
 
 
 def test_same_rover_file_is_said_to_be_the_same(tmp_path: Path) -> None:

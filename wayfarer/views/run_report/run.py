@@ -89,8 +89,8 @@ def _map(tracks: Sequence[Track], names: Sequence[str], plots: Plots) -> Iterato
         yield html.paragraph(words.fitted(track, "" if len(tracks) == 1 else f"Run {name}: "))
         if track.end_deg:
             yield words.where_link(track.end_deg, "" if len(tracks) == 1 else name)
-        if track.data.summary.simulated and track.forest is None:
-            yield html.paragraph(words.NO_FOREST)
+    if len(tracks) == 1 and tracks[0].data.summary.simulated and tracks[0].forest is None:
+        yield html.paragraph(words.NO_FOREST)
 
 
 def _layers(tracks: Sequence[Track]) -> Iterator[html.Layer]:
@@ -115,7 +115,7 @@ def _cursor(runs: Sequence[RunData], names: Sequence[str]) -> str:
     return "\n".join(
         [
             f'<div class="cursor" data-runs="{escape(json.dumps(told))}">',
-            f'<p><input type="range" min="0" max="{end_s:.2f}" step="any" aria-label="cursor">{buttons}</p>',
+            f'<p><input type="range" min="0" max="{end_s}" step="any" aria-label="cursor">{buttons}</p>',
             '<dl aria-live="off"></dl>',
             "</div>",
         ]

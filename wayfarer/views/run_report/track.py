@@ -90,6 +90,12 @@ class Track:
         pinned_m = reckoned_m - reckoned_m[0] + fixed_m[0]
         return float(np.median(np.abs(pinned_m - fixed_m))), float(np.median(np.abs(self.fit(reckoned_m) - fixed_m)))
 
+    def from_start(self) -> Track:
+        """Return the way alone, beginning at zero."""
+        way = self.way
+        east_m, north_m = way.east_m - way.east_m[:1].sum(), way.north_m - way.north_m[:1].sum()
+        return Track(self.data, way._replace(east_m=east_m, north_m=north_m))
+
     def goals(self) -> Iterator[tuple[Point, float]]:
         """Yield where the rover took a goal, and its heading in degrees on this map; a log may begin after that."""
         turned_deg = self.fit.turned_deg if self.fit and self.reckoned is None else 0.0
@@ -119,9 +125,16 @@ def track_of(data: RunData, *, origin: Coordinates | None = None) -> Track:
 
 
 def tracks_of(runs: Sequence[RunData]) -> list[Track]:
-    """Return what one map shows of some runs: receivers give them the same zero, else all begin there."""
+    """Return what one map shows of some runs.
+
+    They lie to each other as they did where a receiver or the same forest says how; else all begin at zero.
+    """
     origin = next((fix for data in runs for fix in believable(data.fixes)[:1]), None)
-    return [track_of(data, origin=origin) for data in runs]
+    tracks = [track_of(data, origin=origin) for data in runs]
+    first = tracks[0]
+    if all(each.forest == first.forest and (each.origin is None) is (first.origin is None) for each in tracks):
+        return tracks
+    return [each.from_start() for each in tracks]
 
 
 def _reckoned(data: RunData) -> Way:

@@ -79,9 +79,8 @@ def number_of(run: Path) -> str:
 def track_caption(tracks: Sequence[Track]) -> str:
     """Explain the map."""
     gaps = any(np.isnan(track.way.east_m).any() for track in tracks)
-    north = "True" if any(track.origin for track in tracks) else "Magnetic"
-    parts = [RECKONED if tracks[0].reckoned is None else TRUE, f"{north} north is up.", GAPS if gaps else ""]
-    return " ".join(filter(None, parts))
+    north = f"{'True' if tracks[0].origin else 'Magnetic'} north is up."
+    return " ".join([*([TRUE] if tracks[0].reckoned else [RECKONED, north]), *[GAPS] * gaps])
 
 
 def fitted(track: Track, run: str) -> str:
