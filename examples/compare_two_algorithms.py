@@ -16,5 +16,5 @@ rows = [row_of(run_trial(campaign.spec(task, campaign.make_forest(task.trial))))
 for one in compare(rows, against="forest-pledge"):
     print(f"{one.algorithm}: SPL {one.spl:.3f} over {one.trials} trials, the longest {one.worst.path_m:.0f} m")
     if one.spl_gain is not None:
-        mean, low, high = one.spl_gain
+        mean, low, high = one.spl_gain.estimate
         print(f"gain of SPL in pairs: {mean:+.3f} [{low:+.3f}, {high:+.3f}], 95 %; four trials prove little")

@@ -49,7 +49,7 @@ PURE = [
 ]  # fmt: skip
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
 BUS_LIBRARIES = {"cv2", "smbus2", "spidev", "serial", "gpiozero", "picamera2"}
-HEAVY = {"numpy", "scipy", "skfmm", "matplotlib", "bokeh"} | BUS_LIBRARIES
+HEAVY = {"numpy", "scipy", "skfmm", "bokeh"} | BUS_LIBRARIES
 
 
 def named_by(node: ast.AST) -> Iterator[str]:

@@ -94,7 +94,7 @@ def test_error_that_quotes_what_a_terminal_obeys_has_it_written_out(run: Run) ->
         (["sim", "--cluster", "x:1"], "distributed", "distributed, which is not installed: pip install '.[cluster]'"),
         (["run", "--sim"], "skfmm", "simulating needs scikit-fmm, which is not installed: pip install '.[sim]'"),
         (["compare", "r"], "scipy", "comparing needs scipy, which is not installed: pip install '.[sim]'"),
-        (["report"], "matplotlib", "a report needs matplotlib, which is not installed: pip install '.[sim]'"),
+        (["report"], "bokeh", "a report needs bokeh, which is not installed: pip install '.[sim]'"),
         (["run", "--sim", "--live"], "aiohttp", "page needs aiohttp, which is not installed: pip install '.[live]'"),
         (["demo"], "aiohttp", "the live page needs aiohttp, which is not installed: pip install '.[live]'"),
         (["run", "--sim", "--foxglove"], "foxglove", "needs foxglove-sdk, which is not installed: pip install '.[fox"),

@@ -57,7 +57,15 @@ def seen(colour: str, eye: Triple) -> Triple:
 
 @pytest.mark.parametrize("ground", [palette.PAPER, palette.NIGHT])
 def test_colours_stand_out_from_the_ground(ground: str) -> None:
-    lines = {*palette.PHASES.values(), *palette.RUNS, palette.RECEIVER, palette.TRUNK, palette.TREE, palette.GOAL_LINE}
+    lines = {
+        *palette.PHASES.values(),
+        *palette.RUNS,
+        *palette.SERIES,
+        palette.RECEIVER,
+        palette.TRUNK,
+        palette.TREE,
+        palette.GOAL_LINE,
+    }
     assert {colour: contrast(colour, ground) for colour in lines if contrast(colour, ground) < CONTRAST} == {}
 
 

@@ -23,7 +23,7 @@ NEEDS = {
     "sweeping": OptionalExtra("sim", {"numpy": "numpy", "skfmm": "scikit-fmm", "pyarrow": "pyarrow"}),
     "--physics mujoco": OptionalExtra("physics", {"mujoco": "mujoco"}),
     "--video": OptionalExtra("physics", {"av": "av", "PIL": "pillow"}),
-    "a report": OptionalExtra("sim", {"bokeh": "bokeh", "matplotlib": "matplotlib", "numpy": "numpy"}),
+    "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
     "Foxglove": OptionalExtra("foxglove", {"foxglove": "foxglove-sdk"}),
 }

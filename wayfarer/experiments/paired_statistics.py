@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,19 @@ RESAMPLES = 4000
 TAIL = 0.025  # on either side of a 95 % interval
 
 PairKey = tuple[int, int]
+
+
+class Difference(NamedTuple):
+    """A mean difference over pairs with its 95 % interval, in the value's unit, and how likely none is.
+
+    ``p`` is two-sided, by the same bootstrap as the interval: twice the smaller share of the resampled means on one
+    side of 0, a resample more counted on each side, so that it is never 0 (A. C. Davison, D. V. Hinkley, "Bootstrap
+    Methods and their Application", 1997, section 4.4).
+    """
+
+    estimate: Estimate
+    p: float
+    pairs: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +52,8 @@ class Comparison:
     trials: int
     layouts: int
     spl: float | None
-    spl_gain: Estimate | None
-    path_gain_m: Estimate | None
+    spl_gain: Difference | None
+    path_gain_m: Difference | None
     entrapped: Estimate
     left_bounds: Estimate
     worst: TrialRow
@@ -86,7 +100,7 @@ def _path_m(row: TrialRow) -> float | None:
     return row.path_m if row.outcome in SUCCESSES else None
 
 
-def _gain(pairs: Sequence[tuple[TrialRow, TrialRow]], value: Callable[[TrialRow], float | None]) -> Estimate | None:
+def _gain(pairs: Sequence[tuple[TrialRow, TrialRow]], value: Callable[[TrialRow], float | None]) -> Difference | None:
     """Return the mean difference of a value over the pairs that have it on both sides; None where none has."""
     gains: dict[int, list[float]] = {}
     for own, other in pairs:
@@ -96,8 +110,8 @@ def _gain(pairs: Sequence[tuple[TrialRow, TrialRow]], value: Callable[[TrialRow]
     return cluster_bootstrap(list(gains.values())) if gains else None
 
 
-def cluster_bootstrap(clusters: Sequence[Sequence[float]], resamples: int = RESAMPLES) -> Estimate:
-    """Return the mean of all values, and the 95 % percentile interval of it when whole clusters are resampled.
+def cluster_bootstrap(clusters: Sequence[Sequence[float]], resamples: int = RESAMPLES) -> Difference:
+    """Return the mean of all values, and its 95 % percentile interval and p when whole clusters are resampled.
 
     The draws are always the same, so that a table can be made again.
     """
@@ -109,7 +123,9 @@ def cluster_bootstrap(clusters: Sequence[Sequence[float]], resamples: int = RESA
         drawn = draw(len(clusters), size=len(clusters))
         means[index] = sums[drawn].sum() / counts[drawn].sum()
     low, high = np.quantile(means, (TAIL, 1.0 - TAIL)).tolist()
-    return Estimate(float(sums.sum() / counts.sum()), low, high)
+    one_sided = 1 + min(np.count_nonzero(means <= 0.0), np.count_nonzero(means >= 0.0))
+    p = min(1.0, 2.0 * float(one_sided) / (resamples + 1))
+    return Difference(Estimate(float(sums.sum() / counts.sum()), low, high), p, int(counts.sum()))
 
 
 def _share(rows: Sequence[TrialRow], outcome: str) -> Estimate:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from rich.console import Console
 
-from wayfarer.experiments.paired_statistics import Comparison
+from wayfarer.experiments.paired_statistics import Comparison, Difference
 from wayfarer.experiments.rows import SUCCESSES
 from wayfarer.experiments.statistics import Estimate
 from wayfarer.views.text.terminal_table import Column, print_in_full, table
@@ -17,15 +17,47 @@ path: pairs in which both escaped; a shorter path is negative
 worst: a failed trial, else the longest path"""
 
 
+SMALLEST_P = 0.001  # 4,000 resamples tell 0.0005 at best
+
+
 def print_comparison(console: Console, algorithms: Sequence[Comparison]) -> None:
     """Print one table, or where the console is too narrow for it gains and outcomes below each other."""
     whole, *parts = (table((NAME, *columns), algorithms) for columns in ((*GAINS, *OUTCOMES), GAINS, OUTCOMES))
     print_in_full(console, whole, parts)
     console.print(LEGEND.format(algorithms[0].layouts), highlight=False, soft_wrap=True)
+    console.print()
+    for sentence in sentences(algorithms):
+        console.print(sentence, highlight=False, markup=False)
 
 
-def _gain(gain: Estimate | None, decimals: int) -> str:
-    return "" if gain is None else gain.text(decimals, "+")
+def sentences(algorithms: Sequence[Comparison]) -> Iterator[str]:
+    """Yield in words how each algorithm differs from the first one."""
+    base, *others = algorithms
+    for one in others:
+        parts = [
+            _in_words(one.path_gain_m, "path", (" m shorter", " m longer"), 1),
+            _in_words(one.spl_gain, "SPL", (" lower", " higher"), 3),
+        ]
+        told = "; ".join(part for part in parts if part) or "no pair to compare"
+        yield f"{one.algorithm} against {base.algorithm}: {told}"
+
+
+def _in_words(gain: Difference | None, what: str, less_and_more: tuple[str, str], decimals: int) -> str:
+    """Say a difference without a sign, and its interval in the same direction: below 0 is the other one."""
+    if gain is None:
+        return ""
+    mean, low, high = gain.estimate
+    if mean < 0.0:
+        shown, word = Estimate(-mean, -high, -low), less_and_more[0]
+    else:
+        shown, word = gain.estimate, less_and_more[1]
+    value, *ends = (f"{part:.{decimals}f}" for part in shown)
+    p = f"p = {gain.p:.3f}" if gain.p >= SMALLEST_P else f"p < {SMALLEST_P}"
+    return f"{what} {value}{word} [{', '.join(ends)}], {p} ({gain.pairs} pairs)"
+
+
+def _gain(gain: Difference | None, decimals: int) -> str:
+    return "" if gain is None else gain.estimate.text(decimals, "+")
 
 
 def _share(share: Estimate, decimals: int) -> str:

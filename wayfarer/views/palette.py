@@ -42,6 +42,7 @@ LEVELS: Mapping[str, str] = {
     Level.FAULT.name.lower(): PURPLE,
 }
 RUNS = (BLUE, VERMILION)  # two runs in one page
+SERIES = (BLUE, VERMILION, GREEN, PURPLE, GREY)  # curves beside each other; with dashes for more
 MEASURED, ASKED, LIMIT = BLUE, GREY, VERMILION
 RECEIVER = "#2489BC"
 TRUNK, TREE, GOAL_LINE = "#9C7A54", "#63926B", "#00804F"

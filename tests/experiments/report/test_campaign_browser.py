@@ -2,48 +2,195 @@
 
 from __future__ import annotations
 
-import shutil
+import csv
+import re
+import statistics
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.browser import DESKTOP, PHONE, OpenPage
+from tests.browser import DESKTOP, PHONE, Opened, OpenPage
+from tests.experiments.report.campaigns import ALGORITHMS
 from wayfarer.experiments.report.campaign import write_report
+from wayfarer.experiments.results_folder import TRIALS
+
+GALLERY = 3
+SIZES = pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
+MODEL = "[...Bokeh.documents[0]._all_models.values()].find((model) => model.name === {name!r})"
 
 
 @pytest.fixture(scope="module")
 def report(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
     """Where the page is; written before the browser comes, because no trial can be run beside its event loop."""
-    folder = shutil.copytree(finished, tmp_path_factory.mktemp("browsed") / "out")
-    return write_report(Path(folder), gallery=2, jobs=1).as_uri()
+    out = tmp_path_factory.mktemp("browsed") / "page.html"
+    return write_report(finished, out, gallery=GALLERY, jobs=1).as_uri()
 
 
-@pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def shown(browser_page: OpenPage, report: str, viewport: tuple[int, int] = DESKTOP) -> Opened:
+    opened = browser_page(viewport, offline=True)
+    opened.page.goto(report)
+    opened.page.wait_for_selector("html[data-plotted]", state="attached", timeout=30_000)
+    return opened
+
+
+def asked(opened: Opened, name: str, what: str) -> Any:
+    """Return what a model of this name says."""
+    return opened.page.evaluate(f"{MODEL.format(name=name)}.{what}")
+
+
+def pixel(opened: Opened, plot: str, x: float, y: float) -> tuple[float, float]:
+    """Scroll to a plot, and return where a place of it is in the window."""
+    place = opened.page.evaluate(
+        f"""([x, y]) => {{
+          const plot = {MODEL.format(name=plot)}, view = Bokeh.index.find_one(plot);
+          view.el.scrollIntoView({{ block: "center" }});
+          const box = view.canvas_view.el.getBoundingClientRect();
+          return [box.x + view.frame.x_scale.compute(x), box.y + view.frame.y_scale.compute(y)];
+        }}""",
+        [x, y],
+    )
+    return place[0], place[1]
+
+
+def told(opened: Opened, plot: str, x: float, y: float) -> str:
+    """Return what the page says of a place of a plot when the pointer is there."""
+    for off in (3, 0):  # the first movement brings the pointer in, the next one moves it
+        at = pixel(opened, plot, x, y)
+        opened.page.mouse.move(at[0] + off, at[1] + off)
+    values = opened.page.locator(".bk-tooltip-row-value")
+    values.first.wait_for(timeout=10_000)
+    return " ".join(values.all_inner_texts())
+
+
+@SIZES
 def test_page_shows_table_and_figures_and_does_not_overflow(
     report: str, browser_page: OpenPage, viewport: tuple[int, int]
 ) -> None:
-    opened = browser_page(viewport, offline=True)
-    opened.page.goto(report)
+    opened = shown(browser_page, report, viewport)
     assert opened.page.title() == "3 algorithms in 3 simulated forest trials each"
     assert opened.page.locator("tbody tr.ours").count() == 3
-    drawings = opened.page.locator("figure svg")
-    assert drawings.count() == 3 + 1 + 2 + 2  # overview, legend, gallery, and the entrapped trials of it
-    for drawing in drawings.all():
-        box = drawing.bounding_box()
+    plots = opened.page.locator("figure .plot")
+    assert plots.count() == 2 + 3 + 1 + 1  # paths and failures, escapes by group, ratios, map
+    for plot in plots.all():
+        box = plot.bounding_box()
         assert box is not None
-        assert min(box["width"], box["height"]) > 40
-    assert opened.page.locator("figure svg text", has_text="forest-pledge").first.is_visible()
+        assert box["width"] > 0.25 * viewport[0]
+        assert box["height"] > 100
+    for name in ("paths", "failures", "escape, Stochastic", "ratio", "trials"):
+        frame = opened.page.evaluate(f"Bokeh.index.find_one({MODEL.format(name=name)}).frame.bbox.height")
+        assert frame > 60, f"{name} has no room left"
     assert opened.overflow_px() == 0
     assert opened.trouble == []
 
 
 def test_what_is_too_wide_for_a_phone_can_be_scrolled_by_keyboard(report: str, browser_page: OpenPage) -> None:
-    opened = browser_page(PHONE, offline=True)
-    opened.page.goto(report)
+    opened = shown(browser_page, report, PHONE)
     opened.page.locator("div.table").first.focus()
     opened.page.keyboard.press("ArrowRight")
     opened.page.wait_for_function("document.querySelector('div.table').scrollLeft > 0")
     assert opened.overflow_px() == 0, "the table moved, and not the page"
+
+
+def test_pointer_curves_table_and_csv_tell_the_same_numbers(
+    report: str, finished: Path, browser_page: OpenPage
+) -> None:
+    with (finished / TRIALS).open(encoding="utf-8") as lines:
+        rows = [row for row in csv.DictReader(lines) if row["algorithm"] == "forest-pledge"]
+    paths_m = [float(row["path_m"]) for row in rows if row["outcome"] in ("escaped", "left_bounds")]
+    assert len(paths_m) > 1
+    opened = shown(browser_page, report)
+    mean = f"{statistics.fmean(paths_m):.1f} ± {statistics.stdev(paths_m):.1f}"
+    line = opened.page.locator("tbody tr.ours", has_text="forest-pledge").inner_text()
+    assert mean in line
+    y = asked(opened, "mean, ours", "data_source.data.y[0]")
+    assert f"{mean} m" in told(opened, "paths", statistics.fmean(paths_m), y)
+
+    success = re.search(r"(\d+\.\d) \[", line)
+    assert success is not None
+    percent = 100 * len(paths_m) / len(rows)
+    assert success[1] == f"{percent:.1f}"
+    last_m = max(float(row["path_m"]) for row in rows)
+    said = told(opened, "escape, Pledge-inspired", last_m, percent)
+    assert "forest-pledge" in said
+    assert f"{percent:.1f} %" in said
+
+
+def test_drag_zooms_and_the_escapes_are_zoomed_together(report: str, browser_page: OpenPage) -> None:
+    opened = shown(browser_page, report)
+    first, other = "escape, Pledge-inspired", "escape, Stochastic"
+    low, high = (asked(opened, first, f"x_range.{end}") for end in ("start", "end"))
+    middle = (low * high) ** 0.5
+    mouse = opened.page.mouse
+    mouse.move(*pixel(opened, first, middle, 80))
+    mouse.down()
+    mouse.move(*pixel(opened, first, high / 1.02, 40), steps=5)
+    mouse.up()
+    opened.page.wait_for_function(f"{MODEL.format(name=first)}.x_range.start > {low * 1.02}")
+    assert asked(opened, other, "x_range.start") == pytest.approx(middle, rel=0.05)
+    assert asked(opened, other, "y_range.end") == pytest.approx(80, abs=3)
+
+
+def test_click_on_a_name_hides_its_curve(report: str, browser_page: OpenPage) -> None:
+    opened = shown(browser_page, report)
+    assert asked(opened, "levy-walk", "visible") is True
+    pixel(opened, "escape, Stochastic", 50, 50)
+    opened.page.locator(".bk-Legend .bk-item", has_text="levy-walk").first.click()
+    assert asked(opened, "levy-walk", "visible") is False
+
+
+@SIZES
+def test_worst_trials_are_clicked_through(report: str, browser_page: OpenPage, viewport: tuple[int, int]) -> None:
+    opened = shown(browser_page, report, viewport)
+    page = opened.page
+    links, texts = page.locator(".trials nav a"), page.locator(".trials article")
+    assert links.count() == texts.count() == GALLERY
+    for number in (1, 2):
+        links.nth(number).click()
+        page.wait_for_function(f"{MODEL.format(name='shown')}.group === {number}")
+        assert [text.is_visible() for text in texts.all()] == [at == number for at in range(GALLERY)]
+        name = links.nth(number).inner_text().partition(":")[0]
+        assert texts.nth(number).inner_text().startswith(f"{name} (forest ")
+        assert links.nth(number).get_attribute("aria-current") == "true"
+    page.get_by_role("button", name="previous").click()
+    page.wait_for_function(f"{MODEL.format(name='shown')}.group === 1")
+    page.go_back()
+    page.wait_for_function(f"{MODEL.format(name='shown')}.group === 2")
+    assert page.get_by_role("button", name="next").is_disabled()
+    assert opened.overflow_px() == 0
+
+
+def test_map_draws_the_chosen_trial_alone(report: str, browser_page: OpenPage) -> None:
+    opened = shown(browser_page, report)
+    drawn = f"[...Bokeh.index.find_one({MODEL.format(name='end')}).all_indices]"
+    for number in range(GALLERY):
+        opened.page.evaluate(f"location.hash = '#trial-{number}'")
+        opened.page.wait_for_function(f"{drawn}.join() === '{number}'", timeout=10_000)
+
+
+def test_close_up_shows_the_ground_that_the_rover_kept_to(report: str, browser_page: OpenPage) -> None:
+    opened = shown(browser_page, report)
+    close = opened.page.get_by_role("button", name="where it was entrapped")
+    assert close.is_enabled(), "the first one is entrapped"
+    before = asked(opened, "trials", "x_range.end") - asked(opened, "trials", "x_range.start")
+    x_m, size_m = (asked(opened, "kept", f"data_source.data.{name}[0]") for name in ("x", "size"))
+    close.click()
+    start, end = (asked(opened, "trials", f"x_range.{name}") for name in ("start", "end"))
+    assert (start + end) / 2 == pytest.approx(x_m, abs=0.01)
+    assert size_m <= end - start < before
+    opened.page.get_by_role("button", name="whole forest").click()
+    assert asked(opened, "trials", "x_range.end") - asked(opened, "trials", "x_range.start") == pytest.approx(before)
+
+
+def test_figure_is_saved_as_svg(report: str, browser_page: OpenPage) -> None:
+    opened = shown(browser_page, report)
+    pixel(opened, "paths", 50, 1)
+    with opened.page.expect_download() as download:
+        opened.page.locator(".plot").first.locator(".bk-tool-icon-save").click()
+    assert download.value.suggested_filename == "paths.svg"
+    saved = Path(download.value.path()).read_text(encoding="utf-8")
+    assert saved.lstrip().startswith("<svg")
+    assert all(name in saved for name in ALGORITHMS)
 
 
 def test_trouble_would_be_noticed(browser_page: OpenPage, tmp_path: Path) -> None:

@@ -1,44 +1,49 @@
-"""Figures that one can read: whatever ran, no text lies on another one or outside the figure."""
+"""Figures show what the rows say, whatever ran."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import combinations
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.text import Text
-from matplotlib.transforms import Bbox
+from bokeh.models import ColumnDataSource
 
 from tests.experiments.report.campaigns import STRANGERS, names, row, rows_of
+from tests.experiments.report.reading_plots import columns, names_of_rows
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.report.drawing import house_style, log_distances, save
-from wayfarer.experiments.report.escape_figure import escape_figure
-from wayfarer.experiments.report.forest_figure import forest_figure, legend_figure
-from wayfarer.experiments.report.forest_map import STROKES
+from wayfarer.experiments.report.algorithm_rows import lay_out
+from wayfarer.experiments.report.escape_figure import escape_figures
 from wayfarer.experiments.report.groups import grouped
-from wayfarer.experiments.report.paths_figure import paths_figure
-from wayfarer.experiments.report.ratio_figure import quantile, ratio_figure, ratios
+from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
+from wayfarer.experiments.report.ratio_figure import TIMES, quantile, ratio_figure, ratios
+from wayfarer.experiments.report.trials_map import DrawnTrial, trials_map, way_in
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.statistics import summarise
+from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
 from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.views import palette
+from wayfarer.views.page.plots import Figure, Plots
 
 Rows = Mapping[str, Sequence[TrialRow]]
 
 
+def summaries(rows: Rows) -> dict[str, AlgorithmSummary]:
+    return {name: summarise(name, own) for name, own in rows.items()}
+
+
 def paths_of(rows: Rows) -> Figure:
-    return paths_figure(rows, {name: summarise(name, own) for name, own in rows.items()}, [39.0, 41.0])
+    return paths_figure(rows, summaries(rows), [39.0, 41.0])
 
 
-FIGURES: dict[str, Callable[[Rows], Figure]] = {"paths": paths_of, "escape": escape_figure, "ratio": ratio_figure}
+FIGURES: dict[str, Callable[[Rows], Figure]] = {
+    "paths": paths_of,
+    "failures": lambda rows: failures_figure(summaries(rows)),
+    "escape": lambda rows: escape_figures(rows)[0],
+    "ratio": ratio_figure,
+}
 ODD = {
     "one trial": [row("pledge", 0)],
     "one path for all": [row("pledge", n) for n in range(5)],
@@ -50,165 +55,109 @@ ODD = {
 }
 
 
-@pytest.fixture(autouse=True)
-def styled() -> Iterator[None]:
-    with house_style():
-        yield
-
-
-def texts(figure: Figure) -> list[tuple[str, Bbox]]:
-    """Draw a figure, and return its visible texts with the boxes that they take."""
-    canvas: Any = FigureCanvasAgg(figure)
-    canvas.draw()
-    shown = [text for text in figure.findobj(Text) if isinstance(text, Text) and _is_shown(text)]
-    return [(text.get_text(), text.get_window_extent(canvas.get_renderer())) for text in shown]
-
-
-def _is_shown(text: Text) -> bool:
-    if not (text.get_visible() and text.get_text().strip()):
-        return False
-    axes = text.axes
-    return not isinstance(axes, Axes) or _in_view(text, axes)
-
-
-def _in_view(text: Text, axes: Axes) -> bool:
-    """Whether a tick label belongs to a tick within the axes: matplotlib draws no other."""
-    for axis in (axes.xaxis, axes.yaxis):
-        low, high = sorted(axis.get_view_interval())
-        for tick in axis.get_major_ticks():
-            if text in (tick.label1, tick.label2):
-                shown = tick.label1.get_visible() if text is tick.label1 else tick.label2.get_visible()
-                return shown and low <= tick.get_loc() <= high
-    return True
-
-
-def assert_readable(figure: Figure) -> None:
-    boxes = texts(figure)
-    for (one, box), (other, other_box) in combinations(boxes, 2):
-        shared = Bbox.intersection(box, other_box)
-        assert shared is None or min(shared.width, shared.height) < 1.0, f"'{one}' lies on '{other}'"
-    width_px, height_px = figure.get_size_inches() * figure.dpi
-    for text, box in boxes:
-        assert box.x0 >= -1 and box.y0 >= -1 and box.x1 <= width_px + 1 and box.y1 <= height_px + 1, f"'{text}' is cut"
-
-
-@pytest.mark.parametrize("count", [1, 3, 10, 12])
-@pytest.mark.parametrize("name", FIGURES)
-def test_no_texts_collide_and_none_is_cut(name: str, count: int) -> None:
-    assert_readable(FIGURES[name](rows_of(names(count))))
-
-
-@pytest.mark.parametrize("name", FIGURES)
-def test_strangers_alone_are_readable(name: str) -> None:
-    figure = FIGURES[name](rows_of(STRANGERS))
-    assert_readable(figure)
-    assert "Others" in [text for text, _ in texts(figure)]
-
-
 @pytest.mark.parametrize("rows", ODD.values(), ids=ODD)
 @pytest.mark.parametrize("name", FIGURES)
 def test_odd_campaigns_are_drawn_without_a_warning(name: str, rows: list[TrialRow]) -> None:
-    assert_readable(FIGURES[name]({"pledge": rows}))
+    figure: Any = FIGURES[name]({"pledge": rows})
+    plots = Plots()
+    plots.place(figure)
+    assert plots.to_json()
+    assert 0.0 <= figure.x_range.start < figure.x_range.end < math.inf
 
 
-def test_collision_would_be_found() -> None:
-    """The tests above can fail."""
-    figure = Figure()
-    for at in (0.5, 0.51):
-        figure.text(at, 0.5, "here")
-    with pytest.raises(AssertionError, match="'here' lies on 'here'"):
-        assert_readable(figure)
-    figure = Figure()
-    figure.text(0.99, 0.5, "beyond the edge")
-    with pytest.raises(AssertionError, match="is cut"):
-        assert_readable(figure)
+@pytest.mark.parametrize("name", ["paths", "failures", "ratio"])
+def test_rows_are_the_algorithms_in_their_groups(name: str) -> None:
+    assert names_of_rows(FIGURES[name](rows_of(names(12)))) == [
+        label for group in grouped(names(12)) for label in map(_label, group.algorithms)
+    ]
+
+
+def _label(name: str) -> str:
+    return name if len(name) <= 18 else "…" + name[-17:]
 
 
 def test_algorithms_stand_in_the_papers_groups() -> None:
-    groups = grouped(["someone:zig_zag", "cv-react", "levy-walk", "levy-pledge", "pledge"])
+    groups = grouped([STRANGERS[1], "cv-react", "levy-walk", "levy-pledge", "pledge"])
     assert [(group.title, group.algorithms) for group in groups] == [
         ("Pledge-inspired", ["levy-pledge", "pledge"]),
         ("Stochastic", ["levy-walk"]),
         ("Reactive", ["cv-react"]),
-        ("Others", ["someone:zig_zag"]),
+        ("Others", [STRANGERS[1]]),
     ]
+    assert [title for _, title in lay_out(groups).headings] == [group.title for group in groups]
 
 
 def test_papers_figure_shows_what_the_rows_say() -> None:
-    rows = [row("forest-pledge", n, "escaped", path_m) for n, path_m in enumerate((50.0, 60.0, 70.0, 80.0, 90.0))]
-    figure = paths_of({"forest-pledge": [*rows, row("forest-pledge", 5, "entrapped", 1000.0)]})
-    paths, failures = figure.axes
-    lines = [np.asarray(line.get_xdata()).tolist() for line in paths.lines]
-    assert [70.0, 70.0] in lines  # median
-    assert [81.3] in lines  # the paper's mean
-    assert [40.0, 40.0] in lines  # mean shortest path
-    assert 90.0 < paths.get_xlim()[1] < 200.0, "the path of a failure is no path of a success"
-    bars = [patch.get_extents().transformed(failures.transData.inverted()).width for patch in failures.patches]
-    assert bars == pytest.approx([100 / 6])
-    assert "16.7" in [text for text, _ in texts(figure)]
+    rows = [row("forest-pledge", n, "escaped", path_m) for n, path_m in enumerate((50.0, 60.0, 70.0, 80.0, 390.0))]
+    shown = {"forest-pledge": [*rows, row("forest-pledge", 5, "entrapped", 1000.0)]}
+    figure = paths_of(shown)
+    box = columns(figure, "boxes")
+    assert [box[name] for name in ("low", "first", "median", "third", "high")] == [[50], [60], [70], [80], [80]]
+    beyond = columns(figure, "outliers")
+    assert (beyond["x"], beyond["trial"]) == ([390], [4])
+    assert columns(figure, "mean, ours")["text"] == ["130.0 ± 145.8"]
+    assert columns(figure, "mean, the paper's")["text"] == ["81.3 ± 29.3"]
+    assert columns(figure, "mean, the paper's")["high"] == pytest.approx([110.6])
+    assert sum(columns(figure, "histogram")["count"]) == len(rows), "the path of a failure is no path of a success"
+    failures = columns(failures_figure(summaries(shown)), "failures")
+    assert failures["share"] == ["16.7 [3.0, 56.4] %"]
+    assert failures["how"] == ["1 entrapped, 0 tipped, 0 faults of 6 trials"]
+
+
+def test_papers_entrapment_stands_beside_ours_where_it_is_known() -> None:
+    figure = failures_figure(summaries(rows_of(["pledge", "forest-pledge"])))
+    assert columns(figure, "paper")["text"] == ["0.3"]
+    assert columns(figure, "paper")["y"] == columns(figure, "failures")["y"][1:]
 
 
 def test_papers_mean_and_shortest_path_are_in_view_however_far_off() -> None:
-    paths = paths_of({"levy-walk": [row("levy-walk", n, path_m=1.0 + n) for n in range(5)]}).axes[0]
-    low, high = paths.get_xlim()
-    assert low < 1.0
-    assert high > 247.5
+    figure: Any = paths_of({"levy-walk": [row("levy-walk", n, path_m=1.0 + n) for n in range(5)]})
+    assert figure.x_range.start < 1.0
+    assert figure.x_range.end > 247.5
 
 
 def test_ratio_counts_failures_as_endless() -> None:
     rows = [row("pledge", n, "escaped", 39.0 * (n + 1)) for n in range(3)]
     found = ratios([row("pledge", 3, "entrapped", 50.0), *rows, row("pledge", 4)._replace(shortest_path_m=None)])
     assert found == [1.0, 2.0, 3.0, math.inf]
-    assert [quantile(found, share) for share in (0.05, 0.25, 0.5, 0.51, 0.75, 0.95)] == [
-        1.0,
-        1.0,
-        2.0,
-        3.0,
-        3.0,
-        math.inf,
+    assert [quantile(found, share) for share in (0.05, 0.25, 0.5, 0.51, 0.75, 0.95)] == [1, 1, 2, 3, 3, math.inf]
+    drawn = columns(ratio_figure({"pledge": [row("pledge", 3, "entrapped", 50.0), *rows]}), "ratio")
+    assert (drawn["p50_text"], drawn["p95_text"], drawn["within2"]) == ([f"2.0 {TIMES}"], ["a failure"], [50.0])
+    assert drawn["p95"] == drawn["arrow"], "drawn as an arrow at the edge"
+
+
+# --- the map of the worst trials
+
+
+def trial_of(trace: Trace, number: int = 0) -> DrawnTrial:
+    return DrawnTrial(row("pledge", number), generate_forest(number, 0, 0), trace, None)
+
+
+def test_way_is_drawn_whole_each_piece_in_its_phase() -> None:
+    points = [TrajectoryPoint(25.0, 12.5 + n, phase) for n, phase in enumerate([*Phase, *Phase])]
+    drawn = {phase: way_in(points, phase)[1] for phase in Phase}
+    pieces = [each for ys in drawn.values() for each in pairwise(ys) if not math.isnan(sum(each))]
+    assert sorted(pieces) == [(12.5 + n, 13.5 + n) for n in range(len(points) - 1)]
+
+
+def test_map_has_all_trials_and_shows_one() -> None:
+    traces = [
+        Trace([TrajectoryPoint(25.0, 12.5 + n, Phase.FOLLOW) for n in range(9)], [(25.0, 14.0)]) for _ in range(3)
     ]
+    figure: Any = trials_map([trial_of(trace, number) for number, trace in enumerate(traces)])
+    views = {renderer.view.filter.group for renderer in figure.renderers if "number" in _data(renderer)}
+    assert views == {0}
+    for renderer in figure.renderers:
+        if len(_data(renderer).get("number", ())):
+            assert set(np.asarray(_data(renderer)["number"]).tolist()) == {0, 1, 2}
 
 
-@pytest.mark.parametrize("values", [[60.0], [61.0, 64.0], [37.5, 1000.0], [0.5, 0.6], [3.0, 250_000.0]])
-def test_distances_are_all_in_view_between_two_ticks_at_least(values: list[float]) -> None:
-    axes = Figure().subplots()
-    log_distances(axes, values)
-    low, high = axes.get_xlim()
-    assert low <= min(values) <= max(values) <= high
-    assert sum(low <= tick <= high for tick in axes.get_xticks()) >= 2
+def _data(renderer: Any) -> Mapping[str, Any]:
+    source: ColumnDataSource = renderer.data_source
+    return source.data
 
 
-def test_every_phase_has_its_colour_and_no_two_share_one() -> None:
-    assert sorted(phase.value for stroke in STROKES for phase in stroke.phases) == sorted(
-        phase.value for phase in Phase
-    )
-    assert len({stroke.colour for stroke in STROKES}) == len(STROKES)
-
-
-def test_way_is_drawn_whole_each_piece_in_the_colour_of_its_phase() -> None:
-    trace = Trace([TrajectoryPoint(25.0, 12.5 + n, phase) for n, phase in enumerate(Phase)], [(25.0, 14.0)])
-    axes = forest_figure(generate_forest(0, 0, 0), trace).axes[0]
-    for stroke in STROKES:
-        line = next(line for line in axes.lines if line.get_color() == stroke.colour and line.get_linestyle() == "-")
-        starts = {12.5 + n for n, phase in enumerate(Phase) if phase in stroke.phases and n < len(Phase) - 1}
-        assert starts <= set(np.asarray(line.get_ydata()).tolist())
-
-
-def test_drawings_of_forests_are_readable() -> None:
-    assert_readable(forest_figure(generate_forest(0, 0, 0), Trace([TrajectoryPoint(25.0, 12.5, Phase.FOLLOW)], [])))
-    assert_readable(legend_figure())
-
-
-def test_drawing_is_described_has_ids_of_its_own_and_two_files(tmp_path: Path) -> None:
-    first, second = (save(legend_figure(), tmp_path, name, 'a < b & "c"') for name in ("one", "two"))
-    assert {path.name for path in tmp_path.iterdir()} == {"one.png", "one.svg", "two.png", "two.svg"}
-    element = ElementTree.fromstring(first.svg.replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1))
-    assert element.attrib["aria-label"] == 'a < b & "c"'
-    ids = [
-        [each.attrib["id"] for each in ElementTree.fromstring(svg).iter() if "id" in each.attrib]
-        for svg in (first.svg, second.svg)
-    ]
-    assert ids[0]
-    assert not set(ids[0]) & set(ids[1])
-    referred = {each.attrib[key][1:] for each in element.iter() for key in each.attrib if key.endswith("href")}
-    assert referred <= set(ids[0])
+def test_every_phase_that_moves_is_a_layer() -> None:
+    figure = trials_map([trial_of(Trace([TrajectoryPoint(25.0, 12.5, Phase.FOLLOW)], []))])
+    tags = {tag for renderer in figure.renderers for tag in renderer.tags}
+    assert tags == {f"layer:{phase}" for phase in palette.PHASES} | {"layer:slips"}

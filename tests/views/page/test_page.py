@@ -20,7 +20,7 @@ SPEED = '[...Bokeh.documents[0]._all_models.values()].find((model) => model.name
 def write(out: Path) -> Path:
     """A page with one line of two points, a layer that shows it, and a text that tries to break out."""
     plots = Plots()
-    made = plot("speed", 200, "both", x_range=(0.0, 10.0), y_range=(0.0, 2.0))
+    made = plot("speed", 200, "map", x_range=(0.0, 10.0), y_range=(0.0, 2.0))
     source = ColumnDataSource({"x": [0.0, 10.0], "y": [1.0, 1.0], "text": [HOSTILE, HOSTILE]})
     line = made.line("x", "y", source=source, line_width=6)
     line.tags = ["layer:speed"]

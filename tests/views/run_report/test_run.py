@@ -176,7 +176,7 @@ def test_simulated_run_shows_the_forest_and_how_far_dead_reckoning_drifted(tmp_p
     page = page_of(tmp_path, {**HEADER, "simulated": True, "world": WORLD}, *records, OUTCOME)
     check_page(page)
     assert "At the end dead reckoning is 1.8 m from the true way" in text_of(page)
-    assert '"Patches"' in drawn(page)  # the fallen trunk
+    assert '"Rect"' in drawn(page)  # the fallen trunk
 
 
 @pytest.mark.parametrize("world", [None, [], {}, {**WORLD, "trunks_m": [[1, None]]}, {**WORLD, "start_m": "here"}])

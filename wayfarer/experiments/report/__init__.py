@@ -1,1 +1,1 @@
-"""Reports of campaigns and sweeps: one HTML page with its figures beside it."""
+"""Reports of campaigns and sweeps: one HTML page each, with figures to zoom."""

@@ -1,9 +1,10 @@
-"""The report of a campaign: ``report.html`` in its folder, and its figures as files."""
+"""The report of a campaign: ``report.html`` in its folder."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from importlib.resources import files
 from pathlib import Path
 
 from rich.console import Console
@@ -13,108 +14,113 @@ from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.entrapment import entrapment
 from wayfarer.experiments.progress_bar import shown_progress
 from wayfarer.experiments.report import words
-from wayfarer.experiments.report.drawing import save
-from wayfarer.experiments.report.drawn import figure, file_name, write_drawn
-from wayfarer.experiments.report.escape_figure import escape_figure
-from wayfarer.experiments.report.forest_figure import close_up_figure, forest_figure, legend_figure
-from wayfarer.experiments.report.paths_figure import paths_figure
+from wayfarer.experiments.report.escape_figure import escape_figures
+from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
 from wayfarer.experiments.report.ratio_figure import ratio_figure
 from wayfarer.experiments.report.reading import Results, read_results
-from wayfarer.experiments.report.table import causes_table, results_table
+from wayfarer.experiments.report.table import causes_table, ratios_table, results_table
+from wayfarer.experiments.report.trials_map import DrawnTrial, trials_map
 from wayfarer.experiments.report.worst_trials import RerunTrial, choose, run_again
 from wayfarer.views.page import html
+from wayfarer.views.page.frame import PAGE, write_page
+from wayfarer.views.page.plots import Figure, Plots
 
 
 def write_report(folder: Path, out: Path | None = None, *, gallery: int = 12, jobs: int) -> Path:
     """Write the report of the campaign in ``folder``, and return the page's path: ``out``, or ``report.html`` in it.
 
-    The figures stand in ``figures`` beside the page. ``gallery`` is how many trials are drawn; they are run again for
-    that, in ``jobs`` processes. The same folder gives the same bytes.
+    ``gallery`` is how many trials are drawn; they are run again for that, in ``jobs`` processes. The same folder gives
+    the same bytes.
 
     Raises:
         BadInput: the folder holds no finished campaign, is damaged, or cannot be written.
         WayfarerError: a worker process died.
     """
-    results = read_results(folder)
-
-    def body(figures: Path) -> list[str]:
-        return [*_overview(results, figures), _gallery(results, figures, gallery, jobs)]
-
-    return write_drawn(folder, out, words.title(results), body)
+    results, plots = read_results(folder), Plots()
+    body = [*_overview(results, plots), *_worst(results, plots, gallery, jobs)]
+    script = (files("wayfarer.experiments.report") / "trials.js").read_text(encoding="utf-8")
+    return write_page(out or folder / PAGE, words.title(results), body, plots, script)
 
 
-def _overview(results: Results, figures: Path) -> Iterator[str]:
+def _overview(results: Results, plots: Plots) -> Iterator[str]:
     """Yield all sections that need no trial to be run again."""
-    rows = results.by_algorithm
-    paths = paths_figure(rows, results.summaries, results.shortest_paths_m)
-    escape = escape_figure(rows)
+    rows, summaries = results.by_algorithm, results.summaries
+
+    def drawn(figure: Figure, caption: str = "", alt: str = "") -> str:
+        return html.figure(plots.place(figure), caption, alt)
+
     yield html.facts(words.facts(results.settings))
     yield html.section(
         "Path length and failures",
-        figure(save(paths, figures, "paths", words.paths_alt(results)), words.paths_caption(results)),
+        drawn(
+            paths_figure(rows, summaries, results.shortest_paths_m),
+            words.paths_caption(results),
+            words.paths_alt(results),
+        ),
+        drawn(failures_figure(summaries), words.FAILURES_CAPTION, words.failures_alt(results)),
     )
     yield html.section("Results beside the paper's", results_table(results), *map(html.paragraph, words.LEGEND))
     yield html.section(
         "Who has escaped by which path",
-        figure(save(escape, figures, "escape", words.escape_alt(results)), words.ESCAPE_CAPTION),
+        html.paragraph(words.ESCAPE),
+        html.panels(drawn(figure, alt=words.escape_alt(results)) for figure in escape_figures(rows)),
     )
-    yield html.section("Path over shortest path", _ratio(results, figures))
+    heading = "Path over shortest path"
+    if results.shortest_paths_m:
+        figure = drawn(ratio_figure(rows), words.ratio_caption(results), words.ratio_alt(results))
+        yield html.section(heading, figure, ratios_table(results))
+    else:
+        yield html.section(heading, html.paragraph(words.NO_SHORTEST_PATHS))
 
 
-def _ratio(results: Results, figures: Path) -> str:
-    if not results.shortest_paths_m:
-        return html.paragraph(words.NO_SHORTEST_PATHS)
-    drawing = save(ratio_figure(results.by_algorithm), figures, "ratio", words.ratio_alt(results))
-    return figure(drawing, words.ratio_caption(results))
-
-
-def _gallery(results: Results, figures: Path, count: int, jobs: int) -> str:
-    heading = "Trials seen from above"
+def _worst(results: Results, plots: Plots, count: int, jobs: int) -> Iterator[str]:
+    """Yield the sections on the worst trials, which are run again for that."""
+    heading = "The worst trials, seen from above"
     rows = choose(results.by_algorithm, count)
     if not rows:
-        return html.section(heading, html.paragraph(words.NOTHING_TO_DRAW))
+        yield html.section(heading, html.paragraph(words.NOTHING_TO_DRAW))
+        return
     try:
         campaign = results.rebuild()
     except BadInput as reason:
-        return html.section(heading, html.paragraph(words.no_gallery(reason)))
+        yield html.section(heading, html.paragraph(words.no_gallery(reason)))
+        return
     with shown_progress(Console(stderr=True), 0, Counter(row.algorithm for row in rows), jobs) as progress:
         ran = run_again(campaign, rows, jobs, progress)
-    drawn = html.section(heading, *_drawn(campaign, ran, figures), *_not_drawn(ran, results.settings.version))
-    return "\n".join([drawn, *_entrapped(campaign, ran, figures)])
+    trials = [_drawn(campaign, again) for again in ran if again.trace is not None]
+    yield html.section(heading, *_viewer(trials, plots), *_not_drawn(ran, results.settings.version))
+    causes = [(trial.row.algorithm, trial.entrapped.why) for trial in trials if trial.entrapped]
+    if causes:
+        yield html.section("Why trials were entrapped", html.paragraph(words.ENTRAPPED), causes_table(causes))
 
 
-def _drawn(campaign: Campaign, ran: Sequence[RerunTrial], figures: Path) -> Iterator[str]:
-    """Yield the drawings of the trials that came out as in the table."""
-    drawn = [(again.row, again.trace) for again in ran if again.trace is not None]
-    if not drawn:
+def _drawn(campaign: Campaign, again: RerunTrial) -> DrawnTrial:
+    row, trace, forest = again.row, again.trace, campaign.make_forest(again.row.trial)
+    assert trace is not None
+    found = entrapment(forest, campaign.rover, trace) if row.outcome == "entrapped" else None
+    return DrawnTrial(row, forest, trace, found)
+
+
+def _viewer(trials: Sequence[DrawnTrial], plots: Plots) -> Iterator[str]:
+    """Yield the list of the trials, and the map that shows the one that is chosen."""
+    if not trials:
         return
     yield html.paragraph(words.GALLERY)
-    yield figure(save(legend_figure(), figures, "forest-legend", words.FOREST_LEGEND_ALT), words.FOREST_LEGEND)
-    yield '<div class="gallery">'
-    for row, trace in drawn:
-        picture = forest_figure(campaign.make_forest(row.trial), trace)
-        name, alt = file_name("forest", row.algorithm, row.trial), words.trial_alt(row, len(trace.slips_m))
-        drawing = save(picture, figures, name, alt)
-        yield figure(drawing, words.trial_caption(row), "forest")
+    yield html.layers("Show", words.trial_layers())
+    yield '<div class="trials">'
+    yield "<nav><ol>"
+    for number, trial in enumerate(trials):
+        yield f"<li>{html.link(f'#trial-{number}', words.trial_name(trial.row))}</li>"
+    yield "</ol></nav>"
+    yield "<div>"
+    yield "<p>" + " ".join(f'<button type="button">{text}</button>' for text in words.BUTTONS) + "</p>"
+    for number, trial in enumerate(trials):
+        texts = [words.trial_text(trial.row, len(trial.trace.slips_m))]
+        texts += [words.entrapped_text(trial.entrapped)] if trial.entrapped else []
+        yield f'<article id="trial-{number}">' + "".join(map(html.paragraph, texts)) + "</article>"
+    yield html.figure(plots.place(trials_map(trials)), words.MAP_CAPTION)
     yield "</div>"
-
-
-def _entrapped(campaign: Campaign, ran: Sequence[RerunTrial], figures: Path) -> Iterator[str]:
-    """Yield the section that says why trials were entrapped, with what is around the place of each."""
-    seen = [
-        (again.row, again.trace, entrapment(campaign.make_forest(again.row.trial), campaign.rover, again.trace))
-        for again in ran
-        if again.trace is not None and again.row.outcome == "entrapped"
-    ]
-    if not seen:
-        return
-    parts = [html.paragraph(words.ENTRAPPED), causes_table([(row.algorithm, found.why) for row, _, found in seen])]
-    parts.append('<div class="gallery">')
-    for row, trace, found in seen:
-        picture = close_up_figure(campaign.make_forest(row.trial), trace, found.middle_m, found.extent_m)
-        name, caption = file_name("entrapped", row.algorithm, row.trial), words.entrapped_caption(row, found)
-        parts.append(figure(save(picture, figures, name, caption), caption, "forest"))
-    yield html.section("Why trials were entrapped", *parts, "</div>")
+    yield "</div>"
 
 
 def _not_drawn(ran: Sequence[RerunTrial], version: str) -> Iterator[str]:

@@ -1,35 +1,35 @@
-"""Figure: cumulative escapes over distance, one panel per group of algorithms."""
+"""Figures: cumulative escapes over distance, one for each group of algorithms."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+import numpy as np
+from bokeh.models import Range1d
+from bokeh.models.annotations import Legend, LegendItem
+from bokeh.plotting import ColumnDataSource
 
-from wayfarer.experiments.report.drawing import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PALE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    WIDTH_IN,
-    log_distances,
-)
-from wayfarer.experiments.report.groups import Group, grouped, short
+from wayfarer.experiments.report.algorithm_rows import SVG, plain_numbers, source, span_of
+from wayfarer.experiments.report.groups import grouped, short
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
+from wayfarer.views import palette
+from wayfarer.views.page.plots import Figure, hover, plot
 
-PANEL_IN = 1.55
-LEGEND_LINE_IN = 0.19
-MARGINS_IN = 0.55
-STEPS = "steps-post"  # a share holds until the next escape
-COLUMNS = (1.55, 1.0)  # panel and legend
-COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
-DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)), (0, (3, 1, 1, 1, 1, 1)))
+PANEL_PX = 340
+DASHES: tuple[tuple[int, ...], ...] = ((), (7, 2), (2, 2), (8, 2, 2, 2))  # not as many as colours: 20 looks
+
+
+LEGEND: Mapping[str, Any] = {
+    "location": "bottom_right",  # no curve falls, so this is the place that is free the longest
+    "click_policy": "hide",
+    "background_fill_color": None,
+    "border_line_color": None,
+    "label_text_font_size": "11px",
+    "glyph_width": 32,
+    "spacing": -4,
+    "padding": 0,
+}
 
 
 class Curve(NamedTuple):
@@ -65,48 +65,70 @@ def escape_curve(rows: Sequence[TrialRow]) -> Curve:
     return Curve(escaped_m, failed_m, len(rows))
 
 
-def escape_figure(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> Figure:
-    """Return the cumulative share of each algorithm: who has escaped by which path."""
-    groups = grouped(by_algorithm)
+def escape_figures(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> list[Figure]:
+    """Return the figure of each group: who has escaped by which path. They are zoomed together."""
     curves = {name: escape_curve(rows) for name, rows in by_algorithm.items()}
-    every_m = (path_m for curve in curves.values() for path_m in (*curve.escaped_m, *curve.failed_m))
-    ends_m = [path_m for path_m in every_m if path_m > 0.0]  # no length has no place on a logarithmic axis
-    span_m = (min(ends_m, default=10.0), max(ends_m, default=100.0))
-    heights_in = [max(PANEL_IN, LEGEND_LINE_IN * (len(group.algorithms) + 2)) for group in groups]
-    figure = Figure((WIDTH_IN, sum(heights_in) + MARGINS_IN))
-    grid = figure.subplots(len(groups), 2, squeeze=False, height_ratios=heights_in, width_ratios=COLUMNS)
-    for (axes, beside), group in zip(grid, groups, strict=True):
-        _panel(axes, group, curves, span_m)
-        _legend(beside, axes, group.title)
-        axes.label_outer()
-    grid[-1, 0].set_xlabel("path driven, m (log scale)")
-    figure.supylabel("escaped, %", fontsize="medium")
-    return figure
+    escaped_m = [path_m for curve in curves.values() for path_m in curve.escaped_m]
+    span_m = span_of(escaped_m or [path_m for curve in curves.values() for path_m in curve.failed_m])
+    drawn = {name: _stairs(curve, span_m[0]) for name, curve in curves.items()}
+    x_range, y_range = Range1d(start=span_m[0], end=span_m[1]), Range1d(start=0.0, end=102.0)
+    return [_figure(group.title, group.algorithms, curves, drawn, x_range, y_range) for group in grouped(by_algorithm)]
 
 
-def _panel(axes: Axes, group: Group, curves: Mapping[str, Curve], span_m: tuple[float, float]) -> None:
-    for name, curve in curves.items():
-        if name not in group.algorithms:
-            axes.plot(*curve.steps(span_m[0]), color=PALE, linewidth=0.8, drawstyle=STEPS)
-    for number, name in enumerate(group.algorithms):
-        colour, dashes = COLOURS[number % len(COLOURS)], DASHES[number % len(DASHES)]
-        curve = curves[name]
-        label = f"{short(name)}, {curve.escaped_percent:.1f} %"
-        axes.plot(*curve.steps(span_m[0]), color=colour, linestyle=dashes, label=label, drawstyle=STEPS)
-        last_m = curve.failed_m[-1:]
-        axes.plot(last_m, [curve.escaped_percent] * len(last_m), "|", color=colour, markersize=7)
-    log_distances(axes, span_m)
-    axes.set_ylim(0, 102)
-    axes.set_yticks([0, 25, 50, 75, 100])
-    axes.grid(visible=True)
+def _stairs(curve: Curve, first_m: float) -> ColumnDataSource:
+    """Return a curve as corners: a share holds until the next escape."""
+    path_m, percent = curve.steps(first_m)
+    return source(x=np.repeat(path_m, 2)[1:], y=np.repeat(percent, 2)[:-1])
 
 
-def _legend(beside: Axes, axes: Axes, title: str) -> None:
-    """Write the legend of a panel beside it, where it covers no curve."""
-    beside.axis("off")
-    handles, labels = axes.get_legend_handles_labels()
-    legend = beside.legend(
-        handles, labels, loc="center left", borderaxespad=0.0, title=title, alignment="left", handlelength=2.6
+def _figure(
+    title: str,
+    algorithms: Sequence[str],
+    curves: Mapping[str, Curve],
+    drawn: Mapping[str, ColumnDataSource],
+    x_range: Range1d,
+    y_range: Range1d,
+) -> Figure:
+    made = plot(
+        f"escape, {title}",
+        PANEL_PX,
+        "both",
+        x_axis_type="log",
+        x_range=x_range,
+        y_range=y_range,
+        output_backend=SVG,
+        title=title,
     )
-    legend.set_in_layout(False)
-    legend.get_title().set_fontweight("bold")
+    plain_numbers(made)
+    made.xaxis.axis_label, made.yaxis.axis_label = "path driven, m (logarithmic)", "escaped, % of all trials"
+    for name in [name for name in drawn if name not in algorithms]:
+        made.line("x", "y", source=drawn[name], line_color=palette.GREY, line_alpha=0.35, line_width=0.8)
+    items = [_curve(made, place, name, curves[name], drawn[name]) for place, name in enumerate(algorithms)]
+    made.add_layout(Legend(items=items, **LEGEND))
+    return made
+
+
+def _curve(made: Figure, place: int, name: str, curve: Curve, corners: ColumnDataSource) -> LegendItem:
+    """Draw a curve, with a mark where its longest failure ended, and return its line of the legend."""
+    colour = palette.SERIES[place % len(palette.SERIES)]
+    line: Any = made.line(
+        "x",
+        "y",
+        source=corners,
+        name=name,
+        line_color=colour,
+        line_dash=list(DASHES[place % len(DASHES)]),
+        line_width=2,
+    )
+    last_m = curve.failed_m[-1:]
+    mark: Any = made.scatter(
+        last_m,
+        [curve.escaped_percent] * len(last_m),
+        marker="dash",
+        angle=np.pi / 2,
+        size=11,
+        line_width=2,
+        color=colour,
+    )
+    made.add_tools(hover([line], ("algorithm", "$name"), ("by", "@x{0.0} m"), ("escaped", "@y{0.0} %")))
+    return LegendItem(label=f"{short(name)}, {curve.escaped_percent:.1f} %", renderers=[line, mark])

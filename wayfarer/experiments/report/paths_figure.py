@@ -1,115 +1,169 @@
-"""Figure of the paper's simulations: path lengths and failures, by algorithm and group."""
+"""Figures of the paper's simulations: path lengths and failures, by algorithm and group, beside the paper's."""
 
 from __future__ import annotations
 
 import statistics
 from collections.abc import Mapping, Sequence
+from typing import Any
 
-from matplotlib.axes import Axes
-from matplotlib.cbook import boxplot_stats
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+import numpy as np
+from bokeh.models.annotations import Span
 
-from wayfarer.experiments.report.drawing import BLACK, GREY, ORANGE, VERMILION, WIDTH_IN, Style, log_distances
+from wayfarer.experiments.report.algorithm_rows import Rows, lay_out, plain_numbers, rows_plot, source, span_of
 from wayfarer.experiments.report.groups import grouped
-from wayfarer.experiments.report.rows_layout import Rows, label_rows, lay_out
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.experiments.tables import PAPER
+from wayfarer.experiments.tables import PAPER, mean_and_sd, number
+from wayfarer.views import palette
+from wayfarer.views.page.plots import Figure, hover
 
-BOX = "#A9CBE3"
-MARGINS_IN = 1.15  # axis labels and legend
-MEAN: Style = {
-    "marker": "D",
-    "markersize": 4.0,
-    "markerfacecolor": BLACK,
-    "markeredgecolor": "white",
-    "linestyle": "none",
-}
-PAPERS_MEAN: Style = {"marker": "x", "markersize": 5.5, "markeredgewidth": 1.5, "color": VERMILION, "linestyle": "none"}
-SHORTEST: Style = {"color": "#C1121F", "linestyle": (0, (5, 2)), "linewidth": 1.3}
-OUTLIER: Style = {
-    "marker": "o",
-    "markersize": 2.6,
-    "markerfacecolor": "none",
-    "markeredgecolor": GREY,
-    "markeredgewidth": 0.5,
-}
+PATHS_ROW_PX, FAILURES_ROW_PX = 52, 28
+BINS = 48  # of all paths, of equal width on the logarithmic axis
 WHISKERS_IQR = 1.5  # Tukey's
+# Places in a row, from its middle down: the histogram's foot, the box, our mean and the paper's.
+FOOT, BOX, OURS, PAPERS = -0.02, 0.12, 0.29, 0.41
+HISTOGRAM, BOX_HIGH = 0.44, 0.2
+
+ByAlgorithm = Mapping[str, Sequence[TrialRow]]
 
 
 def paths_figure(
-    by_algorithm: Mapping[str, Sequence[TrialRow]],
-    summaries: Mapping[str, AlgorithmSummary],
-    shortest_paths_m: Sequence[float],
+    by_algorithm: ByAlgorithm, summaries: Mapping[str, AlgorithmSummary], shortest_paths_m: Sequence[float]
 ) -> Figure:
-    """Return box plots of the successes' paths beside bars of the share that did not get out."""
+    """Return the successes' paths as histogram and box plot, with mean and standard deviation beside the paper's."""
     layout = lay_out(grouped(by_algorithm))
-    figure = Figure((WIDTH_IN, layout.height_in + MARGINS_IN))
-    paths, failures = figure.subplots(1, 2, width_ratios=(3, 1), sharey=True, gridspec_kw={"wspace": 0.08})
-    shortest_m = statistics.fmean(shortest_paths_m) if shortest_paths_m else None
-    _boxes(paths, layout, {name: _paths_m(rows) for name, rows in by_algorithm.items()}, shortest_m)
-    _bars(failures, layout, summaries)
-    label_rows(paths, layout)
-    figure.legend(handles=_legend(layout, shortest_m), loc="outside lower center", ncols=3)
-    return figure
+    paths = {name: rows for name, own in by_algorithm.items() if (rows := _successes(own))}
+    shortest_m = [statistics.fmean(shortest_paths_m)] if shortest_paths_m else []
+    papers = {name: PAPER[name] for name in layout.at if name in PAPER}
+    seen_m = [row.path_m or 0.0 for rows in paths.values() for row in rows]
+    low_m, high_m = span_of([*seen_m, *shortest_m, *(paper.path_mean_m for paper in papers.values())])
+    label = "path to the destination line, m (logarithmic)"
+    made = rows_plot("paths", layout, PATHS_ROW_PX, label, low_m, high_m, x_axis_type="log")
+    plain_numbers(made)
+    _histograms(made, layout, paths, np.geomspace(low_m, high_m, BINS + 1))
+    _boxes(made, layout, paths, summaries)
+    ours = {name: (summaries[name].path_mean_m, summaries[name].path_sd_m) for name in paths}
+    theirs = {name: (paper.path_mean_m, paper.path_sd_m) for name, paper in papers.items()}
+    _means(made, layout, ours, OURS, "ours", palette.BLUE, low_m)
+    _means(made, layout, theirs, PAPERS, "the paper's", palette.VERMILION, low_m)
+    for at_m in shortest_m:
+        made.add_layout(Span(location=at_m, dimension="height", line_color=palette.GOAL_LINE, line_dash=[5, 3]))
+    return made
 
 
-def _paths_m(rows: Sequence[TrialRow]) -> list[float]:
-    return [row.path_m for row in rows if row.outcome in SUCCESSES and row.path_m]
+def _successes(rows: Sequence[TrialRow]) -> list[TrialRow]:
+    return [row for row in rows if row.outcome in SUCCESSES and row.path_m]
 
 
-def _boxes(axes: Axes, layout: Rows, paths_m: Mapping[str, list[float]], shortest_m: float | None) -> None:
-    shown = [name for name in layout.at if paths_m[name]]
-    stats = [boxplot_stats(paths_m[name], whis=WHISKERS_IQR)[0] for name in shown]
-    axes.bxp(
-        stats,
-        positions=[layout.at[name] for name in shown],
-        widths=0.62,
-        orientation="horizontal",
-        manage_ticks=False,
-        showmeans=True,
-        meanprops=MEAN,
-        flierprops=OUTLIER,
-        patch_artist=True,
-        boxprops={"facecolor": BOX, "linewidth": 0.7},
-        medianprops={"color": BLACK, "linewidth": 1.6, "solid_capstyle": "butt"},
-        whiskerprops={"linewidth": 0.7},
-        capprops={"linewidth": 0.7},
+def _paths_m(rows: Sequence[TrialRow]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    return np.array([row.path_m for row in rows])
+
+
+def _histograms(made: Figure, layout: Rows, paths: ByAlgorithm, edges_m: Any) -> None:
+    """Draw how many trials had a path of which length; the highest bar of each algorithm is as high as its place."""
+    counts = {name: np.histogram(_paths_m(rows), edges_m)[0] for name, rows in paths.items()}
+    foots = [layout.at[name] + FOOT for name, count in counts.items() for _ in count]
+    highs = [HISTOGRAM * each / max(count.max(), 1) for count in counts.values() for each in count]
+    bars = source(
+        left=np.tile(edges_m[:-1], len(counts)), right=np.tile(edges_m[1:], len(counts)),
+        bottom=foots, top=np.subtract(foots, highs), count=[each for count in counts.values() for each in count],
+        algorithm=[name for name, count in counts.items() for _ in count],
+    )  # fmt: skip
+    drawn = made.quad(
+        "left", "right", "top", "bottom", source=bars, color=palette.BLUE, alpha=0.45, line_width=0, name="histogram"
     )
-    papers_m = {name: PAPER[name].path_mean_m for name in layout.at if name in PAPER}
-    axes.plot([*papers_m.values()], [layout.at[name] for name in papers_m], zorder=5, **PAPERS_MEAN)
-    seen_m = [*papers_m.values(), *(path_m for name in shown for path_m in paths_m[name])]
-    if shortest_m is not None:
-        axes.axvline(shortest_m, **SHORTEST)
-        seen_m.append(shortest_m)
-    log_distances(axes, seen_m)
-    axes.set_xlabel("path length to the destination line, m (log scale)")
+    rows = (("algorithm", "@algorithm"), ("path", "@left{0.0} to @right{0.0} m"), ("trials", "@count"))
+    made.add_tools(hover([drawn], *rows))
 
 
-def _bars(axes: Axes, layout: Rows, summaries: Mapping[str, AlgorithmSummary]) -> None:
-    """Draw failures in percent with their Wilson interval, and write the number at the right."""
+def _boxes(made: Figure, layout: Rows, paths: ByAlgorithm, summaries: Mapping[str, AlgorithmSummary]) -> None:
+    """Draw quartiles and median, whiskers to the last path within 1.5 interquartile ranges, and every path beyond."""
+    boxes, beyond = [], []
+    for name, rows in paths.items():
+        first_m, third_m = np.percentile(_paths_m(rows), [25, 75])
+        room_m = WHISKERS_IQR * (third_m - first_m)
+        inside = [row for row in rows if first_m - room_m <= (row.path_m or 0.0) <= third_m + room_m]
+        within_m = _paths_m(inside)
+        median_m = summaries[name].path_median_m
+        boxes.append((name, layout.at[name] + BOX, within_m.min(), first_m, median_m, third_m, within_m.max()))
+        kept = set(inside)
+        beyond += [row for row in rows if row not in kept]
+    names = ("algorithm", "y", "low", "first", "median", "third", "high")
+    box = source(**dict(zip(names, zip(*boxes, strict=True) if boxes else [[]] * len(names), strict=True)))
+    made.segment("low", "y", "high", "y", source=box, line_color=palette.BLUE)
+    drawn = made.hbar(
+        "y", BOX_HIGH, "third", "first", source=box, name="boxes", line_color=palette.BLUE, fill_color=palette.BLUE,
+        fill_alpha=0.25,
+    )  # fmt: skip
+    made.scatter("median", "y", source=box, marker="dash", angle=np.pi / 2, size=13, line_width=3, color=palette.BLUE)
+    rows_told = (
+        ("algorithm", "@algorithm"), ("median", "@median{0.0} m"), ("quartiles", "@first{0.0} to @third{0.0} m"),
+        ("whiskers", "@low{0.0} to @high{0.0} m"),
+    )  # fmt: skip
+    made.add_tools(hover([drawn], *rows_told))
+    _outliers(made, layout, beyond)
+
+
+def _outliers(made: Figure, layout: Rows, rows: Sequence[TrialRow]) -> None:
+    points = source(
+        x=[row.path_m for row in rows], y=[layout.at[row.algorithm] + BOX for row in rows],
+        algorithm=[row.algorithm for row in rows], trial=[row.trial for row in rows],
+        forest=[row.forest for row in rows], noise=[row.noise for row in rows],
+    )  # fmt: skip
+    look: Any = {"fill_color": None, "line_color": palette.GREY, "line_width": 0.7}
+    drawn = made.scatter("x", "y", source=points, size=4, name="outliers", **look)
+    trial = ("trial", "@trial (forest @forest, noise @noise)")
+    made.add_tools(hover([drawn], ("algorithm", "@algorithm"), trial, ("path", "@x{0.0} m")))
+
+
+def _means(
+    made: Figure, layout: Rows, means: Mapping[str, tuple[float | None, float | None]], below: float, whose: str,
+    colour: str, low_m: float,
+) -> None:  # fmt: skip
+    """Draw means with one standard deviation to each side, as far as the axis goes."""
+    known = [(name, mean, sd or 0.0, mean_and_sd(mean, sd)) for name, (mean, sd) in means.items() if mean is not None]
+    points = source(
+        algorithm=[name for name, *_ in known], y=[layout.at[name] + below for name, *_ in known],
+        mean=[mean for _, mean, _, _ in known], low=[max(low_m, mean - sd) for _, mean, sd, _ in known],
+        high=[mean + sd for _, mean, sd, _ in known], text=[text for *_, text in known],
+    )  # fmt: skip
+    line = made.segment("low", "y", "high", "y", source=points, line_color=colour, line_width=2, name=f"SD, {whose}")
+    mean = made.scatter("mean", "y", source=points, marker="diamond", size=9, color=colour, name=f"mean, {whose}")
+    made.add_tools(hover([line, mean], ("algorithm", "@algorithm"), (f"mean ± SD, {whose}", "@text m")))
+
+
+def failures_figure(summaries: Mapping[str, AlgorithmSummary]) -> Figure:
+    """Return bars of the share that did not get out, with Wilson intervals, beside the paper's."""
+    layout = lay_out(grouped(summaries))
     shares = {name: _failures_percent(summary) for name, summary in summaries.items()}
-    y = [layout.at[name] for name in shares]
-    failed, low, high = zip(*shares.values(), strict=True)
-    axes.barh(y, failed, height=0.62, color=ORANGE)
-    axes.hlines(y, low, high, color=BLACK, linewidth=0.9)
-    axes.plot([*low, *high], [*y, *y], "|", color=BLACK, markersize=4, clip_on=False)
-    axes.set_xlim(0.0, next(limit for limit in (5, 10, 20, 40, 60, 100) if limit >= max(high)))
-    axes.set_xlabel("did not get out, %")
-    axes.grid(visible=True, axis="x")
-    axes.set_axisbelow(True)
-    axes.tick_params(axis="y", length=0)
-    for at, share in zip(y, failed, strict=True):
-        axes.annotate(
-            f"{share:.1f}",
-            (1.0, at),
-            xycoords=("axes fraction", "data"),
-            xytext=(3, 0),
-            textcoords="offset points",
-            va="center_baseline",
-        )
+    top = next(limit for limit in (5, 10, 20, 40, 60, 100) if limit >= max(high for *_, high in shares.values()))
+    made = rows_plot("failures", layout, FAILURES_ROW_PX, "did not get out, % of the trials", 0.0, top * 1.04)
+    bars = source(
+        algorithm=list(shares), y=[layout.at[name] for name in shares], failed=[share for share, *_ in shares.values()],
+        low=[low for _, low, _ in shares.values()], high=[high for *_, high in shares.values()],
+        share=[f"{share:.1f} [{low:.1f}, {high:.1f}] %" for share, low, high in shares.values()],
+        how=[_how(summaries[name]) for name in shares],
+    )  # fmt: skip
+    drawn = made.hbar("y", 0.6, "failed", source=bars, color=palette.BLUE, fill_alpha=0.45, name="failures")
+    interval = made.segment("low", "y", "high", "y", source=bars, line_color=palette.BLUE, line_width=2)
+    rows = (("algorithm", "@algorithm"), ("did not get out [95 %]", "@share"), ("of these", "@how"))
+    made.add_tools(hover([drawn, interval], *rows))
+    _papers_failures(made, layout)
+    return made
+
+
+def _papers_failures(made: Figure, layout: Rows) -> None:
+    known = {name: 100.0 - percent for name in layout.at if name in PAPER and (percent := PAPER[name].success_percent)}
+    points = source(
+        x=list(known.values()), y=[layout.at[name] for name in known], text=[number(x) for x in known.values()]
+    )
+    mark = made.scatter("x", "y", source=points, marker="diamond", size=10, color=palette.VERMILION, name="paper")
+    made.add_tools(hover([mark], ("the paper's", "@text % entrapped")))
+
+
+def _how(summary: AlgorithmSummary) -> str:
+    counts = {"entrapped": summary.entrapped, "tipped": summary.tipped, "faults": summary.fault}
+    return ", ".join(f"{count} {what}" for what, count in counts.items()) + f" of {summary.trials} trials"
 
 
 def _failures_percent(summary: AlgorithmSummary) -> tuple[float, float, float]:
@@ -117,17 +171,3 @@ def _failures_percent(summary: AlgorithmSummary) -> tuple[float, float, float]:
     ends = (summary.success_percent, summary.success_high_percent, summary.success_low_percent)
     failed, low, high = (min(100.0, max(0.0, 100.0 - end)) for end in ends)
     return failed, low, high
-
-
-def _legend(layout: Rows, shortest_m: float | None) -> list[Line2D | Patch]:
-    handles: list[Line2D | Patch] = [
-        Patch(facecolor=BOX, edgecolor=BLACK, linewidth=0.7, label="quartiles and median"),
-        Line2D([], [], label="mean", **MEAN),
-        Line2D([], [], linestyle="none", label="outlier", **OUTLIER),
-        Patch(facecolor=ORANGE, label="failures, 95 % interval"),
-    ]
-    if not PAPER.keys().isdisjoint(layout.at):
-        handles.append(Line2D([], [], label="the paper's mean", **PAPERS_MEAN))
-    if shortest_m is not None:
-        handles.append(Line2D([], [], label=f"mean shortest path, {shortest_m:.1f} m", **SHORTEST))
-    return handles

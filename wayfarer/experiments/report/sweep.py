@@ -1,24 +1,26 @@
-"""The report of a sweep: ``report.html`` in its folder, and its figures as files."""
+"""The report of a sweep: ``report.html`` in its folder."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from wayfarer.experiments.report import words
-from wayfarer.experiments.report.drawing import save
-from wayfarer.experiments.report.drawn import figure, file_name, write_drawn
 from wayfarer.experiments.report.reading import SweepResults, read_sweep
-from wayfarer.experiments.report.sweep_curves import curves_figure
-from wayfarer.experiments.report.sweep_maps import maps_figure
+from wayfarer.experiments.report.sweep_curves import colour_of, curves_figures, known_measures
+from wayfarer.experiments.report.sweep_maps import maps_figures
 from wayfarer.experiments.sweep.axes import Value
 from wayfarer.experiments.sweep.measures import MEASURES, spl_difference
 from wayfarer.views.page import html
+from wayfarer.views.page.frame import PAGE, write_page
+from wayfarer.views.page.plots import Figure, Plots
 
 PAIRED = (
     "All points met the same forests and noise, so they can be compared trial by trial: the last column is "
     "the mean difference of a trial's SPL to the same trial without a sweep, a failure counting 0."
 )
+CURVES = "Bands: 95 % intervals. Broken line: the value without a sweep."
+MAPS = "Colours mean the same for every algorithm; grey: not known."
 INTERVALS = (
     "Intervals are at 95 %: Wilson's for shares, 1.96 standard errors for means. Success: the rover reached the line, "
     "or left the map over another edge; path: mean of the successes, metres; SPL: mean over all trials of shortest "
@@ -32,31 +34,29 @@ def write_sweep_report(folder: Path, out: Path | None = None) -> Path:
     Raises:
         BadInput: the folder holds no finished sweep, is damaged, or cannot be written.
     """
-    results = read_sweep(folder)
-    return write_drawn(folder, out, _title(results), lambda figures: list(_body(results, figures)))
+    results, plots = read_sweep(folder), Plots()
+    return write_page(out or folder / PAGE, _title(results), list(_body(results, plots)), plots)
 
 
-def _body(results: SweepResults, figures: Path) -> Iterator[str]:
+def _body(results: SweepResults, plots: Plots) -> Iterator[str]:
     swept = [(axis.key, f"{', '.join(map(str, axis.values))} (without a sweep: {axis.now})") for axis in results.axes]
     yield html.facts([*swept, *words.facts(results.settings.campaign)])
-    drawn = _maps(results, figures) if len(results.axes) == 2 else _curves(results, figures)
-    yield html.section("What changes", *drawn, html.paragraph(INTERVALS))
-    yield html.section("Each point", _table(results), html.paragraph(PAIRED))
+    if len(results.axes) == 2:
+        for name in results.algorithms:
+            caption = f"{MAPS} {_ends(results, name)}."
+            yield html.section(name, html.paragraph(caption), _panels(maps_figures(results, name), plots))
+    else:
+        ends = "; ".join(_ends(results, name) for name in results.algorithms)
+        caption = f"{CURVES} {ends}."
+        key = html.layers("Show", [html.Layer(name, name, colour_of(at)) for at, name in enumerate(results.algorithms)])
+        yield html.section("What changes", html.paragraph(caption), key, _panels(curves_figures(results), plots))
+    missing = [measure.title for measure in MEASURES if measure not in known_measures(results)]
+    notes = [f"Not known: {', '.join(missing)}; run the sweep with --spl."] if missing else []
+    yield html.section("Each point", _table(results), *map(html.paragraph, [INTERVALS, PAIRED, *notes]))
 
 
-def _curves(results: SweepResults, figures: Path) -> Iterator[str]:
-    key = results.axes[0].key
-    alt = f"Four curves over {key}: " + "; ".join(_ends(results, name) for name in results.algorithms)
-    caption = "Bands: 95 % intervals. Broken line: the value without a sweep."
-    yield figure(save(curves_figure(results), figures, "curves", alt), caption)
-
-
-def _maps(results: SweepResults, figures: Path) -> Iterator[str]:
-    up, right = results.axes
-    for name in results.algorithms:
-        alt = f"Four maps of {name} over {up.key} and {right.key}: {_ends(results, name)}"
-        caption = f"{name}. Colours mean the same for every algorithm; grey: not known. The intervals are in the table."
-        yield figure(save(maps_figure(results, name), figures, file_name("maps", name), alt), caption)
+def _panels(figures: Iterable[Figure], plots: Plots) -> str:
+    return html.panels(html.figure(plots.place(figure)) for figure in figures)
 
 
 def _ends(results: SweepResults, name: str) -> str:

@@ -1,72 +1,84 @@
-"""Figure of a sweep over one key: each measure as a curve per algorithm, with 95 % intervals."""
+"""Figures of a sweep over one key: each measure as a curve per algorithm, with 95 % intervals."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+from typing import Any
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from bokeh.models.annotations import Span
+from bokeh.plotting import ColumnDataSource
 
-from wayfarer.experiments.report.drawing import GREY, WIDTH_IN, Style
-from wayfarer.experiments.report.escape_figure import COLOURS, DASHES
-from wayfarer.experiments.report.groups import short
+from wayfarer.experiments.report.algorithm_rows import SVG, source
+from wayfarer.experiments.report.escape_figure import DASHES
 from wayfarer.experiments.report.reading import SweepResults
 from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.sweep.measures import MEASURES, Measure
+from wayfarer.views import palette
+from wayfarer.views.page.plots import Figure, hover, layer, plot
 
-PANEL_IN = 1.9
-LEGEND_LINE_IN = 0.19
-LEGEND_COLUMNS = 3
-NOW: Style = {"color": GREY, "linewidth": 0.8, "linestyle": (0, (3, 2)), "zorder": 0.5}
+PANEL_PX = 240
 UNKNOWN = Estimate(math.nan, math.nan, math.nan)
-NOT_KNOWN = "not known: run with --spl"
 
 
-def curves_figure(results: SweepResults) -> Figure:
-    """Return four panels over the one key that was swept; a broken line marks the value without a sweep."""
-    legend_in = LEGEND_LINE_IN * (2 + len(results.algorithms) // LEGEND_COLUMNS)
-    figure = Figure((WIDTH_IN, 2 * PANEL_IN + legend_in))
-    panels = figure.subplots(2, 2, sharex=True)
-    for axes, measure in zip(panels.flat, MEASURES, strict=True):
-        _panel(axes, results, measure)
-    for axes in panels[-1]:
-        axes.set_xlabel(results.axes[0].key)
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=LEGEND_COLUMNS)
-    return figure
+def curves_figures(results: SweepResults) -> Iterator[Figure]:
+    """Yield a figure for each measure that is known; all are zoomed together along the key.
 
-
-def _panel(axes: Axes, results: SweepResults, measure: Measure) -> None:
-    places = _places(axes, results)
-    order = sorted(range(len(places)), key=places.__getitem__)
-    for number, name in enumerate(results.algorithms):
-        estimates = [measure.of(results.cells[point, name]) or UNKNOWN for point in order]
-        _curve(axes, [places[point] for point in order], estimates, number, short(name))
-    if not _anything_known(results, measure):
-        axes.text(0.5, 0.5, NOT_KNOWN, transform=axes.transAxes, horizontalalignment="center", color=GREY)
-        axes.set_yticks([])
-    if results.now is not None:
-        axes.axvline(places[results.now], label="without a sweep", **NOW)
-    axes.set_title(measure.title, fontsize="medium", loc="left")
-    axes.grid(visible=True)
-    axes.set_axisbelow(True)
-
-
-def _places(axes: Axes, results: SweepResults) -> list[float]:
-    """Return where each value is along x: words stand side by side, numbers where they belong."""
+    A broken line marks the value without a sweep. Words stand side by side in the order of the sweep.
+    """
     axis = results.axes[0]
-    if axis.numeric:
-        return [float(value) for value in axis.values]
-    axes.set_xticks(range(len(axis.values)), [str(value) for value in axis.values])
-    return [float(number) for number in range(len(axis.values))]
+    x_range: Any = {} if axis.numeric else {"x_range": [str(value) for value in axis.values]}
+    for measure in known_measures(results):
+        made = plot(
+            measure.name,
+            PANEL_PX,
+            "both",
+            output_backend=SVG,
+            title=measure.title,
+            **x_range,
+        )
+        x_range = {"x_range": made.x_range}
+        made.xaxis.axis_label, made.yaxis.axis_label = axis.key, measure.title
+        for number in range(len(results.algorithms)):
+            _curve(made, results, measure, number)
+        if results.now is not None:
+            now: Any = _places(results)[results.now]
+            made.add_layout(Span(location=now, dimension="height", line_color=palette.GREY, line_dash=[4, 3]))
+        yield made
 
 
-def _curve(axes: Axes, x: list[float], estimates: list[Estimate], number: int, label: str) -> None:
-    colour, dashes = COLOURS[number % len(COLOURS)], DASHES[number % len(DASHES)]
-    values, lows, highs = zip(*estimates, strict=True)
-    axes.fill_between(x, lows, highs, color=colour, alpha=0.18, linewidth=0)
-    axes.plot(x, values, color=colour, linestyle=dashes, marker="o", markersize=2.8, label=label)
+def known_measures(results: SweepResults) -> list[Measure]:
+    """Return the measures that some point has; SPL needs shortest paths."""
+    return [measure for measure in MEASURES if any(measure.of(rows) for rows in results.cells.values())]
 
 
-def _anything_known(results: SweepResults, measure: Measure) -> bool:
-    return any(measure.of(rows) for rows in results.cells.values())
+def _places(results: SweepResults) -> Sequence[float | str]:
+    """Return where each value is along x."""
+    axis = results.axes[0]
+    return [float(value) if axis.numeric else str(value) for value in axis.values]
+
+
+def _curve(made: Figure, results: SweepResults, measure: Measure, number: int) -> None:
+    name, places = results.algorithms[number], _places(results)
+    order = list(range(len(places)))
+    if results.axes[0].numeric:
+        order.sort(key=lambda point: places[point])
+    estimates = {point: measure.of(results.cells[point, name]) for point in order}
+    drawn = [estimates[point] or UNKNOWN for point in order]
+    told: ColumnDataSource = source(
+        x=[places[point] for point in order], key=[str(results.points[point][0]) for point in order],
+        value=[each.value for each in drawn], low=[each.low for each in drawn], high=[each.high for each in drawn],
+        text=[each.text(measure.decimals) if (each := estimates[point]) else "" for point in order],
+    )  # fmt: skip
+    colour, dash = colour_of(number), list(DASHES[number % len(DASHES)])
+    band = made.varea("x", "low", "high", source=told, fill_color=colour, fill_alpha=0.18)
+    line = made.line("x", "value", source=told, line_color=colour, line_dash=dash, line_width=2)
+    points = made.scatter("x", "value", source=told, size=6, color=colour, name=name)
+    layer(name, band, line, points)
+    rows = (("algorithm", "$name"), (results.axes[0].key, "@key"), (f"{measure.title} [95 %]", "@text"))
+    made.add_tools(hover([points], *rows))
+
+
+def colour_of(number: int) -> str:
+    """Return the colour of an algorithm, by its place in the campaign."""
+    return palette.SERIES[number % len(palette.SERIES)]

@@ -1,73 +1,87 @@
-"""Figure of a sweep over two keys: a page of heat maps per algorithm."""
+"""Figures of a sweep over two keys: heat maps of an algorithm, one for each measure."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from typing import Any
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
+from bokeh.models import BasicTicker, LinearColorMapper
+from bokeh.models.annotations import ColorBar
+from bokeh.palettes import Cividis256
 
-from wayfarer.experiments.report.drawing import PALE, WIDTH_IN
+from wayfarer.experiments.report.algorithm_rows import SVG, source
 from wayfarer.experiments.report.reading import SweepResults, SweptAxis
-from wayfarer.experiments.sweep.measures import MEASURES, Measure
+from wayfarer.experiments.report.sweep_curves import known_measures
+from wayfarer.experiments.sweep.measures import Measure
+from wayfarer.views import palette
+from wayfarer.views.page.plots import Figure, hover, plot
 
-PANEL_IN = 2.3
-COLOURS = "cividis"  # read alike by colour-blind readers
-DARK_BELOW = 0.5  # of the scale: white numbers
-MOST_COLUMNS, MOST_ROWS = 8, 14  # with more there is no room for a number in each cell
-
-Grid = np.ndarray[tuple[int, int], np.dtype[np.float64]]  # [first key, second key]
+PANEL_PX = 300
+MOST_NAMES = 8  # along an axis; of more values every so manieth is named
+MOST_NUMBERS = 80  # cells; with more there is no room for a number in each
 
 
-def maps_figure(results: SweepResults, algorithm: str) -> Figure:
-    """Return a map for each measure: the first key upwards, the second to the right; colours mean the same for all."""
-    figure = Figure((WIDTH_IN, 2 * PANEL_IN))
-    for axes, measure in zip(figure.subplots(2, 2).flat, MEASURES, strict=True):
-        values = _values(results, algorithm, measure)
-        every = np.concatenate([_values(results, name, measure).ravel() for name in results.algorithms])
-        known = every[np.isfinite(every)]
-        low, high = (known.min(), known.max()) if known.size else (0.0, 1.0)
-        scale = Normalize(low, high if high > low else low + 1.0)
-        axes.set_facecolor(PALE)
-        image = axes.imshow(values, cmap=COLOURS, norm=scale, origin="lower", aspect="auto")
-        _ticks(axes, results.axes)
-        if values.shape[0] <= MOST_ROWS and values.shape[1] <= MOST_COLUMNS:
-            _numbers(axes, values, scale, measure.decimals)
-        axes.set_title(measure.title, fontsize="medium", loc="left")
-        figure.colorbar(image, ax=axes, fraction=0.05)
+def maps_figures(results: SweepResults, algorithm: str) -> Iterator[Figure]:
+    """Yield a map for each measure: the first key upwards, the second to the right; colours mean the same for all."""
     up, right = results.axes
-    figure.supxlabel(right.key, fontsize="medium")
-    figure.supylabel(up.key, fontsize="medium")
-    return figure
+    for measure in known_measures(results):
+        made = plot(
+            f"{measure.name}, {algorithm}", PANEL_PX, "both", output_backend=SVG,
+            title=measure.title,
+            x_range=(-0.5, len(right.values) - 0.5), y_range=(-0.5, len(up.values) - 0.5),
+        )  # fmt: skip
+        _name_values(made.xaxis, right)
+        _name_values(made.yaxis, up)
+        made.grid.visible = False
+        _cells(made, results, algorithm, measure)
+        yield made
 
 
-def _values(results: SweepResults, algorithm: str, measure: Measure) -> Grid:
-    """Return a measure at each point, NaN where it is not known."""
+def _cells(made: Figure, results: SweepResults, algorithm: str, measure: Measure) -> None:
+    """Draw a cell for each point, with its number where there is room."""
+    up, right = results.axes
+    mapper = _colours(results, measure)
     estimates = [measure.of(results.cells[point, algorithm]) for point in range(len(results.points))]
-    flat = [math.nan if estimate is None else estimate.value for estimate in estimates]
-    up, right = results.axes
-    return np.array(flat).reshape(len(up.values), len(right.values))
+    values = [math.nan if each is None else each.value for each in estimates]
+    middle = (mapper.low + mapper.high) / 2.0
+    cells = source(
+        x=[point % len(right.values) for point in range(len(values))],
+        y=[point // len(right.values) for point in range(len(values))],
+        value=values, up=[str(point[0]) for point in results.points], right=[str(point[1]) for point in results.points],
+        text=["not known" if each is None else each.text(measure.decimals) for each in estimates],
+        number=["" if math.isnan(value) else f"{value:.{measure.decimals}f}" for value in values],
+        ink=["white" if value < middle else "black" for value in values],  # dark colours are low
+    )  # fmt: skip
+    drawn = made.rect(
+        "x", "y", 1.0, 1.0, source=cells, fill_color={"field": "value", "transform": mapper}, line_color=None,
+        name="cells",
+    )  # fmt: skip
+    if len(values) <= MOST_NUMBERS:
+        made.text(
+            "x", "y", "number", source=cells, text_color={"field": "ink"}, text_font_size="10px", text_align="center",
+            text_baseline="middle",
+        )  # fmt: skip
+    made.add_tools(hover([drawn], (up.key, "@up"), (right.key, "@right"), (f"{measure.title} [95 %]", "@text")))
+    bar = ColorBar(
+        color_mapper=mapper, width=10, padding=4, ticker=BasicTicker(desired_num_ticks=4), background_fill_color=None
+    )
+    made.add_layout(bar, "right")
 
 
-def _ticks(axes: Axes, keys: list[SweptAxis]) -> None:
-    up, right = keys
-    axes.set_xticks(*_named(right))
-    axes.set_yticks(*_named(up))
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
+def _colours(results: SweepResults, measure: Measure) -> Any:
+    """Return colours over all values of a measure; cividis is read alike by colour-blind readers."""
+    known = [each.value for rows in results.cells.values() if (each := measure.of(rows))]
+    low, high = min(known), max(known)
+    return LinearColorMapper(
+        palette=Cividis256, low=low, high=high if high > low else low + 1.0, nan_color=palette.GREY
+    )
 
 
-def _named(axis: SweptAxis) -> tuple[list[int], list[str]]:
-    """Return places and names of an axis's values; of many, every so manieth."""
-    step = -(-len(axis.values) // MOST_COLUMNS)
-    places = list(range(0, len(axis.values), step))
-    return places, [str(axis.values[place]) for place in places]
-
-
-def _numbers(axes: Axes, values: Grid, scale: Normalize, decimals: int) -> None:
-    for (row, column), value in np.ndenumerate(values):
-        if math.isfinite(value):
-            colour = "white" if scale(value) < DARK_BELOW else "black"
-            axes.text(column, row, f"{value:.{decimals}f}", color=colour, fontsize=6.5, ha="center", va="center")
+def _name_values(axis: Any, swept: SweptAxis) -> None:
+    """Name the values of a key; of many, every so manieth."""
+    step = -(-len(swept.values) // MOST_NAMES)
+    places = list(range(0, len(swept.values), step))
+    axis.ticker = places
+    axis.major_label_overrides = {place: str(swept.values[place]) for place in places}
+    axis.axis_label = swept.key

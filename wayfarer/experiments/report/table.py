@@ -1,4 +1,4 @@
-"""The table of a campaign as HTML, with the columns that ``wayfarer sim`` prints and the paper's figures."""
+"""The tables of a campaign as HTML, with the columns that ``wayfarer sim`` prints and the paper's figures."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from wayfarer.experiments.entrapment import Cause
 from wayfarer.experiments.report.groups import grouped
+from wayfarer.experiments.report.ratio_figure import TIMES, WITHIN, quantile, ratios, times, within_percent
 from wayfarer.experiments.report.reading import Results
 from wayfarer.experiments.tables import NAME, OUTCOMES, PAPER, PATHS, PaperColumn, fault_columns, lines_of
 from wayfarer.views.page import html
@@ -18,6 +19,17 @@ def results_table(results: Results) -> str:
     """Return a row for each algorithm, under its group, with a row of the paper's below where the paper has one."""
     columns = (NAME, *OUTCOMES, *fault_columns(results.summaries.values()), *PATHS)
     return html.table(CAPTION, [column.title for column in columns], _rows(results, columns))
+
+
+def ratios_table(results: Results) -> str:
+    """Return the median ratio of each algorithm, and the shares of its trials within some multiples."""
+    known = {name: found for name, rows in results.by_algorithm.items() if (found := ratios(rows))}
+    rows = [
+        ("", [name, times(quantile(found, 0.5)), *(f"{within_percent(found, m):.1f} %" for m in WITHIN)])
+        for name, found in known.items()
+    ]
+    head = ["algorithm", "median", *(f"within {multiple:g} {TIMES}" for multiple in WITHIN)]
+    return html.table("Share of the trials that got out within a multiple of the shortest path.", head, rows)
 
 
 def causes_table(causes: Sequence[tuple[str, Cause]]) -> str:

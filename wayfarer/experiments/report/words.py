@@ -12,6 +12,9 @@ from wayfarer.experiments.report.ratio_figure import quantile, ratios
 from wayfarer.experiments.report.reading import Results, Settings
 from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
+from wayfarer.views import palette
+from wayfarer.views.page import html
+from wayfarer.views.vocabulary import PHASES
 
 LEGEND = (
     "Success: the rover reached the destination line or left the map over another edge, which the paper counts as an "
@@ -19,10 +22,14 @@ LEGEND = (
     "SPL, success weighted by path length: the mean over all trials of shortest path divided by path driven, a failure "
     "counting 0.",
 )
-ESCAPE_CAPTION = (
+ESCAPE = (
     "Share of all trials that have escaped by a path of that length; one that was entrapped, tipped or faulty counts "
     "as not escaped at any length (a tick marks the longest of them). The percentage is where the curve ends, as in "
-    "the table. Grey: the other groups."
+    "the table. Grey: the other groups. A click on a name hides its curve; the figures are zoomed together."
+)
+FAILURES_CAPTION = (
+    "Share of trials that did not get out (entrapped, tipped or faulty), line: Wilson 95 % interval. Diamond: the "
+    "paper's, which gives a number for Forest-Pledge alone (section IV)."
 )
 NO_SHORTEST_PATHS = (
     "The shortest paths of these forests are not known. Run the campaign again with --spl, which computes them, or "
@@ -32,17 +39,18 @@ NOTHING_TO_DRAW = "No trial is drawn."
 GALLERY = (
     "Failures first, then the longest paths; every algorithm has its turn before one has a second. These are "
     "therefore not typical trials but the worst. Each was run again for its drawing and came out as in trials.csv, "
-    "digit for digit."
+    "digit for digit. Choose one to see its forest and its way."
+)
+BUTTONS = ("previous", "next", "whole forest", "where it was entrapped")
+MAP_CAPTION = (
+    "Trunks and trees are to scale, north is up. Triangle: start, points to the goal; cross: end; green line: goal "
+    "line; broken square: the ground that an entrapped rover kept to in the second half of its trial."
 )
 ENTRAPPED = (
     "Of the trials that are drawn above; with --gallery N more are. Looked at is the second half of what each rover "
     "drove, and the causes are asked for from left to right: "
     + "; ".join(f"{why}: {text}" for why, text in EXPLAINED.items())
-    + ". The drawings show the ground that the rover kept to in that half."
-)
-FOREST_LEGEND = "Legend of the drawings below; trunks and trees are to scale, north is up."
-FOREST_LEGEND_ALT = (
-    "Legend: colours of the phases of the path, marks for start, end, slip events, goal line, trunks and trees"
+    + "."
 )
 
 
@@ -73,38 +81,43 @@ def facts(settings: Settings) -> Iterator[tuple[str, str]]:
 
 
 def paths_caption(results: Results) -> str:
-    """Explain the figure of paths and failures."""
+    """Explain the figure of paths."""
     shortest_m = results.shortest_paths_m
-    line = " Dashed line: the mean of the forests' shortest paths." if shortest_m else ""
+    line = f" Broken line: mean shortest path, {statistics.fmean(shortest_m):.1f} m." if shortest_m else ""
     return (
-        "Left: path length of the successes (box: quartiles and median, whiskers: the last trial within 1.5 "
-        f"interquartile ranges, diamond: mean).{line} Right: share of trials that did not get out (entrapped, tipped "
-        "or faulty) with its Wilson 95 % interval."
+        "Path length of the successes: how many trials had which path; box with quartiles and median, whiskers to the "
+        "last trial within 1.5 interquartile ranges, a ring for every trial beyond; blue diamond: mean with one "
+        f"standard deviation, vermilion: the paper's (section IV).{line}"
     )
 
 
 def paths_alt(results: Results) -> str:
-    """Say in words what the figure of paths and failures shows."""
-    parts = [
-        f"{name}: median path {_metres(summary.path_median_m)}, {100 - summary.success_percent:.1f} % did not get out"
-        for name, summary in results.summaries.items()
-    ]
-    return "Box plots of path length and bars of failures by algorithm. " + "; ".join(parts)
+    """Say in words what the figure of paths shows."""
+    parts = [f"{name}: median path {_metres(summary.path_median_m)}" for name, summary in results.summaries.items()]
+    return "Path length by algorithm. " + "; ".join(parts)
+
+
+def failures_alt(results: Results) -> str:
+    """Say in words what the figure of failures shows."""
+    parts = [f"{name}: {100 - summary.success_percent:.1f} %" for name, summary in results.summaries.items()]
+    return "Share of trials that did not get out, by algorithm. " + "; ".join(parts)
 
 
 def escape_alt(results: Results) -> str:
-    """Say in words what the figure of escapes shows."""
+    """Say in words what the figures of escapes show."""
     parts = [f"{name} ends at {summary.success_percent:.1f} %" for name, summary in results.summaries.items()]
-    return "Cumulative share of escaped trials over path length, by algorithm. " + "; ".join(parts)
+    return "Cumulative share of escaped trials over path length. " + "; ".join(parts)
 
 
 def ratio_caption(results: Results) -> str:
     """Explain the figure of ratios."""
-    of_all = "" if len(results.shortest_paths_m) == len(results.rows) else " of the trials whose shortest path is known"
+    of_all = (
+        "" if len(results.shortest_paths_m) == len(results.rows) else ", of the trials whose shortest path is known"
+    )
     return (
         "Path driven over the shortest path for the rover's width in the same forest; a failure counts as longer than "
-        "any number, and an arrow says that the quantile lies among the failures. At the right: the share of all trials"
-        f"{of_all} that got out within 2 and within 4 times the shortest path. Mean shortest path: "
+        "any number, and an arrow says that the 95th percentile lies among the failures. Ring: median; thick: the "
+        f"middle half; thin: 5th to 95th percentile{of_all}. Mean shortest path: "
         f"{statistics.fmean(results.shortest_paths_m):.1f} m."
     )
 
@@ -116,26 +129,34 @@ def ratio_alt(results: Results) -> str:
     return "Path over shortest path by algorithm. " + "; ".join(parts)
 
 
-def trial_caption(row: TrialRow) -> str:
+def trial_name(row: TrialRow) -> str:
+    """Name a trial with how it ended."""
+    return f"{row.algorithm}, trial {row.trial}: {ending(row)}"
+
+
+def trial_text(row: TrialRow, slips: int) -> str:
     """Say which trial a drawing shows, and how it ended."""
     share = ""
     if row.outcome in SUCCESSES and row.path_m and row.shortest_path_m:
         share = f", {row.path_m / row.shortest_path_m:.1f} times the shortest path"
-    return f"{row.algorithm}, trial {row.trial} (forest {row.forest}, noise {row.noise}): {ending(row)}{share}."
-
-
-def trial_alt(row: TrialRow, slips: int) -> str:
-    """Say in words what a drawing shows."""
     return (
-        f"Forest seen from above with the path of {trial_caption(row)} {row.anomalies} anomalies, {slips} slip events."
+        f"{row.algorithm}, trial {row.trial} (forest {row.forest}, noise {row.noise}): {ending(row)}{share}. "
+        f"{row.anomalies} anomalies, {slips} slips."
     )
 
 
-def entrapped_caption(row: TrialRow, found: Entrapment) -> str:
+def trial_layers() -> Iterator[html.Layer]:
+    """Yield the boxes that hide parts of the way, which are the key to its colours too."""
+    for phase, colour in palette.PHASES.items():
+        yield html.Layer(phase, PHASES[phase], colour)
+    yield html.Layer("slips", "Slips", palette.ANOMALY)
+
+
+def entrapped_text(found: Entrapment) -> str:
     """Say why a trial was entrapped, and by which figures."""
     turned = "" if found.turned is None else f", {found.turned:.0%} of the turns asked for in the open"
     return (
-        f"{row.algorithm}, trial {row.trial}: {found.why}. It kept to {found.extent_m:.1f} m, was against something "
+        f"{str(found.why).capitalize()}. It kept to {found.extent_m:.1f} m, was against something "
         f"for {found.touching:.0%} of the time{turned}, and {found.new:.0%} of its places were new."
     )
 

@@ -60,9 +60,16 @@ def key(title: str, lines: Iterable[tuple[str, str]]) -> str:
     return f'<p class="key"><b>{escape(title)}</b>{names}</p>'
 
 
-def figure(drawn: str, caption: str) -> str:
-    """Return a drawing, which is HTML, with its caption."""
-    return "\n".join(["<figure>", drawn, f"<figcaption>{escape(caption)}</figcaption>", "</figure>"])
+def figure(drawn: str, caption: str = "", alt: str = "") -> str:
+    """Return a drawing, which is HTML, with its caption if it has one; ``alt`` says in words what it shows."""
+    label = f' aria-label="{escape(alt)}"' if alt else ""
+    below = [f"<figcaption>{escape(caption)}</figcaption>"] if caption else []
+    return "\n".join([f"<figure{label}>", drawn, *below, "</figure>"])
+
+
+def panels(figures: Iterable[str]) -> str:
+    """Return figures beside each other, as far as there is room."""
+    return "\n".join(['<div class="panels">', *figures, "</div>"])
 
 
 def table(caption: str, head: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]]) -> str:

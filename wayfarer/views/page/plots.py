@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 from bokeh.document import Document
-from bokeh.models import BoxZoomTool, HoverTool, Model, PanTool, ResetTool, WheelZoomTool
+from bokeh.models import BoxZoomTool, HoverTool, Model, PanTool, ResetTool, SaveTool, WheelZoomTool
 from bokeh.models.renderers import GlyphRenderer
 from bokeh.plotting import figure
 
@@ -18,19 +18,20 @@ TEXT = "11px"
 Figure = figure
 
 
-def plot(name: str, height_px: int | None, zooms: Literal["width", "both"], **settings: Any) -> Figure:
+def plot(name: str, height_px: int | None, zooms: Literal["width", "both", "map"], **settings: Any) -> Figure:
     """Return an empty figure as wide as its place. ``name`` is how a script of the page finds it.
 
-    Dragging moves what zooms in ``both`` dimensions, as maps do, and zooms to what was dragged over in the other. Ctrl
-    and the wheel zoom as well; the wheel alone scrolls the page. ``settings`` are further properties of
+    Dragging moves a ``map``, which keeps one scale for both axes, and zooms to what was dragged over in the others.
+    Ctrl and the wheel zoom as well; the wheel alone scrolls the page. ``settings`` are further properties of
     ``bokeh.plotting.figure``.
     """
-    pan, box = PanTool(dimensions=zooms), BoxZoomTool(dimensions=zooms, match_aspect=zooms == "both")
-    wheel = WheelZoomTool(dimensions=zooms, modifiers={"ctrl": True})
+    sides: Literal["width", "both"] = "width" if zooms == "width" else "both"
+    pan, box = PanTool(dimensions=sides), BoxZoomTool(dimensions=sides, match_aspect=zooms == "map")
+    wheel = WheelZoomTool(dimensions=sides, modifiers={"ctrl": True})
     made = figure(
         name=name,
         height=height_px,
-        tools=[pan, box, wheel, ResetTool()],
+        tools=[pan, box, wheel, ResetTool(), SaveTool(filename=name)],
         background_fill_color=None,
         border_fill_color=None,
         outline_line_color=None,
@@ -39,7 +40,7 @@ def plot(name: str, height_px: int | None, zooms: Literal["width", "both"], **se
         **{"sizing_mode": "stretch_width"} | settings,
     )
     made.toolbar.logo = None
-    made.toolbar.active_drag, made.toolbar.active_scroll = pan if zooms == "both" else box, wheel
+    made.toolbar.active_drag, made.toolbar.active_scroll = pan if zooms == "map" else box, wheel
     made.axis.axis_label_text_font_size = made.axis.major_label_text_font_size = TEXT
     made.axis.axis_label_text_font_style = "normal"
     made.axis.minor_tick_line_color = None

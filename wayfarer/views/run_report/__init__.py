@@ -1,1 +1,1 @@
-"""The HTML report of one run: a map of the path, and time lines; drawn with matplotlib."""
+"""The HTML report of one run: a map of the path, and time lines; drawn with Bokeh."""

@@ -1,6 +1,10 @@
-"""A forest seen from above, to scale."""
+"""Forests seen from above, to scale."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from math import atan2, hypot
+from typing import Any
 
 import numpy as np
 from bokeh.plotting import ColumnDataSource
@@ -9,28 +13,44 @@ from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure
 
-CAP = np.linspace(-np.pi / 2.0, np.pi / 2.0, 7)  # the round end of a trunk, by its corners
+Row = tuple[float, ...]
 
 
-def draw_forest(map_: Figure, forest: Forest) -> None:
-    """Draw trunks, trees, the goal line, and the edge of the world."""
-    capsules = [_capsule(complex(t.x0_m, t.y0_m), complex(t.x1_m, t.y1_m), d / 2.0) for t, d in forest.thick_trunks]
-    map_.patches(
-        [capsule.real.tolist() for capsule in capsules], [capsule.imag.tolist() for capsule in capsules],
-        fill_color=palette.TRUNK, line_color=None, fill_alpha=0.8,
-    )  # fmt: skip
-    x_m, y_m = np.array(forest.trees_m, dtype=np.float32).reshape(-1, 2).T
-    map_.circle(
-        "x", "y", radius=forest.tree_radius_m, source=ColumnDataSource({"x": x_m, "y": y_m}),
-        fill_color=palette.TREE, line_color=None, fill_alpha=0.8,
-    )  # fmt: skip
-    map_.line([0.0, WORLD_SIZE_M], [forest.goal_y_m] * 2, line_color=palette.GOAL_LINE, line_width=3)
-    edge_m = np.array([0.0, 1.0, 1.0, 0.0, 0.0]) * WORLD_SIZE_M
-    map_.line(edge_m, np.roll(edge_m, 1), line_color=palette.GREY, line_width=0.5)
+def draw_forests(map_: Figure, forests: Sequence[Forest]) -> None:
+    """Draw trunks with their round ends, trees, goal lines, and the edges of the worlds.
+
+    The column ``number`` has the number of the forest, by which a filter shows one of many.
+    """
+
+    def columns(rows_of: Callable[[Forest], Iterable[Row]], *names: str) -> ColumnDataSource:
+        rows = [(number, *row) for number, forest in enumerate(forests) for row in rows_of(forest)]
+        table = np.array(rows, dtype=np.float32).reshape(-1, 1 + len(names))
+        return ColumnDataSource(dict(zip(("number", *names), table.T.copy(), strict=True)))
+
+    trunk: Any = {"color": palette.TRUNK, "line_color": None}
+    map_.rect(
+        "x", "y", "length", "thick", "angle", source=columns(_trunks, "x", "y", "length", "thick", "angle"), **trunk
+    )
+    map_.circle("x", "y", "radius", source=columns(_trunk_ends, "x", "y", "radius"), **trunk)
+    map_.circle("x", "y", "radius", source=columns(_trees, "x", "y", "radius"), color=palette.TREE, line_color=None)
+    goals = columns(lambda forest: [(0.0, WORLD_SIZE_M, forest.goal_y_m)], "x", "end", "y")
+    map_.segment("x", "y", "end", "y", source=goals, line_color=palette.GOAL_LINE, line_width=3)
+    edges = columns(lambda _: [(WORLD_SIZE_M / 2.0, WORLD_SIZE_M)], "middle", "side")
+    map_.rect("middle", "middle", "side", "side", source=edges, fill_color=None, line_color=palette.GREY)
 
 
-def _capsule(first: complex, last: complex, radius_m: float) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
-    """Return the outline of all points within a radius of a straight line."""
-    along = (last - first) / (abs(last - first) or 1.0)
-    ahead = radius_m * along * np.exp(1j * CAP)
-    return np.concatenate([last + ahead, first - ahead])
+def _trunks(forest: Forest) -> Iterator[Row]:
+    for trunk, diameter_m in forest.thick_trunks:
+        east_m, north_m = trunk.x1_m - trunk.x0_m, trunk.y1_m - trunk.y0_m
+        middle_m = trunk.x0_m + east_m / 2.0, trunk.y0_m + north_m / 2.0
+        yield *middle_m, hypot(east_m, north_m), diameter_m, atan2(north_m, east_m)
+
+
+def _trunk_ends(forest: Forest) -> Iterator[Row]:
+    for trunk, diameter_m in forest.thick_trunks:
+        yield trunk.x0_m, trunk.y0_m, diameter_m / 2.0
+        yield trunk.x1_m, trunk.y1_m, diameter_m / 2.0
+
+
+def _trees(forest: Forest) -> Iterator[Row]:
+    return ((*tree_m, forest.tree_radius_m) for tree_m in forest.trees_m)

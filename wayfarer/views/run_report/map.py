@@ -14,7 +14,7 @@ from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot
 from wayfarer.views.run_report.data import PHASES, Floats
 from wayfarer.views.run_report.events import happenings
-from wayfarer.views.run_report.forest import draw_forest
+from wayfarer.views.run_report.forest import draw_forests
 from wayfarer.views.run_report.series import pieces
 from wayfarer.views.run_report.track import Track, Way
 
@@ -34,11 +34,10 @@ START: Mapping[str, Any] = {"marker": "star", "size": 14, "line_width": 1}
 
 def map_plot(tracks: Sequence[Track]) -> Figure:
     """Return the map. One run is in the colours of its phases, two have a colour each."""
-    map_ = plot("map", None, "both", sizing_mode="scale_width", aspect_ratio=1.0, match_aspect=True)
+    map_ = plot("map", None, "map", sizing_mode="scale_width", aspect_ratio=1.0, match_aspect=True)
     map_.min_border_left = 40  # as wide as its numbers, whichever they are
     map_.xaxis.axis_label = "metres east; upwards: metres north"
-    for forest in (track.forest for track in tracks[:1] if track.forest):
-        draw_forest(map_, forest)
+    draw_forests(map_, [track.forest for track in tracks[:1] if track.forest])
     side_m = _leave_room(map_, tracks)
     for at, track in enumerate(tracks):
         colours = palette.PHASES if len(tracks) == 1 else dict.fromkeys(PHASES, palette.RUNS[at])

@@ -1,0 +1,59 @@
+"""The page of a sweep in a real browser, opened from disk without a network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.browser import DESKTOP, PHONE, OpenPage
+from tests.experiments import fake_trials
+from wayfarer.experiments.report.sweep import write_sweep_report
+from wayfarer.experiments.sweep.axes import Axis
+from wayfarer.experiments.sweep.command import run_all
+from wayfarer.experiments.sweep.grid import make_sweep
+
+ANGLES, SLIPS = Axis("escape.turn_angle_deg", (10, 30, 50)), Axis("slip_mean_m", (2, 10))
+
+
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[int, str]:
+    """Where the pages of a sweep over one key and over two are."""
+    written = {}
+    for axes in ((ANGLES,), (ANGLES, SLIPS)):
+        folder: Path = tmp_path_factory.mktemp("sweep")
+        run_all(
+            make_sweep(fake_trials.campaign_of(6, "pledge", "levy-walk"), axes), folder, run_trial=fake_trials.quick
+        )
+        written[len(axes)] = write_sweep_report(folder).as_uri()
+    return written
+
+
+@pytest.mark.parametrize("keys", [1, 2])
+@pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_page_draws_its_figures_and_tells_their_values(
+    reports: dict[int, str], browser_page: OpenPage, viewport: tuple[int, int], keys: int
+) -> None:
+    opened = browser_page(viewport, offline=True)
+    page = opened.page
+    page.goto(reports[keys])
+    page.wait_for_selector("html[data-plotted]", state="attached", timeout=30_000)
+    assert page.locator("figure .plot").count() == 3 * keys  # no SPL without shortest paths; two algorithms
+    assert opened.overflow_px() == 0
+    assert opened.trouble == []
+    name = "pledge" if keys == 1 else "cells"
+    model = f"[...Bokeh.documents[0]._all_models.values()].filter((each) => each.name === '{name}')[0]"
+    y_column = "value" if keys == 1 else "y"
+    x, y, text = page.evaluate(f"""() => {{
+      const renderer = {model}, view = Bokeh.index.find_one(renderer), {{ data }} = renderer.data_source;
+      view.parent.el.scrollIntoView({{ block: "center" }});
+      const box = view.parent.canvas_view.el.getBoundingClientRect(), {{ x_scale, y_scale }} = view.parent.frame;
+      return [box.x + x_scale.compute(data.x[1]), box.y + y_scale.compute(data.{y_column}[1]), data.text[1]];
+    }}""")
+    for off in (3, 0):
+        page.mouse.move(x + off, y + off)
+    values = page.locator(".bk-tooltip-row-value")
+    values.first.wait_for(timeout=10_000)
+    assert text in values.all_inner_texts()
+    row = page.locator("table").last.locator("tbody tr:not(.group)").nth(1).inner_text()
+    assert text in row
