@@ -12,9 +12,9 @@ from wayfarer.experiments.report.ratio_figure import quantile, ratios
 from wayfarer.experiments.report.reading import Results, Settings
 from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
+from wayfarer.fieldlog.vocabulary import PHASES
 from wayfarer.views import palette
 from wayfarer.views.page import html
-from wayfarer.views.vocabulary import PHASES
 
 LEGEND = (
     "Success: the rover reached the destination line or left the map over another edge, which the paper counts as an "
