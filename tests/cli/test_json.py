@@ -20,7 +20,7 @@ from tests.views.text.records import HEADER, drive, event, numbered, outcome, wr
 from wayfarer import cli
 from wayfarer.cli import Described
 from wayfarer.commissioning.checks import Finding
-from wayfarer.experiments.paired_statistics import Comparison
+from wayfarer.experiments.paired_statistics import Comparison, Difference
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.run_campaign import ComputeCost
 from wayfarer.experiments.statistics import AlgorithmSummary, Estimate
@@ -44,7 +44,7 @@ tables = cache(read_tables)
 CLASSES: dict[type, set[str]] = {
     RunRow: set(), RunSummary: set(), LowBattery: set(), PeriodPercentiles: set(), Mark: set(), LastPosition: set(),
     RangeBearing: set(), Fix: set(), Damage: set(), Replay: {"run"}, DecisionDifference: set(),
-    AlgorithmSummary: set(), ComputeCost: {"cpu_us_per_tick"}, Comparison: set(), Estimate: set(), TrialRow: set(),
+    AlgorithmSummary: set(), ComputeCost: {"cpu_us_per_tick"}, Comparison: set(), Difference: set(), Estimate: set(), TrialRow: set(),
     Result: {"passed"}, RandomTrial: set(), Finding: set(), Described: set(),
 }  # fmt: skip
 

@@ -34,7 +34,7 @@ def report(
         ),
     ] = "last",
     other: Annotated[
-        str | None, typer.Argument(metavar="[RUN]", help="Another run, to be shown beside the first one in one page.")
+        str | None, typer.Argument(metavar="RUN", help="Another run, to be shown beside the first one in one page.")
     ] = None,
     *,
     gallery: Annotated[
