@@ -110,7 +110,7 @@ def logs_file(folder: Path) -> Path:
 
 def test_export_takes_the_format_from_the_name_of_the_file(run: Run, tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
-    for name, begins in (("a.mcap", b"\x89MCAP"), ("b.TSV", b"0"), ("c.csv", b"t_s,"), ("d", b"t_s,")):
+    for name, begins in (("a.mcap", b"\x89MCAP"), ("b.TSV", b"0"), ("c.csv", b"elapsed_s,"), ("d", b"elapsed_s,")):
         assert run("export", 1, "--out", tmp_path / name)[0] == 0
         content = (tmp_path / name).read_bytes()
         assert content.startswith(begins) or (name == "b.TSV" and b"\t" in content)
@@ -147,7 +147,7 @@ def test_summary_of_a_log_without_its_header_claims_nothing(run: Run, tmp_path: 
 
 
 def test_export_goes_to_a_pipe(run: Run) -> None:
-    assert run("export", 1, "--out", "-")[1].startswith("t_s,t_wall,n,event,phase")
+    assert run("export", 1, "--out", "-")[1].startswith("elapsed_s,t_s,t_wall,n,event,phase")
     assert run("export", 1, "--out", "-", "--format", "mcap")[0] == 2
 
 

@@ -20,9 +20,10 @@ from tests.fuzz.target import Case, Target, Try, reading
 from tests.views.text.records import SAMPLE_LOGS, event, numbered, record
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import replay
+from wayfarer.views.export.export import export
+from wayfarer.views.export.formats import ExportFormat, Output
 from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.run_report.run import write_run_report
-from wayfarer.views.text.export import export, write_table
 from wayfarer.views.text.listing import lines, rows
 from wayfarer.views.text.run_narrator import RunNarrator
 from wayfarer.views.text.run_summariser import summarise
@@ -140,15 +141,16 @@ STORY = Target(
 
 def _export(run: Path) -> str:
     out = run.parent / "out.mcap"
-    for form in ("csv", "tsv"):
-        write_table(run, form, io.StringIO())
-    export(run, "mcap", out, overwrite=True)
+    for form in ExportFormat:
+        if form.output is Output.TEXT:
+            form.write(run, io.StringIO())
+    export(run, ExportFormat.mcap, out, overwrite=True)
     return f"mcap, {len(str(out.stat().st_size))} digits of bytes"
 
 
 EXPORT = Target(
     "export",
-    ["wayfarer.views.text.tables", "wayfarer.views.text.export:write_table", "wayfarer.views.foxglove.mcap_file",
+    ["wayfarer.views.export.tables", "wayfarer.views.foxglove.mcap_file",
      "wayfarer.views.foxglove.channels", "wayfarer.views.foxglove.notes", "wayfarer.views.foxglove.places",
      "wayfarer.views.foxglove.plots", "wayfarer.views.foxglove.scene",
      "wayfarer.views.trail"],
@@ -161,7 +163,7 @@ def _replay(run: Path) -> str:
     result = replay(run)
     if result.difference is not None:
         return f"{result.difference.key} differs"
-    return f"{'cut' if result.cut_t_s is not None else 'whole'}, {'some' if result.ticks else 'no'} decisions"
+    return f"{'cut' if result.cut_elapsed_s is not None else 'whole'}, {'some' if result.ticks else 'no'} decisions"
 
 
 def _told_while_driving(told: Any) -> bytes:

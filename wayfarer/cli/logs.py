@@ -7,7 +7,6 @@ import shutil
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from enum import StrEnum
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Annotated
@@ -17,6 +16,7 @@ import typer
 from wayfarer.cli.extras import require
 from wayfarer.cli.options import AsJson, Logs, examples, log_folder
 from wayfarer.errors import BadInput
+from wayfarer.views.export.formats import ExportFormat, Output
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.reader import Damage
@@ -36,17 +36,11 @@ EXAMPLES = examples(
 )
 app = typer.Typer(no_args_is_help=True, epilog=EXAMPLES)
 
+FORMATS_HELP = f"{'; '.join(f'{form}: {form.meaning}' for form in ExportFormat)}. (default: by FILE's ending, or csv)"
+
 Run = Annotated[
     str | None, typer.Argument(metavar="RUN", help="Number, folder or file of a run. (default: the newest run)")
 ]
-
-
-class OutputFormat(StrEnum):
-    """What a run can be exported as."""
-
-    csv = "csv"
-    tsv = "tsv"
-    mcap = "mcap"
 
 
 @app.callback()
@@ -184,13 +178,7 @@ def check(
 def export(
     run: Run = None,
     *,
-    form: Annotated[
-        OutputFormat | None,
-        typer.Option(
-            "--format",
-            help="csv: one row per tick; tsv: the paper's columns; mcap: Foxglove. (default: by FILE's ending, or csv)",
-        ),
-    ] = None,
+    form: Annotated[ExportFormat | None, typer.Option("--format", help=FORMATS_HELP)] = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Output file; - is stdout. (default: in this folder, named as the run)"),
@@ -198,40 +186,39 @@ def export(
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     logs: Logs = None,
 ) -> None:
-    """Convert a run's log to CSV, TSV or MCAP."""
+    """Convert a run's log to a format of other tools."""
     from wayfarer.fieldlog.folders import find_run
-    from wayfarer.views.text.export import export as export_run
-    from wayfarer.views.text.export import write_table
+    from wayfarer.views.export.export import export as export_run
 
     found = find_run(run, log_folder(logs))
     form = _form(form, out)
-    if form is OutputFormat.mcap:
-        if out == STDOUT:
-            raise BadInput("mcap is no text for a terminal: name a file with --out, or leave it out")
-        require("Foxglove")
+    if out == STDOUT and form.output is not Output.TEXT:
+        raise BadInput(f"{form} is no text for a terminal: name a file with --out, or leave it out")
+    if form.needs:
+        require(form.needs)
     if out == STDOUT:
         with _until_closed():
-            _tell_damage(write_table(found, form.value, sys.stdout))
+            _tell_damage(form.write(found, sys.stdout))
         return
-    file = out or Path(f"{_titled(found)}.{form.value}")
-    damage = export_run(found, form.value, file, overwrite=force)
+    file = out or Path(f"{_titled(found)}.{form}")
+    damage = export_run(found, form, file, overwrite=force)
     print(f"the run is in {file}")
     _tell_damage(damage)
 
 
-def _form(wanted: OutputFormat | None, out: Path | None) -> OutputFormat:
+def _form(wanted: ExportFormat | None, out: Path | None) -> ExportFormat:
     """Return the format that is wanted, or that the file's name ends in; csv for a name without an ending.
 
     Raises:
         BadInput: the two are not the same, or the ending is of no format and none is wanted.
     """
     ending = out.suffix.lower().removeprefix(".") if out else ""
-    named = next((form for form in OutputFormat if form.value == ending), None)
+    named = next((form for form in ExportFormat if form == ending), None)
     if wanted and named and wanted is not named:
-        raise BadInput(f"--out {out} ends in .{ending}, --format is {wanted.value}: change one, or leave --format out")
+        raise BadInput(f"--out {out} ends in .{ending}, --format is {wanted}: change one, or leave --format out")
     if ending and not (wanted or named):
-        raise BadInput(f"--out {out}: a run is written as {', '.join(OutputFormat)}; end the name so, or say --format")
-    return wanted or named or OutputFormat.csv
+        raise BadInput(f"--out {out}: a run is written as {', '.join(ExportFormat)}; end the name so, or say --format")
+    return wanted or named or ExportFormat.csv
 
 
 def _titled(run: Path) -> str:

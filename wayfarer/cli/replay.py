@@ -53,7 +53,7 @@ def replay(
             print("wayfarer:", error, file=sys.stderr)
             continue
         print(told(folder, result))
-        codes.add(DIFFERS if result.difference else CUT if result.cut_t_s is not None or not result.ticks else 0)
+        codes.add(DIFFERS if result.difference else CUT if result.cut_elapsed_s is not None or not result.ticks else 0)
     raise typer.Exit(next(code for code in (BAD_INPUT, DIFFERS, CUT, 0) if code in codes))
 
 
@@ -61,12 +61,19 @@ def told(run: Path, result: Replay) -> str:
     """Return a replay in a line."""
     so_far = f"{run.name}: {result.ticks} decisions as logged"
     if result.difference is not None:
-        t_s, number, key, *values = result.difference
+        elapsed_s, number, key, *values = result.difference
         logged, today = map(_short, values) if _short(values[0]) != _short(values[1]) else map(repr, values)
-        return f"{so_far}, then at t_s {t_s:.3f} (n {number}) {key} was {logged} and is {today} today"
-    if result.cut_t_s is not None:
-        return f"{so_far}; records are missing before t_s {result.cut_t_s:.3f}, what follows cannot be replayed"
+        return f"{so_far}, then at {_moment(elapsed_s)}, n {number}, {key} was {logged} and is {today} today"
+    if result.cut_elapsed_s is not None:
+        return f"{so_far}; records are missing before {_moment(result.cut_elapsed_s)}, what follows cannot be replayed"
     return so_far
+
+
+def _moment(elapsed_s: float) -> str:
+    """Return a moment as ``wayfarer logs show`` has it, and as exports have it."""
+    from wayfarer.fieldlog.fields import span
+
+    return f"{span(elapsed_s, 2)} (elapsed_s {elapsed_s:.3f})"
 
 
 def _short(value: object) -> str:

@@ -21,6 +21,7 @@ from foxglove.messages import (
     Timestamp,
 )
 
+from wayfarer.fieldlog.elapsed import Elapsed
 from wayfarer.fieldlog.reader import Record
 from wayfarer.views.foxglove.notes import Notes
 from wayfarer.views.foxglove.places import Places
@@ -77,6 +78,7 @@ class Channels:
     """
 
     def __init__(self, context: Context) -> None:
+        self._elapsed = Elapsed()
         self._places = Places()
         self._notes = Notes()
         self._rows: defaultdict[str, Row] = defaultdict(list)
@@ -87,11 +89,11 @@ class Channels:
 
     def take(self, record: Record, time_s: float) -> None:
         """Send what a record says, at a time in seconds since 1970."""
-        known: Record = {}
+        known: Record = {"elapsed_s": self._elapsed.at(record)}
         with suppress(*ODD):
-            place = self._places.take(record)
-            known = {"place": place, "path_m": self._places.path_m} if record["record"] == "tick" else {}
-        _send(self._rows[record["record"]], record | known, time_s)
+            known |= {"place": self._places.take(record), "path_m": self._places.path_m}
+        kind = record["record"]
+        _send(self._rows[kind], record | known if kind == "tick" else record, time_s)
 
     def send_lasting(self, time_s: float) -> None:
         """Send again what stays in sight: forest, bodies and paths."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from wayfarer.fieldlog.elapsed import Elapsed
 from wayfarer.fieldlog.fields import name, names, number, span, whole
 from wayfarer.fieldlog.reader import Damage, Record
 from wayfarer.views.text.wording import (
@@ -31,14 +32,14 @@ Told = Iterator[tuple[str, Tone]]
 
 
 class Line(NamedTuple):
-    """One line: seconds since the run began, a text that is fit for a terminal, and its tone."""
+    """One line: ``elapsed_s`` of its record, a text that is fit for a terminal, and its tone."""
 
-    at_s: float
+    elapsed_s: float
     text: str
     tone: Tone
 
     def __str__(self) -> str:
-        return f"{span(self.at_s, 2)}  {self.text}"
+        return f"{span(self.elapsed_s, 2)}  {self.text}"
 
 
 class RunNarrator:
@@ -50,7 +51,7 @@ class RunNarrator:
 
     def __init__(self, *, ticks: bool = False) -> None:
         self._every_tick = ticks
-        self._began_s: float | None = None
+        self._elapsed = Elapsed()
         self._number: int | None = None
         self._dropped = 0
         self._told_run = False
@@ -75,11 +76,9 @@ class RunNarrator:
 
     def take(self, record: Record) -> list[Line]:
         """Return the lines for a record; most records have none."""
-        t_s = record["t_s"]
-        if self._began_s is None:
-            self._began_s = t_s
+        elapsed_s = self._elapsed.at(record)
         told = [*self._gap(record), *self._tellers[record["record"]](record)]
-        return [Line(t_s - self._began_s, text, tone) for text, tone in told]
+        return [Line(elapsed_s, text, tone) for text, tone in told]
 
     def _gap(self, record: Record) -> Told:
         """Report missing record numbers, unless a ``log_gap`` has just reported them."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
 
+from wayfarer.fieldlog.elapsed import Elapsed
 from wayfarer.fieldlog.fields import began_wall_s, flag, name, names, number, reckoning, sound_tick, table, whole
 from wayfarer.fieldlog.reader import Record
 from wayfarer.views.text.last_position import PositionTracker
@@ -45,6 +46,7 @@ class RunSummariser:
         self._counts: defaultdict[str, Counter[str]] = defaultdict(Counter)
         self._low_battery: LowBattery | None = None
         self._marks: list[Mark] = []
+        self._elapsed = Elapsed()
         self._clock_steps_s: list[float] = []
         self._dropped = 0
         self._periods = Periods()
@@ -115,7 +117,7 @@ class RunSummariser:
 
     def _at_s(self, record: Record) -> float:
         """Return how long after the beginning a record was made."""
-        return float(record["t_s"] - self._first["t_s"])
+        return self._elapsed.at(record)
 
     def _take_header(self, header: Record) -> None:
         if self._header:

@@ -10,9 +10,10 @@ import pytest
 
 from tests.views.text.records import HEADER, drive, tick, write
 from wayfarer.errors import BadInput
-from wayfarer.views.text.export import export
+from wayfarer.views.export.export import export
+from wayfarer.views.export.formats import ExportFormat
 
-FORMS = ["csv", "tsv", "mcap"]
+FORMS = list(ExportFormat)
 
 
 @pytest.fixture
@@ -22,7 +23,7 @@ def run(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("through", ["itself", "a symlink"])
-def test_pipe_is_refused_even_by_force_and_stays(run: Path, tmp_path: Path, form: str, through: str) -> None:
+def test_pipe_is_refused_even_by_force_and_stays(run: Path, tmp_path: Path, form: ExportFormat, through: str) -> None:
     pipe, link = tmp_path / "pipe", tmp_path / "link"
     os.mkfifo(pipe)
     link.symlink_to(pipe)
@@ -34,7 +35,7 @@ def test_pipe_is_refused_even_by_force_and_stays(run: Path, tmp_path: Path, form
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_symlink_is_written_through(run: Path, tmp_path: Path, form: str) -> None:
+def test_symlink_is_written_through(run: Path, tmp_path: Path, form: ExportFormat) -> None:
     link, target = tmp_path / "link", tmp_path / "target"
     target.write_text("old", encoding="utf-8")
     link.symlink_to(target)
@@ -45,7 +46,7 @@ def test_symlink_is_written_through(run: Path, tmp_path: Path, form: str) -> Non
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_file_is_there_whole_and_never_replaced_unasked(run: Path, tmp_path: Path, form: str) -> None:
+def test_file_is_there_whole_and_never_replaced_unasked(run: Path, tmp_path: Path, form: ExportFormat) -> None:
     out = tmp_path / "out"
     export(run, form, out, overwrite=False)
     content = out.read_bytes()
@@ -60,7 +61,7 @@ def test_file_is_there_whole_and_never_replaced_unasked(run: Path, tmp_path: Pat
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("lines", [[], [b"\0" * 100], [b'{"record": "tick"']])
-def test_log_of_which_nothing_can_be_read_gives_no_file(tmp_path: Path, form: str, lines: list[bytes]) -> None:
+def test_log_of_which_nothing_can_be_read_gives_no_file(tmp_path: Path, form: ExportFormat, lines: list[bytes]) -> None:
     run = write(tmp_path / "run", lines)
     with pytest.raises(BadInput, match="nothing in this log can be read"):
         export(run, form, tmp_path / "out", overwrite=False)
@@ -69,7 +70,7 @@ def test_log_of_which_nothing_can_be_read_gives_no_file(tmp_path: Path, form: st
 
 @pytest.mark.parametrize("form", FORMS)
 def test_file_that_is_refused_more_room_is_one_line_and_leaves_nothing_behind(
-    run: Path, tmp_path: Path, form: str, capfd: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, form: ExportFormat, capfd: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
     out.write_bytes(b"the one before")
@@ -91,4 +92,4 @@ def test_file_that_is_refused_more_room_is_one_line_and_leaves_nothing_behind(
 )
 def test_place_that_cannot_be_is_told_in_one_line(run: Path, tmp_path: Path, place: str, said: str) -> None:
     with pytest.raises(BadInput, match=rf"^[^\n]*{said}[^\n]*$"):
-        export(run, "csv", tmp_path / place, overwrite=True)
+        export(run, ExportFormat.csv, tmp_path / place, overwrite=True)
