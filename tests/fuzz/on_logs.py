@@ -6,7 +6,7 @@ import io
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.on_files import MEMORY, check_finite
 from tests.fuzz.target import Case, Target, Try, reading
 from tests.views.text.records import SAMPLE_LOGS, event, numbered, record
+from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import replay
 from wayfarer.views.export.export import export
@@ -143,14 +144,17 @@ def _export(run: Path) -> str:
     out = run.parent / "out.mcap"
     for form in ExportFormat:
         if form.output is Output.TEXT:
-            form.write(run, io.StringIO())
+            with suppress(BadInput):  # no position
+                form.write(run, io.StringIO())
+    ExportFormat.csv.write(run, io.StringIO())
     export(run, ExportFormat.mcap, out, overwrite=True)
     return f"mcap, {len(str(out.stat().st_size))} digits of bytes"
 
 
 EXPORT = Target(
     "export",
-    ["wayfarer.views.export.tables", "wayfarer.views.foxglove.mcap_file",
+    ["wayfarer.views.export.tables", "wayfarer.views.export.gps_places", "wayfarer.views.export.gpx",
+     "wayfarer.views.export.geojson", "wayfarer.views.foxglove.mcap_file",
      "wayfarer.views.foxglove.channels", "wayfarer.views.foxglove.notes", "wayfarer.views.foxglove.places",
      "wayfarer.views.foxglove.plots", "wayfarer.views.foxglove.scene",
      "wayfarer.views.trail"],

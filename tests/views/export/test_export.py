@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.views.text.records import HEADER, drive, tick, write
+from tests.views.text.records import HEADER, drive, record, tick, write
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.reader import Record
 from wayfarer.views.export.export import export
 from wayfarer.views.export.formats import ExportFormat
 
@@ -18,7 +19,11 @@ FORMS = list(ExportFormat)
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    return write(tmp_path / "run", [HEADER, *drive(0.0, 1.0)])
+    return write(tmp_path / "run", [HEADER, fix(0.0), *drive(0.0, 1.0)])
+
+
+def fix(t_s: float) -> Record:
+    return record("position", t_s, latitude_deg=51.0, longitude_deg=0.0, error_m=3.0)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -50,7 +55,7 @@ def test_file_is_there_whole_and_never_replaced_unasked(run: Path, tmp_path: Pat
     out = tmp_path / "out"
     export(run, form, out, overwrite=False)
     content = out.read_bytes()
-    write(run, [tick(1.0)])
+    write(run, [tick(1.0), fix(1.0)])
     with pytest.raises(BadInput, match="--force"):
         export(run, form, out, overwrite=False)
     assert out.read_bytes() == content
@@ -75,7 +80,7 @@ def test_file_that_is_refused_more_room_is_one_line_and_leaves_nothing_behind(
     out = tmp_path / "out"
     out.write_bytes(b"the one before")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (400, limits[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200, limits[1]))
     try:
         with pytest.raises(BadInput, match=r"^[^\n]*out cannot be written: File too large; check the folder[^\n]*$"):
             export(run, form, out, overwrite=True)

@@ -35,6 +35,9 @@ class ExportFormat(StrEnum):
 
     csv = "csv", "one row per tick", Output.TEXT, None, "export.tables:write_csv"
     tsv = "tsv", "the paper's columns", Output.TEXT, None, "export.tables:write_tsv"
+    parquet = "parquet", "the rows of csv, with types", Output.BYTES, "Parquet", "export.parquet:write_parquet"
+    gpx = "gpx", "track and waypoints for maps", Output.TEXT, None, "export.gpx:write_gpx"
+    geojson = "geojson", "the same for web maps", Output.TEXT, None, "export.geojson:write_geojson"
     mcap = "mcap", "Foxglove", Output.BYTES, "Foxglove", "foxglove.mcap_file:write_mcap"
 
     def __new__(cls, ending: str, meaning: str, output: Output, needs: str | None, writer: str) -> ExportFormat:
