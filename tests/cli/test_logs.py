@@ -121,7 +121,7 @@ def test_export_takes_the_format_from_the_name_of_the_file(run: Run, tmp_path: P
     [
         (("--format", "csv", "--out", "x.mcap"), "--out x.mcap ends in .mcap, --format is csv"),
         (("--format", "mcap", "--out", "x.csv"), "--out x.csv ends in .csv, --format is mcap"),
-        (("--out", "x.kml"), "a run is written as csv, tsv, parquet, gpx, geojson, mcap"),
+        (("--out", "x.kml"), "a run is written as csv, tsv, parquet, gpx, geojson, mcap, rosbag2"),
     ],
 )
 def test_export_refuses_a_name_that_says_another_format(

@@ -33,6 +33,7 @@ EXAMPLES = examples(
     "wayfarer logs follow",
     "wayfarer logs summary 17",
     "wayfarer logs export 17 --format csv",
+    "wayfarer logs export 17 --format gpx",
 )
 app = typer.Typer(no_args_is_help=True, epilog=EXAMPLES)
 
@@ -181,12 +182,14 @@ def export(
     form: Annotated[ExportFormat | None, typer.Option("--format", help=FORMATS_HELP)] = None,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Output file; - is stdout. (default: in this folder, named as the run)"),
+        typer.Option(
+            metavar="FILE", help="Output file, for rosbag2 a folder; - is stdout. (default: here, named as the run)"
+        ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     logs: Logs = None,
 ) -> None:
-    """Convert a run's log to a format of other tools."""
+    """Convert a run's log to a format of other tools, as a file or, for rosbag2, a folder."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.views.export.export import export as export_run
 

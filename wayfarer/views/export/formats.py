@@ -17,7 +17,7 @@ class Output(Enum):
 
     TEXT = "text"  # an open text file, which may be a terminal
     BYTES = "bytes"  # an open binary file that can seek
-    FOLDER = "folder"  # the path of a folder that is not there yet
+    FOLDER = "folder"  # the path of a folder that the writer makes
 
 
 class ExportFormat(StrEnum):
@@ -39,6 +39,7 @@ class ExportFormat(StrEnum):
     gpx = "gpx", "track and waypoints for maps", Output.TEXT, None, "export.gpx:write_gpx"
     geojson = "geojson", "the same for web maps", Output.TEXT, None, "export.geojson:write_geojson"
     mcap = "mcap", "Foxglove", Output.BYTES, "Foxglove", "foxglove.mcap_file:write_mcap"
+    rosbag2 = "rosbag2", "ROS 2", Output.FOLDER, "rosbag2", "export.rosbag2:write_rosbag2"
 
     def __new__(cls, ending: str, meaning: str, output: Output, needs: str | None, writer: str) -> ExportFormat:
         """Make a row."""
