@@ -110,7 +110,13 @@ def logs_file(folder: Path) -> Path:
 
 def test_export_takes_the_format_from_the_name_of_the_file(run: Run, tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
-    for name, begins in (("a.mcap", b"\x89MCAP"), ("b.TSV", b"0"), ("c.csv", b"elapsed_s,"), ("d", b"elapsed_s,")):
+    for name, begins in (
+        ("a.mcap", b"\x89MCAP"),
+        ("e.parquet", b"PAR1"),
+        ("b.TSV", b"0"),
+        ("c.csv", b"elapsed_s,"),
+        ("d", b"elapsed_s,"),
+    ):
         assert run("export", 1, "--out", tmp_path / name)[0] == 0
         content = (tmp_path / name).read_bytes()
         assert content.startswith(begins) or (name == "b.TSV" and b"\t" in content)
@@ -148,7 +154,25 @@ def test_summary_of_a_log_without_its_header_claims_nothing(run: Run, tmp_path: 
 
 def test_export_goes_to_a_pipe(run: Run) -> None:
     assert run("export", 1, "--out", "-")[1].startswith("elapsed_s,t_s,t_wall,n,event,phase")
-    assert run("export", 1, "--out", "-", "--format", "mcap")[0] == 2
+    for form in ("mcap", "parquet", "rosbag2"):
+        assert run("export", 1, "--out", "-", "--format", form)[:2] == (2, "")
+
+
+def test_export_for_ros_is_a_folder_that_stays(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("export", 1, "--format", "rosbag2")[:2] == (0, f"the run is in {FIRST}.rosbag2\n")
+    assert {each.name for each in Path(f"{FIRST}.rosbag2").iterdir()} == {"metadata.yaml", f"{FIRST}.rosbag2.mcap"}
+    code, _, err = run("export", 1, "--format", "rosbag2", "--force")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "no folder is replaced" in err
+
+
+@pytest.mark.parametrize("form", ["gpx", "geojson"])
+def test_run_without_a_receiver_has_no_map(run: Run, tmp_path: Path, form: str) -> None:
+    code, out, err = run("export", 1, "--out", tmp_path / f"run.{form}")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "no GPS position" in err
+    assert not (tmp_path / f"run.{form}").exists()
 
 
 @pytest.mark.parametrize("command", ["show", "summary", "check", "export", "follow"])
