@@ -128,7 +128,8 @@ class _Taken:
         elapsed_s = self._elapsed.at(record)
         match record["record"]:
             case "run" if not self.about:
-                self.about, self._track = run_text(record), reckoning(record)
+                self.about = run_text(record)
+                self._track = self._track if self.poses else reckoning(record)  # a log may have lost its first header
             case "tick":
                 self._take_tick(record)
             case "position":

@@ -98,7 +98,8 @@ class RosMessages:
         elapsed_s, time_s = self._elapsed.at(record), self._zero_s + record["t_s"]
         match record["record"]:
             case "run" if not self._header:
-                self._header, self._track = record, reckoning(record)
+                self._header = record
+                self._track = self._track if self._place else reckoning(record)  # a log may have lost its first header
             case "position":
                 yield from (Stamped("/fix", time_s, fix) for fix in _fixes(record, time_s))
             case "tick":
