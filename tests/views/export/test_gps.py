@@ -67,7 +67,7 @@ def gpx(folder: Path, records: list[Record]) -> GPX:
 def geojson(folder: Path, records: list[Record]) -> list[dict[str, Any]]:
     text = written(ExportFormat.geojson, folder, records)
     collection = json.loads(text)
-    assert FeatureCollection.model_validate_json(text).length == len(collection["features"])
+    assert len(FeatureCollection.model_validate_json(text).features) == len(collection["features"])
     for feature in collection["features"]:
         assert feature.keys() == {"type", "geometry", "properties"}
         geometry = feature["geometry"]
