@@ -147,6 +147,7 @@ def _export(run: Path) -> str:
             with suppress(BadInput):  # no position
                 form.write(run, io.StringIO())
     ExportFormat.csv.write(run, io.StringIO())
+    export(run, ExportFormat.parquet, run.parent / "out.parquet", overwrite=True)
     export(run, ExportFormat.mcap, out, overwrite=True)
     return f"mcap, {len(str(out.stat().st_size))} digits of bytes"
 
@@ -154,6 +155,7 @@ def _export(run: Path) -> str:
 EXPORT = Target(
     "export",
     ["wayfarer.views.export.tables", "wayfarer.views.export.gps_places", "wayfarer.views.export.gpx",
+     "wayfarer.views.export.parquet",
      "wayfarer.views.export.geojson", "wayfarer.views.foxglove.mcap_file",
      "wayfarer.views.foxglove.channels", "wayfarer.views.foxglove.notes", "wayfarer.views.foxglove.places",
      "wayfarer.views.foxglove.plots", "wayfarer.views.foxglove.scene",
