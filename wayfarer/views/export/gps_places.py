@@ -86,8 +86,10 @@ def read_places(run: Path, form: str) -> Places:
         BadInput: the run cannot be read, or has no position; the text names the format that was wanted.
     """
     reader = RunReader(run)
-    clock, fold = ClockZero(), RunFold()
-    about, fixes, poses, happenings = "", list[Fix](), list[ReckonedPose](), list[Happening]()
+    clock, fold, about = ClockZero(), RunFold(), ""
+    fixes: list[Fix] = []
+    poses: list[ReckonedPose] = []
+    happenings: list[Happening] = []
     for record in readable(reader):
         clock.take(record)
         events = fold.take(record)
