@@ -19,6 +19,7 @@ from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
 
 CHECKOUT = Path(__file__).resolve().parents[2]
+SAMPLE = ["1", "--logs", str(CHECKOUT / "field_logs")]
 
 FOREST = {
     "forest": 0, "noise": 1, "start_m": [25.0, 12.5], "heading_deg": 0.0, "goal_y_m": 50.0,
@@ -97,6 +98,8 @@ def test_error_that_quotes_what_a_terminal_obeys_has_it_written_out(run: Run) ->
         (["report"], "bokeh", "a report needs bokeh, which is not installed: pip install '.[sim]'"),
         (["run", "--sim", "--live"], "aiohttp", "page needs aiohttp, which is not installed: pip install '.[live]'"),
         (["demo"], "aiohttp", "the live page needs aiohttp, which is not installed: pip install '.[live]'"),
+        (["logs", "export", *SAMPLE, "--out", "o.rosbag2"], "rosbags", "rosbag2 needs rosbags, which is not installed"),
+        (["logs", "export", *SAMPLE, "--out", "o.parquet"], "pyarrow", "Parquet needs pyarrow, which is not installed"),
         (["run", "--sim", "--foxglove"], "foxglove", "needs foxglove-sdk, which is not installed: pip install '.[fox"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import shlex
 import signal
 import subprocess
 import sys
@@ -94,7 +95,7 @@ def test_export_writes_a_file_named_as_the_run_where_one_is(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run("export", 1)[:2] == (0, f"the run is in {FIRST}.csv\n")
+    assert run("export", 1) == (0, f"the run is in {FIRST}.csv\n", f"Next: xdg-open {FIRST}.csv\n")
     assert len(Path(f"{FIRST}.csv").read_text().splitlines()) == 122
     code, _, err = run("export", 1)
     assert code == 2
@@ -110,7 +111,13 @@ def logs_file(folder: Path) -> Path:
 
 def test_export_takes_the_format_from_the_name_of_the_file(run: Run, tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
-    for name, begins in (("a.mcap", b"\x89MCAP"), ("b.TSV", b"0"), ("c.csv", b"t_s,"), ("d", b"t_s,")):
+    for name, begins in (
+        ("a.mcap", b"\x89MCAP"),
+        ("e.parquet", b"PAR1"),
+        ("b.TSV", b"0"),
+        ("c.csv", b"elapsed_s,"),
+        ("d", b"elapsed_s,"),
+    ):
         assert run("export", 1, "--out", tmp_path / name)[0] == 0
         content = (tmp_path / name).read_bytes()
         assert content.startswith(begins) or (name == "b.TSV" and b"\t" in content)
@@ -121,7 +128,7 @@ def test_export_takes_the_format_from_the_name_of_the_file(run: Run, tmp_path: P
     [
         (("--format", "csv", "--out", "x.mcap"), "--out x.mcap ends in .mcap, --format is csv"),
         (("--format", "mcap", "--out", "x.csv"), "--out x.csv ends in .csv, --format is mcap"),
-        (("--out", "x.gpx"), "a run is written as csv, tsv, mcap"),
+        (("--out", "x.kml"), "a run is written as csv, tsv, parquet, gpx, geojson, mcap, rosbag2"),
     ],
 )
 def test_export_refuses_a_name_that_says_another_format(
@@ -147,8 +154,35 @@ def test_summary_of_a_log_without_its_header_claims_nothing(run: Run, tmp_path: 
 
 
 def test_export_goes_to_a_pipe(run: Run) -> None:
-    assert run("export", 1, "--out", "-")[1].startswith("t_s,t_wall,n,elapsed_s,event,phase")
-    assert run("export", 1, "--out", "-", "--format", "mcap")[0] == 2
+    assert run("export", 1, "--out", "-")[1].startswith("elapsed_s,t_s,t_wall,n,event,phase")
+    for form in ("mcap", "parquet", "rosbag2"):
+        assert run("export", 1, "--out", "-", "--format", form)[:2] == (2, "")
+
+
+@pytest.mark.process
+def test_export_names_a_command_that_opens_the_table(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    python, *words = shlex.split(run("export", 1, "--out", "the run.parquet")[2].removeprefix("Next: "))
+    assert python == "python"
+    shown = subprocess.run([sys.executable, *words], input="", capture_output=True, text=True, timeout=60, check=True)
+    assert shown.stdout.startswith("elapsed_s: double")
+
+
+def test_export_for_ros_is_a_folder_that_stays(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("export", 1, "--format", "rosbag2")[:2] == (0, f"the run is in {FIRST}.rosbag2\n")
+    assert {each.name for each in Path(f"{FIRST}.rosbag2").iterdir()} == {"metadata.yaml", f"{FIRST}.rosbag2.mcap"}
+    code, _, err = run("export", 1, "--format", "rosbag2", "--force")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "no folder is replaced" in err
+
+
+@pytest.mark.parametrize("form", ["gpx", "geojson"])
+def test_run_without_a_receiver_has_no_map(run: Run, tmp_path: Path, form: str) -> None:
+    code, out, err = run("export", 1, "--out", tmp_path / f"run.{form}")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "no GPS position" in err
+    assert not (tmp_path / f"run.{form}").exists()
 
 
 @pytest.mark.parametrize("command", ["show", "summary", "check", "export", "follow"])
@@ -212,6 +246,7 @@ def test_terminal_gets_colours_unless_its_owner_wants_none(logs: Path) -> None:
     assert "\x1b[36m" in on_a_terminal("show", "1", "--logs", logs)
     assert "\x1b" not in on_a_terminal("show", "1", "--logs", logs, NO_COLOR="1")
     assert "\x1b" not in on_a_terminal("show", "1", "--logs", logs, TERM="dumb")
+    os.utime(logs / SECOND / "run.jsonl", (0.0, 0.0))  # not the log of a run that goes on
     lines = on_a_terminal("list", "--logs", logs).splitlines()
     assert ["\x1b[33m" in line for line in lines] == [False, False, True], "the second was cut off"
 

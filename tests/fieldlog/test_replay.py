@@ -96,10 +96,11 @@ def test_changed_threshold_is_caught_at_the_first_tick_that_differs(tmp_path: Pa
     run = log_trial(tmp_path / "run", 3, budget_m=30.0)
     found = replay(run, detecting(immobilised_s=0.5))
     assert found.difference is not None
+    header = next(iter(RunReader(run)))
     first = next(tick for tick in ticks(run) if tick["anomalies"])
     assert found.difference.key == "anomalies"
-    assert (found.difference.t_s, found.difference.logged, found.difference.today) == (
-        first["t_s"], ["immobilised"], [],
+    assert (found.difference.elapsed_s, found.difference.logged, found.difference.today) == (
+        round(first["t_s"] - header["t_s"], 6), ["immobilised"], [],
     )  # fmt: skip
     assert found.ticks == ticks(run).index(first)
 
@@ -137,9 +138,9 @@ def test_replay_goes_as_far_as_records_are_missing(tmp_path: Path) -> None:
     rewrite(run, lambda record: None if record.get("n") == lost else record)
     found = replay(run)
     assert (found.ticks, found.difference) == (30, None)
-    assert found.cut_t_s is not None
-    at_s = found.cut_t_s - next(iter(RunReader(run)))["t_s"]
-    assert f"records are missing before {span(at_s, 2)} (t_s {found.cut_t_s:.3f})" in told(run, found)
+    assert found.cut_elapsed_s is not None
+    at = f"{span(found.cut_elapsed_s, 2)} (elapsed_s {found.cut_elapsed_s:.3f})"
+    assert f"records are missing before {at}, what follows" in told(run, found)
 
 
 @pytest.mark.parametrize(
@@ -159,8 +160,9 @@ def test_replay_goes_as_far_as_a_record_that_no_rover_wrote(tmp_path: Path, chan
     rewrite(run, lambda record: record | change if record.get("n") == garbled["n"] else record)
     found = replay(run)
     assert (found.ticks, found.difference) == (30, None)
-    assert found.cut_t_s is not None
-    assert found.cut_t_s >= garbled["t_s"]  # or the record after it, where the reader leaves out what cannot be
+    assert found.cut_elapsed_s is not None
+    began_t_s = next(iter(RunReader(run)))["t_s"]
+    assert found.cut_elapsed_s >= garbled["t_s"] - began_t_s  # or the record after it, where the reader drops it
 
 
 def test_conclusion_that_the_log_does_not_have_is_a_difference(tmp_path: Path) -> None:

@@ -27,9 +27,9 @@ from wayfarer.fieldlog.run_events import (
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import KINDS
 from wayfarer.fieldlog.typed import RunEvent, Tick
+from wayfarer.views.export.formats import ExportFormat
 from wayfarer.views.foxglove.notes import note
 from wayfarer.views.live.page_model import PageModel
-from wayfarer.views.text.export import write_table
 
 
 def folded(*records: Record) -> tuple[list[RunEvent], RunFold]:
@@ -85,6 +85,17 @@ def test_period_is_unknown_for_the_first_tick_and_behind_missing_records() -> No
     ticks = [each for every in [*whole[:3], *whole[6:9]] for each in fold.take(every) if isinstance(each, Tick)]
     assert [isnan(each.period_s) for each in ticks] == [True, False, False, True, False, False]
     assert ticks[-1].period_s == pytest.approx(0.05)
+    assert [each.before for each in ticks] == [
+        None, ticks[0].place, ticks[1].place, None, ticks[3].place, ticks[4].place,
+    ]  # fmt: skip
+
+
+def test_reading_is_fresh_in_the_first_tick_that_has_it() -> None:
+    old, new = {"t_s": 100.0, "heading_deg": 1.0}, {"t_s": 100.08, "heading_deg": 1.0}
+    fold = RunFold()
+    readings = [None, old, old, new, {"t_s": None}]
+    ticks = [fold.state.tick for at, each in enumerate(readings) if fold.take(tick(at / 20, compass=each))]
+    assert [each.fresh for each in ticks] == [(), ("compass",), (), ("compass",), ()]
 
 
 def test_episode_goes_from_the_first_manoeuvre_until_the_goal_is_followed_again() -> None:
@@ -148,7 +159,7 @@ def test_new_key_of_an_event_is_shown_everywhere_without_an_edit(tmp_path: Path)
     (line,) = narrated([new])
     model, table = PageModel(), io.StringIO()
     model.take(new)
-    write_table(write(tmp_path / "run", [HEADER, new, tick(1.0)]), "csv", table)
+    ExportFormat.csv.write(write(tmp_path / "run", [HEADER, new, tick(1.0)]), table)
     message = note(told)
     assert message is not None
     for text in (line.text, model.snapshot()["lines"][0][1], table.getvalue(), message.text):

@@ -6,7 +6,7 @@ import io
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,11 +18,13 @@ from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.on_files import MEMORY, check_finite
 from tests.fuzz.target import Case, Target, Try, reading
 from tests.views.text.records import SAMPLE_LOGS, event, narrated, numbered, record
+from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import replay
+from wayfarer.views.export.export import export
+from wayfarer.views.export.formats import ExportFormat, Output
 from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.run_report.run import write_run_report
-from wayfarer.views.text.export import export, write_table
 from wayfarer.views.text.listing import lines, rows
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary_text import summary_text
@@ -139,15 +141,21 @@ STORY = Target(
 
 def _export(run: Path) -> str:
     out = run.parent / "out.mcap"
-    for form in ("csv", "tsv"):
-        write_table(run, form, io.StringIO())
-    export(run, "mcap", out, overwrite=True)
+    for form in ExportFormat:
+        if form.output is Output.TEXT:
+            with suppress(BadInput):  # no position
+                form.write(run, io.StringIO())
+    ExportFormat.csv.write(run, io.StringIO())
+    export(run, ExportFormat.parquet, run.parent / "out.parquet", overwrite=True)
+    export(run, ExportFormat.mcap, out, overwrite=True)
     return f"mcap, {len(str(out.stat().st_size))} digits of bytes"
 
 
 EXPORT = Target(
     "export",
-    ["wayfarer.views.text.tables", "wayfarer.views.text.export:write_table", "wayfarer.views.foxglove.mcap_file",
+    ["wayfarer.views.export.tables", "wayfarer.views.export.gps_places", "wayfarer.views.export.gpx",
+     "wayfarer.views.export.parquet",
+     "wayfarer.views.export.geojson", "wayfarer.views.foxglove.mcap_file",
      "wayfarer.views.foxglove.channels", "wayfarer.views.foxglove.notes", "wayfarer.views.foxglove.places",
      "wayfarer.views.foxglove.plots", "wayfarer.views.foxglove.scene",
      "wayfarer.views.trail"],
@@ -160,7 +168,7 @@ def _replay(run: Path) -> str:
     result = replay(run)
     if result.difference is not None:
         return f"{result.difference.key} differs"
-    return f"{'cut' if result.cut_t_s is not None else 'whole'}, {'some' if result.ticks else 'no'} decisions"
+    return f"{'cut' if result.cut_elapsed_s is not None else 'whole'}, {'some' if result.ticks else 'no'} decisions"
 
 
 def _told_while_driving(told: Any) -> bytes:

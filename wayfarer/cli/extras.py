@@ -25,6 +25,8 @@ NEEDS = {
     "--video": OptionalExtra("physics", {"av": "av", "PIL": "pillow"}),
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
+    "Parquet": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
+    "rosbag2": OptionalExtra("ros", {"rosbags": "rosbags"}),
     "Foxglove": OptionalExtra("foxglove", {"foxglove": "foxglove-sdk"}),
 }
 

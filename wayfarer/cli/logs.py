@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from threading import Event
@@ -22,6 +21,7 @@ from wayfarer.cli.help_texts import HelpCommand, HelpGroup
 from wayfarer.cli.log_folder import log_folder
 from wayfarer.cli.options import AsJson, Logs, examples
 from wayfarer.errors import BadInput
+from wayfarer.views.export.formats import ExportFormat, Output
 from wayfarer.views.text.colour import painted
 
 if TYPE_CHECKING:
@@ -43,9 +43,12 @@ EXAMPLES = examples(
     "wayfarer logs follow",
     "wayfarer logs summary 17",
     "wayfarer logs export 17 --format csv",
+    "wayfarer logs export 17 --format gpx",
 )
 app = typer.Typer(cls=HelpGroup, no_args_is_help=True, epilog=EXAMPLES)
 command = partial(app.command, cls=HelpCommand)
+
+FORMATS_HELP = f"{'; '.join(f'{form}: {form.meaning}' for form in ExportFormat)}. (default: by FILE's ending, or csv)"
 
 Run = Annotated[
     str | None,
@@ -53,14 +56,6 @@ Run = Annotated[
         metavar="RUN", autocompletion=completion.runs, help="Number, folder or file of a run. (default: the newest run)"
     ),
 ]
-
-
-class OutputFormat(StrEnum):
-    """What a run can be exported as."""
-
-    csv = "csv"
-    tsv = "tsv"
-    mcap = "mcap"
 
 
 @app.callback()
@@ -148,7 +143,7 @@ def show(
             lines = narrator.tell(fold.take(record))
             if as_json:
                 for line in lines:
-                    print_json({"elapsed_s": line.at_s, "tone": line.tone, "text": line.text, "record": record})
+                    print_json({"elapsed_s": line.elapsed_s, "tone": line.tone, "text": line.text, "record": record})
             else:
                 _tell(lines)
         if fold.state.ended is None:
@@ -219,54 +214,51 @@ def check(
 def export(
     run: Run = None,
     *,
-    form: Annotated[
-        OutputFormat | None,
-        typer.Option(
-            "--format",
-            help="csv: one row per tick; tsv: the paper's columns; mcap: Foxglove. (default: by FILE's ending, or csv)",
-        ),
-    ] = None,
+    form: Annotated[ExportFormat | None, typer.Option("--format", help=FORMATS_HELP)] = None,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Output file; - is stdout. (default: in this folder, named as the run)"),
+        typer.Option(
+            metavar="FILE", help="Output file, for rosbag2 a folder; - is stdout. (default: here, named as the run)"
+        ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     logs: Logs = None,
 ) -> None:
-    """Convert a run's log to CSV, TSV or MCAP."""
+    """Convert a run's log to a format of other tools, as a file or, for rosbag2, a folder."""
     from wayfarer.fieldlog.folders import find_run
-    from wayfarer.views.text.export import export as export_run
-    from wayfarer.views.text.export import write_table
+    from wayfarer.views.export.export import export as export_run
+    from wayfarer.views.text.scripting import say_next
 
     found = find_run(run, log_folder(logs))
     form = _form(form, out)
-    if form is OutputFormat.mcap:
-        if out == STDOUT:
-            raise BadInput("mcap is no text for a terminal: name a file with --out, or leave it out")
-        require("Foxglove")
+    if out == STDOUT and form.output is not Output.TEXT:
+        raise BadInput(f"{form} is no text for a terminal: name a file with --out, or leave it out")
+    if form.needs:
+        require(form.needs)
     if out == STDOUT:
         with _until_closed():
-            _tell_damage(write_table(found, form.value, sys.stdout))
+            _tell_damage(form.write(found, sys.stdout))
         return
-    file = out or Path(f"{_titled(found)}.{form.value}")
-    damage = export_run(found, form.value, file, overwrite=force)
+    file = out or Path(f"{_titled(found)}.{form}")
+    damage = export_run(found, form, file, overwrite=force)
     print(f"the run is in {file}")
     _tell_damage(damage)
+    say_next(*form.opened_by, file)
 
 
-def _form(wanted: OutputFormat | None, out: Path | None) -> OutputFormat:
+def _form(wanted: ExportFormat | None, out: Path | None) -> ExportFormat:
     """Return the format that is wanted, or that the file's name ends in; csv for a name without an ending.
 
     Raises:
         BadInput: the two are not the same, or the ending is of no format and none is wanted.
     """
     ending = out.suffix.lower().removeprefix(".") if out else ""
-    named = next((form for form in OutputFormat if form.value == ending), None)
+    named = next((form for form in ExportFormat if form == ending), None)
     if wanted and named and wanted is not named:
-        raise BadInput(f"--out {out} ends in .{ending}, --format is {wanted.value}: change one, or leave --format out")
+        raise BadInput(f"--out {out} ends in .{ending}, --format is {wanted}: change one, or leave --format out")
     if ending and not (wanted or named):
-        raise BadInput(f"--out {out}: a run is written as {', '.join(OutputFormat)}; end the name so, or say --format")
-    return wanted or named or OutputFormat.csv
+        raise BadInput(f"--out {out}: a run is written as {', '.join(ExportFormat)}; end the name so, or say --format")
+    return wanted or named or ExportFormat.csv
 
 
 def _as_object(run: Path, verdict: LogVerdict) -> dict[str, object]:

@@ -66,9 +66,9 @@ def replay(
             continue
         replays.append({"run": folder.name, **result._asdict()})
         if not as_json:
-            tone = "fault" if result.difference else "warning" if result.cut_t_s is not None else "good"
+            tone = "fault" if result.difference else "warning" if result.cut_elapsed_s is not None else "good"
             print(painted(told(folder, result), tone))
-        codes.add(DIFFERS if result.difference else CUT if result.cut_t_s is not None or not result.ticks else 0)
+        codes.add(DIFFERS if result.difference else CUT if result.cut_elapsed_s is not None or not result.ticks else 0)
     if as_json:
         print_json({"runs": replays})
     raise typer.Exit(next(code for code in (BAD_INPUT, DIFFERS, CUT, 0) if code in codes))
@@ -76,18 +76,21 @@ def replay(
 
 def told(run: Path, result: Replay) -> str:
     """Return a replay in a line."""
-    from wayfarer.fieldlog.fields import span
-
     so_far = f"{run.name}: {result.ticks} decisions as logged"
     if result.difference is not None:
-        t_s, number, key, *values = result.difference
+        elapsed_s, number, key, *values = result.difference
         logged, today = map(_short, values) if _short(values[0]) != _short(values[1]) else map(repr, values)
-        at = f"{span(t_s - result.began_t_s, 2)} (t_s {t_s:.3f}, n {number})"
-        return f"{so_far}, then at {at} {key} was {logged} and is {today} today"
-    if result.cut_t_s is not None:
-        at = f"{span(result.cut_t_s - result.began_t_s, 2)} (t_s {result.cut_t_s:.3f})"
-        return f"{so_far}; records are missing before {at}, what follows cannot be replayed"
+        return f"{so_far}, then at {_moment(elapsed_s)}, n {number}, {key} was {logged} and is {today} today"
+    if result.cut_elapsed_s is not None:
+        return f"{so_far}; records are missing before {_moment(result.cut_elapsed_s)}, what follows cannot be replayed"
     return so_far
+
+
+def _moment(elapsed_s: float) -> str:
+    """Return a moment as ``wayfarer logs show`` has it, and as exports have it."""
+    from wayfarer.fieldlog.fields import span
+
+    return f"{span(elapsed_s, 2)} (elapsed_s {elapsed_s:.3f})"
 
 
 def _short(value: object) -> str:

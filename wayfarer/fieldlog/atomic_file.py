@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -33,6 +34,29 @@ def whole_file(path: Path) -> Iterator[Path]:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Give the path of a folder to make, with the same name; once that is done and on the disk, it stands at ``path``.
+
+    Whatever fails, the draft goes. A folder with files in it is never replaced.
+
+    Raises:
+        OSError: the folder cannot be written, or there is one already.
+    """
+    target = Path(os.path.realpath(path))
+    draft = target.with_name(f".{target.name}.{os.getpid()}.new")
+    try:
+        draft.mkdir()
+        made = draft / target.name
+        yield made
+        for each in made.iterdir():
+            with each.open("rb") as file:
+                os.fsync(file.fileno())
+        made.replace(target)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
 
 
 def write_whole(path: Path, content: str | bytes, mode: int | None = None) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 from wayfarer.fieldlog.printable import clean
 
 ABSURD = 1e10  # no time, way, angle or voltage of a run comes near it: the bytes of a number beyond it were changed
+ELAPSED_DECIMALS = 6  # microseconds: a clock that has run for 31 years (``schema.SINCE_BOOT``) still counts them
 CLOCK_SET_S = 1_704_067_200.0  # 2024-01-01: a clock before that was never set (as in ``checks.system``)
 
 
@@ -73,6 +74,15 @@ def span(seconds: float | None, decimals: int = 0) -> str:
     width = decimals + 3 if decimals else 2
     sign = "-" if seconds < 0.0 and ticks else ""
     return f"{sign}{minutes // 60}:{minutes % 60:02}:{rest / tick:0{width}.{decimals}f}"
+
+
+def seconds_since(first: Mapping[str, Any], record: Mapping[str, Any]) -> float:
+    """Return ``elapsed_s``, seconds since the first record of a log that can be read: by this all tools name a moment.
+
+    ``t_s`` counts from an unknown moment, mostly the start of the computer. A record that stands behind the first one
+    but has an earlier ``t_s`` gets a negative number.
+    """
+    return round(float(record["t_s"]) - float(first["t_s"]), ELAPSED_DECIMALS)
 
 
 def clock_zero_s(header: Mapping[str, Any], first: Mapping[str, Any], last: Mapping[str, Any]) -> float | None:

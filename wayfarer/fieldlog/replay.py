@@ -26,6 +26,7 @@ from wayfarer.control.run_log import PartialLog
 from wayfarer.control.supervisor import make_detector, needs_of
 from wayfarer.errors import BadInput, DriverError
 from wayfarer.escape.catalogue import Algorithm
+from wayfarer.fieldlog.fields import seconds_since
 from wayfarer.fieldlog.log import tick_fields
 from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.fieldlog.schema import SCHEMA
@@ -39,7 +40,7 @@ READINGS = frozenset({"record", "n", "t_s", "t_wall", "compass", "motion", "cont
 class DecisionDifference(NamedTuple):
     """The first decision that came out otherwise: the tick's time and number, and the conclusion by its key."""
 
-    t_s: float
+    elapsed_s: float
     n: int | None
     key: str
     logged: object
@@ -49,14 +50,13 @@ class DecisionDifference(NamedTuple):
 class Replay(NamedTuple):
     """What became of a replay.
 
-    ``ticks`` decisions were compared. ``cut_t_s`` is where records are missing in the log or garbled: what follows
-    cannot be replayed, because what the rover remembered there is not known. ``began_t_s`` is that of the first record.
+    ``ticks`` decisions were compared. ``cut_elapsed_s`` is where records are missing in the log or garbled: what
+    follows cannot be replayed, because what the rover remembered there is not known.
     """
 
     ticks: int
     difference: DecisionDifference | None
-    cut_t_s: float | None = None
-    began_t_s: float = 0.0
+    cut_elapsed_s: float | None = None
 
 
 def replay(run: Path, config: RoverConfig | None = None) -> Replay:
@@ -84,12 +84,12 @@ def replay(run: Path, config: RoverConfig | None = None) -> Replay:
     ticks = 0
     for record in records:
         if reader.damage.missing or not rerun.take(record):
-            return Replay(ticks, None, cut_t_s=record["t_s"], began_t_s=first["t_s"])
+            return Replay(ticks, None, cut_elapsed_s=seconds_since(first, record))
         if record["record"] != "tick":
             continue
-        difference = compare(record, rerun.tick(record["t_s"]))
+        difference = compare(record, rerun.tick(record["t_s"]), seconds_since(first, record))
         if difference is not None:
-            return Replay(ticks, difference, began_t_s=first["t_s"])
+            return Replay(ticks, difference)
         ticks += 1
     return Replay(ticks, None)
 
@@ -181,12 +181,12 @@ class LoggedMotors:
         """Nothing turns here."""
 
 
-def compare(logged: Record, today: Mapping[str, Any]) -> DecisionDifference | None:
+def compare(logged: Record, today: Mapping[str, Any], elapsed_s: float) -> DecisionDifference | None:
     """Return the first conclusion of a tick that is not as logged; one that only one of the two has counts, too."""
     others = dict.fromkeys(key for key in (*logged, *today) if key not in CONCLUSIONS and key not in READINGS)
     for key in (*CONCLUSIONS, *others):
         if logged.get(key) != today.get(key):
-            return DecisionDifference(logged["t_s"], logged.get("n"), key, logged.get(key), today.get(key))
+            return DecisionDifference(elapsed_s, logged.get("n"), key, logged.get(key), today.get(key))
     return None
 
 

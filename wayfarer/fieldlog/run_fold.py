@@ -13,7 +13,7 @@ from wayfarer.escape.api import Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.fieldlog.dead_reckoning import QUALITY_MIN, DeadReckoning
 from wayfarer.fieldlog.episodes import EpisodeTracker
-from wayfarer.fieldlog.fields import name, table, whole
+from wayfarer.fieldlog.fields import name, seconds_since, table, whole
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
@@ -59,7 +59,6 @@ class RunFold:
     def __init__(self) -> None:
         self.state = RunState()
         self._reckoning = DeadReckoning()
-        self._first_t_s = 0.0
         self._number: int | None = None
         self._announced = 0
         self._unbroken = False
@@ -77,10 +76,8 @@ class RunFold:
     def take(self, record: Record) -> Events:
         """Take the next record, and return what it tells: first what was read, then what changed."""
         state, t_s = self.state, record["t_s"]
-        if not state.first:
-            state.first, self._first_t_s = record, t_s
-        state.last = record
-        state.elapsed_s = elapsed_s = t_s - self._first_t_s
+        state.first, state.last = state.first or record, record
+        state.elapsed_s = elapsed_s = seconds_since(state.first, record)
         state.lasted_s = max(state.lasted_s, elapsed_s)
         count, before = record.get("n"), self._number
         if count is None:
@@ -121,8 +118,8 @@ class RunFold:
         state.tick = tick = Tick.of(elapsed_s, record)
         state.ticks += 1
         for sensor in ("compass", "motion", "contact"):
-            if reading := record.get(sensor):
-                self._sensor(sensor).take(reading)
+            if (reading := record.get(sensor)) and self._sensor(sensor).take(reading):
+                tick.fresh += (sensor,)
         self._reckon(tick)
         self._count_time(tick, before)
         self._count_mission(tick, before)
@@ -149,7 +146,7 @@ class RunFold:
     def _count_time(self, tick: Tick, before: Tick) -> None:
         state, passed_s = self.state, tick.t_s - before.t_s
         if self._unbroken:
-            tick.period_s = passed_s
+            tick.period_s, tick.before = passed_s, before.place
         self._unbroken = True
         if state.mode == "armed" and passed_s > 0.0:
             state.armed_s += passed_s

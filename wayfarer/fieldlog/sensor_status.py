@@ -36,12 +36,12 @@ class SensorStatus:
         self._last: Mapping[str, Any] = {}
         self._unbroken = False
 
-    def take(self, reading: Mapping[str, Any]) -> None:
-        """Take what the sensor said last; a tick repeats that until there is a new reading."""
+    def take(self, reading: Mapping[str, Any]) -> bool:
+        """Take what the sensor said last, and return whether that is new; a tick repeats it until there is more."""
         t_s, times_s = number(reading, "t_s"), self._times_s
         before_s = times_s[-1] if times_s else None
         if t_s is None or t_s == before_s:
-            return
+            return False
         if before_s is not None and t_s < before_s:
             times_s.clear()  # the part's own clock began again
         elif before_s is not None and self._unbroken:
@@ -54,6 +54,7 @@ class SensorStatus:
         times_s.append(t_s)
         while t_s - times_s[0] > WINDOW_S:
             times_s.popleft()
+        return True
 
     def interrupted(self) -> None:
         """Note that records are missing: the next reading follows no other."""

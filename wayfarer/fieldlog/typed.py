@@ -66,9 +66,10 @@ class RunEvent:
 class Tick(RunEvent):
     """One control tick, under the names of its keys; ``motion`` is NaN where the motion sensor could not tell.
 
-    The fold adds the last four fields: ``period_s`` since the tick before, NaN where records are missing between the
-    two; ``place``, where dead reckoning has the rover, None without a heading; ``path_m``, how far it went; and
-    ``measured_m_s``, the speed that the motion sensor measured, NaN where it could not.
+    The fold adds the last six fields: ``period_s`` since the tick before, NaN where records are missing between the
+    two; ``place``, where dead reckoning has the rover, None without a heading; ``before``, that of the tick before or
+    None, where records are missing between the two; ``path_m``, how far it went; ``measured_m_s``, the speed that the
+    motion sensor measured, NaN where it could not; and ``fresh``, the sensors that have spoken since the tick before.
     """
 
     record: Record
@@ -85,10 +86,13 @@ class Tick(RunEvent):
     episodes: float | None
     period_s: float = nan
     place: ReckonedPose | None = None
+    before: ReckonedPose | None = None
     path_m: float = 0.0
     measured_m_s: float = nan
+    fresh: tuple[str, ...] = ()
 
     # What nothing is compared with is looked up when somebody asks for it.
+    n = Key[int | None](None)
     pitch_deg = Number(None)
     roll_deg = Number(None)
     goal_heading_deg = Number(None)

@@ -64,6 +64,7 @@ def nanoseconds(time_s: float) -> int:
 @pytest.mark.parametrize(
     ("topic", "kind", "keys"),
     [
+        ("/time", "tick", ["t_s", "n"]),
         ("/heading", "tick", ["heading_deg", "goal_heading_deg"]),
         ("/tilt", "tick", ["pitch_deg", "roll_deg"]),
         ("/phase", "tick", ["phase", "why", "level"]),
@@ -86,6 +87,8 @@ def test_every_record_has_its_message_with_its_time_and_values(
 
 def test_derived_values_are_those_of_the_log(exported: Exported, records: list[Record]) -> None:
     ticks = of_kind(records, "tick")
+    since = [round(record["t_s"] - records[0]["t_s"], 6) for record in ticks]
+    assert [value["elapsed_s"] for _, value in exported.messages["/time"]] == since
     for record, (_, heading), (_, anomalies), (_, phase) in zip(
         ticks, *(exported.messages[topic] for topic in ("/heading", "/anomalies", "/phase")), strict=True
     ):
@@ -140,7 +143,7 @@ def test_messages_come_in_the_order_of_the_log(exported: Exported) -> None:
 
 def test_schemas_say_what_every_value_means(exported: Exported) -> None:
     plots = {topic: schema for topic, schema in exported.schemas.items() if schema.encoding == "jsonschema"}
-    assert len(plots) == 9
+    assert len(plots) == 10
     for topic, schema in plots.items():
         declared = json.loads(schema.data)
         assert declared["type"] == "object"

@@ -9,9 +9,8 @@ from typing import BinaryIO
 
 from foxglove import Context, open_mcap
 
-from wayfarer.errors import BadInput
-from wayfarer.fieldlog.fields import clock_zero_s
-from wayfarer.fieldlog.reader import Damage, Record, RunReader
+from wayfarer.fieldlog.reader import Damage, RunReader
+from wayfarer.views.export.clock_zero import read_clock_zero_s
 from wayfarer.views.foxglove.channels import Channels
 
 
@@ -25,24 +24,8 @@ def write_mcap(run: Path, file: BinaryIO) -> Damage:
         OSError: the file takes no more.
     """
     reader = RunReader(run)
-    _write(run, _clock_zero_s(reader), file)
+    _write(run, read_clock_zero_s(reader), file)
     return reader.damage
-
-
-def _clock_zero_s(reader: RunReader) -> float:
-    """Return the time since 1970 at which the log's own clock was zero, as every tool tells it."""
-    header: Record = {}
-    first: Record = {}
-    last: Record = {}
-    for record in reader:
-        if record["record"] == "run":
-            header = header or record
-        if record.get("t_wall") is not None:
-            first, last = first or record, record
-    zero_s = clock_zero_s(header, first, last)
-    if zero_s is None:
-        raise BadInput(f"{reader.run}: nothing in this log can be read (see wayfarer logs check)")
-    return zero_s
 
 
 def _write(run: Path, zero_s: float, file: BinaryIO) -> None:

@@ -158,4 +158,13 @@ PLOTS: Mapping[str, Plot] = {
         "What really holds the rover; only in simulated runs.",
         {"slipping": "the wheels slip", "touching": "the body touches something"},
     ),
+    "/time": Plot(
+        Tick,
+        "By what names other tools find this tick.",
+        {
+            "elapsed_s": "seconds since the log began, as in tables and in wayfarer replay",
+            "t_s": "the rover's monotonic clock, seconds",
+            "n": "the number of the record",
+        },
+    ),
 }

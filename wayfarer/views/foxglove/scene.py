@@ -1,13 +1,9 @@
-"""The scene of the 3D panel: poses, forest, bodies and paths; x east, y north, metres.
-
-A compass counts clockwise from north, a map counter-clockwise from east; a body's axes are x ahead, y left, z up
-(REP 103, the convention that Foxglove's panels follow).
-"""
+"""The scene of the 3D panel: poses, forest, bodies and paths; metres, in the axes of ``enu``."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import atan2, cos, degrees, hypot, radians, sin
+from math import atan2, degrees, hypot
 from typing import Any
 
 from foxglove.messages import (
@@ -26,6 +22,8 @@ from foxglove.messages import (
     Vector3,
 )
 
+from wayfarer.views.enu import enu_rotation
+
 MAP, ROVER, TRUTH = "map", "rover", "truth"  # frames: the world, the rover as it believes to be, and as it is
 
 BARK = Color(r=0.45, g=0.32, b=0.2, a=1.0)
@@ -37,15 +35,9 @@ GOAL_HALF_LENGTH_M = 25.0  # to either side of the start: the simulated forest's
 
 
 def orientation(heading_deg: float, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Quaternion:
-    """Return a body's rotation in the map; pitch is positive nose up, roll right side down, turned in this order."""
-    half = [radians(angle_deg) / 2.0 for angle_deg in (90.0 - heading_deg, -pitch_deg, roll_deg)]
-    (c_yaw, s_yaw), (c_pitch, s_pitch), (c_roll, s_roll) = ((cos(angle), sin(angle)) for angle in half)
-    return Quaternion(
-        x=s_roll * c_pitch * c_yaw - c_roll * s_pitch * s_yaw,
-        y=c_roll * s_pitch * c_yaw + s_roll * c_pitch * s_yaw,
-        z=c_roll * c_pitch * s_yaw - s_roll * s_pitch * c_yaw,
-        w=c_roll * c_pitch * c_yaw + s_roll * s_pitch * s_yaw,
-    )
+    """Return a body's rotation in the map, as ``enu_rotation`` has it."""
+    rotation = enu_rotation(heading_deg, pitch_deg, roll_deg)
+    return Quaternion(x=rotation.x, y=rotation.y, z=rotation.z, w=rotation.w)
 
 
 def transform(time: Timestamp, child: str, x_m: float, y_m: float, rotation: Quaternion) -> FrameTransform:

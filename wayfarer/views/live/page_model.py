@@ -56,7 +56,7 @@ class PageModel:
             self._take(event)
         for line in self._narrator.tell(events):
             if line.tone is not Tone.QUIET:  # how things stand is shown elsewhere
-                self._tell("lines", self._lines, [span(line.at_s, 1), line.text, line.tone.value])
+                self._tell("lines", self._lines, [span(line.elapsed_s, 1), line.text, line.tone.value])
         return record["record"] in {"event", "outcome"}
 
     def snapshot(self) -> dict[str, Any]:

@@ -41,14 +41,14 @@ Told = tuple[str, Tone]
 
 
 class Line(NamedTuple):
-    """One line: seconds since the run began, a text that is fit for a terminal, and its tone."""
+    """One line: ``elapsed_s`` of its record, a text that is fit for a terminal, and its tone."""
 
-    at_s: float
+    elapsed_s: float
     text: str
     tone: Tone
 
     def __str__(self) -> str:
-        return f"{span(self.at_s, 2)}  {self.text}"
+        return f"{span(self.elapsed_s, 2)}  {self.text}"
 
 
 class RunNarrator:

@@ -1,9 +1,9 @@
 """A log as a table for spreadsheets and plots: one row per control tick, with the events since the last one.
 
-``csv_rows`` has flat columns with units. Columns of ``tick`` keep their names, readings are flattened
-(``compass_heading_deg``), and what other records say stands in the row of the first tick after it, under the record's
-name (``board_battery_v``, ``truth_x_m``); events are joined in ``event``. Records after the last tick are in one more
-row.
+``csv_rows`` has flat columns with units. ``elapsed_s`` is the time by which all tools name a moment. Columns of
+``tick`` keep their names, readings are flattened (``compass_heading_deg``), and what other records say stands in the
+row of the first tick after it, under the record's name (``board_battery_v``, ``truth_x_m``); events are joined in
+``event``. Records after the last tick are in one more row.
 
 ``tsv_rows`` has the six columns of the log that the paper's released code writes, in its formats and without a
 header: time of day, left and right duty, heading, and two of the flow sensor. Those two are empty, because this log has
@@ -13,21 +13,25 @@ loop, and none while it reversed, turned or probed, there is one for each tick.
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
-from typing import Any
+from pathlib import Path
+from typing import Any, TextIO
 
 from wayfarer.fieldlog.fields import local_time
 from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Noted
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
+from wayfarer.views.text.verdict import readable
 
 # Always there and in this order, so that the tables of two runs can be put below each other.
 COLUMNS = (
-    "t_s", "t_wall", "n", "elapsed_s", "event",
+    "elapsed_s", "t_s", "t_wall", "n", "event",
     "phase", "why", "anomalies", "heading_deg", "goal_heading_deg", "pitch_deg", "roll_deg", "travelled_m",
     "covered_m", "reckoned_north_m", "reckoned_east_m",
     "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
@@ -44,15 +48,38 @@ COLUMNS = (
 STAMP = ("t_s", "t_wall", "n")
 WORDS = {"run", "event", "fault", "outcome"}  # what is told in words, or is in every part of a log
 READINGS = {"compass", "motion", "contact"}  # a tick has them by name; null where a sensor has not spoken
-Cells = dict[str, str]
+Row = dict[str, Any]  # by column: a number, a flag, a text, a list of these, or None
+
+
+def write_csv(run: Path, file: TextIO) -> Damage:
+    """Write a run with a row for each tick, and return what of it could not be read.
+
+    Raises:
+        BadInput: the run cannot be read.
+    """
+    reader = RunReader(run)
+    further = further_columns(readable(reader))
+    csv.writer(file, lineterminator="\n").writerows(csv_rows(RunReader(run), further))
+    return reader.damage
+
+
+def write_tsv(run: Path, file: TextIO) -> Damage:
+    """Write a run in the columns of the released code, and return what of it could not be read.
+
+    Raises:
+        BadInput: the run cannot be read.
+    """
+    reader = RunReader(run)
+    csv.writer(file, delimiter="\t", lineterminator="\n").writerows(tsv_rows(readable(reader)))
+    return reader.damage
 
 
 def csv_rows(records: Iterable[Record], further: Iterable[str] = ()) -> Iterator[list[str]]:
     """Give the titles, then a row for each tick; ``further`` are columns beyond those that every table has."""
     columns = [*COLUMNS, *further]
     yield columns
-    for row in _rows(records):
-        yield [row.get(column, "") for column in columns]
+    for row in table_rows(records):
+        yield [cell(row.get(column)) for column in columns]
 
 
 def further_columns(records: Iterable[Record]) -> list[str]:
@@ -78,7 +105,8 @@ def tsv_rows(records: Iterable[Record]) -> Iterator[list[str]]:
                 yield [local_time(record.get("t_wall") or 0.0, "%H%M_%S"), *map(_rounded, numbers), "", ""]
 
 
-def _rows(records: Iterable[Record]) -> Iterator[Cells]:
+def table_rows(records: Iterable[Record]) -> Iterator[Row]:
+    """Give a row for each tick, with the values as they are; a column that is not in a row has none."""
     sheet = _Sheet()
     for record in records:
         yield from sheet.take(record)
@@ -90,20 +118,18 @@ class _Sheet:
 
     def __init__(self) -> None:
         self._fold = RunFold()
-        self._stamp: Cells = {}
-        self._beside: Cells = {}
+        self._stamp: Row = {}
+        self._beside: Row = {}
         self._events: list[str] = []
 
-    def take(self, record: Record) -> Iterator[Cells]:
+    def take(self, record: Record) -> Iterator[Row]:
         """Take a record, and give the row if it is a tick."""
-        events = self._fold.take(record)
-        self._stamp = {key: _cell(record.get(key)) for key in STAMP}
-        self._stamp["elapsed_s"] = f"{self._fold.state.elapsed_s:.3f}"
-        said = _told(record)
+        events, said = self._fold.take(record), _told(record)
+        self._stamp = {"elapsed_s": self._fold.state.elapsed_s, **{key: record.get(key) for key in STAMP}}
         for event in events:
             match event:
                 case Tick():
-                    yield self._row({**said, **_reckoned(event)})
+                    yield self._row(said | _reckoned(event))
                     return
                 case Noted(record=told):
                     self._events.append(event_text(told))
@@ -113,26 +139,25 @@ class _Sheet:
                     self._events.append(outcome_text(event))
         self._beside |= said
 
-    def rest(self) -> Iterator[Cells]:
+    def rest(self) -> Iterator[Row]:
         """Give a last row, if there is anything that no tick came after."""
         if self._events or self._beside:
             yield self._row({})
 
-    def _row(self, tick: Cells) -> Cells:
+    def _row(self, tick: Row) -> Row:
         row = {**tick, **self._beside, **self._stamp, "event": "; ".join(self._events)}
         self._beside, self._events = {}, []
         return row
 
 
-def _reckoned(tick: Tick) -> Cells:
-    place = tick.place
-    return {} if place is None else {
-        "reckoned_north_m": f"{place.north_m:.3f}", "reckoned_east_m": f"{place.east_m:.3f}"
-    }  # fmt: skip
+def _reckoned(tick: Tick) -> Row:
+    if tick.place is None:
+        return {}
+    return {"reckoned_north_m": round(tick.place.north_m, 3), "reckoned_east_m": round(tick.place.east_m, 3)}
 
 
-def _told(record: Record) -> Cells:
-    """Return the cells of what a record says; none of one that is told in words, or that is in every part."""
+def _told(record: Record) -> Row:
+    """Return the columns of what a record says; none of one that is told in words, or that is in every part."""
     kind = record["record"]
     if kind in WORDS:
         return {}
@@ -140,15 +165,15 @@ def _told(record: Record) -> Cells:
     return _flat(said, "" if kind == "tick" else f"{kind}_")
 
 
-def _flat(values: Mapping[str, Any], prefix: str) -> Cells:
-    """Return values as cells, those of a reading under its name."""
-    cells: Cells = {}
+def _flat(values: Mapping[str, Any], prefix: str) -> Row:
+    """Return values by column, those of a reading under its name."""
+    row: Row = {}
     for key, value in values.items():
         if isinstance(value, dict):
-            cells |= _flat(value, _title(prefix, f"{key}_"))
+            row |= _flat(value, _title(prefix, f"{key}_"))
         elif value is not None or key not in READINGS:
-            cells[_title(prefix, key)] = _cell(value)
-    return cells
+            row[_title(prefix, key)] = value
+    return row
 
 
 @lru_cache(maxsize=1000)
@@ -156,7 +181,8 @@ def _title(prefix: str, key: str) -> str:
     return clean(prefix + key)
 
 
-def _cell(value: object) -> str:
+def cell(value: object) -> str:
+    """Return a value as text; empty where there is none."""
     if value is None:
         return ""
     if isinstance(value, float):

@@ -9,16 +9,16 @@ from pathlib import Path
 
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, outcome, record, tick, write
 from wayfarer.fieldlog.reader import Record
-from wayfarer.views.text.export import write_table
-from wayfarer.views.text.tables import COLUMNS
+from wayfarer.views.export.formats import ExportFormat
+from wayfarer.views.export.tables import COLUMNS
 
 COMPASS = {"t_s": 101.0, "heading_deg": 3.0, "pitch_deg": 1.0, "roll_deg": -1.0, "calibration": None}
 CONTACT = {"t_s": 101.0, "sides": ["front", "left"], "obstacle_bearing_deg": 80.0}
 
 
-def table(folder: Path, *records: Record, form: str = "csv") -> str:
+def table(folder: Path, *records: Record, form: ExportFormat = ExportFormat.csv) -> str:
     text = io.StringIO()
-    write_table(write(folder / "run", [HEADER, *records]), form, text)
+    form.write(write(folder / "run", [HEADER, *records]), text)
     return text.getvalue()
 
 
@@ -67,15 +67,17 @@ def test_what_comes_after_the_last_tick_has_a_row_of_its_own(tmp_path: Path) -> 
 
 def test_time_since_the_first_record_is_in_the_table(tmp_path: Path) -> None:
     times = [row["elapsed_s"] for row in rows(table(tmp_path, tick(1.0), tick(2.5), outcome(3.0)))]
-    assert times == ["1.000", "2.500", "3.000"]
+    assert times == ["1.0", "2.5", "3.0"]
 
 
 def test_path_is_in_the_table(tmp_path: Path) -> None:
     last = rows(table(tmp_path, *drive(0.0, 4.05, heading_deg=90.0)))[-1]
-    assert (last["reckoned_north_m"], last["reckoned_east_m"]) == ("0.000", "2.000")
+    assert (last["reckoned_north_m"], last["reckoned_east_m"]) == ("0.0", "2.0")
 
 
 def test_tsv_has_the_columns_of_the_released_code(tmp_path: Path) -> None:
     time_of_day = time.strftime("%H%M_%S", time.localtime(BEGAN_WALL_S + 61.0))
-    text = table(tmp_path, tick(61.0, applied_left=0.12345, heading_deg=359.987), event("hold", 62.0), form="tsv")
+    text = table(
+        tmp_path, tick(61.0, applied_left=0.12345, heading_deg=359.987), event("hold", 62.0), form=ExportFormat.tsv
+    )
     assert text == f"{time_of_day}\t0.12\t0.5\t359.99\t\t\n"

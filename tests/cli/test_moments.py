@@ -1,0 +1,62 @@
+"""A moment of a run has one number, ``elapsed_s``, whichever tool names it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+import shutil
+from pathlib import Path
+
+import orjson
+import pytest
+from pyarrow import parquet
+
+from tests.views.text.records import HEADER, SAMPLE_LOGS, record
+from wayfarer import cli
+from wayfarer.fieldlog.fields import seconds_since
+
+(SAMPLE,) = SAMPLE_LOGS.glob("0*")
+
+
+@pytest.fixture
+def changed(tmp_path: Path) -> tuple[Path, int]:
+    """A run whose clock began long before it, with one decision changed: its folder and the number of that tick."""
+    run = shutil.copytree(SAMPLE, tmp_path / SAMPLE.name)
+    records = [orjson.loads(line) for line in (run / "run.jsonl").read_bytes().splitlines()]
+    tick = [each for each in records if each["record"] == "tick"][50]
+    tick["phase"] = "else"
+    (run / "run.jsonl").write_bytes(b"".join(orjson.dumps(each) + b"\n" for each in records))
+    return run, tick["n"]
+
+
+def test_replay_show_and_exports_name_the_same_number(
+    changed: tuple[Path, int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, n = changed
+    assert cli.run(["replay", str(run)]) == 1
+    said = re.search(r"then at (\S+) \(elapsed_s (\S+)\), n (\d+), phase was else", capsys.readouterr().out)
+    assert said is not None
+    shown, elapsed_s = said[1], float(said[2])
+    assert int(said[3]) == n
+
+    assert cli.run(["logs", "export", str(run), "--out", "-"]) == 0
+    (row,) = (row for row in csv.DictReader(io.StringIO(capsys.readouterr().out)) if row["n"] == str(n))
+    assert float(row["elapsed_s"]) == pytest.approx(elapsed_s, abs=0.0005)
+    assert float(row["t_s"]) > 1000.0
+
+    assert cli.run(["logs", "show", str(run), "--ticks"]) == 0
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if re.search(r"\belse\b", line))
+    assert line.split()[0] == shown
+
+    out = tmp_path / "run.parquet"
+    assert cli.run(["logs", "export", str(run), "--out", str(out)]) == 0
+    found = parquet.read_table(out, filters=[("n", "=", n)])
+    assert found["elapsed_s"].to_pylist() == [float(row["elapsed_s"])]
+
+
+def test_time_counts_from_the_first_record_to_the_microsecond() -> None:
+    times_s = [seconds_since(HEADER, record("tick", t_s)) for t_s in (0.0, 0.1 + 0.2, -0.5, 3600.0)]
+    assert times_s == [0.0, 0.3, -0.5, 3600.0]
+    assert json.dumps(times_s) == "[0.0, 0.3, -0.5, 3600.0]"

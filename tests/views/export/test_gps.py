@@ -1,0 +1,184 @@
+"""A run on a map: GPX and GeoJSON, checked against their schemas and read back by other libraries."""
+
+from __future__ import annotations
+
+import io
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import gpxpy
+import pytest
+import xmlschema
+from geojson_pydantic import FeatureCollection
+from gpxpy.gpx import GPX
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, outcome, record, tick, write
+from wayfarer.angles import METRES_PER_DEG
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.reader import Damage, Record
+from wayfarer.views.export.formats import ExportFormat
+
+SCHEMA = xmlschema.XMLSchema(Path(__file__).with_name("gpx.xsd"))
+BEGAN = datetime.fromtimestamp(BEGAN_WALL_S, UTC)
+
+
+def fix(t_s: float, north_m: float = 0.0, longitude_deg: float = 8.0, error_m: float | None = 4.0) -> Record:
+    place = {"latitude_deg": 47.0 + north_m / METRES_PER_DEG, "longitude_deg": longitude_deg}
+    return record("position", t_s, **place, error_m=error_m)
+
+
+# North at 0.5 m/s, with a fix every second up to 2 s, and events between the fixes and after them.
+EVENTFUL = [
+    HEADER,
+    fix(0.0),
+    *drive(0.0, 1.0),
+    fix(1.0, 0.5),
+    *drive(1.0, 1.4),
+    event("mark", 1.4, text="hit <log> & stone"),
+    *drive(1.4, 2.0),
+    fix(2.0, 1.0),
+    *drive(2.0, 3.2),
+    *drive(3.2, 4.0, anomalies=["immobilised"]),
+    event("health", 4.0, level="hold", cause="compass_stale"),
+    event("health", 4.0, level="degrade", cause="battery_low"),
+    tick(4.0, anomalies=["immobilised", "nose_up"], applied_left=0.0, applied_right=0.0),
+    tick(5.0, applied_left=0.0, applied_right=0.0),
+    outcome(5.0),
+]
+
+
+def written(form: ExportFormat, folder: Path, records: list[Record]) -> str:
+    text = io.StringIO()
+    (folder / "17" / "run.jsonl").unlink(missing_ok=True)
+    assert form.write(write(folder / "17", records), text) == Damage()
+    return text.getvalue()
+
+
+def gpx(folder: Path, records: list[Record]) -> GPX:
+    text = written(ExportFormat.gpx, folder, records)
+    SCHEMA.validate(text)
+    return gpxpy.parse(text)
+
+
+def geojson(folder: Path, records: list[Record]) -> list[dict[str, Any]]:
+    text = written(ExportFormat.geojson, folder, records)
+    collection = json.loads(text)
+    assert len(FeatureCollection.model_validate_json(text).features) == len(collection["features"])
+    for feature in collection["features"]:
+        assert feature.keys() == {"type", "geometry", "properties"}
+        geometry = feature["geometry"]
+        places = [geometry["coordinates"]] if geometry["type"] == "Point" else geometry["coordinates"]
+        assert all(-180.0 <= longitude < 180.0 and -90.0 <= latitude <= 90.0 for longitude, latitude in places)
+    return list(collection["features"])
+
+
+def test_gpx_has_the_fixes_with_their_times(tmp_path: Path) -> None:
+    (track,) = gpx(tmp_path, EVENTFUL).tracks
+    (segment,) = track.segments
+    assert track.name == "17"
+    assert [(point.latitude, point.longitude) for point in segment.points] == [
+        (round(47.0 + north_m / METRES_PER_DEG, 8), 8.0) for north_m in (0.0, 0.5, 1.0)
+    ]
+    assert [point.time for point in segment.points] == [BEGAN + timedelta(seconds=count) for count in range(3)]
+    elapsed, error = segment.points[1].extensions
+    assert (elapsed.text, error.text) == ("1.000", "4.00")
+
+
+def test_gpx_has_what_happened_where_it_happened(tmp_path: Path) -> None:
+    """The place is the nearest fix and the way from there: 0.5 m/s to the north."""
+    waypoints = gpx(tmp_path, EVENTFUL).waypoints
+    assert [(each.type, each.name) for each in waypoints] == [
+        ("mark", "mark: hit <log> & stone"),
+        ("anomaly", "stalled"),
+        ("hold", "hold: the compass is silent"),
+        ("anomaly", "nose up"),
+        ("end", "ended: requested: enough"),
+    ]
+    north_m = [(each.latitude - 47.0) * METRES_PER_DEG for each in waypoints]
+    assert north_m == pytest.approx([0.7, 1.6, 2.0, 2.0, 2.0], abs=0.03)
+    assert all(each.longitude == 8.0 for each in waypoints)
+    mark, stalled, *_ = waypoints
+    assert mark.time == BEGAN + timedelta(seconds=1.4)
+    assert mark.description is not None
+    assert stalled.description == (
+        "0.6 m at 0 degrees (magnetic) from the fix at 0:00:02.00 (error 4.0 m), by dead reckoning"
+    )
+
+
+def test_geojson_says_the_same_as_gpx(tmp_path: Path) -> None:
+    told = gpx(tmp_path, EVENTFUL)
+    line, *points = geojson(tmp_path, EVENTFUL)
+    fixes = told.tracks[0].segments[0].points
+    assert line["geometry"]["type"] == "LineString"
+    assert line["geometry"]["coordinates"] == [[each.longitude, each.latitude] for each in fixes]
+    along = line["properties"]["coordinateProperties"]
+    assert along["elapsed_s"] == [0.0, 1.0, 2.0]
+    assert [datetime.fromisoformat(each) for each in along["times"]] == [each.time for each in fixes]
+    assert along["error_m"] == [4.0] * 3
+    assert [each["geometry"]["coordinates"] for each in points] == [
+        [each.longitude, each.latitude] for each in told.waypoints
+    ]
+    assert [each["properties"]["placed"] for each in points] == [each.description for each in told.waypoints]
+    stalled = points[1]["properties"]
+    assert (stalled["name"], stalled["elapsed_s"], stalled["fix_elapsed_s"]) == ("stalled", 3.2, 2.0)
+    assert (stalled["offset_north_m"], stalled["offset_east_m"]) == (pytest.approx(0.6, abs=0.03), 0.0)
+
+
+def test_track_is_cut_where_fixes_are_missing_and_one_alone_is_a_point(tmp_path: Path) -> None:
+    records = [HEADER, *(fix(t_s) for t_s in (0.0, 10.0, 20.1, 21.0, 60.0))]
+    assert [len(segment.points) for segment in gpx(tmp_path, records).tracks[0].segments] == [2, 2, 1]
+    assert [each["geometry"]["type"] for each in geojson(tmp_path, records)] == ["LineString", "LineString", "Point"]
+
+
+def test_track_is_cut_at_the_date_line(tmp_path: Path) -> None:
+    records = [HEADER, *(fix(t_s, 0.0, degrees) for t_s, degrees in enumerate([179.9998, 179.9999, 180.0, -179.9999]))]
+    segments = gpx(tmp_path, records).tracks[0].segments
+    assert [[point.longitude for point in each.points] for each in segments] == [
+        [179.9998, 179.9999], [-180.0, -179.9999],
+    ]  # fmt: skip
+    assert len(geojson(tmp_path, records)) == 2
+
+
+def test_receiver_that_tells_no_error_has_none(tmp_path: Path) -> None:
+    records = [HEADER, fix(0.0, error_m=None), fix(1.0, error_m=None), event("mark", 1.0, text="here")]
+    line, mark = geojson(tmp_path, records)
+    assert line["properties"]["coordinateProperties"]["error_m"] == [None, None]
+    assert mark["properties"]["placed"] == "at the fix at 0:00:01.00"
+    assert len(gpx(tmp_path, records).tracks[0].segments[0].points[0].extensions) == 1
+
+
+@pytest.mark.parametrize("form", [ExportFormat.gpx, ExportFormat.geojson])
+def test_run_without_a_position_is_refused_with_the_reason(tmp_path: Path, form: ExportFormat) -> None:
+    run = write(tmp_path / "17", [HEADER, *drive(0.0, 1.0), record("position", 1.0, latitude_deg=None)])
+    with pytest.raises(BadInput, match=rf"^[^\n]*no GPS position, so there is no {form}: dead reckoning has[^\n]*$"):
+        form.write(run, io.StringIO())
+
+
+NAMES = st.text(max_size=8)
+LIKELY = st.one_of(
+    st.builds(
+        lambda latitude_deg, longitude_deg, error_m: record(
+            "position", 0.0, latitude_deg=latitude_deg, longitude_deg=longitude_deg, error_m=error_m
+        ),
+        st.floats(-90.0, 90.0),
+        st.floats(-180.0, 180.0),
+        st.none() | st.floats(0.0, 1e8),
+    ),
+    st.builds(lambda text: event("mark", 0.0, text=text), NAMES),
+    st.builds(lambda found: tick(0.0, anomalies=[found]), NAMES),
+    st.builds(lambda moved, degrees: tick(0.0, heading_deg=degrees, applied_left=moved), st.floats(-1.0, 1.0),
+              st.floats(-360.0, 360.0)),
+)  # fmt: skip
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(said=st.lists(LIKELY, max_size=8), speed_m_s=st.floats(0.0, 1e9))
+def test_whatever_a_log_says_both_are_valid(tmp_path: Path, said: list[Record], speed_m_s: float) -> None:
+    header = HEADER | {"config": {"vehicle": {"max_speed_m_s": speed_m_s}}}
+    records = [header, fix(0.0), *(each | {"t_s": 100.0 + 0.5 * count} for count, each in enumerate(said))]
+    assert len(gpx(tmp_path, records).waypoints) <= len(said)
+    assert geojson(tmp_path, records)

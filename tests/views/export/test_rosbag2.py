@@ -1,0 +1,242 @@
+"""A run as a rosbag2, read back by rosbags and by the mcap library with its decoder of ROS 2 messages."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from itertools import pairwise
+from math import cos, degrees, hypot, isnan, pi, radians, sin
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, outcome, record, tick, write
+from wayfarer.config.rover_file import load_rover
+from wayfarer.errors import BadInput
+from wayfarer.experiments.trial import run_trial
+from wayfarer.experiments.trial_setup import TrialSpec
+from wayfarer.fieldlog.reader import Damage, Record, RunReader
+from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.typed import Tick
+from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.views.export.export import export
+from wayfarer.views.export.formats import ExportFormat
+
+TYPES = {
+    "/imu/data": "sensor_msgs/msg/Imu",
+    "/odom": "nav_msgs/msg/Odometry",
+    "/fix": "sensor_msgs/msg/NavSatFix",
+    "/cmd_vel": "geometry_msgs/msg/Twist",
+    "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+}
+VEHICLE = {"max_speed_m_s": 1.0, "track_m": 0.5}
+Messages = dict[str, list[tuple[int, Any]]]
+
+
+def by_rosbags(bag: Path) -> Messages:
+    """The messages of each topic with their times, nanoseconds."""
+    found: Messages = defaultdict(list)
+    with AnyReader([bag]) as reader:
+        assert {topic: each.msgtype for topic, each in reader.topics.items()} == TYPES
+        for connection, time_ns, data in reader.messages():
+            found[connection.topic].append((time_ns, reader.deserialize(data, connection.msgtype)))
+    return found
+
+
+def by_mcap(bag: Path) -> Messages:
+    found: Messages = defaultdict(list)
+    with (bag / f"{bag.name}.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
+        for _, channel, message, decoded in reader.iter_decoded_messages():
+            found[channel.topic].append((message.log_time, decoded))
+    return found
+
+
+def exported(folder: Path, *records: Record) -> Messages:
+    run, bag = folder / "run", folder / "17.rosbag2"
+    header = HEADER | {"config": {"vehicle": VEHICLE}}
+    assert export(write(run, [header, *records]), ExportFormat.rosbag2, bag, overwrite=False) == Damage()
+    return by_mcap(bag)
+
+
+def compass(t_s: float, heading_deg: float, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Record:
+    """What a tick has of a reading; the log's clock began at 100 s."""
+    tilt = {"pitch_deg": pitch_deg, "roll_deg": roll_deg, "calibration": 3}
+    return {"t_s": 100.0 + t_s, "heading_deg": heading_deg, **tilt}
+
+
+def turned(q: Any, axis: tuple[float, float, float]) -> list[float]:
+    """A body's axis in the map: the vector part of q v q*, by the rotation matrix of a quaternion."""
+    rows = (
+        (1 - 2 * (q.y**2 + q.z**2), 2 * (q.x * q.y - q.z * q.w), 2 * (q.x * q.z + q.y * q.w)),
+        (2 * (q.x * q.y + q.z * q.w), 1 - 2 * (q.x**2 + q.z**2), 2 * (q.y * q.z - q.x * q.w)),
+        (2 * (q.x * q.z - q.y * q.w), 2 * (q.y * q.z + q.x * q.w), 1 - 2 * (q.x**2 + q.y**2)),
+    )
+    return [sum(each * part for each, part in zip(row, axis, strict=True)) for row in rows]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The log of a simulated trial with a few episodes."""
+    folder = tmp_path_factory.mktemp("run")
+    run_trial(TrialSpec(3, "forest-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"), budget_m=25.0), folder)
+    return folder
+
+
+def test_two_readers_read_the_same_of_a_whole_run(run: Path, tmp_path: Path) -> None:
+    bag = tmp_path / "17.rosbag2"
+    assert export(run, ExportFormat.rosbag2, bag, overwrite=False) == Damage()
+    assert {each.name for each in bag.iterdir()} == {"metadata.yaml", "17.rosbag2.mcap"}
+    first, second = by_rosbags(bag), by_mcap(bag)
+    assert first.keys() == second.keys() == {"/imu/data", "/odom", "/cmd_vel", "/diagnostics"}
+    for topic in first:
+        assert [time_ns for time_ns, _ in first[topic]] == [time_ns for time_ns, _ in second[topic]]
+    for (_, one), (_, other) in zip(first["/odom"], second["/odom"], strict=True):
+        assert (one.pose.pose.position.x, one.twist.twist.angular.z) == (
+            other.pose.pose.position.x, other.twist.twist.angular.z,
+        )  # fmt: skip
+
+
+def test_odometry_is_dead_reckoning_and_its_twist_adds_up_to_it(run: Path, tmp_path: Path) -> None:
+    bag = tmp_path / "17.rosbag2"
+    export(run, ExportFormat.rosbag2, bag, overwrite=False)
+    fold = RunFold()
+    told = [event for each in RunReader(run) for event in fold.take(each)]
+    places = [event.place for event in told if isinstance(event, Tick) and event.place]
+    messages = [message for _, message in by_mcap(bag)["/odom"]]
+    assert len(messages) == len(places) - 1
+    for (before, place), odometry in zip(pairwise(places), messages, strict=True):
+        position, dt_s = odometry.pose.pose.position, place.t_s - before.t_s
+        assert (position.x, position.y, position.z) == (place.east_m, place.north_m, 0.0)
+        twist = odometry.twist.twist
+        ahead = turned(odometry.pose.pose.orientation, (1.0, 0.0, 0.0))
+        level = hypot(ahead[0], ahead[1])
+        assert (ahead[0] / level, ahead[1] / level) == pytest.approx(
+            (sin(radians(place.heading_deg)), cos(radians(place.heading_deg)))
+        )
+        moved_m = hypot(place.north_m - before.north_m, place.east_m - before.east_m)
+        assert hypot(twist.linear.x, twist.linear.y) * dt_s == pytest.approx(moved_m, abs=1e-9)
+        turned_deg = (before.heading_deg - place.heading_deg + 180.0) % 360.0 - 180.0
+        assert degrees(twist.angular.z) * dt_s == pytest.approx(turned_deg, abs=1e-6)
+        assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+
+
+def test_odometry_begins_again_after_missing_records(tmp_path: Path) -> None:
+    messages = exported(tmp_path, *drive(0.0, 0.2), *drive(5.0, 5.2, heading_deg=90.0))["/odom"]
+    assert len(messages) == 3 + 3
+    forward = messages[-1][1].twist.twist.linear
+    assert (forward.x, forward.y) == pytest.approx((0.5, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("reading", "ahead", "left"),
+    [
+        (compass(1.0, 90.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        (compass(1.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)),
+        (compass(1.0, 90.0, pitch_deg=30.0), (cos(pi / 6), 0.0, 0.5), (0.0, 1.0, 0.0)),
+        (compass(1.0, 90.0, roll_deg=30.0), (1.0, 0.0, 0.0), (0.0, cos(pi / 6), 0.5)),
+    ],
+)
+def test_orientation_is_in_the_axes_of_rep_103(
+    tmp_path: Path, reading: Record, ahead: tuple[float, ...], left: tuple[float, ...]
+) -> None:
+    ((_, imu),) = exported(tmp_path, tick(1.0, compass=reading))["/imu/data"]
+    assert turned(imu.orientation, (1.0, 0.0, 0.0)) == pytest.approx(ahead, abs=1e-12)
+    assert turned(imu.orientation, (0.0, 1.0, 0.0)) == pytest.approx(left, abs=1e-12)
+    assert (imu.header.frame_id, list(imu.orientation_covariance)) == ("base_link", [0.0] * 9)
+    assert imu.angular_velocity_covariance[0] == imu.linear_acceleration_covariance[0] == -1.0
+
+
+def test_each_reading_of_the_compass_is_told_once_at_its_time(tmp_path: Path) -> None:
+    old, new = compass(0.9, 10.0), compass(1.9, 20.0)
+    silent = compass(2.9, 30.0) | {"heading_deg": None}
+    ticks = [tick(1.0, compass=old), tick(1.5, compass=old), tick(2.0, compass=new), tick(3.0, compass=silent)]
+    found = exported(tmp_path, *ticks)["/imu/data"]
+    assert [time_ns for time_ns, _ in found] == [round((BEGAN_WALL_S + t_s) * 1e9) for t_s in (1.0, 2.0)]
+    assert [(imu.header.stamp.sec, imu.header.stamp.nanosec) for _, imu in found] == [
+        (BEGAN_WALL_S, 900_000_000), (BEGAN_WALL_S + 1, 900_000_000),
+    ]  # fmt: skip
+
+
+def test_fix_has_its_error_as_a_variance(tmp_path: Path) -> None:
+    place = {"latitude_deg": 51.5, "longitude_deg": -0.5}
+    known, unknown = record("position", 0.5, **place, error_m=3.0), record("position", 1.5, **place, error_m=None)
+    nowhere = record("position", 2.0, latitude_deg=None, longitude_deg=1.0, error_m=1.0)
+    first, second = (message for _, message in exported(tmp_path, known, unknown, nowhere, tick(3.0))["/fix"])
+    assert (first.latitude, first.longitude, isnan(first.altitude), first.status.status) == (51.5, -0.5, True, 0)
+    assert list(first.position_covariance) == [9.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 0.0]
+    assert (first.position_covariance_type, second.position_covariance_type) == (1, 0)
+    assert first.header.stamp.sec == BEGAN_WALL_S
+
+
+def test_command_is_what_the_duties_mean_on_ideal_ground(tmp_path: Path) -> None:
+    """Full duty is 1 m/s; on a track of 0.5 m, wheels at 0.25 and -0.25 m/s turn the body by 1 rad/s."""
+    duties = [(0.5, 0.5), (-0.25, 0.25), (None, 0.5)]
+    ticks = [tick(t_s, applied_left=left, applied_right=right) for t_s, (left, right) in enumerate(duties)]
+    found = [message for _, message in exported(tmp_path, *ticks)["/cmd_vel"]]
+    assert [(each.linear.x, each.linear.y, each.angular.z) for each in found] == [(0.5, 0.0, 0.0), (0.0, 0.0, 1.0)]
+
+
+def test_command_needs_to_know_the_rover(tmp_path: Path) -> None:
+    bag = tmp_path / "17.rosbag2"
+    export(write(tmp_path / "run", [HEADER, tick(0.0)]), ExportFormat.rosbag2, bag, overwrite=False)
+    assert "/cmd_vel" not in by_mcap(bag), "its rover file says no track"
+
+
+def test_diagnostics_have_level_cause_and_elapsed_s(tmp_path: Path) -> None:
+    levels = [("well", None), ("degrade", "battery_low"), ("hold", "compass_stale"), ("made_up", "tomorrow")]
+    ticks = [tick(t_s, level=level, cause=cause, n=t_s + 1) for t_s, (level, cause) in enumerate(levels)]
+    found = [message.status[0] for _, message in exported(tmp_path, *ticks)["/diagnostics"]]
+    assert [each.level for each in found] == [0, 1, 2, 3]
+    assert [each.message for each in found[::2]] == [
+        "No faults", "Wheels held until this clears: the compass is silent",
+    ]  # fmt: skip
+    values = {each.key: each.value for each in found[2].values}
+    assert values == {
+        "elapsed_s": "2.000", "n": "3", "level": "hold", "cause": "compass_stale", "phase": "follow", "anomalies": "",
+    }  # fmt: skip
+    assert {(each.name, each.hardware_id) for each in found} == {("wayfarer: gate", "minirover")}
+
+
+def test_times_beyond_those_of_ros_are_its_last(tmp_path: Path) -> None:
+    late = tick(0.0) | {"t_wall": 9e9}
+    ((time_ns, message),) = exported(tmp_path, late)["/diagnostics"]
+    assert (time_ns, message.header.stamp.sec) == ((2**31 - 1) * 10**9, 2**31 - 1)
+
+
+def test_same_log_gives_the_same_bytes(tmp_path: Path) -> None:
+    records = [*drive(0.0, 1.0), event("mark", 1.0, text="here"), outcome(1.0)]
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        exported(folder, *records)
+    one, other = (
+        {each.name: each.read_bytes() for each in (tmp_path / name / "17.rosbag2").iterdir()} for name in "ab"
+    )
+    assert one == other
+
+
+@pytest.mark.parametrize("there", ["file", "folder", "link"])
+def test_what_is_there_is_never_replaced(tmp_path: Path, there: str) -> None:
+    out = tmp_path / "out"
+    if there == "file":
+        out.write_text("old", encoding="utf-8")
+    elif there == "folder":
+        out.mkdir()
+    else:
+        out.symlink_to(tmp_path / "nowhere")
+    with pytest.raises(BadInput, match=r"^[^\n]*out is there already, and no folder is replaced[^\n]*$"):
+        export(write(tmp_path / "run", [HEADER, tick(0.0)]), ExportFormat.rosbag2, out, overwrite=True)
+    assert {each.name for each in tmp_path.iterdir()} == {"run", "out"}
+    assert not list(tmp_path.glob("out/*"))
+
+
+def test_log_that_lost_its_first_header_goes_on_from_where_it_was(tmp_path: Path) -> None:
+    moved = {"t_s": 101.0, "forward_m": 0.02, "right_m": 0.0, "quality": 1.0, "signed": True}
+    ticks = drive(0.0, 1.0, motion=moved)
+    header = HEADER | {"t_s": 100.5, "part": 2, "config": {"vehicle": VEHICLE}}
+    run, bag = write(tmp_path / "run", [*ticks[:10], header, *ticks[10:]]), tmp_path / "17.rosbag2"
+    assert export(run, ExportFormat.rosbag2, bag, overwrite=False) == Damage(headless=1)
+    north_m = [message.pose.pose.position.y for _, message in by_mcap(bag)["/odom"]]
+    assert north_m == pytest.approx([0.02 * count for count in range(2, 21)])

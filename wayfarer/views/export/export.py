@@ -1,0 +1,42 @@
+"""Exports a run to a file or folder of another format, which appears whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.atomic_file import whole_file, whole_folder
+from wayfarer.fieldlog.reader import Damage
+from wayfarer.views.export.formats import ExportFormat, Output
+
+
+def export(run: Path, form: ExportFormat, out: Path, *, overwrite: bool) -> Damage:
+    """Write a run in a format, and return what of its log could not be read.
+
+    Raises:
+        BadInput: there is such a file already, it cannot be written or is no ordinary file, or the run cannot be read.
+            A folder is never replaced.
+    """
+    try:
+        if form.output is Output.FOLDER:
+            return _export_folder(run, form, out)
+        if out.is_dir() or (out.exists() and not overwrite):
+            raise BadInput(f"{out} is there already: name another file with --out, or replace a file with --force")
+        with whole_file(out) as draft:
+            if form.output is Output.BYTES:
+                with draft.open("wb") as messages:
+                    return form.write(run, messages)
+            with draft.open("w", encoding="utf-8", newline="") as text:
+                return form.write(run, text)
+    except OSError as error:
+        raise BadInput(
+            f"{out} cannot be written: {error.strerror}; check the folder, its rights and the disk"
+        ) from None
+
+
+def _export_folder(run: Path, form: ExportFormat, out: Path) -> Damage:
+    if os.path.lexists(out):
+        raise BadInput(f"{out} is there already, and no folder is replaced: name another one with --out, or remove it")
+    with whole_folder(out) as draft:
+        return form.write(run, draft)

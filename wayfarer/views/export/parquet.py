@@ -1,0 +1,108 @@
+"""A run as Parquet: the rows and columns of the CSV table, with types.
+
+pyarrow is imported here only, and only where a file is written. A column that every table has is of the same type in
+every run, so that runs can be read together. What an algorithm remembers are numbers, unless a run holds other values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import pyarrow as pa
+from pyarrow import parquet
+
+from wayfarer.fieldlog.reader import Damage, RunReader
+from wayfarer.fieldlog.schema import ANY_NUMBER, KEYS, READINGS, STAMP, TEXT, Values
+from wayfarer.views.export.tables import COLUMNS, Row, cell, table_rows
+from wayfarer.views.text.verdict import readable
+
+BLOCK_ROWS = 10_000  # that are in memory at once: 500 s of ticks at 20 Hz
+INT64 = range(-(2**63), 2**63)
+
+
+class ColumnType(NamedTuple):
+    """An Arrow type, and what makes a value of it; None for a value that is no such thing."""
+
+    arrow: pa.DataType
+    convert: Callable[[Any], Any]
+
+
+def _flag(value: Any) -> bool | None:
+    return value if isinstance(value, bool) else None
+
+
+def _whole(value: Any) -> int | None:
+    return value if type(value) is int and value in INT64 else None
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if type(value) in {int, float} else None
+
+
+def _text(value: Any) -> str | None:
+    return None if value is None else cell(value)
+
+
+FLAG = ColumnType(pa.bool_(), _flag)
+WHOLE = ColumnType(pa.int64(), _whole)
+REAL = ColumnType(pa.float64(), _number)
+WORDS = ColumnType(pa.string(), _text)
+
+
+def write_parquet(run: Path, file: BinaryIO) -> Damage:
+    """Write a run as Parquet, and return what of it could not be read. The same log gives the same bytes.
+
+    Raises:
+        BadInput: the run cannot be read.
+        OSError: the file takes no more.
+    """
+    reader = RunReader(run)
+    columns = _columns(table_rows(readable(reader)))
+    schema = pa.schema([(name, column.arrow) for name, column in columns.items()])
+    rows = table_rows(RunReader(run))
+    with parquet.ParquetWriter(file, schema) as table:
+        while block := list(islice(rows, BLOCK_ROWS)):
+            values = {name: [column.convert(row.get(name)) for row in block] for name, column in columns.items()}
+            table.write_batch(pa.RecordBatch.from_pydict(values, schema))
+    return reader.damage
+
+
+def _columns(rows: Iterator[Row]) -> dict[str, ColumnType]:
+    """Return the columns of a table with their types: those of the log's schema, or what stands in the rows."""
+    found: dict[str, set[type]] = {name: set() for name in COLUMNS}
+    for row in rows:
+        for name, value in row.items():
+            if name not in KNOWN:
+                found.setdefault(name, set()).add(type(value))
+    return {name: KNOWN.get(name) or _holding(kinds - {type(None)}) for name, kinds in found.items()}
+
+
+def _holding(kinds: set[type]) -> ColumnType:
+    if kinds <= {int, float}:
+        return REAL
+    return FLAG if kinds == {bool} else WORDS
+
+
+def _of(values: Values) -> ColumnType:
+    if bool in values.types:
+        return FLAG
+    if str in values.types or list in values.types:
+        return WORDS
+    return REAL if float in values.types else WHOLE
+
+
+def _known() -> Iterator[tuple[str, Values]]:
+    """Give the columns whose values the log's schema knows."""
+    yield from STAMP.items()
+    yield "event", TEXT
+    yield from ((name, ANY_NUMBER) for name in ("elapsed_s", "reckoned_north_m", "reckoned_east_m"))
+    yield from KEYS["tick"].items()
+    tables = {**KEYS, **READINGS}
+    for kind in ("compass", "motion", "contact", "board", "position", "computer", "truth"):
+        yield from ((f"{kind}_{key}", values) for key, values in tables[kind].items())
+
+
+KNOWN = {name: _of(values) for name, values in _known() if name in COLUMNS}

@@ -1,0 +1,43 @@
+"""A run as a rosbag2: a folder with an MCAP file and ``metadata.yaml``, as ``ros2 bag record -s mcap`` writes it.
+
+rosbags is imported here and in ``ros_messages`` only, and only where a bag is written.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from wayfarer.fieldlog.reader import Damage, RunReader
+from wayfarer.views.export.clock_zero import read_clock_zero_s
+from wayfarer.views.export.ros_messages import TOPICS, RosMessages, nanoseconds
+
+VERSION: Final = 8  # of the metadata: ROS 2 Iron writes it, and later ones read it
+
+
+def write_rosbag2(run: Path, bag: Path) -> Damage:
+    """Write a run as a bag into a folder that is made here, and return what of the log could not be read.
+
+    The same log gives the same bytes.
+
+    Raises:
+        BadInput: the run cannot be read.
+        OSError: the folder cannot be written.
+    """
+    reader = RunReader(run)
+    messages = RosMessages(read_clock_zero_s(reader))
+    types = get_typestore(Stores.ROS2_HUMBLE)
+    writer = Writer(bag, version=VERSION, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    with writer:
+        connections = {
+            topic: writer.add_connection(topic, kind.__msgtype__, typestore=types) for topic, kind in TOPICS.items()
+        }
+        for record in RunReader(run):
+            for topic, time_s, message in messages.take(record):
+                data = types.serialize_cdr(message, TOPICS[topic].__msgtype__)
+                writer.write(connections[topic], nanoseconds(time_s), data)
+    return reader.damage
