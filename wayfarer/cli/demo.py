@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import os
+import signal
 import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from threading import Thread
@@ -12,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wayfarer.cli.extras import require
 from wayfarer.cli.options import Algorithm, examples
 from wayfarer.cli.rover import simulated
 from wayfarer.cli.trial_options import DepthOption
@@ -34,9 +37,9 @@ ROVER = "sim"
 
 
 def _speed(value: float) -> float:
-    if not (math.isfinite(value) and 0.1 <= value <= 1000.0):
-        raise typer.BadParameter(f"{value:g} is not from 0.1 to 1000")
-    return value
+    from wayfarer.views.live.demo_controls import checked_speed
+
+    return checked_speed(value)
 
 
 def demo(
@@ -64,33 +67,48 @@ def demo(
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.daemon import Service, serve
     from wayfarer.experiments.auto_arm import AutoArm
+    from wayfarer.experiments.demo import Demo
     from wayfarer.simhal.clock.scaled_loop import FastLoop
 
+    require("simulating")
     config = load_rover(ROVER)
     found = find_algorithm(algorithm)
-    make_rover = simulated(config, ROVER, DepthOption.device, seed)
-    page = live_page(None, live_port, speed)
+    shown = Demo(seed, speed)
+    page = live_page(None, live_port, shown)
     folder = logs or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
-    with tempfile.TemporaryDirectory(prefix="wayfarer-") as own:  # where no other daemon is disturbed
-        service = Service(
-            config=config,
-            algorithm=found,
-            seed=seed,
-            make_rover=make_rover,
-            logs=folder,
-            socket=Path(own) / "control.sock",
-            simulated=True,
-            dry_run=False,
-            hint="Starts when the page is opened",
-            viewers=[AutoArm(page, page.watched)],
-            loop_factory=partial(FastLoop, speed),
-            time_scale=speed,
-        )
+    with tempfile.TemporaryDirectory(prefix="wayfarer-") as own, shown.serve_page(page):
         print(f"open this page, the rover waits for you: {page.url}", flush=True)
         if not no_browser:
             Thread(target=open_page, args=[page.url], daemon=True).start()  # some browsers do not return until they end
-        end = serve(service)
+        for forest in _until_interrupted(shown.seeds()):
+            service = Service(
+                config=config,
+                algorithm=found,
+                seed=forest,
+                make_rover=simulated(config, ROVER, DepthOption.device, forest),
+                logs=folder,
+                socket=Path(own) / "control.sock",  # where no other daemon is disturbed
+                simulated=True,
+                dry_run=False,
+                hint="Starts when the page is opened",
+                viewers=[AutoArm(shown, shown.watched)],
+                loop_factory=partial(FastLoop, shown.pace),
+                time_scale=shown.pace.speed,
+            )
+            end = serve(service)
+            if end.reason == "signal":
+                break
+            if not shown.goes_on:
+                print(f"{end.text}; the page stays, with its buttons, until you close it or press Ctrl-C", flush=True)
     print(_last_words(end, folder))
+
+
+def _until_interrupted(seeds: Iterator[int]) -> Iterator[int]:
+    """Give the seeds until Ctrl-C or SIGTERM comes between two runs; while a run is on, the daemon takes them."""
+    with suppress(KeyboardInterrupt):
+        for seed in seeds:
+            yield seed
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 def open_page(url: str) -> None:

@@ -104,6 +104,12 @@ def level_text(level: str, cause: str | None) -> str:
     return LEVELS.get(level, level)
 
 
+def reason_text(reason: str) -> str:
+    """Return why a rover was disarmed, as ``fault: compass_lost``, with its conditions in words."""
+    what, colon, conditions = reason.partition(": ")
+    return f"{what}{colon}{', '.join(CAUSES.get(each, each) for each in conditions.split(', '))}"
+
+
 def because(why: str, anomalies: Iterable[str]) -> str:
     """Return what began a phase, given the ``why`` of its first tick, as ``probe.anomaly``, and what was wrong then.
 

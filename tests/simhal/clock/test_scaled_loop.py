@@ -16,20 +16,20 @@ import pytest
 from tests.simhal.clock.programs import timeouts, timers_in_time_order, trace_of, waiting_for
 from wayfarer.control.rate import Rate
 from wayfarer.daemon.watchdog import StallGuard
-from wayfarer.simhal.clock.scaled_loop import CATCH_UP_S, LATE_S, FastLoop
+from wayfarer.simhal.clock.scaled_loop import CATCH_UP_S, LATE_S, FastLoop, Pace
 
 T = TypeVar("T")
 SPEED = 50.0
 
 
 def run(main: Coroutine[Any, Any, T], speed: float = SPEED) -> T:
-    with asyncio.Runner(loop_factory=partial(FastLoop, speed)) as runner:
+    with asyncio.Runner(loop_factory=partial(FastLoop, Pace(speed))) as runner:
         return runner.run(main)
 
 
 @pytest.mark.parametrize("program", [timers_in_time_order, timeouts, waiting_for])
 def test_programs_note_the_same_in_the_same_order_as_in_virtual_time(program: Any) -> None:
-    fast = trace_of(program, partial(FastLoop, SPEED))
+    fast = trace_of(program, partial(FastLoop, Pace(SPEED)))
     assert [text for _, text in fast] == [text for _, text in trace_of(program)]
 
 

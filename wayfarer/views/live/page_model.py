@@ -13,13 +13,12 @@ from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any
 
-from wayfarer.fieldlog.fields import name, names, number, reckoning, sound_tick, span, table
+from wayfarer.fieldlog.fields import name, names, number, reckoning, sound_tick, table
 from wayfarer.fieldlog.log import Record
+from wayfarer.views.live.log_lines import LogLines, page_line
 from wayfarer.views.live.sensor_status import SensorStatus
-from wayfarer.views.text.run_narrator import RunNarrator
-from wayfarer.views.text.wording import Tone
 from wayfarer.views.trail import Trail
-from wayfarer.views.vocabulary import ANOMALIES, CAUSES, PHASES, because, level_text
+from wayfarer.views.vocabulary import ANOMALIES, CAUSES, PHASES, because, level_text, reason_text
 
 LINES = 200  # about the run; half an hour of a rover that drives
 MARKS = 400  # anomalies that are drawn; the oldest go first
@@ -38,7 +37,7 @@ class PageModel:
     """
 
     def __init__(self) -> None:
-        self._narrator = RunNarrator()
+        self._log_lines = LogLines()
         self._trail = Trail(TRACK_POINTS, TRACK_SPACING_M)
         self._lines: deque[list[str]] = deque(maxlen=LINES)
         self._marks: deque[list[Any]] = deque(maxlen=MARKS)
@@ -75,9 +74,8 @@ class PageModel:
         take = self._takers.get(record["record"])
         if take is not None:
             take(record)
-        for line in self._narrator.take(record):
-            if line.tone is not Tone.QUIET:  # how things stand is shown elsewhere
-                self._tell("lines", self._lines, [span(line.at_s, 1), line.text, line.tone.value])
+        for line in self._log_lines.take(record):
+            self._tell("lines", self._lines, page_line(line))
         return record["record"] in {"event", "outcome"}
 
     def snapshot(self) -> dict[str, Any]:
@@ -168,7 +166,7 @@ class PageModel:
         if what in {"arming", "armed", "disarmed"}:
             self._mode = what
         if what == "disarmed":
-            self._why_disarmed = name(event, "reason") or ""
+            self._why_disarmed = reason_text(name(event, "reason") or "")
             self._mission_t_s = None
         elif what in {"arming", "hold", "resume"}:
             self._held = what == "hold"
