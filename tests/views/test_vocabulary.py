@@ -5,7 +5,7 @@ from __future__ import annotations
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import WHY
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.views.vocabulary import ANOMALIES, CAUSES, LEVELS, PHASES, because, level_text
+from wayfarer.views.vocabulary import ANOMALIES, CAUSES, LEVELS, PHASES, because, level_text, reason_text
 
 
 def test_every_phase_anomaly_level_and_condition_has_words() -> None:
@@ -37,3 +37,11 @@ def test_hold_that_a_person_asked_for_ends_with_resume_and_any_other_by_itself()
     assert level_text("hold", Condition.COMPASS_STALE.value) == "Wheels held until this clears"
     assert level_text("well", None) == "No faults"
     assert level_text("made up", None) == "made up"
+
+
+def test_reason_to_disarm_names_conditions_in_words() -> None:
+    assert reason_text("fault: compass_lost") == f"fault: {CAUSES['compass_lost']}"
+    assert reason_text("not armed: overturned, motion_gone") == (
+        f"not armed: {CAUSES['overturned']}, {CAUSES['motion_gone']}"
+    )
+    assert reason_text("requested by a person") == "requested by a person"

@@ -6,7 +6,6 @@ import os
 import signal
 import tempfile
 from collections.abc import Iterator
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from threading import Thread
@@ -76,39 +75,46 @@ def demo(
     shown = Demo(seed, speed)
     page = live_page(None, live_port, shown)
     folder = logs or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
+
+    def service(forest: int, socket: Path) -> Service:
+        return Service(
+            config=config,
+            algorithm=found,
+            seed=forest,
+            make_rover=simulated(config, ROVER, DepthOption.device, forest),
+            logs=folder,
+            socket=socket,
+            simulated=True,
+            dry_run=False,
+            hint="Starts when the page is opened",
+            viewers=[AutoArm(shown, shown.watched)],
+            loop_factory=partial(FastLoop, shown.pace),
+            time_scale=shown.pace.speed,
+        )
+
     with tempfile.TemporaryDirectory(prefix="wayfarer-") as own, shown.serve_page(page):
         print(f"open this page, the rover waits for you: {page.url}", flush=True)
         if not no_browser:
             Thread(target=open_page, args=[page.url], daemon=True).start()  # some browsers do not return until they end
         for forest in _until_interrupted(shown.seeds()):
-            service = Service(
-                config=config,
-                algorithm=found,
-                seed=forest,
-                make_rover=simulated(config, ROVER, DepthOption.device, forest),
-                logs=folder,
-                socket=Path(own) / "control.sock",  # where no other daemon is disturbed
-                simulated=True,
-                dry_run=False,
-                hint="Starts when the page is opened",
-                viewers=[AutoArm(shown, shown.watched)],
-                loop_factory=partial(FastLoop, shown.pace),
-                time_scale=shown.pace.speed,
-            )
-            end = serve(service)
+            end = serve(service(forest, Path(own) / "control.sock"))  # where no other daemon is disturbed
+            if not shown.goes_on:
+                print(_last_words(end, folder), flush=True)
             if end.reason == "signal":
                 break
-            if not shown.goes_on:
-                print(f"{end.text}; the page stays, with its buttons, until you close it or press Ctrl-C", flush=True)
-    print(_last_words(end, folder))
 
 
 def _until_interrupted(seeds: Iterator[int]) -> Iterator[int]:
     """Give the seeds until Ctrl-C or SIGTERM comes between two runs; while a run is on, the daemon takes them."""
-    with suppress(KeyboardInterrupt):
+    before = signal.getsignal(signal.SIGTERM)
+    try:
         for seed in seeds:
             yield seed
             signal.signal(signal.SIGTERM, signal.default_int_handler)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def open_page(url: str) -> None:
@@ -123,12 +129,13 @@ def _last_words(end: RunEnd, logs: Path) -> str:
     from wayfarer.fieldlog.folders import run_folders
 
     run = run_folders(logs)[-1]
+    stays = "" if end.reason == "signal" else "\nthe page stays, with its buttons, until you close it or press Ctrl-C"
     return f"""
-{end.text}
+{end.text}{stays}
 the field log: {run}
 
 next: wayfarer report {run}
       wayfarer demo --seed 44              another forest, a harder one
       wayfarer demo --algorithm levy-walk  another algorithm in the same forest
-      wayfarer sim --trials 200            the same code in many forests, counted
+      wayfarer sim --trials 1000           the same code in 1000 trials, counted
       wayfarer run --sim --live            the daemon as it runs on a rover, in real time: arm it yourself"""

@@ -53,7 +53,7 @@ def _arming(event: Record) -> str:
 
 def _towards(event: Record) -> str:
     goal_deg = number(event, "goal_heading_deg")
-    return "where it looks then" if goal_deg is None else f"towards {whole_deg(goal_deg)}°"
+    return "straight ahead" if goal_deg is None else f"towards {whole_deg(goal_deg)}°"
 
 
 def _health(event: Record) -> str:
