@@ -90,6 +90,7 @@ def demo(
             viewers=[AutoArm(shown, shown.watched)],
             loop_factory=partial(FastLoop, shown.pace),
             time_scale=shown.pace.speed,
+            wall=shown.wall,
         )
 
     with tempfile.TemporaryDirectory(prefix="wayfarer-") as own, shown.serve_page(page):

@@ -39,7 +39,7 @@ from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, feed_watchdog,
 from wayfarer.daemon.watchdog_feed import WatchdogFeed
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.fieldlog.clock import wall_clock
+from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.folders import new_run_folder
 from wayfarer.fieldlog.last_run import UnfinishedRun, unclean_text, unfinished_run
 from wayfarer.fieldlog.log import FieldLog
@@ -74,7 +74,8 @@ class Service:
     ``make_rover`` is called on the running loop with a function that ends the run (a simulated rover calls it when it
     has escaped). ``seed`` is for an algorithm that draws lots. ``hint`` says on the terminal what to do with a rover
     that is ready. ``viewers`` show the run. ``loop_factory`` makes the event loop; None is asyncio's own.
-    ``time_scale`` is how many times faster than the clock the time of such a loop goes.
+    ``time_scale`` is how many times faster than the clock the time of such a loop goes at first, ``wall`` the wall
+    clock of the log.
     """
 
     config: RoverConfig
@@ -89,6 +90,7 @@ class Service:
     viewers: Sequence[Viewer] = ()
     loop_factory: Callable[[], asyncio.AbstractEventLoop] | None = None
     time_scale: float = 1.0
+    wall: WallClock = wall_clock
 
 
 def serve(service: Service) -> RunEnd:
@@ -151,7 +153,9 @@ class Daemon:
         self._lines = StderrWriter()
         self._writer = WriterThread(RunFiles(folder, config.log, self._lines.write))
         shown_to = [viewer.show for viewer in service.viewers]
-        self._field_log = FieldLog(self._writer, self._header(about), t_s=self._loop.time(), viewers=shown_to)
+        self._field_log = FieldLog(
+            self._writer, self._header(about), service.wall, t_s=self._loop.time(), viewers=shown_to
+        )
         if before is not None:
             self._tell_of_unfinished(before)
         ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from wayfarer.daemon.socket.protocol import Commands, Details, Refused
 from wayfarer.experiments.page_thread import PageThread
+from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.log import Record
 from wayfarer.simhal.clock.scaled_loop import FastLoop, Pace
 from wayfarer.views.live.demo_controls import DemoState
@@ -67,7 +68,7 @@ class Demo:
     def seeds(self) -> Iterator[int]:
         """Give the seed of each run, once it is asked for, until nobody has the page open any more."""
         while True:
-            self.pace.paused = False
+            self.pace.paused, self.pace.stood_s = False, 0.0
             self.watched = asyncio.Event()
             yield self._seed
             if not self._wait_for_press():
@@ -80,6 +81,10 @@ class Demo:
         """Whether another run has been asked for."""
         return not self._presses.empty()
 
+    def wall(self, t_s: float) -> float:
+        """Return the wall clock without the run's pauses; a ``WallClock``. Otherwise the log would say it was set."""
+        return wall_clock(t_s) - self.pace.stood_s
+
     def _wait_for_press(self) -> bool:
         """Wait until another run is asked for; return whether that was so."""
         unwatched_s = 0.0
@@ -91,13 +96,11 @@ class Demo:
     # -- a viewer of the run, in its thread --------------------------------------------------------------------------
 
     def show(self, record: Record) -> None:
-        """Hand a record to the page, but for what only tells of its own buttons; see ``Viewer``."""
+        """Hand a record to the page; see ``Viewer``."""
         if record["record"] == "run" and record["part"] == 1:
             self._log = record["log"]
             self._page.call(self._page.page.begin_run, record)
-        elif record["record"] == "outcome" and self.goes_on:
-            pass  # the next run begins at once
-        elif record.get("name") != "clock_step":  # a pause: the clock went on, and the run's time did not
+        elif record["record"] != "outcome" or not self.goes_on:  # else the next run begins at once
             self._page.call(self._page.page.show, record)
 
     @asynccontextmanager

@@ -30,11 +30,13 @@ class Pace:
     """How fast the time of a loop goes; any thread may change it.
 
     ``speed`` is above 0. While ``paused``, time stands still: callbacks from other threads and signals run, timers do
-    not. A loop that waits looks at it again when it is woken: ``FastLoop.look_at_pace``.
+    not. A loop that waits looks at it again when it is woken: ``FastLoop.look_at_pace``. ``stood_s`` is how long, in
+    seconds of the clock, the time has stood still so far.
     """
 
     speed: float
     paused: bool = False
+    stood_s: float = 0.0
 
 
 class FastSelector(SelectSelector):
@@ -66,8 +68,10 @@ class FastSelector(SelectSelector):
 
     def _stand_still(self, timeout: float | None) -> list[tuple[SelectorKey, int]]:
         """Wait for files only, or not at all where callbacks are ready."""
+        before_s = self._clock_s
         ready = super().select(0.0 if timeout is not None and timeout <= 0.0 else None)
         self._clock_s, self._lost_s = monotonic(), 0.0
+        self._pace.stood_s += self._clock_s - before_s
         return ready
 
 

@@ -1,4 +1,4 @@
-// The legend: a small picture and a word for everything that is on the map now.
+// The legend: a small picture and a word for everything that is on the map and on the strip now.
 
 const line = (dash) => `fill="none" stroke-width="3" ${dash ? 'stroke-dasharray="6 3"' : ""}`;
 const FOREST = [
@@ -10,8 +10,9 @@ const FOREST = [
 const CROSS = ["mark", "M8 2 L16 10 M8 10 L16 2", 'fill="none" stroke-width="2"', "something stopped it"];
 const ROVER = ["rover", "M8 12 V5 L12 0 L16 5 V12 Z", 'stroke="none" class="filled"', "the rover, with its nose ahead"];
 
-function writeLegend({ track, forest, state }) {
-  const phases = Object.keys(PHASES).filter((phase) => track.slice(1).some((point) => point[2] === phase));
+function writeLegend({ track, phases: strip, forest, state }) {
+  const drawn = new Set([...track.slice(1).map((point) => point[2]), ...strip.map(([, phase]) => phase)]);
+  const phases = Object.keys(PHASES).filter((phase) => drawn.has(phase));
   const list = element("legend"), shown = [phases, Boolean(forest), Boolean(state.place)].join();
   if (list.dataset.shown === shown) return;
   list.dataset.shown = shown;
