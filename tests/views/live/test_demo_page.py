@@ -61,24 +61,29 @@ def records(path: Path) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("viewport", [PHONE, DESKTOP], ids=str)
-@pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_demo_says_what_is_seen_and_everything_fits_a_finger(
-    browser_page: OpenPage, demo: Daemon, viewport: tuple[int, int], scheme: str
+    browser_page: OpenPage, demo: Daemon, viewport: tuple[int, int]
 ) -> None:
     opened = browser_page(viewport)
     page = opened.page
-    page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
     page.goto(demo.url)
     page.locator("#demo", has_text="A rover without eyes").wait_for()
     page.locator("#pace", has_text="Shown 6 times as fast").wait_for()
     page.locator("#legend li", has_text="Turns away").wait_for(timeout=30_000)
     page.locator("#pause").click()
     page.locator("#pace", has_text="Paused").wait_for()
-    assert (weak_texts(page), page.evaluate(SMALL), opened.overflow_px()) == ([], [], 0)
+    assert_readable(opened)
     page.locator("#stop").click()
     page.locator("#next", has_text="wayfarer sim --trials 1000").wait_for()
-    assert (weak_texts(page), page.evaluate(SMALL), opened.overflow_px()) == ([], [], 0)
+    assert_readable(opened)
     assert opened.trouble == []
+
+
+def assert_readable(opened: Opened) -> None:
+    """Check contrast in light and in dark, the size of what is touched, and that nothing is wider than the window."""
+    for scheme in ("light", "dark"):
+        opened.page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
+        assert (weak_texts(opened.page), opened.page.evaluate(SMALL), opened.overflow_px()) == ([], [], 0), scheme
 
 
 def test_legend_has_everything_that_is_on_the_map(browser_page: OpenPage, demo: Daemon) -> None:
@@ -131,6 +136,19 @@ def test_ctrl_c_works_in_a_pause(browser_page: OpenPage, demo: Daemon) -> None:
     assert demo.process.wait(timeout=10) == 0
     opened.page.locator("#banner", has_text="ended by SIGINT. The demo is closed").wait_for()
     assert opened.page.locator("#restart").is_disabled()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: str(number.name))
+def test_signal_after_the_run_ends_the_demo_well(browser_page: OpenPage, demo: Daemon, number: signal.Signals) -> None:
+    opened = watch(browser_page, demo)
+    opened.page.locator("#stop").click()
+    opened.page.locator("#next").wait_for()
+    assert demo.process.stdout is not None
+    assert any("the page stays" in line for line in iter(demo.process.stdout.readline, ""))
+    opened.page.wait_for_timeout(200)  # between the daemon's handlers and the demo's a signal would kill
+    demo.process.send_signal(number)
+    assert demo.process.wait(timeout=10) == 0
+    assert "Traceback" not in (demo.folder / "stderr").read_text(encoding="utf-8")
 
 
 def test_speed_is_that_of_the_button(browser_page: OpenPage, demo: Daemon) -> None:
