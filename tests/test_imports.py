@@ -240,6 +240,13 @@ def test_only_the_demo_arms_a_rover_by_itself() -> None:
     assert users == {"wayfarer.cli.demo"}
 
 
+def test_only_the_demo_gives_a_page_buttons_for_the_clock() -> None:
+    users = {module for module in MODULES if any(within(name, "experiments.demo") for name in wayfarer_modules(module))}
+    assert users == {"wayfarer.cli.demo"}
+    given = {module for module, path in MODULES.items() if "demo=" in path.read_text(encoding="utf-8")}
+    assert given == {"wayfarer.cli.viewer_options"}, "what makes the page passes them on"
+
+
 @pytest.mark.process
 @pytest.mark.parametrize(
     ("modules", "kept_out"),

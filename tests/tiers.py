@@ -33,6 +33,7 @@ JUDGE_REAL_TIME = (
     "tests/drivers/test_real_libraries_daemon.py",
     "tests/simhal/test_hil_server.py",
     "tests/views/live/test_browser.py",
+    "tests/views/live/test_demo_page.py",
 )
 
 _STARTS = {"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system"}

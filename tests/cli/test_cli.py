@@ -132,7 +132,7 @@ def test_letters_that_the_terminal_does_not_know_are_written_out(tmp_path: Path)
         command, capture_output=True, text=True, check=False, env=os.environ | {"PYTHONIOENCODING": "ascii"}
     )
     assert (done.returncode, done.stderr) == (0, "")
-    assert "mark: B\\xe4ume" in done.stdout
+    assert "Mark: B\\xe4ume" in done.stdout
 
 
 # --- list

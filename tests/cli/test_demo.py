@@ -50,10 +50,12 @@ def served(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         kept.alone = single_daemon(service.socket)
         with kept.alone:
             for viewer in service.viewers:
-                getattr(viewer, "_viewer", viewer).close()
+                if hasattr(viewer, "close"):
+                    viewer.close()
         return RunEnd("escaped", "the simulated rover has escaped after 76.0 m")
 
     monkeypatch.setattr("wayfarer.daemon.daemon.serve", serve)
+    monkeypatch.setattr("wayfarer.experiments.demo.LEFT_S", 0.0)  # nobody has the page open
     return kept
 
 
@@ -64,6 +66,7 @@ def test_demo_says_where_the_page_is_how_it_ended_and_what_to_try_next(
     first, *rest = capsys.readouterr().out.splitlines()
     assert first.startswith("open this page, the rover waits for you: http://127.0.0.1:")
     assert "the simulated rover has escaped after 76.0 m" in rest
+    assert any("the page stays" in line and "Ctrl-C" in line for line in rest)
     (log,) = (line for line in rest if line.startswith("the field log: "))
     assert Path(log.partition(": ")[2]).is_dir()
     assert any("wayfarer sim" in line for line in rest)

@@ -57,7 +57,7 @@ def test_show_tells_a_run_from_its_beginning_without_colours_in_a_file(run: Run)
     code, out, _ = run("show", 1)
     assert code == 0
     assert out.splitlines()[0] == "0:00:00.00  run of minirover, forest-pledge, wayfarer 9.9"
-    assert out.splitlines()[-1] == "0:00:06.00  ended: requested: enough"
+    assert out.splitlines()[-1] == "0:00:06.00  The run has ended: enough"
     assert "\x1b" not in out
 
 
@@ -314,7 +314,7 @@ def test_follow_tells_what_is_written_while_it_waits_and_ends_by_ctrl_c(
     write(logs / SECOND, [event("mark", 3.0, text="hit log")])
     write(logs / "00003-20261121T081405Z", [HEADER, tick(1.0)])
     told = [following.stdout.readline() for _ in range(5)]
-    assert told[-3] == "0:00:03.00  mark: hit log\n"
+    assert told[-3] == "0:00:03.00  Mark: hit log\n"
     assert told[-2:] == ["00003-20261121T081405Z\n", "0:00:00.00  run of minirover, forest-pledge, wayfarer 9.9\n"]
     Event().wait(0.1)  # it is likely to wait for more by now
     following.send_signal(signal.SIGINT)

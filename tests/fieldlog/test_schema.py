@@ -188,3 +188,4 @@ def test_page_names_every_kind_of_record_and_the_version_of_the_schema() -> None
 def test_tools_over_logs_know_only_events_that_there_are() -> None:
     known = wording.PERSON | wording.WARNINGS | wording.FAULTS | run_summariser.FAILURES
     assert known <= set(documented_events())
+    assert set(wording.SENTENCES) == set(documented_events())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import WHY
-from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, LEVELS, PHASES, because, level_text
+from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, LEVELS, PHASES, because, disarmed_text, level_text
 from wayfarer.safety.conditions import Condition, Level
 
 
@@ -22,14 +22,14 @@ def test_every_reason_is_a_whole_text_of_its_own() -> None:
 
 
 def test_anomaly_says_what_it_was() -> None:
-    assert because("probe.anomaly", ["nose_up", "touched"]) == "nose up, touches something, while probing"
-    assert because("probe.anomaly", []) == "an anomaly while probing"
+    assert because("probe.anomaly", ["nose_up", "touched"]) == "its nose was up and it touched something while probing"
+    assert because("probe.anomaly", []) == "there was an anomaly while probing"
 
 
 def test_what_a_third_party_calls_a_reason_is_told_as_it_is() -> None:
     for why in ("spiral.out", "", "probe", "probe.dizzy", "a.b.c"):
         assert because(why, ["immobilised"]) == why
-    assert because("follow.anomaly", ["wet"]) == "wet, on its way to the goal"
+    assert because("follow.anomaly", ["wet"]) == "it met wet on its way to the goal"
 
 
 def test_hold_that_a_person_asked_for_ends_with_resume_and_any_other_by_itself() -> None:
@@ -37,3 +37,11 @@ def test_hold_that_a_person_asked_for_ends_with_resume_and_any_other_by_itself()
     assert level_text("hold", Condition.COMPASS_STALE.value) == "Wheels held until this clears"
     assert level_text("well", None) == "No faults"
     assert level_text("made up", None) == "made up"
+
+
+def test_reason_to_disarm_names_conditions_in_words() -> None:
+    assert disarmed_text("fault: compass_lost") == f"fault: {CAUSES['compass_lost']}"
+    assert disarmed_text("not armed: overturned, motion_gone") == (
+        f"not armed: {CAUSES['overturned']}, {CAUSES['motion_gone']}"
+    )
+    assert disarmed_text("requested by a person") == "requested by a person"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import os
+import signal
 import tempfile
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from threading import Thread
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wayfarer.cli.extras import require
 from wayfarer.cli.options import Algorithm, examples
 from wayfarer.cli.rover import simulated
 from wayfarer.cli.trial_options import DepthOption
@@ -34,9 +36,9 @@ ROVER = "sim"
 
 
 def _speed(value: float) -> float:
-    if not (math.isfinite(value) and 0.1 <= value <= 1000.0):
-        raise typer.BadParameter(f"{value:g} is not from 0.1 to 1000")
-    return value
+    from wayfarer.views.live.demo_controls import checked_speed
+
+    return checked_speed(value)
 
 
 def demo(
@@ -64,34 +66,57 @@ def demo(
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.daemon import Service, serve
     from wayfarer.experiments.auto_arm import AutoArm
+    from wayfarer.experiments.demo import Demo
     from wayfarer.simhal.clock.scaled_loop import FastLoop
     from wayfarer.views.text.console import Console
 
+    require("simulating")
     config = load_rover(ROVER)
     found = find_algorithm(algorithm)
-    make_rover = simulated(config, ROVER, DepthOption.device, seed)
-    page = live_page(None, live_port, speed)
+    shown = Demo(seed, speed)
+    page = live_page(None, live_port, shown)
     folder = logs or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
-    with tempfile.TemporaryDirectory(prefix="wayfarer-") as own:  # where no other daemon is disturbed
-        service = Service(
+
+    def service(forest: int, socket: Path) -> Service:
+        return Service(
             config=config,
             algorithm=found,
-            seed=seed,
-            make_rover=make_rover,
+            seed=forest,
+            make_rover=simulated(config, ROVER, DepthOption.device, forest),
             logs=folder,
-            socket=Path(own) / "control.sock",
+            socket=socket,
             simulated=True,
             dry_run=False,
             console=lambda write: Console("Starts when the page is opened", write).show,
-            viewers=[AutoArm(page, page.watched)],
-            loop_factory=partial(FastLoop, speed),
-            time_scale=speed,
+            viewers=[AutoArm(shown, shown.watched)],
+            loop_factory=partial(FastLoop, shown.pace),
+            time_scale=shown.pace.speed,
+            wall=shown.wall,
         )
+
+    with tempfile.TemporaryDirectory(prefix="wayfarer-") as own, shown.serve_page(page):
         print(f"open this page, the rover waits for you: {page.url}", flush=True)
         if not no_browser:
             Thread(target=open_page, args=[page.url], daemon=True).start()  # some browsers do not return until they end
-        end = serve(service)
-    print(_last_words(end, folder))
+        for forest in _until_interrupted(shown.seeds()):
+            end = serve(service(forest, Path(own) / "control.sock"))  # where no other daemon is disturbed
+            if not shown.goes_on:
+                print(_last_words(end, folder), flush=True)
+            if end.reason == "signal":
+                break
+
+
+def _until_interrupted(seeds: Iterator[int]) -> Iterator[int]:
+    """Give the seeds until Ctrl-C or SIGTERM comes between two runs; while a run is on, the daemon takes them."""
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        for seed in seeds:
+            yield seed
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def open_page(url: str) -> None:
@@ -106,12 +131,13 @@ def _last_words(end: RunEnd, logs: Path) -> str:
     from wayfarer.fieldlog.folders import run_folders
 
     run = run_folders(logs)[-1]
+    stays = "" if end.reason == "signal" else "\nthe page stays, with its buttons, until you close it or press Ctrl-C"
     return f"""
-{end.text}
+{end.text}{stays}
 the field log: {run}
 
 next: wayfarer report {run}
       wayfarer demo --seed 44              another forest, a harder one
       wayfarer demo --algorithm levy-walk  another algorithm in the same forest
-      wayfarer sim --trials 200            the same code in many forests, counted
+      wayfarer sim --trials 1000           the same code in 1000 trials, counted
       wayfarer run --sim --live            the daemon as it runs on a rover, in real time: arm it yourself"""

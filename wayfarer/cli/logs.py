@@ -90,7 +90,7 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
     """Show events as they happen, of this run and the next ones; with RUN until that run ends. Ctrl-C ends it."""
     from wayfarer.fieldlog.folders import find_run, run_folders
     from wayfarer.fieldlog.run_fold import RunFold
-    from wayfarer.views.text.run_narrator import RunNarrator
+    from wayfarer.views.text.run_narrator import RunNarrator, Telling
     from wayfarer.views.text.tail import follow as follow_records
     from wayfarer.views.text.verdict import NO_OUTCOME
 
@@ -111,7 +111,7 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
     with suppress(KeyboardInterrupt), _until_closed():
         for path, record in follow_records(folder, chosen, wait):
             if path != told:
-                told, fold, narrator = path, RunFold(), RunNarrator()
+                told, fold, narrator = path, RunFold(), RunNarrator(Telling.STATUS)
                 print(_titled(path), flush=True)
             _tell(narrator.tell(fold.take(record)), flush=True)
         if chosen is not None:
@@ -132,11 +132,12 @@ def show(
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import Damage, RunReader
     from wayfarer.fieldlog.run_fold import RunFold
-    from wayfarer.views.text.run_narrator import RunNarrator
+    from wayfarer.views.text.run_narrator import RunNarrator, Telling
     from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.verdict import NO_OUTCOME, readable
 
-    fold, narrator, notes = RunFold(), RunNarrator(ticks=ticks), sys.stderr if as_json else sys.stdout
+    fold, narrator = RunFold(), RunNarrator(Telling.TICKS if ticks else Telling.STATUS)
+    notes = sys.stderr if as_json else sys.stdout
     reader = RunReader(find_run(run, log_folder(logs)))
     with _until_closed():
         for record in readable(reader):

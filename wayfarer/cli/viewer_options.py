@@ -12,6 +12,7 @@ from wayfarer.views.live import HOST, PORT
 
 if TYPE_CHECKING:
     from wayfarer.daemon.viewer import Viewer
+    from wayfarer.views.live.demo_controls import DemoControls
     from wayfarer.views.live.server import LivePage
 
 LOOKING_ON = "Viewers"
@@ -75,8 +76,8 @@ def viewers(
     return found
 
 
-def live_page(host: str | None, port: int | None, speed: float = 1.0) -> LivePage:
-    """Return the live page at an address (None: the usual one), with a new token.
+def live_page(host: str | None, port: int | None, demo: DemoControls | None = None) -> LivePage:
+    """Return the live page at an address (None: the usual one), with a new token; with the controls of a ``demo``.
 
     Raises:
         BadInput: the port cannot be had.
@@ -87,4 +88,4 @@ def live_page(host: str | None, port: int | None, speed: float = 1.0) -> LivePag
 
     from wayfarer.views.live.server import LivePage
 
-    return LivePage(HOST if host is None else host, PORT if port is None else port, token_urlsafe(16), speed)
+    return LivePage(HOST if host is None else host, PORT if port is None else port, token_urlsafe(16), demo=demo)

@@ -38,7 +38,7 @@ from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, feed_watchdog,
 from wayfarer.daemon.watchdog_feed import WatchdogFeed
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.fieldlog.clock import wall_clock
+from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.folders import new_run_folder
 from wayfarer.fieldlog.last_run import UnfinishedRun, unfinished_run
 from wayfarer.fieldlog.log import FieldLog, Record
@@ -73,7 +73,8 @@ class Service:
     ``make_rover`` is called on the running loop with a function that ends the run (a simulated rover calls it when it
     has escaped). ``seed`` is for an algorithm that draws lots. ``console`` is given what writes a line to stderr, and
     returns what shows a record there; None shows nothing. ``viewers`` show the run. ``loop_factory`` makes the event
-    loop; None is asyncio's own. ``time_scale`` is how many times faster than the clock the time of such a loop goes.
+    loop; None is asyncio's own. ``time_scale`` is how many times faster than the clock the time of such a loop goes at
+    first, ``wall`` the wall clock of the log.
     """
 
     config: RoverConfig
@@ -88,6 +89,7 @@ class Service:
     viewers: Sequence[Viewer] = ()
     loop_factory: Callable[[], asyncio.AbstractEventLoop] | None = None
     time_scale: float = 1.0
+    wall: WallClock = wall_clock
 
 
 def serve(service: Service) -> RunEnd:
@@ -152,7 +154,9 @@ class Daemon:
         shown_to: list[Callable[[Record], None]] = [viewer.show for viewer in service.viewers]
         if service.console is not None:
             shown_to.append(service.console(self._lines.write))
-        self._field_log = FieldLog(self._writer, self._header(about), t_s=self._loop.time(), viewers=shown_to)
+        self._field_log = FieldLog(
+            self._writer, self._header(about), service.wall, t_s=self._loop.time(), viewers=shown_to
+        )
         if before is not None:
             self._tell_of_unfinished(before)
         ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []

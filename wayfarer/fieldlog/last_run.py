@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.fields import local_time, name, number
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.order import in_order
 from wayfarer.fieldlog.reader import log_segments, parse
@@ -29,16 +28,6 @@ class UnfinishedRun(NamedTuple):
     last_t_wall: float | None = None
     mode: str | None = None
     error: str | None = None
-
-
-def unclean_text(event: Record) -> str:
-    """Say how the run before this one was left."""
-    which = f"the run before ({name(event, 'run') or '?'})"
-    if error := name(event, "error"):
-        return f"unclean shutdown: {which} cannot be read: {error}"
-    mode, wall_s = name(event, "mode"), number(event, "last_t_wall")
-    told = [f"while {mode}" if mode else "", local_time(wall_s, "at %Y-%m-%d %H:%M:%S") if wall_s else ""]
-    return f"unclean shutdown: {' '.join([which, 'was cut off', *filter(None, told)])}: killed, or without power"
 
 
 def unfinished_run(logs: Path) -> UnfinishedRun | None:

@@ -39,7 +39,7 @@ _AFTER: Mapping[str, str] = {
 }
 
 EVENTS: Mapping[str, str] = {
-    PhaseEvent.ANOMALY.value: "an anomaly {during}",
+    PhaseEvent.ANOMALY.value: "there was an anomaly {during}",
     PhaseEvent.DONE.value: "{after}",
     PhaseEvent.UNWOUND.value: "the turn counter C is back at zero",
     PhaseEvent.REALIGNED.value: "the heading is the goal heading again",
@@ -54,6 +54,15 @@ ANOMALIES: Mapping[str, str] = {
     Anomaly.RIGHT_DOWN.value: "right side down",
     Anomaly.LEFT_DOWN.value: "left side down",
     Anomaly.TOUCHED.value: "touches something",
+}
+
+_MET: Mapping[str, str] = {
+    Anomaly.IMMOBILISED.value: "it stalled",
+    Anomaly.NOSE_UP.value: "its nose was up",
+    Anomaly.NOSE_DOWN.value: "its nose was down",
+    Anomaly.RIGHT_DOWN.value: "its right side was down",
+    Anomaly.LEFT_DOWN.value: "its left side was down",
+    Anomaly.TOUCHED.value: "it touched something",
 }
 
 LEVELS: Mapping[str, str] = {
@@ -107,9 +116,16 @@ def level_text(level: str, cause: str | None) -> str:
     return LEVELS.get(level, level)
 
 
-def met(anomaly: str, phase: str | None) -> str:
-    """Return what was wrong, and what the rover did then; names that are unknown as they are."""
-    return f"{ANOMALIES.get(anomaly, anomaly)}, {_WHILE.get(phase or '', f'in {phase}')}"
+def disarmed_text(reason: str) -> str:
+    """Return why a rover was disarmed, as ``fault: compass_lost``, with its conditions in words."""
+    what, colon, conditions = reason.partition(": ")
+    return f"{what}{colon}{', '.join(CAUSES.get(each, each) for each in conditions.split(', '))}"
+
+
+def met(anomalies: Iterable[str], phase: str | None) -> str:
+    """Say which anomalies a rover met and what it did then; names that are unknown as they are."""
+    told = " and ".join(_MET.get(anomaly, f"it met {anomaly}") for anomaly in anomalies)
+    return f"{told} {_WHILE.get(phase or '', f'in {phase}')}"
 
 
 def because(why: str, anomalies: Iterable[str]) -> str:
@@ -120,7 +136,7 @@ def because(why: str, anomalies: Iterable[str]) -> str:
     phase, _, event = why.partition(".")
     if phase not in _WHILE or event not in EVENTS:
         return why
-    found = ", ".join(ANOMALIES.get(anomaly, anomaly) for anomaly in anomalies)
+    found = tuple(anomalies)
     if event == PhaseEvent.ANOMALY.value and found:
         return met(found, phase)
     return EVENTS[event].format(during=_WHILE[phase], after=_AFTER[phase])

@@ -1,18 +1,24 @@
-"""Texts for records, in one line of a terminal. Pure."""
+"""Texts for what happened in a run, in one line of a terminal. Pure.
+
+The one place for them: terminal, journal, live page, Foxglove, reports and exports take them from here. Those for
+control ticks are in ``tick_wording``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import Any
+from typing import Any, TypeVar
 
-from wayfarer.fieldlog.fields import ABSURD, name
+from wayfarer.fieldlog.fields import ABSURD, local_time, name, names, number, table
 from wayfarer.fieldlog.header import Header
-from wayfarer.fieldlog.last_run import unclean_text
 from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.run_events import Ended, FaultInjected
 from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.typed import Fix, Tick
+from wayfarer.fieldlog.typed import Fix
+from wayfarer.fieldlog.vocabulary import CAUSES, disarmed_text, level_text
+
+T = TypeVar("T")
 
 
 class Tone(Enum):
@@ -37,6 +43,7 @@ LEVEL_TONES = {"degrade": Tone.WARNING, "hold": Tone.WARNING, "fault": Tone.FAUL
 
 STAMP = {"record", "n", "t_s", "t_wall", "name"}  # what every event has
 BARE = {"text", "reason", "error", "level", "cause"}  # details that say what they are by themselves
+UNKNOWN = "not known"
 UNITS = {"deg": "degrees", "s": "s"}
 
 
@@ -53,12 +60,15 @@ def marks(header: Mapping[str, Any]) -> list[str]:
 
 
 def event_text(event: Record) -> str:
-    """Say what happened, with its details."""
-    what = event_name(event)
-    if what == "unclean_shutdown":
-        return unclean_text(event)
-    details = {key.removeprefix(f"{what}_"): value for key, value in event.items() if key not in STAMP}
-    told = [_detail(key, value) for key, value in details.items() if value not in (None, [])]
+    """Say what happened: in a sentence, and after it each detail that the sentence does not use.
+
+    So a detail that is new in the log is told without a change here, and so is an event that is not known.
+    """
+    what, details = event_name(event), Details(event)
+    say = SENTENCES.get(what)
+    if say is not None:
+        return ", ".join([say(details), *details.told()])
+    told = details.told(drop_prefix=f"{what}_")
     return f"{what.replace('_', ' ')}{': ' if told else ''}{', '.join(told)}"
 
 
@@ -86,10 +96,15 @@ def fault_text(fault: FaultInjected) -> str:
     return ", ".join([f"a fault {'begins' if fault.begins else 'ends'}: {what}{lasting}", *told])
 
 
+def sentence(clause: str) -> str:
+    """Return a part of a sentence as the beginning of one."""
+    return clause[:1].upper() + clause[1:]
+
+
 def outcome_text(end: Ended) -> str:
     """Say how a run ended."""
-    lost = f"; {end.dropped} records could not be written" if end.dropped else ""
-    return f"ended: {end.reason}: {end.text}{lost}"
+    lost = f", {end.dropped} records could not be written" if end.dropped else ""
+    return f"The run has ended: {end.text or end.reason or UNKNOWN}{lost}"
 
 
 def place_text(fix: Fix) -> str:
@@ -98,52 +113,9 @@ def place_text(fix: Fix) -> str:
     return f"{fix.latitude_deg:.6f}, {fix.longitude_deg:.6f}{error}"
 
 
-def why_text(tick: Tick) -> str:
-    """Return the event that began a phase, in the tick in which it began; else nothing."""
-    return tick.why if tick.why and tick.why != tick.phase else ""
-
-
-def reason_text(tick: Tick) -> str:
-    """Return why the rover does something else now; an anomaly says that by itself."""
-    why = why_text(tick)
-    told = [] if tick.anomalies and why.endswith(".anomaly") else [why]
-    return ", ".join(filter(None, [*told, *tick.anomalies]))
-
-
-def state_text(tick: Tick) -> str:
-    """Return phase, heading, counter and distance, in columns."""
-    counter = "" if tick.counter_deg is None else f"counter {tick.counter_deg:+4.0f}"
-    travelled = "" if tick.travelled_m is None else f"{tick.travelled_m:.1f} m"
-    return f"{tick.phase or '?':<9}  {heading_text(tick)}  {counter:<12}  {travelled:>8}"
-
-
-def heading_text(tick: Tick) -> str:
-    """Return the heading in whole degrees."""
-    return "no heading " if tick.heading_deg is None else f"heading {whole_deg(tick.heading_deg):>3}"
-
-
-def aim_text(tick: Tick, battery_v: float | None) -> str:
-    """Return the goal heading and the battery, as far as they are known."""
-    goal_deg = tick.goal_heading_deg
-    told = [] if goal_deg is None else [f"goal {whole_deg(goal_deg)}"]
-    return ", ".join(told if battery_v is None else [*told, f"{battery_v:.1f} V"])
-
-
 def whole_deg(angle_deg: float) -> str:
     """Return an angle in whole degrees; 359.7 is north, not 360."""
     return f"{float(f'{angle_deg:.0f}') % 360.0:.0f}"
-
-
-def tick_text(tick: Tick) -> str:
-    """Say everything about a single tick that fits a line."""
-    told = [why_text(tick), *tick.anomalies, f"{tick.level} {tick.cause}" if tick.cause else ""]
-    wanted, applied = _duties(tick.wanted_left, tick.wanted_right), _duties(tick.applied_left, tick.applied_right)
-    wheels = f"wanted {wanted}, applied {applied}"
-    return ", ".join([f"{tick.phase or '?':<9}  {heading_text(tick)}  {wheels}", *filter(None, told)])
-
-
-def _duties(*duties: float | None) -> str:
-    return "/".join("?" if duty is None else f"{duty:+.2f}" for duty in duties)
 
 
 def _detail(key: str, value: object) -> str:
@@ -168,3 +140,134 @@ def _value(value: object) -> str:
 def _degrees(value: object) -> str:
     """Return an angle with a decimal at most: no compass has more."""
     return f"{round(value, 1) + 0.0:g}" if isinstance(value, float) else _value(value)
+
+
+# -- sentences for events --------------------------------------------------------------------------------------------
+
+
+class Details:
+    """The details of an event: a sentence takes those that it uses, ``told`` returns the others.
+
+    A value of another type than is asked for is not taken.
+    """
+
+    def __init__(self, event: Record) -> None:
+        self._left = {key: value for key, value in event.items() if key not in STAMP}
+
+    def text(self, key: str) -> str:
+        """Take a text."""
+        return self._take(name, key) or UNKNOWN
+
+    def number(self, key: str) -> float | None:
+        """Take a number."""
+        return self._take(number, key)
+
+    def texts(self, key: str) -> str:
+        """Take a list of texts."""
+        return ", ".join(self._take(names, key)) or UNKNOWN
+
+    def counts(self, key: str) -> str:
+        """Take numbers by name."""
+        return _value(self._take(table, key)).replace("_", " ") or UNKNOWN
+
+    def told(self, drop_prefix: str = "") -> list[str]:
+        """Return what nobody has taken, as key and value; nothing for what is empty."""
+        left = self._left.items()
+        return [_detail(key.removeprefix(drop_prefix), value) for key, value in left if value not in (None, [])]
+
+    def _take(self, read: Callable[[Mapping[str, Any], str], T], key: str) -> T:
+        value = read(self._left, key)
+        if value not in (None, (), {}):
+            del self._left[key]
+        return value
+
+
+def _arming(details: Details) -> str:
+    delay_s, towards = details.number("start_delay_s"), _towards(details)
+    return f"Arming: in {delay_s:.0f} s it drives {towards}" if delay_s else f"Arming: it drives {towards}"
+
+
+def _towards(details: Details) -> str:
+    goal_deg = details.number("goal_heading_deg")
+    return "straight ahead" if goal_deg is None else f"towards {whole_deg(goal_deg)} degrees"
+
+
+def _health(details: Details) -> str:
+    level, cause = details.text("level"), details.text("cause")
+    told = level_text(level, cause)
+    return told if cause == UNKNOWN else f"{told}: {CAUSES.get(cause, cause)}"
+
+
+def _disarmed(details: Details) -> str:
+    return f"Disarmed: {disarmed_text(details.text('reason'))}"
+
+
+def _sensor_failed(details: Details) -> str:
+    sensor, error, retry_s = details.text("sensor"), details.text("error"), details.number("retry_in_s")
+    return f"The {sensor} failed: {error}" + ("" if retry_s is None else f" (tried again in {retry_s:.1f} s)")
+
+
+def _clock_step(details: Details) -> str:
+    by_s = details.number("by_s")
+    return "The computer's clock was set" + ("" if by_s is None else f" by {by_s:+.0f} s")
+
+
+def _log_gap(details: Details) -> str:
+    dropped = details.number("dropped")
+    return f"{'Some' if dropped is None else f'{dropped:.0f}'} records could not be written into the log"
+
+
+def _loop_stalled(details: Details) -> str:
+    stall_s, where = details.number("stall_s"), details.text("where")
+    lasted = "" if stall_s is None else f" for {stall_s:.1f} s"
+    return f"The control loop stood still{lasted}" + ("" if where == UNKNOWN else f" in {where}")
+
+
+def _unclean_shutdown(details: Details) -> str:
+    run, error, mode, wall_s = (
+        details.text("run"), details.text("error"), details.text("mode"), details.number("last_t_wall")
+    )  # fmt: skip
+    details.number("last_t_s")  # of a clock that says nothing to a person
+    if error != UNKNOWN:
+        return f"The run before ({run}) cannot be read: {error}"
+    doing = "" if mode == UNKNOWN else f" while {mode}"
+    at = local_time(wall_s, " at %Y-%m-%d %H:%M:%S") if wall_s else ""
+    return f"The run before ({run}) was cut off{doing}{at}: killed, or without power"
+
+
+def _wheels_stopped(details: Details) -> str:
+    reason = details.text("reason")
+    return "The wheels are stopped" + ("" if reason == UNKNOWN else f": {reason.replace('_', ' ')}")
+
+
+SENTENCES: Mapping[str, Callable[[Details], str]] = {
+    "opened": lambda details: f"The parts are open: {details.texts('parts')}",
+    "arming": _arming,
+    "arming_refused": lambda details: f"Not armed, because these checks failed: {details.texts('failed')}",
+    "refused": lambda details: f"Refused: {details.texts('failed')}",
+    "armed": lambda details: f"Armed: drives {_towards(details)}",
+    "disarmed": _disarmed,
+    "hold": lambda _: "Held by an operator",
+    "resume": lambda _: "Resumed by an operator",
+    "goal": lambda details: f"A new goal: drives {_towards(details)}",
+    "mark": lambda details: f"Mark: {details.text('text')}",
+    "health": _health,
+    "sensor_failed": _sensor_failed,
+    "part_failed": lambda details: f"The {details.text('part')} did not open: {details.text('error')}",
+    "part_troubles": lambda details: f"The {details.text('part')} carried on after {details.counts('counts')}",
+    "board_silent": lambda details: f"The motor board did not answer: {details.text('error')}",
+    "motors_failed": lambda details: f"The motors did not answer: {details.text('error')}",
+    "light_failed": lambda details: f"The status light did not answer: {details.text('error')}",
+    "power": lambda details: f"The computer's supply: {details.text('text')}",
+    "clock_step": _clock_step,
+    "log_gap": _log_gap,
+    "loop_stalled": _loop_stalled,
+    "stop_not_confirmed": lambda details: (
+        f"The {details.text('part')} did not confirm the stop: {details.text('error')}"
+    ),
+    "close_hangs": lambda details: f"The {details.text('part')} did not close in time",
+    "control_error": lambda details: f"An error inside wayfarer, in a command: {details.text('error')}",
+    "viewer_failed": lambda details: f"An error inside wayfarer, in a viewer: {details.text('error')}",
+    "unclean_shutdown": _unclean_shutdown,
+    "wheels_stopped": _wheels_stopped,
+}

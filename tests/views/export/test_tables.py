@@ -55,13 +55,13 @@ def test_what_others_say_stands_in_the_row_of_the_next_tick_and_only_there(tmp_p
         )
     )
     assert (first["board_battery_v"], first["truth_x_m"], first["truth_slipping"]) == ("12.1", "1.5", "1")
-    assert first["event"] == r"armed: goal heading 20 degrees; mark: hit\nlog"
+    assert first["event"] == r"Armed: drives towards 20 degrees; Mark: hit\nlog"
     assert (second["board_battery_v"], second["truth_x_m"], second["event"]) == ("", "", "")
 
 
 def test_what_comes_after_the_last_tick_has_a_row_of_its_own(tmp_path: Path) -> None:
     *_, last = rows(table(tmp_path, tick(1.0), event("disarmed", 2.0, reason="enough"), outcome(3.0)))
-    assert last["event"] == "disarmed: enough; ended: requested: enough"
+    assert last["event"] == "Disarmed: enough; The run has ended: enough"
     assert (last["t_s"], last["heading_deg"]) == ("103.0", "")
 
 

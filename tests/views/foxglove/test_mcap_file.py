@@ -206,14 +206,14 @@ def test_log_panel_tells_events_by_their_severity(tmp_path: Path) -> None:
     info, warning, error = 2, 3, 4
     assert lines == [
         (info, "run of forestrover, forest-pledge, wayfarer 9.9"),
-        (info, "mark: hit log"),
-        (warning, "stalled, on its way to the goal"),
-        (warning, "nose up, while backing off"),
-        (warning, "health: hold, compass_stale"),
-        (error, "motors failed: no answer"),
+        (info, "Mark: hit log"),
+        (warning, "It stalled on its way to the goal"),
+        (warning, "Its nose was up while backing off"),
+        (warning, "Wheels held until this clears: the compass is silent"),
+        (error, "The motors did not answer: no answer"),
         (info, "made up tomorrow"),
         (warning, "a fault begins: compass silence"),
-        (info, "ended: requested: stopped"),
+        (info, "The run has ended: stopped"),
     ]
 
 

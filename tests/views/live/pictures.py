@@ -43,7 +43,7 @@ def _wait_for_metres(page: Page, metres: float) -> None:
 
 def _take(pages: dict[str, Page], when: str) -> None:
     for name, page in pages.items():
-        page.screenshot(path=FOLDER / f"live-{name}-{when}.png")
+        page.screenshot(path=FOLDER / f"live-{name}-{when}.png", full_page=name == "desktop")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import re
 import signal
 import time
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -14,10 +15,14 @@ from tests.browser import DESKTOP, PHONE, Opened, OpenPage
 from tests.views.live.contrast import ratio, texts, weak_texts
 from tests.views.live.daemons import Daemon, running
 
+if TYPE_CHECKING:
+    from playwright.sync_api import FloatRect
+
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
 pytestmark = pytest.mark.process
 
 NARROW = (360, 640)
+LANDSCAPE = (640, 360)  # a telephone on its side
 STOP_S = 0.2
 BLANK = "\N{EN DASH}"
 ARMED = re.compile("^Armed")  # not disarmed
@@ -54,12 +59,13 @@ def test_demo_reaches_escaped_on_the_page_and_asks_nobody_else(browser_page: Ope
         opened.page.on("websocket", lambda socket: asked.append(socket.url))
         opened.page.goto(demo.url)
         opened.page.locator("#banner.good", has_text="escaped after").wait_for(timeout=60_000)
-        assert demo.process.wait(timeout=10) == 0
         assert "ended" in (opened.page.locator("body").get_attribute("class") or "")
         assert int(text(opened, "#episodes")) > 3
         assert opened.page.locator("#lines li").count() > 20
         assert opened.trouble == []
         assert [url for url in asked if not url.startswith("data:")] == [demo.url, f"ws://127.0.0.1:{demo.port}/ws"]
+        demo.process.send_signal(signal.SIGINT)
+        assert demo.process.wait(timeout=10) == 0
 
 
 def test_stop_on_the_page_stops_the_wheels_at_once(browser_page: OpenPage, daemon: Daemon) -> None:
@@ -83,8 +89,6 @@ def test_stop_on_the_page_stops_the_wheels_at_once(browser_page: OpenPage, daemo
 def test_hold_resume_and_mark_work_from_the_keyboard(browser_page: OpenPage, daemon: Daemon) -> None:
     opened = look(browser_page, daemon)
     page = opened.page
-    page.locator("#hold").press("Enter")
-    page.locator("#reply", has_text="the rover is disarmed").wait_for()
     daemon.arm()
     page.locator("#mode", has_text=ARMED).wait_for()
     page.locator("#hold").press("Enter")
@@ -173,6 +177,63 @@ def test_network_that_goes_away_is_noticed_and_its_return_as_well(browser_page: 
     assert opened.page.locator("#banner").is_hidden()
 
 
+def test_banner_of_a_lost_connection_never_covers_stop(browser_page: OpenPage, daemon: Daemon) -> None:
+    opened = look(browser_page, daemon)
+    daemon.process.kill()
+    opened.page.locator("#banner", has_text="If wayfarer was restarted").wait_for(timeout=20_000)  # its longest text
+    for width, height in (DESKTOP, (900, 700), PHONE, NARROW, LANDSCAPE):
+        opened.page.set_viewport_size({"width": width, "height": height})
+        banner, stop = opened.page.locator("#banner").bounding_box(), opened.page.locator("#stop").bounding_box()
+        assert banner is not None
+        assert stop is not None
+        assert not overlap(banner, stop), (width, height)
+        assert stop["y"] + stop["height"] <= height, "without scrolling"
+        assert (
+            opened.page.evaluate(
+                "([x, y]) => document.elementFromPoint(x, y).id",
+                [stop["x"] + stop["width"] / 2, stop["y"] + stop["height"] / 2],
+            )
+            == "stop"
+        )
+        assert opened.overflow_px() == 0
+
+
+def overlap(one: FloatRect, other: FloatRect) -> bool:
+    """Whether two boxes have an area in common."""
+    return all(
+        one[at] < other[at] + other[size] and other[at] < one[at] + one[size]  # type: ignore[literal-required]
+        for at, size in (("x", "width"), ("y", "height"))
+    )
+
+
+@pytest.mark.parametrize("viewport", [NARROW, DESKTOP], ids=str)
+def test_disarmed_page_says_how_to_arm_in_place_of_a_button_that_would_be_refused(
+    browser_page: OpenPage, daemon: Daemon, viewport: tuple[int, int]
+) -> None:
+    page = look(browser_page, daemon, viewport).page
+    page.locator("#how-to-arm", has_text="wayfarer arm").wait_for()
+    assert page.locator("#hold").is_hidden()
+    stop_at = page.locator("#stop").bounding_box()
+    daemon.arm()
+    page.locator("#hold").wait_for()
+    assert page.locator("#how-to-arm").is_hidden()
+    daemon.ask("disarm")
+    page.locator("#how-to-arm").wait_for()
+    daemon.process.send_signal(signal.SIGSTOP)
+    page.locator("#hold").wait_for(timeout=3000)  # a page that is old does not know
+    assert page.locator("#stop").bounding_box() == stop_at
+    daemon.process.send_signal(signal.SIGCONT)
+
+
+def test_log_of_the_page_is_in_words(browser_page: OpenPage, daemon: Daemon) -> None:
+    page = look(browser_page, daemon).page
+    daemon.arm()
+    page.locator("#lines li", has_text="Backs off, because stalled").wait_for(timeout=60_000)
+    lines = page.locator("#lines li span").all_inner_texts()
+    assert any(line.startswith("Armed: drives towards 0°") for line in lines)
+    assert [line for line in lines if "_" in line] == []
+
+
 @pytest.mark.parametrize("viewport", [NARROW, PHONE, DESKTOP], ids=str)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_everything_can_be_read_in_sunlight_and_fits(
@@ -211,6 +272,8 @@ def test_end_can_be_read_as_well(browser_page: OpenPage, daemon: Daemon) -> None
 
 def test_controls_have_names_and_states_are_spoken(browser_page: OpenPage, daemon: Daemon) -> None:
     page = look(browser_page, daemon).page
+    daemon.arm()
+    page.locator("#hold").wait_for()
     for role, name in (
         ("button", "Stop"),
         ("button", "Hold"),

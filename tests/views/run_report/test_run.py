@@ -137,7 +137,7 @@ def test_trouble_stands_out_and_an_operators_hold_does_not(tmp_path: Path) -> No
     hold = event("health", 1.0, level="hold", cause="operator_hold")
     stale = event("health", 2.0, level="hold", cause="compass_stale")
     page = page_of(tmp_path, HEADER, *drive(), hold, stale, OUTCOME)
-    assert re.findall(r"<strong>(.*?)</strong>", page) == ["health: hold, compass_stale"]
+    assert re.findall(r"<strong>(.*?)</strong>", page) == ["Wheels held until this clears: the compass is silent"]
 
 
 def test_sensors_are_told_by_rate_gap_and_failures(tmp_path: Path) -> None:

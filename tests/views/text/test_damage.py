@@ -24,6 +24,7 @@ from wayfarer.views.export.formats import ExportFormat, Output
 from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.text.last_position import RangeBearing
 from wayfarer.views.text.listing import lines, rows
+from wayfarer.views.text.run_narrator import Telling
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary import RunSummary
 from wayfarer.views.text.summary_text import summary_text
@@ -36,8 +37,8 @@ WHOLE = numbered([HEADER, event("armed", 0.0), *drive(0.0, 1.0), outcome(1.0)])
 
 def use_every_tool(run: Path) -> None:
     reader = RunReader(run)
-    for ticks in (False, True):
-        assert all(str(line).isprintable() for line in narrated(RunReader(run), ticks=ticks))
+    for telling in Telling:
+        assert all(str(line).isprintable() for line in narrated(RunReader(run), telling))
     found = summarise(reader)
     assert summary_text("17", found, reader.damage)
     assert json.dumps(asdict(found), allow_nan=False)

@@ -7,11 +7,12 @@ import pytest
 from tests.views.text.records import HEADER, drive, event, narrated, numbered, outcome, record, tick
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.wording import Tone
+from wayfarer.views.text.run_narrator import Telling
 
 
-def told(*records: Record, ticks: bool = False) -> list[str]:
+def told(*records: Record, telling: Telling = Telling.STATUS) -> list[str]:
     """The lines that follow the header's."""
-    return [str(line) for line in narrated([HEADER, *records], ticks=ticks)][1:]
+    return [str(line) for line in narrated([HEADER, *records], telling)][1:]
 
 
 def tone(each: Record) -> Tone:
@@ -36,14 +37,14 @@ def test_change_of_phase_is_a_line_with_what_was_felt() -> None:
     )
     assert lines == [
         "0:00:01.00  follow     heading   0  counter   +0     0.5 m",
-        "0:00:01.10  back_off   heading   0  counter   -0     0.6 m  immobilised",
-        "1:02:05.00  probe      heading   0  counter +390     3.2 m  turn_away.exhausted",
+        "0:00:01.10  back_off   heading   0  counter   -0     0.6 m  it stalled on its way to the goal",
+        "1:02:05.00  probe      heading   0  counter +390     3.2 m  it took too long while turning away",
     ]
 
 
 def test_anomaly_that_changes_no_phase_is_a_line_once() -> None:
     felt = [tick(1.0 + count / 20, phase="turn_away", anomalies=["nose_up"] if count > 2 else []) for count in range(9)]
-    assert [line.endswith("nose_up") for line in told(*felt)] == [False, True]
+    assert [line.endswith("nose up") for line in told(*felt)] == [False, True]
 
 
 def test_status_comes_every_few_seconds_and_seldom_while_the_rover_stands() -> None:
@@ -55,9 +56,36 @@ def test_status_comes_every_few_seconds_and_seldom_while_the_rover_stands() -> N
     assert len(told(*drive(0.0, 121.0, phase="halt"))) == 3
 
 
-def test_no_line_is_wider_than_a_terminal() -> None:
-    widest = tick(35999.9, phase="turn_away", why="turn_away.exhausted", counter_deg=-1080.0, travelled_m=9999.9)
-    assert len(told(widest)[0]) <= 80
+def test_status_is_not_wider_than_a_terminal() -> None:
+    widest = {"phase": "turn_away", "counter_deg": -1080.0, "travelled_m": 9999.9, "goal_heading_deg": 359.0}
+    battery = record("board", 0.0, battery_v=12.04, faults=[])
+    lines = told(battery, tick(35990.0, **widest), tick(35999.9, **widest))
+    assert lines[-1].endswith("goal 359, 12.0 V")
+    assert len(lines[-1]) <= 80
+
+
+def test_change_of_phase_is_a_sentence_where_only_changes_are_told() -> None:
+    stalled = {"anomalies": ["immobilised"], "heading_deg": 271.6}
+    lines = told(
+        tick(1.0, phase="halt", why="halt", travelled_m=None, heading_deg=None),
+        tick(2.0),
+        *drive(2.05, 20.0),
+        tick(24.6, phase="back_off", why="follow.anomaly", **stalled),
+        tick(24.65, phase="back_off", why="back_off", anomalies=["immobilised", "touched"]),
+        tick(26.0, phase="turn_away", why="back_off.done"),
+        tick(27.0, phase="probe", why="turn_away.exhausted", anomalies=["nose_up"]),
+        tick(28.0, phase="spin", why="of joy"),
+        telling=Telling.CHANGES,
+    )
+    assert [line[12:] for line in lines] == [
+        "Stopped",
+        "Follows the goal heading (heading 0, 1.0 m)",
+        "Backs off, because it stalled on its way to the goal (heading 272, 12.3 m)",
+        "It stalled and it touched something while backing off (heading 0, 12.3 m)",
+        "Turns away, because the back-off was done (heading 0, 13.0 m)",
+        "Probes: drives back in a curve, because it took too long while turning away, nose up (heading 0, 13.5 m)",
+        "spin, because of joy (heading 0, 14.0 m)",
+    ]
 
 
 def test_battery_is_told_when_it_is_lower_than_ever_or_another_one() -> None:
@@ -83,54 +111,32 @@ def test_computer_is_told_when_its_power_sags() -> None:
 @pytest.mark.parametrize(
     ("each", "text", "meant"),
     [
-        (event("mark", 1.0, text="hit log"), "mark: hit log", Tone.PERSON),
-        (event("arming", 1.0, start_delay_s=10.0, goal_heading_deg=None), "arming: start delay 10 s", Tone.PERSON),
-        (event("goal", 1.0, goal_heading_deg=20.0), "goal: heading 20 degrees", Tone.PERSON),
-        (event("goal", 1.0, goal_heading_deg=0.2381), "goal: heading 0.2 degrees", Tone.PERSON),
-        (event("goal", 1.0, goal_heading_deg=-0.04), "goal: heading 0 degrees", Tone.PERSON),
-        (event("clock_step", 1.0, by_s=-10799.61), "clock step: by -10800 s", Tone.WARNING),
-        (event("clock_step", 1.0, by_s=12.34567), "clock step: by 12.35 s", Tone.WARNING),
-        (event("hold", 1.0), "hold", Tone.PERSON),
-        (event("health", 1.0, level="well", cause=None), "health: well", Tone.PLAIN),
-        (event("health", 1.0, level="hold", cause="compass_stale"), "health: hold, compass_stale", Tone.WARNING),
-        (event("health", 1.0, level="fault", cause="overturned"), "health: fault, overturned", Tone.FAULT),
+        (event("mark", 1.0, text="hit log"), "Mark: hit log", Tone.PERSON),
+        (event("goal", 1.0, goal_heading_deg=20.0), "A new goal: drives towards 20 degrees", Tone.PERSON),
+        (event("clock_step", 1.0, by_s=12.34), "The computer's clock was set by +12 s", Tone.WARNING),
+        (event("health", 1.0, level="well", cause=None), "No faults", Tone.PLAIN),
         (
-            event("sensor_failed", 1.0, sensor="compass", error="no answer", retry_in_s=0.1),
-            "sensor failed: sensor compass, no answer, retry in 0.1 s",
-            Tone.WARNING,
-        ),
-        (event("loop_stalled", 1.0, stall_s=0.512), "loop stalled: stall 0.512 s", Tone.FAULT),
-        (
-            event("power", 1.0, flags="0x1", text="under-voltage now"),
-            "power: flags 0x1, under-voltage now",
+            event("health", 1.0, level="hold", cause="compass_stale"),
+            "Wheels held until this clears: the compass is silent",
             Tone.WARNING,
         ),
         (
-            event("part_troubles", 1.0, part="CMPS14", counts={"reads retried": 3, "garbage": 1}),
-            "part troubles: part CMPS14, counts 3 reads retried, 1 garbage",
-            Tone.PLAIN,
+            event("health", 1.0, level="fault", cause="overturned"),
+            "Fault: stopped until re-armed: the rover lies on its side or roof",
+            Tone.FAULT,
         ),
-        (
-            event("unclean_shutdown", 1.0, run="00016-x", last_t_s=9.0, last_t_wall=None, mode="armed", error=None),
-            "unclean shutdown: the run before (00016-x) was cut off while armed: killed, or without power",
-            Tone.WARNING,
-        ),
-        (
-            event("unclean_shutdown", 1.0, run="00016-x", last_t_s=None, last_t_wall=None, mode=None, error="no entry"),
-            "unclean shutdown: the run before (00016-x) cannot be read: no entry",
-            Tone.WARNING,
-        ),
+        (event("loop_stalled", 1.0, stall_s=0.512), "The control loop stood still for 0.5 s", Tone.FAULT),
         (
             event("unclean_shutdown", 1.0),
-            "unclean shutdown: the run before (?) was cut off: killed, or without power",
+            "The run before (not known) was cut off: killed, or without power",
             Tone.WARNING,
         ),
-        (event("opened", 1.0, parts=["CMPS14", "PMW3901"]), "opened: parts CMPS14, PMW3901", Tone.PLAIN),
+        (event("opened", 1.0, parts=["CMPS14", "PMW3901"]), "The parts are open: CMPS14, PMW3901", Tone.PLAIN),
         (event("of a third party", 1.0, deeply={"a": [1]}), "of a third party: deeply {'a': [1]}", Tone.PLAIN),
-        (outcome(1.0), "ended: requested: enough", Tone.END),
+        (outcome(1.0), "The run has ended: enough", Tone.END),
     ],
 )
-def test_event_is_told_in_words(each: Record, text: str, meant: Tone) -> None:
+def test_event_is_told_in_words_and_has_its_tone(each: Record, text: str, meant: Tone) -> None:
     assert told(each) == [f"0:00:01.00  {text}"]
     assert tone(each) is meant
 
@@ -150,8 +156,9 @@ def test_what_the_log_says_of_missing_records_is_not_said_again() -> None:
     records = numbered([event("armed", 1.0), *drive(1.0, 2.0), event("hold", 2.0)])
     gap = event("log_gap", 1.35, dropped=7)
     assert told(records[0], gap, *records[8:])[1:3] == [
-        "0:00:01.35  log gap: dropped 7", "0:00:01.35  follow     heading   0  counter   +0     0.7 m",
-    ]  # fmt: skip
+        "0:00:01.35  7 records could not be written into the log",
+        "0:00:01.35  follow     heading   0  counter   +0     0.7 m",
+    ]
     assert "8 records are missing" in told(records[0], gap, *records[9:])[2]
 
 
@@ -167,15 +174,16 @@ def test_log_whose_beginning_is_gone_says_so() -> None:
 
 
 def test_header_of_a_further_part_is_no_news() -> None:
-    assert told(numbered([event("armed", 1.0)])[0], HEADER | {"part": 2}) == ["0:00:01.00  armed"]
+    assert told(numbered([event("hold", 1.0)])[0], HEADER | {"part": 2}) == ["0:00:01.00  Held by an operator"]
 
 
 def test_every_tick_is_told_when_asked_for() -> None:
-    lines = told(*drive(0.0, 0.1), tick(0.1, cause="compass_stale", level="hold", applied_left=0.0), ticks=True)
+    held = tick(0.1, cause="compass_stale", level="hold", applied_left=0.0)
+    lines = told(*drive(0.0, 0.1), held, telling=Telling.TICKS)
     assert lines == [
         "0:00:00.00  follow     heading   0  wanted +0.50/+0.50, applied +0.50/+0.50",
         "0:00:00.05  follow     heading   0  wanted +0.50/+0.50, applied +0.50/+0.50",
-        "0:00:00.10  follow     heading   0  wanted +0.50/+0.50, applied +0.00/+0.50, hold compass_stale",
+        "0:00:00.10  follow     heading   0  wanted +0.50/+0.50, applied +0.00/+0.50, hold: the compass is silent",
     ]
 
 
@@ -190,5 +198,5 @@ def test_nothing_that_a_terminal_obeys_gets_through(nasty: str) -> None:
         record("computer", 1.0, throttled=nasty),
         record("outcome", 1.0, reason=nasty, text=nasty),
     ]
-    for ticks in (False, True):
-        assert all(str(line).isprintable() for line in narrated(records, ticks=ticks))
+    for telling in Telling:
+        assert all(str(line).isprintable() for line in narrated(records, telling))

@@ -1,17 +1,22 @@
-"""An asyncio loop, with sockets, whose time runs faster than the clock, for the demo.
+"""An asyncio loop, with sockets, whose time runs faster than the clock or stands still, for the demo.
 
-``loop.time()`` goes on ``speed`` times as fast as the clock, from timer to timer. Where the computer is busy or slow,
-time falls behind instead of jumping, so that no timer comes late: the rover never finds that its control tick was late
-because somebody's browser was starting. A little lost time is made up for by waiting less; the rest is forgotten. So a
-simulated world may be asked for any speed, and runs as fast as it can.
+``loop.time()`` goes on ``Pace.speed`` times as fast as the clock, from timer to timer. Where the computer is busy or
+slow, time falls behind instead of jumping, so that no timer comes late: the rover never finds that its control tick was
+late because somebody's browser was starting. A little lost time is made up for by waiting less; the rest is forgotten.
+So a simulated world may be asked for any speed, and runs as fast as it can.
 """
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import count
 from selectors import SelectorKey, SelectSelector
 from time import monotonic  # noqa: TID251 - the clock that this loop's time is made of
+from typing import TypeVarTuple, Unpack
+
+Ts = TypeVarTuple("Ts")
 
 # How far time may go past the next timer in one turn of the loop, seconds of the loop: without any, tasks that never
 # wait would stop it for good.
@@ -20,40 +25,62 @@ CATCH_UP_S = 0.05  # of the clock; more than that was no hiccup
 LOOK_S = 1e-8  # more than rounding errors, and less than anything that is timed here
 
 
+@dataclass(slots=True)
+class Pace:
+    """How fast the time of a loop goes; any thread may change it.
+
+    ``speed`` is above 0. While ``paused``, time stands still: callbacks from other threads and signals run, timers do
+    not. A loop that waits looks at it again when it is woken: ``FastLoop.look_at_pace``. ``stood_s`` is how long, in
+    seconds of the clock, the time has stood still so far.
+    """
+
+    speed: float
+    paused: bool = False
+    stood_s: float = 0.0
+
+
 class FastSelector(SelectSelector):
     """Waits for files ``speed`` times shorter than it is asked to; ``now_s`` is the loop's time by then.
 
     select(2) waits to the microsecond; epoll would round up to a millisecond, which is long at fifty times the speed.
     """
 
-    def __init__(self, speed: float) -> None:
+    def __init__(self, pace: Pace) -> None:
         super().__init__()
-        self._speed = speed
+        self._pace = pace
         self._lost_s = 0.0  # of the clock
         self.now_s = self._clock_s = monotonic()
 
     def select(self, timeout: float | None = None) -> list[tuple[SelectorKey, int]]:
         """Wait, at most ``timeout`` seconds of the loop, and let time go on."""
+        return self._stand_still(timeout) if self._pace.paused else self._go_on(timeout, self._pace.speed)
+
+    def _go_on(self, timeout: float | None, speed: float) -> list[tuple[SelectorKey, int]]:
         before_s = monotonic()
         lost_s = min(self._lost_s + before_s - self._clock_s, CATCH_UP_S)
-        ready = super().select(None if timeout is None else max(0.0, timeout / self._speed - lost_s))
+        ready = super().select(None if timeout is None else max(0.0, timeout / speed - lost_s))
         self._clock_s = monotonic()
-        due_s = (lost_s + self._clock_s - before_s) * self._speed
+        due_s = (lost_s + self._clock_s - before_s) * speed
         passed_s = due_s if timeout is None else min(due_s, timeout + LATE_S)
-        self._lost_s = (due_s - passed_s) / self._speed
+        self._lost_s = (due_s - passed_s) / speed
         self.now_s += passed_s
+        return ready
+
+    def _stand_still(self, timeout: float | None) -> list[tuple[SelectorKey, int]]:
+        """Wait for files only, or not at all where callbacks are ready."""
+        before_s = self._clock_s
+        ready = super().select(0.0 if timeout is not None and timeout <= 0.0 else None)
+        self._clock_s, self._lost_s = monotonic(), 0.0
+        self._pace.stood_s += self._clock_s - before_s
         return ready
 
 
 class FastLoop(asyncio.SelectorEventLoop):
-    """An event loop whose time runs ``speed`` times as fast as the clock, or as fast as the computer can.
+    """An event loop whose time runs as fast as its pace says, or as fast as the computer can."""
 
-    Args:
-        speed: above 0.
-    """
-
-    def __init__(self, speed: float) -> None:
-        self._fast = FastSelector(speed)
+    def __init__(self, pace: Pace) -> None:
+        self._pace = pace
+        self._fast = FastSelector(pace)
         self._looks = count()
         super().__init__(self._fast)
 
@@ -63,3 +90,15 @@ class FastLoop(asyncio.SelectorEventLoop):
         Timers for the same time would come in any order: heapq keeps none among equals.
         """
         return self._fast.now_s + next(self._looks) * LOOK_S
+
+    def look_at_pace(self) -> None:
+        """Wake the loop after a change of its pace, from any thread."""
+        self.call_soon_threadsafe(lambda: None)
+
+    def add_signal_handler(self, sig: int, callback: Callable[[Unpack[Ts]], object], *args: Unpack[Ts]) -> None:
+        """Have a signal end a pause, and call ``callback``: what a signal asks for, such as an end, takes time."""
+        super().add_signal_handler(sig, self._wake_up, callback, *args)
+
+    def _wake_up(self, callback: Callable[[Unpack[Ts]], object], *args: Unpack[Ts]) -> None:
+        self._pace.paused = False
+        callback(*args)

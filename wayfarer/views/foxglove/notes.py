@@ -10,7 +10,7 @@ from foxglove.messages import LogLevel
 from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, FaultInjected, Noted, RunBegan
 from wayfarer.fieldlog.typed import RunEvent
 from wayfarer.fieldlog.vocabulary import met
-from wayfarer.fieldlog.wording import Tone, event_text, event_tone, fault_text, outcome_text, run_text
+from wayfarer.fieldlog.wording import Tone, event_text, event_tone, fault_text, outcome_text, run_text, sentence
 
 LEVELS: Mapping[Tone, LogLevel] = {Tone.WARNING: LogLevel.Warning, Tone.FAULT: LogLevel.Error}  # else for information
 
@@ -29,7 +29,7 @@ def note(event: RunEvent) -> LogMessage | None:
         case Noted(name=name, record=record):
             return LogMessage(LEVELS.get(event_tone(record), LogLevel.Info), name, event_text(record))
         case AnomalyBegan(kind=kind, phase=phase):
-            return LogMessage(LogLevel.Warning, "anomaly", met(kind, phase))
+            return LogMessage(LogLevel.Warning, "anomaly", sentence(met([kind], phase)))
         case FaultInjected():
             return LogMessage(LogLevel.Warning, "fault", fault_text(event))
         case RunBegan(header=header):

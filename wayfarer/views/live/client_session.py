@@ -1,7 +1,8 @@
 """One viewer's connection: sends updates, and receives a few commands.
 
 Requests are handled as those of the control socket. A page cannot arm: wheels must not start from a web page. Nor can
-an old page resume: the request may have waited in a network, or for a blocked daemon, until the viewer has gone.
+an old page resume: the request may have waited in a network, or for a blocked daemon, until the viewer has gone. Only
+the page of a demo can pause, change the speed or begin another run (``demo_controls``).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from wayfarer.control.rate import RateLimiter
 from wayfarer.daemon.socket.protocol import Commands, Refused, check, perform, read_line
 from wayfarer.errors import WayfarerError
+from wayfarer.views.live import demo_controls
 from wayfarer.views.live.broadcaster import PageViewer, TooSlow, ViewerLimits
 
 VERBS = ("hold", "resume", "stop", "mark")
@@ -34,22 +36,21 @@ class ClientSession:
         commands: what the daemon can do.
         turn: shared by all: one message is taken in a turn of the loop, so that a flood waits for the control tick and
             not the tick for the flood.
-        watched: is set when the page has shown something.
         limits: what a viewer may use up.
-        speed: how many seconds of the loop pass in one of the clock's.
+        demo: the demo that is shown, None for any other run.
     """
 
     def __init__(
         self, socket: web.WebSocketResponse, viewer: PageViewer, commands: Commands, turn: asyncio.Lock,
-        watched: asyncio.Event, limits: ViewerLimits, speed: float,
+        limits: ViewerLimits, demo: demo_controls.DemoControls | None,
     ) -> None:  # fmt: skip
         self._socket = socket
         self._viewer = viewer
         self._commands = commands
         self._turn = turn
-        self._watched = watched
-        self._old_s = limits.old_s * speed
-        self._rate_limiter = RateLimiter(limits.requests, limits.requests_hz / speed)
+        self._old_s = limits.old_s
+        self._rate_limiter = RateLimiter(limits.requests, limits.requests_hz)
+        self._demo = demo
 
     async def run(self) -> None:
         """Serve until the viewer leaves or is disconnected."""
@@ -89,7 +90,8 @@ class ClientSession:
             fields = read_line(text.encode())
             if "seen" in fields:
                 self._viewer.acknowledge(fields["seen"])
-                self._watched.set()
+                if self._demo is not None:
+                    self._demo.seen()
                 return
             await self._do(fields)
             reply: dict[str, object] = {"ok": True}
@@ -103,17 +105,28 @@ class ClientSession:
         await self._socket.send_str(orjson.dumps([{"reply": told}]).decode())
 
     async def _do(self, fields: dict[str, object]) -> None:
+        if fields.get("do") in demo_controls.VERBS:
+            self._do_in_demo(fields)
+            return
         request = check({key: value for key, value in fields.items() if key != SHOWN})
         if request.do not in VERBS:
             raise Refused(f"{request.do} is not done from the page: use wayfarer {request.do} in a terminal")
         now_s = asyncio.get_running_loop().time()
         if request.do not in STOPPING and not self._rate_limiter.take(now_s):
             raise Refused("too much was asked for at once: wait a second and ask again")
-        if request.do == "resume" and not _is_new(fields.get(SHOWN), now_s, self._old_s):
+        if request.do == "resume" and not self._is_new(fields.get(SHOWN), now_s):
             raise Refused("the page that this was pressed on was old: look again, and press it if it is still right")
         await perform(request, self._commands, None)
 
+    def _do_in_demo(self, fields: dict[str, object]) -> None:
+        """Do what only a demo can; it writes nothing into the log, and so is not limited."""
+        if self._demo is None:
+            raise Refused(f"{fields['do']} is only for wayfarer demo: the clock of this run is the real one")
+        demo_controls.perform(fields, self._demo)
 
-def _is_new(state_t_s: object, now_s: float, old_s: float) -> bool:
-    """Tell whether a state is of now; one from the future is of another run. What is no time is not."""
-    return isinstance(state_t_s, int | float) and abs(now_s - state_t_s) <= old_s
+    def _is_new(self, state_t_s: object, now_s: float) -> bool:
+        """Tell whether a state is of now; one from the future is of another run. What is no time is not."""
+        if not isinstance(state_t_s, int | float):
+            return False
+        age_s = now_s - state_t_s if self._demo is None else self._demo.age_s(state_t_s)
+        return abs(age_s) <= self._old_s

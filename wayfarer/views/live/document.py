@@ -11,7 +11,7 @@ from typing import NamedTuple
 from wayfarer.fieldlog.vocabulary import PHASES
 
 # In this order they make one script; each is about one thing.
-SCRIPTS = ("words.js", "map.js", "dial.js", "panel.js", "connection.js", "main.js")
+SCRIPTS = ("words.js", "map.js", "dial.js", "panel.js", "legend.js", "demo.js", "connection.js", "main.js")
 
 
 class Document(NamedTuple):

@@ -18,10 +18,10 @@ from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, PhaseChanged, RunB
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
+from wayfarer.fieldlog.tick_wording import why_text
 from wayfarer.fieldlog.typed import RunEvent, Tick, Truth
-from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, because, level_text
-from wayfarer.fieldlog.wording import Tone, why_text
-from wayfarer.views.text.run_narrator import RunNarrator
+from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, because, disarmed_text, level_text
+from wayfarer.views.text.run_narrator import RunNarrator, Telling
 from wayfarer.views.trail import Trail
 
 LINES = 200  # about the run; half an hour of a rover that drives
@@ -39,7 +39,7 @@ class PageModel:
 
     def __init__(self) -> None:
         self._fold = RunFold()
-        self._narrator = RunNarrator()
+        self._narrator = RunNarrator(Telling.CHANGES)
         self._trail = Trail(TRACK_POINTS, TRACK_SPACING_M)
         self._lines: deque[list[str]] = deque(maxlen=LINES)
         self._marks: deque[list[Any]] = deque(maxlen=MARKS)
@@ -55,8 +55,7 @@ class PageModel:
         for event in events:
             self._take(event)
         for line in self._narrator.tell(events):
-            if line.tone is not Tone.QUIET:  # how things stand is shown elsewhere
-                self._tell("lines", self._lines, [span(line.elapsed_s, 1), line.text, line.tone.value])
+            self._tell("lines", self._lines, [span(line.elapsed_s, 1), line.text, line.tone.value])
         return record["record"] in {"event", "outcome"}
 
     def snapshot(self) -> dict[str, Any]:
@@ -87,7 +86,7 @@ class PageModel:
         return {
             "t_s": round(run.t_s, 3),
             "mode": run.mode,
-            "why_disarmed": run.why_disarmed,
+            "why_disarmed": disarmed_text(run.why_disarmed),
             "held": run.operator_hold,
             "phase": phase,
             "phase_text": PHASES.get(phase, phase),

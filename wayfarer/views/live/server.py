@@ -20,6 +20,7 @@ from wayfarer.views.live.access import Access
 from wayfarer.views.live.address import address_to_open, bind
 from wayfarer.views.live.broadcaster import LIMITS, Broadcaster, PageViewer, ViewerLimits
 from wayfarer.views.live.client_session import ClientSession
+from wayfarer.views.live.demo_controls import DemoControls
 from wayfarer.views.live.document import document
 from wayfarer.views.live.page_model import PageModel
 
@@ -35,28 +36,29 @@ _clients.propagate = False
 class LivePage:
     """Shows a run to browsers; implements ``daemon.viewer.PageViewer``.
 
-    ``url`` is the address to open, and ``watched`` is set once somebody opens the page.
+    ``url`` is the address to open.
 
     Args:
         host: the address to serve at; viewers on other computers need the token.
         port: 0 takes any that is free.
         token: make a new one at each start.
-        speed: how many seconds of the loop pass in one of the clock's.
         limits: bounds on what viewers use.
+        demo: the demo that is shown, whose clock the page may change; None for any other run.
 
     Raises:
         BadInput: the port cannot be had.
     """
 
-    def __init__(self, host: str, port: int, token: str, speed: float = 1.0, limits: ViewerLimits = LIMITS) -> None:
+    def __init__(
+        self, host: str, port: int, token: str, limits: ViewerLimits = LIMITS, demo: DemoControls | None = None
+    ) -> None:
         self._socket = bind(host, port)
         self.url = address_to_open(self._socket, token)
-        self.watched = asyncio.Event()
         self._cookie = f"wayfarer-{self._socket.getsockname()[1]}"  # cookies do not tell ports apart
         self._token = token
         self._access = Access(token)
-        self._speed = speed
         self._limits = limits
+        self._demo = demo
         self._model = PageModel()
         self._broadcaster = Broadcaster(self._snapshot, limits)
         self._page = document()
@@ -73,6 +75,17 @@ class LivePage:
         """Take a record; see ``PageViewer``."""
         if self._model.take(record):
             self._soon.set()
+
+    @property
+    def is_watched(self) -> bool:
+        """Whether anybody has the page open."""
+        return bool(self._broadcaster.viewers)
+
+    def begin_run(self, header: Record) -> None:
+        """Show the run whose first record this is from now on, in place of any other."""
+        self._model = PageModel()
+        self._model.take(header)
+        self._broadcaster.start_over()
 
     @asynccontextmanager
     async def serving(self, commands: Commands) -> AsyncIterator[None]:
@@ -95,18 +108,22 @@ class LivePage:
         try:
             while True:
                 with suppress(TimeoutError):
-                    async with asyncio.timeout(STATE_S * self._speed):
+                    async with asyncio.timeout(STATE_S):
                         await self._soon.wait()
                 self._soon.clear()
                 self._tell()
-                await asyncio.sleep(REST_S * self._speed)
+                await asyncio.sleep(REST_S)
         except Exception:
             _bugs.exception("in telling viewers: the live page is not updated any more")
 
     def _tell(self) -> None:
         news = self._model.news()
         if self._broadcaster.viewers:
-            self._broadcaster.tell(news, self._model.state())
+            self._broadcaster.tell(news, self._state())
+
+    def _state(self) -> dict[str, Any]:
+        demo = {} if self._demo is None else {"demo": self._demo.now()._asdict()}
+        return self._model.state() | demo
 
     def _snapshot(self) -> dict[str, Any]:
         self._tell()  # what is in the snapshot must not be news afterwards
@@ -115,7 +132,7 @@ class LivePage:
     async def _end(self) -> None:
         """Send the last news and close all connections; each of the three steps has a time limit."""
         self._tell()
-        limit_s = self._limits.end_s * self._speed
+        limit_s = self._limits.end_s
         with suppress(TimeoutError):
             async with asyncio.timeout(limit_s):
                 await asyncio.gather(*(viewer.catch_up() for viewer in self._broadcaster.viewers))
@@ -141,7 +158,7 @@ class LivePage:
             _abort(idle)
         connection = self._http()
         loop = asyncio.get_running_loop()
-        loop.call_later(self._limits.handshake_s * self._speed, self._drop_idle, connection)
+        loop.call_later(self._limits.handshake_s, self._drop_idle, connection)
         return connection
 
     def _drop_idle(self, connection: web.RequestHandler) -> None:
@@ -174,15 +191,15 @@ class LivePage:
 
     async def _answer_socket(self, request: web.BaseRequest) -> web.StreamResponse:
         self._access.check_socket(request.remote or "", request.headers, request.cookies.get(self._cookie, ""))
-        limits, speed = self._limits, self._speed
+        limits = self._limits
         if len(self._sessions) >= limits.viewers:
             return _plain(503, f"{limits.viewers} viewers are connected already, which is the limit")
         socket = web.WebSocketResponse(
-            timeout=limits.end_s * speed, compress=False, max_msg_size=limits.message_bytes, autoping=False
+            timeout=limits.end_s, compress=False, max_msg_size=limits.message_bytes, autoping=False
         )
-        viewer = PageViewer(self._broadcaster, socket.send_str, limits.silent_s * speed, limits.unseen)
+        viewer = PageViewer(self._broadcaster, socket.send_str, limits.silent_s, limits.unseen)
         session = self._sessions[request.protocol] = ClientSession(
-            socket, viewer, self._commands, self._turn, self.watched, limits, speed
+            socket, viewer, self._commands, self._turn, limits, self._demo
         )
         try:
             await _shake_hands(socket, request)

@@ -9,9 +9,9 @@ from shlex import quote
 from wayfarer.fieldlog.fields import local_time, name
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.wording import Tone, event_name
+from wayfarer.fieldlog.wording import event_name
 from wayfarer.views.text.colour import painted
-from wayfarer.views.text.run_narrator import RunNarrator
+from wayfarer.views.text.run_narrator import RunNarrator, Telling
 
 
 class Console:
@@ -28,7 +28,7 @@ class Console:
         self._write = write
         self._then = then
         self._log = ""
-        self._fold, self._narrator = RunFold(), RunNarrator()
+        self._fold, self._narrator = RunFold(), RunNarrator(Telling.CHANGES)
 
     def show(self, record: Record) -> None:
         """Take a record; where nothing has changed, nothing is written."""
@@ -37,8 +37,7 @@ class Console:
             return  # the command itself tells of its error
         at = local_time(record["t_wall"], "%H:%M:%S")
         for line in self._narrator.tell(self._fold.take(record)):
-            if line.tone is not Tone.QUIET:
-                self._write(f"{at}  {painted(line.text, line.tone.value, sys.stderr)}")
+            self._write(f"{at}  {painted(line.text, line.tone.value, sys.stderr)}")
         if kind == "run":
             self._log = name(record, "log") or ""
         elif kind == "event" and event_name(record) == "opened":

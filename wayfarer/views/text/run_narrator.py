@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from enum import Enum
 from typing import NamedTuple
 
 from wayfarer.fieldlog.fields import span
@@ -19,25 +20,23 @@ from wayfarer.fieldlog.run_events import (
     PowerChanged,
     RunBegan,
 )
+from wayfarer.fieldlog.tick_wording import aim_text, anomaly_text, phase_text, reason_text, state_text, tick_text
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick, Truth
-from wayfarer.fieldlog.wording import (
-    Tone,
-    aim_text,
-    event_text,
-    event_tone,
-    fault_text,
-    outcome_text,
-    place_text,
-    reason_text,
-    run_text,
-    state_text,
-    tick_text,
-)
+from wayfarer.fieldlog.wording import Tone, event_text, event_tone, fault_text, outcome_text, place_text, run_text
 
 STATUS_S = 5.0  # a line at least so often while the rover drives
 STANDING_S = 60.0  # and while it stands: enough to see that it lives
 
 Told = tuple[str, Tone]
+Change = PhaseChanged | AnomalyBegan
+
+
+class Telling(Enum):
+    """What is told of the control ticks: changes in sentences, changes and a status in columns, or every tick."""
+
+    CHANGES = "changes"
+    STATUS = "status"
+    TICKS = "ticks"
 
 
 class Line(NamedTuple):
@@ -55,23 +54,24 @@ class RunNarrator:
     """Turns what ``RunFold`` yields of a run into lines.
 
     Args:
-        ticks: tell every control tick, instead of changes of phase and a status now and then.
+        telling: what is told of the control ticks. With ``CHANGES`` a line is told only where something has changed.
     """
 
-    def __init__(self, *, ticks: bool = False) -> None:
-        self._every_tick = ticks
+    def __init__(self, telling: Telling) -> None:
+        self._telling = telling
         self._battery_v: float | None = None
         self._status_t_s = self._position_t_s = float("-inf")
 
     def tell(self, events: Sequence[RunEvent]) -> list[Line]:
         """Return the lines for what a record tells; most records have none."""
-        changed = len(events) > 1 and any(isinstance(event, PhaseChanged | AnomalyBegan) for event in events)
-        return [Line(event.elapsed_s, *told) for event in events for told in self._told(event, changed)]
+        change = next((event for event in events if isinstance(event, Change)), None) if len(events) > 1 else None
+        lines = [Line(event.elapsed_s, *told) for event in events for told in self._told(event, change)]
+        return [line for line in lines if line.tone is not Tone.QUIET or self._telling is not Telling.CHANGES]
 
-    def _told(self, event: RunEvent, changed: bool) -> Iterable[Told]:
+    def _told(self, event: RunEvent, change: Change | None) -> Iterable[Told]:
         match event:
             case Tick():
-                return self._tick(event, changed)
+                return self._tick(event, change)
             case Truth():
                 return ()
             case Board(battery_v=battery_v):
@@ -82,14 +82,16 @@ class RunNarrator:
             case _:
                 return _happened(event)
 
-    def _tick(self, tick: Tick, changed: bool) -> Iterable[Told]:
-        due_s = STANDING_S if tick.phase == "halt" else STATUS_S
-        if not (self._every_tick or changed or tick.t_s - self._status_t_s >= due_s):
-            return ()
-        self._status_t_s = tick.t_s
-        if self._every_tick:
+    def _tick(self, tick: Tick, change: Change | None) -> Iterable[Told]:
+        if self._telling is Telling.TICKS:
             return [(tick_text(tick), Tone.PLAIN)]
-        if changed:
+        if self._telling is Telling.CHANGES:
+            return [] if change is None else [(_change_text(tick, change), Tone.PHASE)]
+        due_s = STANDING_S if tick.phase == "halt" else STATUS_S
+        if change is None and tick.t_s - self._status_t_s < due_s:
+            return []
+        self._status_t_s = tick.t_s
+        if change is not None:
             return [(f"{state_text(tick)}  {reason_text(tick)}".rstrip(), Tone.PHASE)]
         return [(f"{state_text(tick)}  {aim_text(tick, self._battery_v)}".rstrip(), Tone.QUIET)]
 
@@ -98,6 +100,10 @@ class RunNarrator:
             return ()
         self._position_t_s = fix.t_s
         return [(f"position {place_text(fix)}", Tone.QUIET)]
+
+
+def _change_text(tick: Tick, change: Change) -> str:
+    return phase_text(tick) if isinstance(change, PhaseChanged) else anomaly_text(tick)
 
 
 def _happened(event: RunEvent) -> Iterator[Told]:

@@ -42,7 +42,7 @@ function takeNews(news) {
 
 function takeReply(reply) {
   const done = { stop: "Stopped", hold: "Held", resume: "Going on", mark: "Noted" };
-  say(reply.ok ? done[reply.do] : `Not done: ${reply.why}`);
+  say(reply.ok ? done[reply.do] ?? "" : `Not done: ${reply.why}`); // a demo's buttons show what they did
 }
 
 // Says what became of a request, and `next` after a while.
@@ -58,7 +58,8 @@ function redraw() {
   requestAnimationFrame(() => {
     drawing = false;
     writeState(model.state);
-    writeLegend(model.track);
+    writeLegend(model);
+    writeDemo(model.state.demo, model.outcome !== null);
     drawDial(model.state);
     drawMap(element("map"), model);
     drawStrip(element("strip"), model.phases, model.state.t_s);
@@ -78,20 +79,41 @@ function watchAge() {
   const isOld = !model.outcome && !isFresh();
   document.body.classList.toggle("stale", isOld);
   document.body.classList.toggle("ended", model.outcome !== null);
-  write("age", silentS === null ? "connecting" : model.outcome ? "the run is over" : `${isOld ? "old: " : "live, "}${ago(silentS)} ago`);
+  write("age", ageText(isOld, silentS));
   if (model.state) writeSensors(model.state.sensors, model.outcome ? null : silentS);
   for (const id of ["resume", "send-mark"]) element(id).disabled = isOld; // what waits in a dead connection is done later, unseen
+  showHowToArm(isOld);
+  enableDemo(connection.isOpen);
   showBanner(isOld, silentS);
+}
+
+function ageText(isOld, silentS) {
+  if (silentS === null) return "connecting";
+  if (model.outcome) return "the run is over";
+  if (isOld) return `old: ${ago(silentS)} ago`;
+  return model.state.demo?.paused ? "paused" : `live, ${ago(silentS)} ago`;
+}
+
+// In place of Hold while there is nothing to hold; a page that is old knows nothing of that.
+function showHowToArm(isOld) {
+  const isHint = !isOld && model.state?.mode === "disarmed" && !model.state.demo;
+  element("hold").hidden = isHint;
+  element("how-to-arm").hidden = !isHint;
 }
 
 function showBanner(isOld, silentS) {
   const banner = element("banner");
   banner.hidden = !isOld && !model.outcome;
   banner.className = model.outcome ? (ENDS[model.outcome.reason] ?? "") : "";
-  element("again").hidden = !model.outcome && connection.isOpen;
+  element("again").hidden = connection.isOpen && !(model.outcome && !model.state.demo);
   write("again", model.outcome ? "Look for a new run" : "Try now");
-  if (model.outcome) write("banner-text", `The run has ended: ${model.outcome.text}.${looked ? " There is no new one yet." : ""}`);
+  if (model.outcome) write("banner-text", `The run has ended: ${model.outcome.text}.${afterwards()}`);
   else if (isOld) write("banner-text", lostText(silentS));
+}
+
+function afterwards() {
+  if (looked) return " There is no new one yet.";
+  return model.state.demo && !connection.isOpen ? " The demo is closed: wayfarer demo starts it again." : "";
 }
 
 function lostText(silentS) {
@@ -134,5 +156,6 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 
 history.replaceState(null, "", location.pathname); // the token has done its work
 prepareDial();
+prepareDemo();
 setInterval(watchAge, 250);
 connection.open();

@@ -89,6 +89,7 @@ function drawForest(pen, view, forest, width) {
   label(pen, "out of the forest", 4, goalY - 5, "left");
   const [startX, startY] = view.at(...forest.start_m);
   pen.strokeStyle = colour("ink");
+  pen.lineWidth = 2;
   pen.strokeRect(startX - 4, startY - 4, 8, 8);
 }
 

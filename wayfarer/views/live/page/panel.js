@@ -5,8 +5,8 @@ const LINES_SHOWN = 200;
 function writeAbout(about) {
   const marks = [about.simulated && "simulated", about.dry_run && "dry run"].filter(Boolean);
   write("rover", about.rover || "wayfarer");
-  write("about", [about.algorithm, ...marks, `wayfarer ${about.version}`].join(", "));
-  document.title = `${about.rover}: wayfarer`;
+  write("about", [about.algorithm, ...marks, about.version && `wayfarer ${about.version}`].filter(Boolean).join(", "));
+  document.title = `${about.rover ?? "no run yet"}: wayfarer`;
 }
 
 function writeState(state) {
@@ -65,20 +65,4 @@ function addLines(lines) {
     list.prepend(item);
   }
   while (list.children.length > LINES_SHOWN) list.lastChild.remove();
-}
-
-function writeLegend(track) {
-  const seen = Object.keys(PHASES).filter((phase) => track.slice(1).some((point) => point[2] === phase));
-  const list = element("legend");
-  if (list.dataset.seen === seen.join()) return;
-  list.dataset.seen = seen.join();
-  const cross = "M8 1 L16 9 M8 9 L16 1";
-  list.replaceChildren(...[...seen.map((phase) => [phase, "M0 5 H24", PHASES[phase]]), ["mark", cross, "something in the way"]].map(key));
-}
-
-function key([name, shape, text]) {
-  const item = document.createElement("li");
-  item.innerHTML = `<svg viewBox="0 0 24 10" aria-hidden="true"><path d="${shape}" fill="none" stroke="var(--${name})" stroke-width="3"/></svg>`;
-  item.append(text);
-  return item;
 }

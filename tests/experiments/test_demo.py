@@ -1,0 +1,206 @@
+"""The runs of a demo: what its page may ask for between them and in them. Its buttons: ``tests/views/live``."""
+
+# ruff: noqa: TID251 - a person's clock
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Iterator
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.experiments import demo as module
+from wayfarer.experiments.demo import Demo, ForwardedCommands
+from wayfarer.simhal.clock.scaled_loop import FastLoop
+
+pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
+
+RUN = {"record": "run", "part": 1, "log": "logs/1"}
+OUTCOME = {"record": "outcome", "reason": "requested", "text": "requested by a person"}
+
+
+class Rover:
+    """Keeps what it is asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, Any]] = []
+
+    async def stop(self) -> dict[str, Any]:
+        self.asked.append(("stop", None))
+        return {}
+
+    async def mark(self, text: str) -> dict[str, Any]:
+        self.asked.append(("mark", text))
+        return {}
+
+
+class Page:
+    """A page without a thread or a server; keeps what it is shown."""
+
+    def __init__(self) -> None:
+        self.shown: list[Any] = []
+        self.is_watched = False
+        self.page = self
+        self.begin_run = self.show = self.shown.append
+
+    def call(self, function: Any, *arguments: Any) -> None:
+        function(*arguments)
+
+
+@pytest.fixture
+def page() -> Page:
+    return Page()
+
+
+@pytest.fixture
+def demo(page: Page, monkeypatch: pytest.MonkeyPatch) -> Demo:
+    monkeypatch.setattr(module, "LOOK_S", 0.01)
+    monkeypatch.setattr(module, "LEFT_S", 0.03)
+    found = Demo(seed=5, speed=50.0)
+    found._page = page  # type: ignore[assignment]
+    return found
+
+
+def run(demo: Demo, rover: Rover, during: Any = None) -> bool:
+    """Have a run of the demo; return whether it was begun by somebody who looks on."""
+
+    async def main() -> bool:
+        async with demo.serving(rover):  # type: ignore[arg-type]
+            if during is not None:
+                await asyncio.to_thread(during)
+            await asyncio.sleep(0.1)
+            return demo.watched.is_set()
+
+    with asyncio.Runner(loop_factory=partial(FastLoop, demo.pace)) as runner:
+        return runner.run(main())
+
+
+def test_demo_that_nobody_watches_is_over_after_its_run(demo: Demo) -> None:
+    assert list(demo.seeds()) == [5]
+
+
+def test_demo_waits_while_its_page_is_open(demo: Demo, page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    looks = 0
+
+    def look(_: float) -> None:
+        nonlocal looks
+        looks += 1
+        page.is_watched = looks < 20
+
+    monkeypatch.setattr(module, "sleep", look)
+    assert list(demo.seeds()) == [5]
+    assert looks >= 20
+
+
+@pytest.mark.parametrize(
+    ("presses", "seed"), [([False], 5), ([True], 6), ([True, True], 7), ([True, False, True], 7)], ids=str
+)
+def test_presses_count_from_the_forest_that_is_shown(demo: Demo, presses: list[bool], seed: int) -> None:
+    seeds = demo.seeds()
+    assert next(seeds) == 5
+    for each in presses:
+        demo.begin_again(each)
+    assert next(seeds) == seed
+    assert next(seeds, None) is None
+
+
+def test_press_in_a_run_ends_it_and_its_end_is_not_shown(demo: Demo, page: Page) -> None:
+    rover = Rover()
+    next(demo.seeds())
+
+    def press() -> None:
+        demo.pause(True)
+        demo.begin_again(True)
+
+    run(demo, rover, press)
+    demo.show(RUN)
+    demo.show(OUTCOME)
+    assert rover.asked == [("stop", None)]
+    assert not demo.pace.paused, "an end takes time"
+    assert page.shown == [RUN]
+
+
+def test_press_before_a_run_is_there_ends_it_at_once(demo: Demo) -> None:
+    rover = Rover()
+    demo.begin_again(False)
+    run(demo, rover)
+    assert rover.asked == [("stop", None)]
+
+
+def test_end_of_a_run_that_nobody_replaced_is_shown(demo: Demo, page: Page) -> None:
+    for record in (RUN, OUTCOME):
+        demo.show(record)
+    assert page.shown == [RUN, OUTCOME]
+    assert demo.now().log == "logs/1"
+
+
+def test_run_begins_when_somebody_sees_the_page_and_every_later_one_at_once(demo: Demo) -> None:
+    seeds = demo.seeds()
+    next(seeds)
+    assert not run(demo, Rover())
+    assert run(demo, Rover(), demo.seen)
+    demo.begin_again(False)
+    next(seeds)
+    assert run(demo, Rover())
+
+
+@pytest.fixture
+def forwarded(demo: Demo) -> Iterator[Any]:
+    yield ForwardedCommands(demo)
+
+
+def test_command_is_done_by_the_run_and_stop_ends_a_pause(demo: Demo, forwarded: Any) -> None:
+    rover = Rover()
+    demo.pause(True)
+    paused = SimpleNamespace()
+
+    def ask() -> None:
+        asyncio.run(forwarded.mark(text="log"))
+        paused.after_mark = demo.pace.paused
+        asyncio.run(forwarded.stop())
+        paused.after_stop = demo.pace.paused
+
+    run(demo, rover, ask)
+    assert rover.asked == [("mark", "log"), ("stop", None)]
+    assert (paused.after_mark, paused.after_stop) == (True, False)
+
+
+def test_command_without_a_run_is_refused(demo: Demo, forwarded: Any) -> None:
+    with pytest.raises(Refused, match="no run is on"):
+        asyncio.run(forwarded.stop())
+    assert demo.age_s(0.0) == float("inf")
+
+
+def test_age_is_in_seconds_of_the_viewer(demo: Demo) -> None:
+    ages_s: list[float] = []
+
+    async def main() -> None:
+        async with demo.serving(Rover()):  # type: ignore[arg-type]
+            t_s = asyncio.get_running_loop().time()
+            await asyncio.sleep(10.0)
+            ages_s.append(demo.age_s(t_s))
+
+    with asyncio.Runner(loop_factory=partial(FastLoop, demo.pace)) as runner:
+        runner.run(main())
+    assert ages_s == [pytest.approx(10.0 / 50.0, rel=0.01)]
+
+
+def test_wall_clock_of_the_log_does_not_count_a_pause(demo: Demo) -> None:
+    looks_s: list[tuple[float, float]] = []  # at the clock, and at that of the log
+
+    def pause() -> None:
+        looks_s.append((time.monotonic(), demo.wall(0.0)))
+        demo.pause(True)
+        time.sleep(0.3)
+        demo.pause(False)
+        time.sleep(0.1)  # for the loop to wake
+        looks_s.append((time.monotonic(), demo.wall(0.0)))
+
+    run(demo, Rover(), pause)
+    clock_s, wall_s = (after_s - before_s for before_s, after_s in zip(*looks_s, strict=True))
+    assert 0.25 <= demo.pace.stood_s <= clock_s
+    assert 0.0 <= wall_s <= clock_s - 0.25

@@ -1,0 +1,85 @@
+"""Events as sentences: no key and no value of the log is told as the program calls it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tests.views.text.records import event
+from wayfarer.fieldlog.wording import SENTENCES, event_text
+from wayfarer.safety.conditions import Condition
+
+RUN_BEFORE: dict[str, Any] = {"run": "00016-x", "last_t_s": 9.0, "last_t_wall": None, "mode": "armed", "error": None}
+EVENTS: list[tuple[str, dict[str, Any], str]] = [
+    ("opened", {"parts": ["sim compass", "sim motors"]}, "The parts are open: sim compass, sim motors"),
+    ("arming", {"start_delay_s": 10.0, "goal_heading_deg": None}, "Arming: in 10 s it drives straight ahead"),
+    ("arming", {"start_delay_s": 0.0, "goal_heading_deg": 359.7}, "Arming: it drives towards 0 degrees"),
+    ("arming_refused", {"failed": ["battery", "log"]}, "Not armed, because these checks failed: battery, log"),
+    ("refused", {"failed": ["the rover is disarmed"]}, "Refused: the rover is disarmed"),
+    ("armed", {"goal_heading_deg": 12.3}, "Armed: drives towards 12 degrees"),
+    ("disarmed", {"reason": "requested by a person"}, "Disarmed: requested by a person"),
+    ("disarmed", {"reason": "fault: compass_lost"}, "Disarmed: fault: the compass has been silent for seconds"),
+    ("hold", {}, "Held by an operator"),
+    ("resume", {}, "Resumed by an operator"),
+    ("goal", {"goal_heading_deg": 90.0}, "A new goal: drives towards 90 degrees"),
+    ("goal", {"goal_heading_deg": -0.04}, "A new goal: drives towards 0 degrees"),
+    ("mark", {"text": "hit a log"}, "Mark: hit a log"),
+    ("health", {"level": "hold", "cause": "compass_stale"}, "Wheels held until this clears: the compass is silent"),
+    ("health", {"level": "well", "cause": None}, "No faults"),
+    ("sensor_failed", {"sensor": "compass", "error": "no answer", "retry_in_s": 0.5},
+     "The compass failed: no answer (tried again in 0.5 s)"),
+    ("part_failed", {"part": "gpsd", "error": "no daemon"}, "The gpsd did not open: no daemon"),
+    ("part_troubles", {"part": "CMPS14", "counts": {"bus_errors": 3, "garbage": 1}},
+     "The CMPS14 carried on after 3 bus errors, 1 garbage"),
+    ("board_silent", {"error": "timeout"}, "The motor board did not answer: timeout"),
+    ("motors_failed", {"error": "timeout"}, "The motors did not answer: timeout"),
+    ("light_failed", {"error": "no pin"}, "The status light did not answer: no pin"),
+    ("power", {"flags": "0x1", "text": "undervoltage"}, "The computer's supply: undervoltage, flags 0x1"),
+    ("clock_step", {"by_s": -3600.2}, "The computer's clock was set by -3600 s"),
+    ("log_gap", {"dropped": 12}, "12 records could not be written into the log"),
+    ("loop_stalled", {"stall_s": 0.41, "where": "a.py:1 f"}, "The control loop stood still for 0.4 s in a.py:1 f"),
+    ("stop_not_confirmed", {"part": "board", "error": "silent"}, "The board did not confirm the stop: silent"),
+    ("close_hangs", {"part": "camera"}, "The camera did not close in time"),
+    ("control_error", {"error": "KeyError()"}, "An error inside wayfarer, in a command: KeyError()"),
+    ("viewer_failed", {"error": "KeyError()"}, "An error inside wayfarer, in a viewer: KeyError()"),
+    ("unclean_shutdown", RUN_BEFORE, "The run before (00016-x) was cut off while armed: killed, or without power"),
+    ("unclean_shutdown", RUN_BEFORE | {"error": "no entry"}, "The run before (00016-x) cannot be read: no entry"),
+    ("wheels_stopped", {"reason": "mission_time"}, "The wheels are stopped: mission time"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "details", "sentence"), EVENTS, ids=lambda value: str(value)[:30])
+def test_event_is_a_sentence(name: str, details: dict[str, Any], sentence: str) -> None:
+    assert event_text(event(name, 1.0, **details)) == sentence
+    assert "_" not in sentence
+
+
+def test_every_sentence_is_shown_here() -> None:
+    assert {name for name, _, _ in EVENTS} == set(SENTENCES)
+
+
+def test_health_has_words_for_every_condition() -> None:
+    for condition in Condition:
+        assert "_" not in event_text(event("health", 1.0, level="hold", cause=condition.value))
+
+
+@pytest.mark.parametrize("name", SENTENCES)
+def test_event_without_its_details_is_told_and_a_new_detail_comes_after_it(name: str) -> None:
+    said = event_text(event(name, 1.0))
+    assert said
+    assert event_text(event(name, 1.0, moon_height_deg=12.34)) == f"{said}, moon height 12.3 degrees"
+
+
+def test_detail_of_another_type_is_told_as_it_is() -> None:
+    assert event_text(event("mark", 1.0, text={"a": [1]})) == "Mark: not known, {'a': [1]}"
+    assert event_text(event("goal", 1.0, goal_heading_deg="north")) == (
+        "A new goal: drives straight ahead, goal heading north degrees"
+    )
+
+
+def test_event_that_is_not_known_is_told_as_it_is() -> None:
+    assert event_text(event("moon_rose", 1.0, moon_rose_deg=2.0, phase="full", seen=None)) == (
+        "moon rose: deg 2, phase full"
+    )
+    assert event_text(event("moon_rose", 1.0)) == "moon rose"

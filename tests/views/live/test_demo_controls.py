@@ -1,0 +1,151 @@
+"""The buttons of a demo: what reaches it, and that no other run has them."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import AsyncIterator
+from typing import Any
+
+import aiohttp
+import pytest
+
+from tests.views.live.records import run_log
+from tests.views.live.test_server import TOKEN, Rover, Site, first, nobody_is_local, pieces, serving  # noqa: F401
+from wayfarer.views.live.broadcaster import LIMITS
+from wayfarer.views.live.demo_controls import VERBS, DemoState
+from wayfarer.views.live.server import LivePage
+
+REQUESTS = [{"do": verb} for verb in VERBS if verb != "speed"] + [{"do": "speed", "times": 20}]
+
+
+class Demo:
+    """Keeps what it is asked; implements ``DemoControls``."""
+
+    def __init__(self) -> None:
+        self.asked: list[Any] = []
+        self.is_seen = False
+        self.age = 0.0
+
+    def now(self) -> DemoState:
+        return DemoState(seed=22, speed=6.0, paused=True, log="logs/1")
+
+    def seen(self) -> None:
+        self.is_seen = True
+
+    def age_s(self, t_s: float) -> float:
+        return self.age + 0.0 * t_s
+
+    def pause(self, paused: bool) -> None:
+        self.asked.append(("pause", paused))
+
+    def run_at(self, speed: float) -> None:
+        self.asked.append(("speed", speed))
+
+    def begin_again(self, next_forest: bool) -> None:
+        self.asked.append(("again", next_forest))
+
+
+@contextlib.asynccontextmanager
+async def demonstrated(host: str = "127.0.0.1") -> AsyncIterator[tuple[Site, Demo]]:
+    demo, rover = Demo(), Rover()
+    page = LivePage(host, 0, TOKEN, demo=demo)
+    log = run_log(page.show)
+    async with aiohttp.ClientSession() as client, page.serving(rover):  # type: ignore[arg-type]
+        yield Site(page, rover, log, client), demo
+
+
+async def replies_to(site: Site, *requests: dict[str, Any]) -> list[dict[str, Any]]:
+    replies: list[dict[str, Any]] = []
+    async with site.connect() as connection:
+        for request in requests:
+            await connection.send_json(request)
+            replies.append(await first(connection, "reply"))
+    return replies
+
+
+@pytest.mark.parametrize("request_", REQUESTS, ids=lambda request: str(request["do"]))
+async def test_run_that_is_no_demo_refuses_them_in_words(request_: dict[str, Any]) -> None:
+    async with serving() as site:
+        (reply,) = await replies_to(site, request_)
+        assert reply["ok"] is False
+        assert "only for wayfarer demo" in reply["why"]
+        assert site.rover.asked == []
+
+
+async def test_demo_is_asked_for_each() -> None:
+    async with demonstrated() as (site, demo):
+        replies = await replies_to(site, *REQUESTS)
+        assert [reply["ok"] for reply in replies] == [True] * len(VERBS)
+        assert demo.asked == [("pause", True), ("pause", False), ("again", False), ("again", True), ("speed", 20.0)]
+        assert site.rover.asked == [], "no part of the rover takes part"
+
+
+@pytest.mark.parametrize("times", [None, "6", True, 0, -1, 1e9, []])
+async def test_speed_that_cannot_be_is_refused(times: Any) -> None:
+    async with demonstrated() as (site, demo):
+        (reply,) = await replies_to(site, {"do": "speed", "times": times})
+        assert "from 0.1 to 1000" in reply["why"]
+        assert demo.asked == []
+
+
+@pytest.mark.usefixtures("nobody_is_local")
+async def test_stranger_without_the_token_reaches_no_button() -> None:
+    async with demonstrated() as (site, demo):
+        assert await site.refusal() == 403
+        async with site.connect(Cookie=f"wayfarer-{site.port}={TOKEN}") as connection:
+            await connection.send_json({"do": "pause"})
+            assert (await first(connection, "reply"))["ok"]
+        assert demo.asked == [("pause", True)]
+
+
+async def test_page_of_another_site_reaches_no_button() -> None:
+    async with demonstrated() as (site, demo):
+        assert await site.refusal(Origin="http://evil.example") == 403
+        assert demo.asked == []
+
+
+async def test_buttons_are_not_limited_as_marks_are_because_nothing_is_written() -> None:
+    async with demonstrated() as (site, demo):
+        replies = await replies_to(site, *[{"do": "pause"}, {"do": "play"}] * LIMITS.requests)
+        assert all(reply["ok"] for reply in replies)
+        assert len(demo.asked) == 2 * LIMITS.requests
+
+
+async def test_demo_is_told_that_it_is_seen_and_the_page_how_it_is() -> None:
+    async with demonstrated() as (site, demo), site.connect() as connection:
+        assert not demo.is_seen
+        states = [state["demo"] async for state in _first_two(connection)]
+        assert states[0] == {"seed": 22, "speed": 6.0, "paused": True, "log": "logs/1"}
+        assert demo.is_seen
+
+
+async def _first_two(connection: Any) -> AsyncIterator[dict[str, Any]]:
+    count = 0
+    async for state in pieces(connection, "state"):
+        yield state
+        count += 1
+        if count == 2:
+            return
+
+
+async def test_state_of_a_rover_says_nothing_of_a_demo() -> None:
+    async with serving() as site, site.connect() as connection:
+        assert "demo" not in await first(connection, "state")
+
+
+@pytest.mark.parametrize(("age_s", "why"), [(0.5, "not held"), (1.5, "was old"), (float("inf"), "was old")])
+async def test_age_of_a_page_is_counted_on_the_viewers_clock(age_s: float, why: str) -> None:
+    async with demonstrated() as (site, demo):
+        demo.age = age_s
+        (reply,) = await replies_to(site, {"do": "resume", "state_t_s": 1.0})
+        assert why in reply["why"]
+
+
+async def test_next_run_is_shown_from_its_beginning_to_everybody() -> None:
+    async with demonstrated() as (site, _), site.connect() as connection:
+        await first(connection, "snapshot")
+        site.log.close("escaped", "the rover is out")
+        assert (await first(connection, "news"))["outcome"]
+        run_log(site.page.begin_run)
+        snapshot = await first(connection, "snapshot")
+        assert (snapshot["outcome"], snapshot["about"]["rover"], snapshot["track"]) == (None, "sim", [])

@@ -1,0 +1,183 @@
+"""The runs of ``wayfarer demo``: one after the other, as the page asks, on a clock that the page may change.
+
+Every run is a daemon with an event loop of its own, as on a rover. The page is served beside them, in a thread where
+time is real, and stays between the runs. Pause and speed change the pace of the run's loop and nothing else, so that
+safety code sees what it always does: a time that goes on from tick to tick.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Iterator
+from concurrent.futures import Future
+from contextlib import asynccontextmanager, suppress
+from functools import partial
+from queue import SimpleQueue
+from time import sleep  # noqa: TID251 - of the person who looks on
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+from wayfarer.daemon.socket.protocol import Commands, Details, Refused
+from wayfarer.experiments.page_thread import PageThread
+from wayfarer.fieldlog.clock import wall_clock
+from wayfarer.fieldlog.log import Record
+from wayfarer.simhal.clock.scaled_loop import FastLoop, Pace
+from wayfarer.views.live.demo_controls import DemoState
+
+if TYPE_CHECKING:
+    from wayfarer.views.live.server import LivePage
+
+LOOK_S = 0.1  # between two looks at whether anybody has the page open
+LEFT_S = 12.0  # nobody has had it open for so long: longer than a page takes to come back, PAUSES_S of connection.js
+ANSWER_S = 2.0  # for a run to do what was asked, before it has ended meanwhile
+
+
+class _Run(NamedTuple):
+    """A run that is on, as other threads reach it."""
+
+    commands: Commands
+    loop: FastLoop
+
+    def do(self, verb: str, **keys: Any) -> Future[Details]:
+        return asyncio.run_coroutine_threadsafe(getattr(self.commands, verb)(**keys), self.loop)
+
+
+class Demo:
+    """Runs that follow each other; implements ``daemon.viewer.Viewer`` and ``views.live.demo_controls.DemoControls``.
+
+    ``pace`` is that of every run's loop. ``watched`` is set for the run that is on when somebody sees the page.
+
+    Args:
+        seed: of the first forest; the next one has the next seed.
+        speed: how many times faster than the clock.
+    """
+
+    def __init__(self, seed: int, speed: float) -> None:
+        self.pace = Pace(speed)
+        self.watched = asyncio.Event()
+        self._seed = seed
+        self._presses: SimpleQueue[bool] = SimpleQueue()  # of Another forest, and False of Restart
+        self._seen = False
+        self._log = ""
+        self._run: _Run | None = None
+
+    def serve_page(self, page: LivePage) -> PageThread:
+        """Return what serves the page of all runs while it is entered."""
+        self._page = PageThread(page, cast(Commands, ForwardedCommands(self)))
+        return self._page
+
+    def seeds(self) -> Iterator[int]:
+        """Give the seed of each run, once it is asked for, until nobody has the page open any more."""
+        while True:
+            self.pace.paused, self.pace.stood_s = False, 0.0
+            self.watched = asyncio.Event()
+            yield self._seed
+            if not self._wait_for_press():
+                return
+            while self.goes_on:
+                self._seed += self._presses.get()
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether another run has been asked for."""
+        return not self._presses.empty()
+
+    def wall(self, t_s: float) -> float:
+        """Return the wall clock without the run's pauses; a ``WallClock``. Otherwise the log would say it was set."""
+        return wall_clock(t_s) - self.pace.stood_s
+
+    def _wait_for_press(self) -> bool:
+        """Wait until another run is asked for; return whether that was so."""
+        unwatched_s = 0.0
+        while not self.goes_on and unwatched_s < LEFT_S:
+            sleep(LOOK_S)
+            unwatched_s = 0.0 if self._page.page.is_watched else unwatched_s + LOOK_S
+        return self.goes_on
+
+    # -- a viewer of the run, in its thread --------------------------------------------------------------------------
+
+    def show(self, record: Record) -> None:
+        """Hand a record to the page; see ``Viewer``."""
+        if record["record"] == "run" and record["part"] == 1:
+            self._log = record["log"]
+            self._page.call(self._page.page.begin_run, record)
+        elif record["record"] != "outcome" or not self.goes_on:  # else the next run begins at once
+            self._page.call(self._page.page.show, record)
+
+    @asynccontextmanager
+    async def serving(self, commands: Commands) -> AsyncIterator[None]:
+        """Forward what the page asks of this run while entered; see ``Viewer``."""
+        self._run = _Run(commands, cast(FastLoop, asyncio.get_running_loop()))
+        if self._seen:
+            self.watched.set()
+        if self.goes_on:
+            await commands.stop()
+        try:
+            yield
+        finally:
+            self._run = None
+
+    # -- what the page asks for, in the page's thread ----------------------------------------------------------------
+
+    def now(self) -> DemoState:
+        """Return how the demo is."""
+        return DemoState(self._seed, self.pace.speed, self.pace.paused, self._log)
+
+    def seen(self) -> None:
+        """Have the run begin: somebody sees the page."""
+        if not self._seen:
+            self._seen = True
+            if (run := self._run) is not None:
+                run.loop.call_soon_threadsafe(self.watched.set)
+
+    def age_s(self, t_s: float) -> float:
+        """Return how many seconds of the clock ago it was ``t_s`` on the run's; for ever where there is no run."""
+        run = self._run
+        return float("inf") if run is None else (run.loop.time() - t_s) / self.pace.speed
+
+    def pause(self, paused: bool) -> None:
+        """Let the run's time stand still, or go on."""
+        self.pace.paused = paused
+        self._wake()
+
+    def run_at(self, speed: float) -> None:
+        """Let the run's time go ``speed`` times as fast as the clock."""
+        self.pace.speed = speed
+        self.pause(False)
+
+    def begin_again(self, next_forest: bool) -> None:
+        """End the run that is on, and have another one begin."""
+        self._presses.put(next_forest)
+        if (run := self._run) is not None:
+            self.pause(False)
+            run.do("stop")
+
+    async def ask(self, verb: str, **keys: Any) -> Details:
+        """Do what ``Commands`` can, in the thread of the run that is on.
+
+        Raises:
+            Refused: there is no run, or it has just ended; or the run refuses it.
+        """
+        if (run := self._run) is None:
+            raise Refused("no run is on: press Restart or Another forest")
+        if verb in {"stop", "hold", "resume"}:
+            self.pause(False)  # what they do takes time
+        try:
+            async with asyncio.timeout(ANSWER_S):
+                return await asyncio.wrap_future(run.do(verb, **keys))
+        except TimeoutError:
+            raise Refused("the run has just ended") from None
+
+    def _wake(self) -> None:
+        if (run := self._run) is not None:
+            with suppress(RuntimeError):  # it has just ended
+                run.loop.look_at_pace()
+
+
+class ForwardedCommands:
+    """Every method of ``Commands``, done by the run that is on."""
+
+    def __init__(self, demo: Demo) -> None:
+        self._demo = demo
+
+    def __getattr__(self, verb: str) -> Any:
+        return partial(self._demo.ask, verb)
