@@ -230,7 +230,7 @@ def test_log_of_the_page_is_in_words(browser_page: OpenPage, daemon: Daemon) -> 
     daemon.arm()
     page.locator("#lines li", has_text="Backs off, because it stalled").wait_for(timeout=60_000)
     lines = page.locator("#lines li span").all_inner_texts()
-    assert any(line.startswith("Armed: drives towards 0°") for line in lines)
+    assert any(line.startswith("Armed: drives towards 0 degrees") for line in lines)
     assert [line for line in lines if "_" in line] == []
 
 
