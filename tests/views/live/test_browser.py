@@ -228,9 +228,9 @@ def test_disarmed_page_says_how_to_arm_in_place_of_a_button_that_would_be_refuse
 def test_log_of_the_page_is_in_words(browser_page: OpenPage, daemon: Daemon) -> None:
     page = look(browser_page, daemon).page
     daemon.arm()
-    page.locator("#lines li", has_text="Backs off, because stalled").wait_for(timeout=60_000)
+    page.locator("#lines li", has_text="Backs off, because it stalled").wait_for(timeout=60_000)
     lines = page.locator("#lines li span").all_inner_texts()
-    assert any(line.startswith("Armed: drives towards 0°") for line in lines)
+    assert any(line.startswith("Armed: drives towards 0 degrees") for line in lines)
     assert [line for line in lines if "_" in line] == []
 
 
