@@ -237,7 +237,7 @@ async def test_run_that_was_cut_off_is_told_by_the_next_which_stands_disarmed(
         await daemon.stop()
     (told,) = site.events("unclean_shutdown")
     assert (told["run"], told["last_t_s"], told["mode"], told["error"]) == (before, 101.95, "armed", None)
-    assert f"the run before ({before}) was cut off while armed at " in capfd.readouterr().err
+    assert f"The run before ({before}) was cut off while armed at " in capfd.readouterr().err
     assert site.log()[-1]["record"] == "outcome", "and the next one will not speak of this"
 
 

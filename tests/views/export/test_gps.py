@@ -92,11 +92,11 @@ def test_gpx_has_what_happened_where_it_happened(tmp_path: Path) -> None:
     """The place is the nearest fix and the way from there: 0.5 m/s to the north."""
     waypoints = gpx(tmp_path, EVENTFUL).waypoints
     assert [(each.type, each.name) for each in waypoints] == [
-        ("mark", "mark: hit <log> & stone"),
+        ("mark", "Mark: hit <log> & stone"),
         ("anomaly", "stalled"),
         ("hold", "hold: the compass is silent"),
         ("anomaly", "nose up"),
-        ("end", "ended: requested: enough"),
+        ("end", "The run has ended: enough"),
     ]
     north_m = [(each.latitude - 47.0) * METRES_PER_DEG for each in waypoints]
     assert north_m == pytest.approx([0.7, 1.6, 2.0, 2.0, 2.0], abs=0.03)

@@ -53,7 +53,7 @@ def test_rows_and_values_are_those_of_the_csv_table(tmp_path: Path) -> None:
         ("board_faults", pa.string(), "too hot"),
         ("computer_log_dropped", pa.int64(), 3),
         ("truth_x_m", pa.float64(), None),
-        ("event", pa.string(), "hold"),
+        ("event", pa.string(), "Held by an operator"),
         ("reckoned_north_m", pa.float64(), 1.0),
         ("episodes", pa.float64(), 2.0),
     ],
