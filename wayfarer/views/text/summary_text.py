@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from wayfarer.fieldlog.fields import local_time, span
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.fieldlog.wording import whole_deg
+from wayfarer.fieldlog.wording import records_text, whole_deg
 from wayfarer.views.text.last_position import LastPosition, RangeBearing
 from wayfarer.views.text.summary import RunSummary
 from wayfarer.views.text.verdict import NO_OUTCOME
@@ -143,7 +143,7 @@ def _log(summary: RunSummary, damage: Damage) -> str:
     if summary.dropped and damage.missing:
         told = [f"{damage}, {min(summary.dropped, damage.missing)} of them could not be written"]
     elif summary.dropped:
-        told.append(f"{summary.dropped} records could not be written")
+        told.append(f"{records_text(summary.dropped)} could not be written")
     if summary.reason is None:
         told.append(NO_OUTCOME)
     return "; ".join(told) or "complete"
