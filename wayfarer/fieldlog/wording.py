@@ -273,9 +273,7 @@ SENTENCES: Mapping[str, Callable[[Details], str]] = {
     "clock_step": _clock_step,
     "log_gap": _log_gap,
     "loop_stalled": _loop_stalled,
-    "stop_not_confirmed": lambda details: (
-        f"The {details.part()} did not confirm the stop: {details.text('error')}"
-    ),
+    "stop_not_confirmed": lambda details: f"The {details.part()} did not confirm the stop: {details.text('error')}",
     "close_hangs": lambda details: f"The {details.part()} did not close in time",
     "control_error": lambda details: f"An error inside wayfarer, in a command: {details.text('error')}",
     "viewer_failed": lambda details: f"An error inside wayfarer, in a viewer: {details.text('error')}",
