@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from wayfarer.fieldlog.fields import local_time, span
 from wayfarer.fieldlog.reader import Damage
+from wayfarer.fieldlog.vocabulary import CAUSES
 from wayfarer.fieldlog.wording import records_text, whole_deg
 from wayfarer.views.text.last_position import LastPosition, RangeBearing
 from wayfarer.views.text.summary import RunSummary
@@ -78,7 +79,7 @@ def _offset(offset: RangeBearing) -> str:
 
 def _time(summary: RunSummary, *, utc: bool) -> Iterator[str]:
     yield f"{span(summary.lasted_s)} in all{_began(summary, utc=utc)}; armed for {span(summary.armed_s)}"
-    yield from (f"held for {span(held_s, 1)} by {cause}" for cause, held_s in summary.held_s.items())
+    yield from (f"held for {span(held_s, 1)}: {CAUSES.get(cause, cause)}" for cause, held_s in summary.held_s.items())
 
 
 def _began(summary: RunSummary, *, utc: bool) -> str:
