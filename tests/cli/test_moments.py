@@ -60,3 +60,11 @@ def test_time_counts_from_the_first_record_to_the_microsecond() -> None:
     times_s = [seconds_since(HEADER, record("tick", t_s)) for t_s in (0.0, 0.1 + 0.2, -0.5, 3600.0)]
     assert times_s == [0.0, 0.3, -0.5, 3600.0]
     assert json.dumps(times_s) == "[0.0, 0.3, -0.5, 3600.0]"
+
+
+def test_replay_names_a_run_that_is_given_as_the_current_folder(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(SAMPLE)
+    assert cli.run(["replay", "."]) == 0
+    assert capsys.readouterr().out.startswith(f"{SAMPLE.name}: ")

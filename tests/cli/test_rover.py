@@ -142,7 +142,7 @@ def test_status_says_the_most_important_first() -> None:
     assert status_text(STATUS).splitlines() == [
         "minirover armed (dry run)",
         "health    well",
-        "doing     probe.unwound (forest-pledge), counter 30, immobilised",
+        "doing     probe.unwound (forest-pledge), counter 30, stalled",
         "heading   0, goal 20, pitch +2, roll -1",
         "mission   61 s, 12.3 m commanded",
         "battery   12.0 V",
@@ -158,8 +158,8 @@ def test_name_of_the_rover_and_its_mode_are_two_words(rover: str) -> None:
 def test_status_of_a_disarmed_rover_says_why() -> None:
     disarmed = {"mode": "disarmed", "why_disarmed": "fault: compass_lost", "conditions": ["compass_lost"]}
     lines = status_text({**STATUS, **disarmed, "motor_faults": ["motor A: drive fault"]}).splitlines()
-    assert lines[0] == "minirover disarmed: fault: compass_lost (dry run)"
-    assert lines[1] == "health    compass_lost, motor A: drive fault"
+    assert lines[0] == "minirover disarmed: fault: the compass has been silent for seconds (dry run)"
+    assert lines[1] == "health    the compass has been silent for seconds, motor A: drive fault"
     assert not any(line.startswith("doing") for line in lines)
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from tests.views.text.records import event
-from wayfarer.fieldlog.wording import SENTENCES, event_text
+from wayfarer.fieldlog.header import Header
+from wayfarer.fieldlog.wording import SENTENCES, event_text, run_text
 from wayfarer.safety.conditions import Condition
 
 RUN_BEFORE: dict[str, Any] = {"run": "00016-x", "last_t_s": 9.0, "last_t_wall": None, "mode": "armed", "error": None}
@@ -29,6 +30,7 @@ EVENTS: list[tuple[str, dict[str, Any], str]] = [
     ("health", {"level": "well", "cause": None}, "No faults"),
     ("sensor_failed", {"sensor": "compass", "error": "no answer", "retry_in_s": 0.5},
      "The compass failed: no answer (tried again in 0.5 s)"),
+    ("sensor_failed", {"sensor": "motion", "error": "no answer"}, "The motion sensor failed: no answer"),
     ("part_failed", {"part": "gpsd", "error": "no daemon"}, "The gpsd did not open: no daemon"),
     ("part_troubles", {"part": "CMPS14", "counts": {"bus_errors": 3, "garbage": 1}},
      "The CMPS14 carried on after 3 bus errors, 1 garbage"),
@@ -37,6 +39,7 @@ EVENTS: list[tuple[str, dict[str, Any], str]] = [
     ("light_failed", {"error": "no pin"}, "The status light did not answer: no pin"),
     ("power", {"flags": "0x1", "text": "undervoltage"}, "The computer's supply: undervoltage, flags 0x1"),
     ("clock_step", {"by_s": -3600.2}, "The computer's clock was set by -3600 s"),
+    ("log_gap", {"dropped": 1}, "1 record could not be written into the log"),
     ("log_gap", {"dropped": 12}, "12 records could not be written into the log"),
     ("loop_stalled", {"stall_s": 0.41, "where": "a.py:1 f"}, "The control loop stood still for 0.4 s in a.py:1 f"),
     ("stop_not_confirmed", {"part": "board", "error": "silent"}, "The board did not confirm the stop: silent"),
@@ -83,3 +86,7 @@ def test_event_that_is_not_known_is_told_as_it_is() -> None:
         "moon rose: deg 2, phase full"
     )
     assert event_text(event("moon_rose", 1.0)) == "moon rose"
+
+
+def test_header_that_does_not_say_what_ran_names_no_rover_and_no_version() -> None:
+    assert run_text(Header.of({"record": "run"})) == "run of unknown rover"

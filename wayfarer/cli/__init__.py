@@ -80,7 +80,7 @@ def run(arguments: list[str]) -> int:
     except WayfarerError as error:
         return _fail(str(error), error.exit_code)
     except typer.TyperException as error:
-        return _fail(error.format_message(), BAD_INPUT)
+        return _fail(error.format_message().replace("Value error, ", "", 1), BAD_INPUT)  # the name of a class
     except (OSError, UnicodeError) as error:  # a terminal, a pipe or a disk that takes no output
         return _fail(f"the system refused: {error}", 1)
 

@@ -18,7 +18,7 @@ import typer
 from wayfarer.cli import completion
 from wayfarer.cli.extras import require
 from wayfarer.cli.help_texts import HelpCommand, HelpGroup
-from wayfarer.cli.log_folder import log_folder
+from wayfarer.cli.log_folder import log_folder, run_title
 from wayfarer.cli.options import AsJson, Logs, examples
 from wayfarer.errors import BadInput
 from wayfarer.views.export.formats import ExportFormat, Output
@@ -112,7 +112,7 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
         for path, record in follow_records(folder, chosen, wait):
             if path != told:
                 told, fold, narrator = path, RunFold(), RunNarrator(Telling.STATUS)
-                print(_titled(path), flush=True)
+                print(run_title(path), flush=True)
             _tell(narrator.tell(fold.take(record)), flush=True)
         if chosen is not None:
             _tell_damage(_damage_of(chosen))
@@ -170,7 +170,7 @@ def summary(
 
     reader = RunReader(find_run(run, log_folder(logs)))
     found = summarise(readable(reader))
-    title = _titled(reader.run)
+    title = run_title(reader.run)
     with _until_closed():
         if as_json:
             print_json({"run": title, **asdict(found), "damage": reader.damage})
@@ -204,7 +204,7 @@ def check(
         verdicts.append(judge(run))
         if not as_json:
             with _until_closed():
-                print(f"{_titled(run)}: {painted(str(verdicts[-1]), TONES[verdicts[-1].integrity.name])}")
+                print(f"{run_title(run)}: {painted(str(verdicts[-1]), TONES[verdicts[-1].integrity.name])}")
     if as_json:
         with _until_closed():
             print_json({"logs": [_as_object(run, verdict) for run, verdict in zip(found, verdicts, strict=True)]})
@@ -240,7 +240,7 @@ def export(
         with _until_closed():
             _tell_damage(form.write(found, sys.stdout))
         return
-    file = out or Path(f"{_titled(found)}.{form}")
+    file = out or Path(f"{run_title(found)}.{form}")
     damage = export_run(found, form, file, overwrite=force)
     print(f"the run is in {file}")
     _tell_damage(damage)
@@ -263,14 +263,7 @@ def _form(wanted: ExportFormat | None, out: Path | None) -> ExportFormat:
 
 
 def _as_object(run: Path, verdict: LogVerdict) -> dict[str, object]:
-    return {"run": _titled(run), **verdict._asdict(), "integrity": verdict.integrity.name.lower()}
-
-
-def _titled(run: Path) -> str:
-    """Return the name of a run's folder, however it was given."""
-    from wayfarer.fieldlog.printable import clean
-
-    return clean(run.resolve().name)
+    return {"run": run_title(run), **verdict._asdict(), "integrity": verdict.integrity.name.lower()}
 
 
 def _damage_of(run: Path) -> Damage:

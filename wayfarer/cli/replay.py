@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer.cli import completion
-from wayfarer.cli.log_folder import log_folder
+from wayfarer.cli.log_folder import log_folder, run_title
 from wayfarer.cli.options import AsJson, Logs, examples
 from wayfarer.errors import BadInput
 
@@ -64,7 +64,7 @@ def replay(
             codes.add(BAD_INPUT)
             print("wayfarer:", error, file=sys.stderr)
             continue
-        replays.append({"run": folder.name, **result._asdict()})
+        replays.append({"run": run_title(folder), **result._asdict()})
         if not as_json:
             tone = "fault" if result.difference else "warning" if result.cut_elapsed_s is not None else "good"
             print(painted(told(folder, result), tone))
@@ -76,7 +76,7 @@ def replay(
 
 def told(run: Path, result: Replay) -> str:
     """Return a replay in a line."""
-    so_far = f"{run.name}: {result.ticks} decisions as logged"
+    so_far = f"{run_title(run)}: {result.ticks} decision{'' if result.ticks == 1 else 's'} as logged"
     if result.difference is not None:
         elapsed_s, number, key, *values = result.difference
         logged, today = map(_short, values) if _short(values[0]) != _short(values[1]) else map(repr, values)

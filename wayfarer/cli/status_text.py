@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, disarmed_text
 from wayfarer.fieldlog.wording import marks, whole_deg
 from wayfarer.views.text.colour import painted
 
@@ -29,7 +30,7 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _mode(status: Mapping[str, Any]) -> str:
     why = status.get("why_disarmed")
-    return f"disarmed: {why}" if why else "held" if status["held"] else str(status["mode"])
+    return f"disarmed: {disarmed_text(why)}" if why else "held" if status["held"] else str(status["mode"])
 
 
 def _marks(status: Mapping[str, Any]) -> str:
@@ -38,15 +39,17 @@ def _marks(status: Mapping[str, Any]) -> str:
 
 
 def _health(status: Mapping[str, Any]) -> str:
-    wrong = ", ".join([*status["conditions"], *status["motor_faults"]])
+    conditions = [CAUSES.get(condition, condition) for condition in status["conditions"]]
+    wrong = ", ".join([*conditions, *status["motor_faults"]])
     return painted(wrong, "warning") if wrong else painted("well", "good")
 
 
 def _doing(status: Mapping[str, Any]) -> str:
     if status["mode"] != "armed":
         return ""
-    seen = f", {', '.join(status['anomalies'])}" if status.get("anomalies") else ""
-    return f"{status['why']} ({status['algorithm']}), counter {status.get('counter_deg', 0):.0f}{seen}"
+    seen = [ANOMALIES.get(anomaly, anomaly) for anomaly in status.get("anomalies") or ()]
+    counter = f"counter {status.get('counter_deg', 0):.0f}"
+    return ", ".join([f"{status['why']} ({status['algorithm']})", counter, *seen])
 
 
 def _heading(status: Mapping[str, Any], heading_deg: float) -> str:

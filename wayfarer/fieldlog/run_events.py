@@ -73,21 +73,21 @@ class AnomalyEnded(RunEvent):
 
 @dataclass(slots=True)
 class BoardFaults(RunEvent):
-    """The motor board's faults are others; none: it is well again."""
+    """The motor board reports other faults than before; none: it is well again."""
 
     faults: tuple[str, ...]
 
 
 @dataclass(slots=True)
 class BatteryChanged(RunEvent):
-    """The battery is lower than ever before, or another one."""
+    """The battery's voltage is lower than any told so far, or the battery was changed."""
 
     battery_v: float
 
 
 @dataclass(slots=True)
 class PowerChanged(RunEvent):
-    """The computer's power and heat bits are others; empty: it is well again."""
+    """The computer's power and heat bits changed; empty: it is well again."""
 
     bits: str
 

@@ -65,6 +65,12 @@ _MET: Mapping[str, str] = {
     Anomaly.TOUCHED.value: "it touched something",
 }
 
+PARTS: Mapping[str, str] = {  # those whose name in a rover file is no word for a thing
+    "motion": "motion sensor",
+    "contact": "bumper",
+    "position": "position receiver",
+}
+
 LEVELS: Mapping[str, str] = {
     Level.WELL.name.lower(): "No faults",
     Level.NOTE.name.lower(): "Note: continues to drive",

@@ -16,7 +16,7 @@ from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.run_events import Ended, FaultInjected
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix
-from wayfarer.fieldlog.vocabulary import CAUSES, disarmed_text, level_text
+from wayfarer.fieldlog.vocabulary import CAUSES, PARTS, disarmed_text, level_text
 
 T = TypeVar("T")
 
@@ -49,7 +49,8 @@ UNITS = {"deg": "degrees", "s": "s"}
 
 def run_text(header: Header) -> str:
     """Say what ran."""
-    about = [header.rover, header.algorithm, *marks(header.record), f"wayfarer {header.version}"]
+    version = f"wayfarer {header.version}" if header.version else None
+    about = [header.rover or "unknown rover", header.algorithm, *marks(header.record), version]
     return f"run of {', '.join(text for text in about if text)}"
 
 
@@ -101,9 +102,14 @@ def sentence(clause: str) -> str:
     return clause[:1].upper() + clause[1:]
 
 
+def records_text(count: int) -> str:
+    """Return how many records: ``1 record``, ``2 records``."""
+    return f"{count} record{'' if count == 1 else 's'}"
+
+
 def outcome_text(end: Ended) -> str:
     """Say how a run ended."""
-    lost = f", {end.dropped} records could not be written" if end.dropped else ""
+    lost = f", {records_text(end.dropped)} could not be written" if end.dropped else ""
     return f"The run has ended: {end.text or end.reason or UNKNOWN}{lost}"
 
 
@@ -158,6 +164,11 @@ class Details:
         """Take a text."""
         return self._take(name, key) or UNKNOWN
 
+    def part(self, key: str = "part") -> str:
+        """Take the name of a part of the rover."""
+        part = self.text(key)
+        return PARTS.get(part, part)
+
     def number(self, key: str) -> float | None:
         """Take a number."""
         return self._take(number, key)
@@ -203,7 +214,7 @@ def _disarmed(details: Details) -> str:
 
 
 def _sensor_failed(details: Details) -> str:
-    sensor, error, retry_s = details.text("sensor"), details.text("error"), details.number("retry_in_s")
+    sensor, error, retry_s = details.part("sensor"), details.text("error"), details.number("retry_in_s")
     return f"The {sensor} failed: {error}" + ("" if retry_s is None else f" (tried again in {retry_s:.1f} s)")
 
 
@@ -214,7 +225,7 @@ def _clock_step(details: Details) -> str:
 
 def _log_gap(details: Details) -> str:
     dropped = details.number("dropped")
-    return f"{'Some' if dropped is None else f'{dropped:.0f}'} records could not be written into the log"
+    return f"{'Some records' if dropped is None else records_text(int(dropped))} could not be written into the log"
 
 
 def _loop_stalled(details: Details) -> str:
@@ -253,8 +264,8 @@ SENTENCES: Mapping[str, Callable[[Details], str]] = {
     "mark": lambda details: f"Mark: {details.text('text')}",
     "health": _health,
     "sensor_failed": _sensor_failed,
-    "part_failed": lambda details: f"The {details.text('part')} did not open: {details.text('error')}",
-    "part_troubles": lambda details: f"The {details.text('part')} carried on after {details.counts('counts')}",
+    "part_failed": lambda details: f"The {details.part()} did not open: {details.text('error')}",
+    "part_troubles": lambda details: f"The {details.part()} carried on after {details.counts('counts')}",
     "board_silent": lambda details: f"The motor board did not answer: {details.text('error')}",
     "motors_failed": lambda details: f"The motors did not answer: {details.text('error')}",
     "light_failed": lambda details: f"The status light did not answer: {details.text('error')}",
@@ -262,10 +273,8 @@ SENTENCES: Mapping[str, Callable[[Details], str]] = {
     "clock_step": _clock_step,
     "log_gap": _log_gap,
     "loop_stalled": _loop_stalled,
-    "stop_not_confirmed": lambda details: (
-        f"The {details.text('part')} did not confirm the stop: {details.text('error')}"
-    ),
-    "close_hangs": lambda details: f"The {details.text('part')} did not close in time",
+    "stop_not_confirmed": lambda details: f"The {details.part()} did not confirm the stop: {details.text('error')}",
+    "close_hangs": lambda details: f"The {details.part()} did not close in time",
     "control_error": lambda details: f"An error inside wayfarer, in a command: {details.text('error')}",
     "viewer_failed": lambda details: f"An error inside wayfarer, in a viewer: {details.text('error')}",
     "unclean_shutdown": _unclean_shutdown,

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from wayfarer.fieldlog.fields import local_time, span
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.fieldlog.wording import whole_deg
+from wayfarer.fieldlog.vocabulary import CAUSES
+from wayfarer.fieldlog.wording import records_text, whole_deg
 from wayfarer.views.text.last_position import LastPosition, RangeBearing
 from wayfarer.views.text.summary import RunSummary
 from wayfarer.views.text.verdict import NO_OUTCOME
@@ -78,7 +79,7 @@ def _offset(offset: RangeBearing) -> str:
 
 def _time(summary: RunSummary, *, utc: bool) -> Iterator[str]:
     yield f"{span(summary.lasted_s)} in all{_began(summary, utc=utc)}; armed for {span(summary.armed_s)}"
-    yield from (f"held for {span(held_s, 1)} by {cause}" for cause, held_s in summary.held_s.items())
+    yield from (f"held for {span(held_s, 1)}: {CAUSES.get(cause, cause)}" for cause, held_s in summary.held_s.items())
 
 
 def _began(summary: RunSummary, *, utc: bool) -> str:
@@ -143,7 +144,7 @@ def _log(summary: RunSummary, damage: Damage) -> str:
     if summary.dropped and damage.missing:
         told = [f"{damage}, {min(summary.dropped, damage.missing)} of them could not be written"]
     elif summary.dropped:
-        told.append(f"{summary.dropped} records could not be written")
+        told.append(f"{records_text(summary.dropped)} could not be written")
     if summary.reason is None:
         told.append(NO_OUTCOME)
     return "; ".join(told) or "complete"
