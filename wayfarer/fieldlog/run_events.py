@@ -22,13 +22,6 @@ class RunBegan(RunEvent):
 
 
 @dataclass(slots=True)
-class PartBegan(RunEvent):
-    """A further part of the log; it says again what ran."""
-
-    part: int
-
-
-@dataclass(slots=True)
 class Ended(RunEvent):
     """The run is over; ``dropped`` records could not be written."""
 
@@ -62,13 +55,6 @@ class AnomalyBegan(RunEvent):
     kind: str
     phase: str | None
     place: ReckonedPose | None
-
-
-@dataclass(slots=True)
-class AnomalyEnded(RunEvent):
-    """An anomaly of the tick before is gone."""
-
-    kind: str
 
 
 @dataclass(slots=True)
