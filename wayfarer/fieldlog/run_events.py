@@ -167,7 +167,12 @@ BY_NAME: Mapping[str, type[Noted]] = {
 }  # fmt: skip
 
 
+def event_name(event: Record) -> str:
+    """Return the name of an event, whatever has become of it."""
+    return name(event, "name") or "event"
+
+
 def noted(elapsed_s: float, record: Record) -> Noted:
     """Return what an ``event`` record tells."""
-    what = name(record, "name") or "event"
+    what = event_name(record)
     return BY_NAME.get(what, Noted)(elapsed_s, record["t_s"], what, record)
