@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.experiments import fake_trials
+
 
 @pytest.fixture
 def own_folders(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -16,3 +18,9 @@ def own_folders(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPa
     monkeypatch.setenv("HOME", str(folder))
     monkeypatch.setenv("STATE_DIRECTORY", str(folder / "state"))
     return folder
+
+
+@pytest.fixture
+def quick_trials(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let this process's trials end at once; only for ``--jobs 1``."""
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.quick)

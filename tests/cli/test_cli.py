@@ -35,12 +35,6 @@ def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
     return run
 
 
-@pytest.fixture
-def quick_trials(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let this process's trials end at once; only for ``--jobs 1``."""
-    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.quick)
-
-
 # --- what every command promises
 
 

@@ -15,7 +15,6 @@ from tests.cli.json_schema import Table, keys_of, keys_of_class, read_tables, wr
 from tests.commissioning.checks.rigs import Rig
 from tests.conftest import Run
 from tests.daemon import played
-from tests.experiments import fake_trials
 from tests.views.text.records import HEADER, drive, event, numbered, outcome, write
 from wayfarer import cli
 from wayfarer.cli import Described
@@ -141,11 +140,6 @@ def test_replay(says: Any, logs: Path, tmp_path: Path) -> None:
     changed = says("replay", "replay", write(tmp_path / "changed", other), code=1)["runs"][0]["difference"]
     assert (changed["logged"], changed["today"]) == ("follow", "back_off")
     says("replay", "replay", write(tmp_path / "cut", [*records[:at], *records[at + 1 :]]), code=3)
-
-
-@pytest.fixture
-def quick_trials(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.quick)
 
 
 @pytest.mark.process  # MuJoCo's first import starts one

@@ -27,6 +27,8 @@ EVENTS: list[tuple[str, dict[str, Any], str]] = [
     ("goal", {"goal_heading_deg": -0.04}, "A new goal: drives towards 0 degrees"),
     ("mark", {"text": "hit a log"}, "Mark: hit a log"),
     ("health", {"level": "hold", "cause": "compass_stale"}, "Wheels held until this clears: the compass is silent"),
+    ("health", {"level": "fault", "cause": "overturned"},
+     "Fault: stopped until re-armed: the rover lies on its side or roof"),
     ("health", {"level": "well", "cause": None}, "No faults"),
     ("sensor_failed", {"sensor": "compass", "error": "no answer", "retry_in_s": 0.5},
      "The compass failed: no answer (tried again in 0.5 s)"),
@@ -47,6 +49,7 @@ EVENTS: list[tuple[str, dict[str, Any], str]] = [
     ("control_error", {"error": "KeyError()"}, "An error inside wayfarer, in a command: KeyError()"),
     ("viewer_failed", {"error": "KeyError()"}, "An error inside wayfarer, in a viewer: KeyError()"),
     ("unclean_shutdown", RUN_BEFORE, "The run before (00016-x) was cut off while armed: killed, or without power"),
+    ("unclean_shutdown", {}, "The run before (not known) was cut off: killed, or without power"),
     ("unclean_shutdown", RUN_BEFORE | {"error": "no entry"}, "The run before (00016-x) cannot be read: no entry"),
     ("wheels_stopped", {"reason": "mission_time"}, "The wheels are stopped: mission time"),
 ]  # fmt: skip

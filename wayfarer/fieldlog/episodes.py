@@ -34,13 +34,6 @@ class EpisodeBegan(RunEvent):
     episode: Episode
 
 
-@dataclass(slots=True)
-class EpisodeEnded(RunEvent):
-    """The episode is over."""
-
-    episode: Episode
-
-
 class EpisodeTracker:
     """Follows the ticks of one run."""
 
@@ -63,12 +56,11 @@ class EpisodeTracker:
         episode.turns += phase == Phase.TURN_AWAY.value != before.phase
         if phase in MANOEUVRES or phase == Phase.FOLLOW.value:
             episode.end_s = tick.elapsed_s
-        return self.end(tick, tick.why) if phase == Phase.FOLLOW.value else told
+        if phase == Phase.FOLLOW.value:
+            self.end(tick.why)
+        return told
 
-    def end(self, at: RunEvent, why: str | None) -> list[RunEvent]:
+    def end(self, why: str | None) -> None:
         """End the episode, if there is one."""
-        episode, self._episode = self._episode, None
-        if episode is None:
-            return []
-        episode.ended_by = why
-        return [EpisodeEnded(at.elapsed_s, at.t_s, episode)]
+        if self._episode is not None:
+            self._episode.ended_by, self._episode = why, None

@@ -22,13 +22,6 @@ class RunBegan(RunEvent):
 
 
 @dataclass(slots=True)
-class PartBegan(RunEvent):
-    """A further part of the log; it says again what ran."""
-
-    part: int
-
-
-@dataclass(slots=True)
 class Ended(RunEvent):
     """The run is over; ``dropped`` records could not be written."""
 
@@ -62,13 +55,6 @@ class AnomalyBegan(RunEvent):
     kind: str
     phase: str | None
     place: ReckonedPose | None
-
-
-@dataclass(slots=True)
-class AnomalyEnded(RunEvent):
-    """An anomaly of the tick before is gone."""
-
-    kind: str
 
 
 @dataclass(slots=True)
@@ -181,7 +167,12 @@ BY_NAME: Mapping[str, type[Noted]] = {
 }  # fmt: skip
 
 
+def event_name(event: Record) -> str:
+    """Return the name of an event, whatever has become of it."""
+    return name(event, "name") or "event"
+
+
 def noted(elapsed_s: float, record: Record) -> Noted:
     """Return what an ``event`` record tells."""
-    what = name(record, "name") or "event"
+    what = event_name(record)
     return BY_NAME.get(what, Noted)(elapsed_s, record["t_s"], what, record)

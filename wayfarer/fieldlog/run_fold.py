@@ -17,7 +17,6 @@ from wayfarer.fieldlog.fields import name, seconds_since, table, whole
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
-    AnomalyEnded,
     Armed,
     Arming,
     BatteryChanged,
@@ -30,7 +29,6 @@ from wayfarer.fieldlog.run_events import (
     Held,
     Marked,
     Noted,
-    PartBegan,
     PhaseChanged,
     PowerChanged,
     Released,
@@ -46,7 +44,7 @@ from wayfarer.fieldlog.typed import Board, Computer, Fix, RunEvent, Tick, Truth
 # Nobody reads a bumper that no decision uses: it has a status when it first speaks.
 SENSORS = ("compass", "motion", "position")
 HELD = {"hold", "fault"}  # the levels at which the gate lets no wheel turn
-BACK_OFF, TURN_AWAY = Phase.BACK_OFF.value, Phase.TURN_AWAY.value
+BACK_OFF = Phase.BACK_OFF.value
 BATTERY_FALL_V = 0.1  # below the lowest told so far; a battery sags under load and comes back
 BATTERY_RISE_V = 1.0  # another battery
 
@@ -100,7 +98,7 @@ class RunFold:
     def _run(self, elapsed_s: float, record: Record) -> Events:
         state, header = self.state, Header.of(record)
         if state.header.record:
-            return [PartBegan(elapsed_s, record["t_s"], header.part)]
+            return []  # a further part of the log says again what ran
         state.header = header
         self._reckoning.max_speed_m_s = header.setting("vehicle", "max_speed_m_s") or 0.0
         for sensor in SENSORS:
@@ -170,14 +168,12 @@ class RunFold:
 
     def _change_phase(self, tick: Tick) -> PhaseChanged:
         self.state.recoveries += tick.phase == BACK_OFF
-        self.state.turns += tick.phase == TURN_AWAY
         return PhaseChanged(tick.elapsed_s, tick.t_s, tick.phase)
 
     def _compare_anomalies(self, tick: Tick, before: Tick) -> Events:
-        new, old, at = set(tick.anomalies), set(before.anomalies), (tick.elapsed_s, tick.t_s)
-        self.state.anomalies.update(sorted(new - old))
-        ended = [AnomalyEnded(*at, kind) for kind in sorted(old - new)]
-        return [*ended, *(AnomalyBegan(*at, kind, tick.phase, tick.place) for kind in sorted(new - old))]
+        new = sorted(set(tick.anomalies) - set(before.anomalies))
+        self.state.anomalies.update(new)
+        return [AnomalyBegan(tick.elapsed_s, tick.t_s, kind, tick.phase, tick.place) for kind in new]
 
     # -- events --------------------------------------------------------------------------------------------------
 
@@ -186,7 +182,7 @@ class RunFold:
         state.events[event.name] += 1
         match event:
             case Arming() | Armed() | Disarmed():
-                return [event, *self._change_mode(event)]
+                self._change_mode(event)
             case Held() | Released():
                 state.operator_hold = isinstance(event, Held)
             case GoalSet():
@@ -200,12 +196,12 @@ class RunFold:
                 state.dropped += record.get("dropped") or 0
         return [event]
 
-    def _change_mode(self, event: Noted) -> Events:
+    def _change_mode(self, event: Noted) -> None:
         state = self.state
         state.mode = event.name
         if isinstance(event, Arming):
             state.operator_hold = False
-            return []
+            return
         if isinstance(event, Disarmed):
             state.why_disarmed = name(event.record, "reason") or ""
             self._mission_t_s = None
@@ -214,7 +210,7 @@ class RunFold:
             self._mission_t_s, self._mission_from_m = event.t_s, state.tick.travelled_m or 0.0
             if state.from_start is None:
                 state.from_start, state.start = True, state.place
-        return self._episodes.end(event, event.name)
+        self._episodes.end(event.name)
 
     # -- everything else -----------------------------------------------------------------------------------------
 

@@ -37,10 +37,10 @@ class RunState:
     backwards added up. ``mission_s`` and ``mission_m`` are those of the last mission.
 
     ``armed_s`` is the time armed, ``held_s`` the part of it with the wheels held, by cause. ``anomalies`` counts
-    beginnings by kind, ``recoveries`` how often the rover backed off, ``turns`` how often it turned away,
-    ``exhausted`` the phases that reached their bound, ``events`` the events by name. ``episodes`` counts those that the
-    algorithm remembers, of all missions. ``gaps`` counts the places where records are missing between two others, and
-    ``missing`` those records; ``dropped`` are the records that could not be written.
+    beginnings by kind, ``recoveries`` how often the rover backed off, ``exhausted`` the phases that reached their
+    bound, ``events`` the events by name. ``episodes`` counts those that the algorithm remembers, of all missions.
+    ``gaps`` counts the places where records are missing between two others, and ``missing`` those records; ``dropped``
+    are the records that could not be written.
     """
 
     header: Header = field(default_factory=lambda: Header.of({}))
@@ -70,7 +70,6 @@ class RunState:
     anomalies: Counter[str] = field(default_factory=Counter)
     episodes: int = 0
     recoveries: int = 0
-    turns: int = 0
     exhausted: Counter[str] = field(default_factory=Counter)
     events: Counter[str] = field(default_factory=Counter)
     low_battery: LowBattery | None = None

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from wayfarer.fieldlog.fields import ABSURD, local_time, name, names, number, table
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.printable import clean
-from wayfarer.fieldlog.run_events import Ended, FaultInjected
+from wayfarer.fieldlog.run_events import Ended, FaultInjected, event_name
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix
 from wayfarer.fieldlog.vocabulary import CAUSES, PARTS, disarmed_text, level_text
@@ -71,11 +71,6 @@ def event_text(event: Record) -> str:
         return ", ".join([say(details), *details.told()])
     told = details.told(drop_prefix=f"{what}_")
     return f"{what.replace('_', ' ')}{': ' if told else ''}{', '.join(told)}"
-
-
-def event_name(event: Record) -> str:
-    """Return the name of an event, whatever has become of it."""
-    return name(event, "name") or "event"
 
 
 def event_tone(event: Record) -> Tone:

@@ -43,6 +43,6 @@ LEVELS: Mapping[str, str] = {
 }
 RUNS = (BLUE, VERMILION)  # two runs in one page
 SERIES = (BLUE, VERMILION, GREEN, PURPLE, GREY)  # curves beside each other; with dashes for more
-MEASURED, ASKED, LIMIT = BLUE, GREY, VERMILION
+MEASURED, LIMIT = BLUE, VERMILION
 RECEIVER = "#2489BC"
 TRUNK, TREE, GOAL_LINE = "#9C7A54", "#63926B", "#00804F"

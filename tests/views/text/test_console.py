@@ -64,8 +64,3 @@ def test_end_says_which_command_comes_next() -> None:
 
 def test_positions_are_not_shown() -> None:
     assert said(record("position", 1.0, latitude_deg=52.0, longitude_deg=13.0, error_m=3.0)) == []
-
-
-def test_nothing_that_a_terminal_obeys_gets_through() -> None:
-    (line,) = said(event("mark", 1.0, text="hit \x1b[31mlog\u202e\nagain"))
-    assert line.isprintable()

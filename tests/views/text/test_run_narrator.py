@@ -6,7 +6,7 @@ import pytest
 
 from tests.views.text.records import HEADER, drive, event, narrated, numbered, outcome, record, tick
 from wayfarer.fieldlog.reader import Record
-from wayfarer.fieldlog.wording import Tone
+from wayfarer.fieldlog.wording import Tone, event_text
 from wayfarer.views.text.run_narrator import Telling
 
 
@@ -109,36 +109,28 @@ def test_computer_is_told_when_its_power_sags() -> None:
 
 
 @pytest.mark.parametrize(
-    ("each", "text", "meant"),
+    ("each", "meant"),
     [
-        (event("mark", 1.0, text="hit log"), "Mark: hit log", Tone.PERSON),
-        (event("goal", 1.0, goal_heading_deg=20.0), "A new goal: drives towards 20 degrees", Tone.PERSON),
-        (event("clock_step", 1.0, by_s=12.34), "The computer's clock was set by +12 s", Tone.WARNING),
-        (event("health", 1.0, level="well", cause=None), "No faults", Tone.PLAIN),
-        (
-            event("health", 1.0, level="hold", cause="compass_stale"),
-            "Wheels held until this clears: the compass is silent",
-            Tone.WARNING,
-        ),
-        (
-            event("health", 1.0, level="fault", cause="overturned"),
-            "Fault: stopped until re-armed: the rover lies on its side or roof",
-            Tone.FAULT,
-        ),
-        (event("loop_stalled", 1.0, stall_s=0.512), "The control loop stood still for 0.5 s", Tone.FAULT),
-        (
-            event("unclean_shutdown", 1.0),
-            "The run before (not known) was cut off: killed, or without power",
-            Tone.WARNING,
-        ),
-        (event("opened", 1.0, parts=["CMPS14", "PMW3901"]), "The parts are open: CMPS14, PMW3901", Tone.PLAIN),
-        (event("of a third party", 1.0, deeply={"a": [1]}), "of a third party: deeply {'a': [1]}", Tone.PLAIN),
-        (outcome(1.0), "The run has ended: enough", Tone.END),
+        (event("mark", 1.0, text="hit log"), Tone.PERSON),
+        (event("goal", 1.0, goal_heading_deg=20.0), Tone.PERSON),
+        (event("clock_step", 1.0, by_s=12.34), Tone.WARNING),
+        (event("health", 1.0, level="well", cause=None), Tone.PLAIN),
+        (event("health", 1.0, level="hold", cause="compass_stale"), Tone.WARNING),
+        (event("health", 1.0, level="fault", cause="overturned"), Tone.FAULT),
+        (event("loop_stalled", 1.0, stall_s=0.512), Tone.FAULT),
+        (event("unclean_shutdown", 1.0), Tone.WARNING),
+        (event("opened", 1.0, parts=["CMPS14", "PMW3901"]), Tone.PLAIN),
+        (event("of a third party", 1.0, deeply={"a": [1]}), Tone.PLAIN),
     ],
 )
-def test_event_is_told_in_words_and_has_its_tone(each: Record, text: str, meant: Tone) -> None:
-    assert told(each) == [f"0:00:01.00  {text}"]
+def test_event_is_told_in_its_words_and_tone(each: Record, meant: Tone) -> None:
+    assert told(each) == [f"0:00:01.00  {event_text(each)}"]
     assert tone(each) is meant
+
+
+def test_end_is_told_with_its_reason() -> None:
+    assert told(outcome(1.0)) == ["0:00:01.00  The run has ended: enough"]
+    assert tone(outcome(1.0)) is Tone.END
 
 
 def test_position_is_told_now_and_then() -> None:

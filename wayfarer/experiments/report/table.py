@@ -36,8 +36,7 @@ def causes_table(causes: Sequence[tuple[str, Cause]]) -> str:
     """Return how many trials of each algorithm were entrapped for each cause; pairs of algorithm and cause."""
     counts = Counter(causes)
     rows = [
-        ("causes", [name, *(str(counts[name, why]) for why in Cause)])
-        for name in dict.fromkeys(name for name, _ in causes)
+        ("", [name, *(str(counts[name, why]) for why in Cause)]) for name in dict.fromkeys(name for name, _ in causes)
     ]
     return html.table("Entrapped trials by cause.", ["algorithm", *Cause], rows)
 

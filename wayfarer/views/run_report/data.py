@@ -66,26 +66,19 @@ class TruePose(NamedTuple):
 
 
 class Onset(NamedTuple):
-    """An anomaly that was not there in the tick before, and where dead reckoning had the rover."""
+    """An anomaly that was not there in the tick before."""
 
     t_s: float
     kind: str
-    north_m: float
-    east_m: float
 
 
 class LoggedEvent(NamedTuple):
-    """An ``event`` record, its name, and where dead reckoning had the rover.
-
-    ``mark`` counts the marks from 1 and is 0 for any other event.
-    """
+    """An ``event`` record and its name; ``mark`` counts the marks from 1 and is 0 for any other event."""
 
     t_s: float
     name: str
     record: Record
     mark: int
-    north_m: float
-    east_m: float
 
 
 class MapFix(NamedTuple):

@@ -80,15 +80,13 @@ class _Reading:
             case Board(battery_v=battery_v) if battery_v is not None:
                 data.batteries.append((event.elapsed_s, battery_v))
             case AnomalyBegan(kind=kind) if kind in ANOMALIES:
-                data.onsets.append(Onset(event.elapsed_s, kind, *_metres(event.place)))
+                data.onsets.append(Onset(event.elapsed_s, kind))
             case Noted(name=name):
                 mark = event.number if isinstance(event, Marked) else 0
-                data.events.append(LoggedEvent(event.elapsed_s, name, event.record, mark, *self._here()))
+                data.events.append(LoggedEvent(event.elapsed_s, name, event.record, mark))
             case Fix():
-                error_m = or_nan(event.error_m)
-                data.fixes.append(
-                    MapFix(event.elapsed_s, event.latitude_deg, event.longitude_deg, error_m, *self._here())
-                )
+                error_m, here_m = or_nan(event.error_m), _metres(self._fold.state.place)
+                data.fixes.append(MapFix(event.elapsed_s, event.latitude_deg, event.longitude_deg, error_m, *here_m))
             case EpisodeBegan():
                 data.episodes.append(event.episode)
             case RunBegan(header=header):
@@ -116,9 +114,6 @@ class _Reading:
             east_m=east_m,
             stretch=stretch,
         )
-
-    def _here(self) -> tuple[float, float]:
-        return _metres(self._fold.state.place)
 
 
 def _metres(place: ReckonedPose | None) -> tuple[float, float]:

@@ -70,18 +70,23 @@ def places_of(fixes: Sequence[MapFix], origin: Coordinates) -> Places:
     return np.array([complex(east_m, north_m) for north_m, east_m in offsets_m], dtype=np.complex128)
 
 
+def paired(fixes: Sequence[MapFix]) -> tuple[list[MapFix], Places]:
+    """Return the fixes at which dead reckoning had the rover somewhere, and where."""
+    found = [fix for fix in fixes if not isnan(fix.north_m + fix.east_m)]
+    return found, np.array([complex(fix.east_m, fix.north_m) for fix in found], dtype=np.complex128)
+
+
 def fit(fixes: Sequence[MapFix], origin: Coordinates) -> Fit | None:
     """Return the similarity that lays the way by dead reckoning onto the fixes; None where nothing can be compared.
 
     Weighted least squares over all fixes, with Cauchy's weights, so that single wild fixes do not count, and with
     ``FREEDOM`` as the standard deviation of what the way may be turned and stretched by before any fix.
     """
-    paired = [fix for fix in fixes if not isnan(fix.north_m + fix.east_m)]
-    if not paired:
+    compared, reckoned_m = paired(fixes)
+    if not compared:
         return None
-    reckoned_m = np.array([complex(fix.east_m, fix.north_m) for fix in paired])
-    fixed_m, lasted_s = places_of(paired, origin), paired[-1].t_s - paired[0].t_s
-    independent = min(1.0, (1.0 + lasted_s / WANDER_S) / len(paired))
+    fixed_m, lasted_s = places_of(compared, origin), compared[-1].t_s - compared[0].t_s
+    independent = min(1.0, (1.0 + lasted_s / WANDER_S) / len(compared))
     apart_m = fixed_m - reckoned_m
     found = Fit(1.0, complex(np.median(apart_m.real), np.median(apart_m.imag)))
     for _ in range(ROUNDS):

@@ -16,7 +16,7 @@ from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot
 from wayfarer.views.run_report.data import LEVELS, PHASES, RunData
 from wayfarer.views.run_report.events import LAYERS, happenings
-from wayfarer.views.run_report.series import BINS, spans
+from wayfarer.views.run_report.series import spans
 
 SHADE = 0.16  # of a phase's colour, behind the lines
 ROW_PX, AXIS_PX = 18, 26
@@ -55,7 +55,7 @@ class Shared(NamedTuple):
 
 def shared_by_panels(data: RunData) -> Shared:
     """Return what all panels of a run show behind their lines."""
-    bands = spans(data.ticks["t_s"], data.ticks["phase"], BINS)
+    bands = spans(data.ticks["t_s"], data.ticks["phase"])
     phases = {}
     for phase in palette.PHASES:
         times_s = [(band.start_s, band.end_s) for band in bands if PHASES[int(band.value)] == phase]

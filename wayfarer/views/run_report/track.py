@@ -16,7 +16,7 @@ from wayfarer.simhal.parts import ORIGIN
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.forest_file import from_row
 from wayfarer.views.run_report.data import Floats, MapFix, RunData
-from wayfarer.views.run_report.receiver import Fit, Places, believable, fit, places_of
+from wayfarer.views.run_report.receiver import Fit, Places, believable, fit, paired, places_of
 
 Point = tuple[float, float]  # metres east and north
 
@@ -80,13 +80,10 @@ class Track:
     @property
     def missed_m(self) -> tuple[float, float]:
         """Return the median distance of the fixes from the way, unfitted (from the first fix) and fitted, metres."""
-        paired = [fix for fix in self.fixes if not isnan(fix.north_m + fix.east_m)]
-        if not self.fit or not self.origin or not paired:
+        if not self.fit or not self.origin:
             return nan, nan
-        reckoned_m, fixed_m = (
-            np.array([complex(fix.east_m, fix.north_m) for fix in paired]),
-            places_of(paired, self.origin),
-        )
+        compared, reckoned_m = paired(self.fixes)
+        fixed_m = places_of(compared, self.origin)
         pinned_m = reckoned_m - reckoned_m[0] + fixed_m[0]
         return float(np.median(np.abs(pinned_m - fixed_m))), float(np.median(np.abs(self.fit(reckoned_m) - fixed_m)))
 

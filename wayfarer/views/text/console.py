@@ -8,8 +8,8 @@ from shlex import quote
 
 from wayfarer.fieldlog.fields import local_time, name
 from wayfarer.fieldlog.reader import Record
+from wayfarer.fieldlog.run_events import event_name
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.wording import event_name
 from wayfarer.views.text.colour import painted
 from wayfarer.views.text.run_narrator import RunNarrator, Telling
 

@@ -1,4 +1,4 @@
-"""Tables for a terminal: titles over a rule, figures at the right of their columns. No other module makes one."""
+"""Tables for a terminal: titles over a rule, figures at the right of their columns. Only ``listing`` makes another."""
 
 from __future__ import annotations
 
