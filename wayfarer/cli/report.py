@@ -61,6 +61,7 @@ def report(
 
         page = write_comparison(find_run(what, log_folder(logs)), find_run(other, log_folder(logs)), out)
         print(f"the report is {page}")
+        say_next("xdg-open", page)
         return
     run = _run(what, log_folder(logs))
     if run is None:

@@ -69,7 +69,7 @@ def test_page_shows_plots_and_tables_and_does_not_overflow(
     assert shown.page.locator("tbody tr").count() == 2 + 1 + 3
     assert shown.page.locator("li", has_text="<b>a mark</b>").is_visible()
     assert shown.page.locator("a[href^='geo:']").is_visible()
-    assert read(shown.page, "phase") == "follow"  # the cursor begins at the end
+    assert read(shown.page, "phase") == "Follows the goal heading"  # the cursor begins at the end
     assert shown.overflow_px() == 0
     assert shown.trouble == []
 
@@ -81,7 +81,7 @@ def test_slider_moves_the_cursor_through_map_panels_and_values(
     shown = opened(browser_page, write_run_report(runs[0]), viewport)
     shown.page.locator(".cursor input").fill("2.2")
     assert read(shown.page, "time") == "0:00:02.2"
-    assert read(shown.page, "phase") == "back off"
+    assert read(shown.page, "phase") == "Backs off"
     assert read(shown.page, "commanded") == "1.00 m/s"
     lines = f"{MODELS}.filter((model) => model.tags.includes('cursor'))"
     assert shown.page.evaluate(f"{lines}.map((line) => line.location)") == [2.2] * 6

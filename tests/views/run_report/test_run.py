@@ -112,16 +112,16 @@ def test_an_hour_of_noise_fits_into_three_megabytes(tmp_path: Path) -> None:
 
 def test_anomalies_and_episodes_are_counted_by_cause(tmp_path: Path) -> None:
     text = text_of(page_of(tmp_path, HEADER, *episode(), OUTCOME))
-    assert "immobilised 1 50%" in text
+    assert "stalled 1 50%" in text
     assert "nose up 1 50%" in text
-    assert "1 0:00:02.0 right 1 1.6 1.6 probe.realigned" in text
+    assert "1 0:00:02.0 right 1 1.6 1.6 the heading is the goal heading again" in text
 
 
 def test_a_hold_interrupts_an_episode_and_arming_ends_it(tmp_path: Path) -> None:
     ticks = episode()
     for held in ticks[50:60]:
         held["phase"] = "halt"
-    assert text_of(page_of(tmp_path / "held", HEADER, *ticks)).count("probe.realigned") == 1
+    assert text_of(page_of(tmp_path / "held", HEADER, *ticks)).count("the heading is the goal heading again") == 1
     armed = [*ticks[:50], event("armed", 2.49, goal_heading_deg=0.0), *ticks[50:]]
     assert "1 0:00:02.0 right 1 0.5 0.4 armed 2 0:00:03.0" in text_of(page_of(tmp_path / "armed", HEADER, *armed))
 

@@ -47,8 +47,8 @@ MAP_CAPTION = (
     "line; broken square: the ground that an entrapped rover kept to in the second half of its trial."
 )
 ENTRAPPED = (
-    "Of the trials that are drawn above; with --gallery N more are. Looked at is the second half of what each rover "
-    "drove, and the causes are asked for from left to right: "
+    "Of the trials that are drawn above; --gallery N draws N of them. A cause is found from the second half of what "
+    "each rover drove, and the first one from the left that fits is counted: "
     + "; ".join(f"{why}: {text}" for why, text in EXPLAINED.items())
     + "."
 )

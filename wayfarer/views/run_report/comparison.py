@@ -30,7 +30,8 @@ def settings_table(runs: Sequence[RunData], names: Sequence[str]) -> str:
 
 
 def _row(key: str, values: Sequence[str | None]) -> tuple[str, list[str]]:
-    return "" if len(set(values)) == 1 else "differs", [key, *(NOTHING if value is None else value for value in values)]
+    kind = "same" if len(set(values)) == 1 else "differs"
+    return kind, [key, *(NOTHING if value is None else value for value in values)]
 
 
 def _flat(part: object, key: str = "") -> Iterator[tuple[str, str]]:

@@ -33,8 +33,10 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
 
   function valueAt({ data, decimals, unit, run }, t) {
     const at = t > runs[run].end ? -1 : before(data.x, t), value = at < 0 ? undefined : (data.value ?? data.y)[at];
-    if (typeof value === "string") return value.replaceAll("_", " ");
-    return value === undefined || Number.isNaN(value) ? "unknown" : `${value.toFixed(decimals)} ${unit}`.trim();
+    if (typeof value === "string") return value;
+    if (value === undefined || Number.isNaN(value)) return "unknown";
+    const digits = value.toFixed(decimals);
+    return `${Number(digits) === 0 ? digits.replace("-", "") : digits} ${unit}`.trim();
   }
 
   function show(t) {

@@ -72,7 +72,8 @@ def _draw(
         t_s, values = thinned(line if centre is None else around(line, centre))
         columns = {"x": t_s.astype(np.float32), "y": values.astype(np.float32)}
         if centre is not None:
-            columns["value"] = ((values + centre) % 360.0).astype(np.float32)
+            whole_deg = np.round(values + centre, panel.decimals) % 360.0  # rounded first: 359.7 is 0, not 360
+            columns["value"] = whole_deg.astype(np.float32)
         renderers.append(made.line("x", "y", source=ColumnDataSource(columns), name=name, **look))
         renderers[-1].tags = [{"run": run, "name": name, "unit": panel.unit, "decimals": panel.decimals}]
     decimals = f"0.{'0' * panel.decimals}" if panel.decimals else "0"

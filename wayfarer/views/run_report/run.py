@@ -9,6 +9,7 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 
+from wayfarer.fieldlog import vocabulary
 from wayfarer.views import palette
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
@@ -72,7 +73,8 @@ def _drawn(runs: Sequence[RunData], names: Sequence[str], plots: Plots) -> Itera
     yield f'<div class="map">\n<h2>Track</h2>\n{"".join(_map(tracks, names, plots))}</div>'
     panels = list(draw_panels(runs, plots))
     shown = "".join(panels) if panels else html.paragraph(words.NO_TICKS)
-    yield f'<div class="panels">\n<h2>Time lines</h2>\n{html.paragraph(words.PANELS) if panels else ""}{shown}</div>'
+    how = html.paragraph(words.panels_text(runs)) if panels else ""
+    yield f'<div class="panels">\n<h2>Time lines</h2>\n{how}{shown}</div>'
     yield _cursor(runs, names)
     yield "</section>"
 
@@ -97,7 +99,7 @@ def _layers(tracks: Sequence[Track]) -> Iterator[html.Layer]:
     """Yield what can be switched off: of one run also its phases."""
     if len(tracks) == 1:
         for phase, colour in palette.PHASES.items():
-            yield html.Layer(phase, phase.replace("_", " "), colour)
+            yield html.Layer(phase, vocabulary.PHASES[phase], colour)
     if any(track.reckoned for track in tracks):
         yield html.Layer("reckoned", "dead reckoning", palette.GREY, shown=len(tracks) == 1)
     if any(track.fixes for track in tracks):

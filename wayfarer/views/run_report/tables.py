@@ -8,6 +8,7 @@ from math import isnan
 
 from wayfarer.fieldlog.fields import span
 from wayfarer.fieldlog.sensor_status import SensorStatus
+from wayfarer.fieldlog.vocabulary import ANOMALIES, because
 from wayfarer.fieldlog.wording import event_text
 from wayfarer.views.page import html
 from wayfarer.views.run_report import words
@@ -27,7 +28,7 @@ def anomalies_table(data: RunData) -> str:
         (
             "",
             (
-                kind.replace("_", " "),
+                ANOMALIES.get(kind, kind),
                 f"{count}",
                 f"{count / total:.0%}",
                 f"{count / hundred_m:.1f}" if hundred_m > 0.0 else "",
@@ -53,13 +54,13 @@ def episodes_table(data: RunData) -> str:
                 f"{episode.turns}",
                 f"{episode.end_s - episode.start_s:.1f}",
                 f"{episode.metres:.1f}",
-                (episode.ended_by or "the end of the log").replace("_", " "),
+                because(episode.ended_by or "the end of the log", ()).replace("_", " "),
             ),
         )
         for number, episode in enumerate(data.episodes, start=1)
     ]
     caption = "Episodes: from an anomaly until the goal was followed again."
-    head = ("no.", "began", "first turn", "turns", "lasted, s", "way, m", "ended by")
+    head = ("no.", "began", "first turn", "turns", "lasted, s", "way, m", "how it ended")
     return "\n".join([html.table(caption, head, rows[:ROWS]), *_rest(rows)])
 
 

@@ -12,6 +12,7 @@ from bokeh.models.annotations import Span
 from bokeh.models.renderers import GlyphRenderer
 from bokeh.plotting import ColumnDataSource
 
+from wayfarer.fieldlog import vocabulary
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot
 from wayfarer.views.run_report.data import LEVELS, PHASES, RunData
@@ -137,7 +138,7 @@ def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]
         if bars:
             columns = {
                 "left": [each.start_s for each in bars], "right": [each.end_s for each in bars],
-                "what": [f"{level} for {each.end_s - each.start_s:.1f} s" for each in bars],
+                "what": [f"{vocabulary.LEVELS[level]}, for {each.end_s - each.start_s:.1f} s" for each in bars],
                 "x": [each.start_s for each in bars],
             }  # fmt: skip
             yield made.hbar(
@@ -147,8 +148,9 @@ def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]
 
 def _states(made: Figure, run: int, data: RunData) -> None:
     """Put in, unseen, what the cursor reads of phase and level: where each changes."""
-    levels = {int(value): level for level, value in LEVELS.items()}
-    for name, words in (("phase", dict(enumerate(PHASES))), ("level", levels)):
+    phases = {index: vocabulary.PHASES[phase] for index, phase in enumerate(PHASES)}
+    levels = {int(value): vocabulary.LEVELS[level] for level, value in LEVELS.items()}
+    for name, words in (("phase", phases), ("level", levels)):
         bands = spans(data.ticks["t_s"], data.ticks[name])
         columns = {
             "x": np.array([band.start_s for band in bands], dtype=np.float32),

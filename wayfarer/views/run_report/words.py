@@ -22,9 +22,10 @@ NO_FOREST = "The log is of a simulated run, but its forest or its true path is m
 NO_EPISODE = "There was no escape episode: the rover followed its goal all the time."
 NO_EVENT = "No events."
 LAST_GOALS = 5  # as many stand in the header
+BANDS = "Colours behind the lines: what the rover did; none: it stood."
 PANELS = (
-    "Colours behind the lines: what the rover did; none: it stood. Drag over a panel to zoom, or use Ctrl and the "
-    "wheel. Lines keep every extreme, and are broken where nothing is known."
+    "Drag over a panel to zoom, or use Ctrl and the wheel. Lines keep every extreme, and are broken where nothing is "
+    "known."
 )
 RECKONED = (
     "The way by dead reckoning: measured motion, else the wheels' commands, and the compass. Slip stretches it, an "
@@ -34,6 +35,8 @@ TRUE = (
     "Where the simulated rover really went (coloured), and where dead reckoning had it (dashed). Star: start; cross: "
     "end; arrow: goal."
 )
+FIXES = "Small crosses: what the receiver said; thin circles: its error."
+FOREST = "Brown: fallen trunks; green dots: trees; green line: goal line."
 GAPS = (
     "White diamonds: records are missing there. Nobody knows how the rover moved meanwhile; the way goes on where it "
     "broke off."
@@ -76,11 +79,18 @@ def number_of(run: Path) -> str:
     return f"{int(number)}" if number.isascii() and number.isdigit() else clean(name)
 
 
+def panels_text(runs: Sequence[RunData]) -> str:
+    """Explain the time lines; two runs have no colours behind them."""
+    return f"{BANDS} {PANELS}" if len(runs) == 1 else PANELS
+
+
 def track_caption(tracks: Sequence[Track]) -> str:
     """Explain the map."""
     gaps = any(np.isnan(track.way.east_m).any() for track in tracks)
     north = f"{'True' if tracks[0].origin else 'Magnetic'} north is up."
-    return " ".join([*([TRUE] if tracks[0].reckoned else [RECKONED, north]), *[GAPS] * gaps])
+    told = [TRUE] if tracks[0].reckoned else [RECKONED, north]
+    fixes = any(track.fixes for track in tracks)
+    return " ".join([*told, *[FOREST] * bool(tracks[0].forest), *[FIXES] * fixes, *[GAPS] * gaps])
 
 
 def fitted(track: Track, run: str) -> str:

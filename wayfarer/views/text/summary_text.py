@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from wayfarer.fieldlog.fields import local_time, span
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.fieldlog.vocabulary import CAUSES
+from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES
 from wayfarer.fieldlog.wording import records_text, whole_deg
 from wayfarer.views.text.last_position import LastPosition, RangeBearing
 from wayfarer.views.text.summary import RunSummary
@@ -30,7 +30,7 @@ def summary_facts(run: str, summary: RunSummary, damage: Damage, *, utc: bool = 
         ("where", where_lines(summary.where, damage.missing)),
         ("time", _time(summary, utc=utc)),
         ("distance", [distance_line(summary)]),
-        ("anomalies", [counted(summary.anomalies)]),
+        ("anomalies", [counted({ANOMALIES.get(kind, kind): count for kind, count in summary.anomalies.items()})]),
         ("escapes", [_escapes(summary)]),
         ("battery", [_battery(summary)]),
         ("failures", [counted({**_sensors(summary), **summary.failures})]),
