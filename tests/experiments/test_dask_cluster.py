@@ -45,7 +45,7 @@ def test_cluster_gives_the_bytes_of_two_jobs_although_a_worker_is_killed(dask: D
     with started(out, dask.address) as campaign:
         assert eventually(lambda: lines_in(out / PARTIAL) > 10)
         kill(doomed)
-        assert ended(campaign) == (0, [f"the results are in {out}"])
+        assert ended(campaign) == (0, [f"the results are in {out}", f"Next: wayfarer report {out}"])
     two_jobs = run_into(tmp_path / "near", campaign_of(MANY), jobs=2)
     assert (out / TRIALS).read_bytes() == two_jobs
     assert two_jobs.count(b"\n") == MANY + 1

@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import degrees, hypot
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.simhal.clearing import CLEARING
@@ -70,6 +70,7 @@ def test_there_is_no_room_where_trees_stand_closer_than_the_body_is_wide() -> No
     st.floats(0.0, 360.0),
     st.sampled_from([0.0, 0.02]),
 )
+@example([(25.0, 12.0), (25.0, 12.884066157958692)], 0.0, 0.02)  # at rest free of the tree, and rocked against it
 @settings(max_examples=15, deadline=None)
 def test_body_is_never_put_down_in_contact(
     trees_m: list[tuple[float, float]], heading_deg: float, roughness_m: float

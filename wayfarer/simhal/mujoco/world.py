@@ -12,6 +12,7 @@ from dataclasses import replace
 from math import cos, inf, radians, sin
 
 import mujoco
+import numpy as np
 
 from wayfarer.simhal.mujoco.contacts import Contacts
 from wayfarer.simhal.mujoco.forces import gravity_m_s2, shove_n
@@ -161,7 +162,7 @@ class MujocoWorld:
         x_m, y_m, heading_rad = self.x_m, self.y_m, self.heading_rad
         for place in self._placing.free_places(x_m, y_m, heading_rad, distance_m):
             self._put_down(*place, heading_rad)
-            if not self._contacts.with_obstacles():  # rough ground may tilt it against one
+            if self._is_clear():
                 break
         self.command(*self.commanded)
 
@@ -235,6 +236,20 @@ class MujocoWorld:
         if snagged and not self.data.eq_active[0]:
             self.model.eq_data[0, :10] = 0.0, 0.0, 0.0, *self.data.qpos[:7]  # the body's middle, and where that is
         self.data.eq_active[0] = snagged
+
+    def _is_clear(self) -> bool:
+        """Return whether the body at rest is in contact with no obstacle up to the next look.
+
+        Rough ground may tilt it against one, or let it rock against one. The look ahead leaves nothing behind.
+        """
+        if self._contacts.with_obstacles():
+            return False
+        state = np.empty(mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION))
+        mujoco.mj_getState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        mujoco.mj_step(self.model, self.data, LOOK_EVERY)
+        clear = not self._contacts.with_obstacles()
+        mujoco.mj_setState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        return clear
 
     def _put_down(self, x_m: float, y_m: float, heading_rad: float) -> None:
         """Put the body down and let it come to rest, with its wheels at rest as well."""
