@@ -1,6 +1,6 @@
 """The runs of ``wayfarer demo``: one after the other, as the page asks, on a clock that the page may change.
 
-Every run is a daemon with an event loop of its own, as on a rover. The page is served beside them, in a thread where
+Every run is a daemon with its own event loop, as on a rover. The page is served beside them, in a thread where
 time is real, and stays between the runs. Pause and speed change the pace of the run's loop and nothing else, so that
 safety code sees what it always does: a time that goes on from tick to tick.
 """

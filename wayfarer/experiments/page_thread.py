@@ -1,4 +1,4 @@
-"""The live page of a demo in a thread of its own, where time is real: the rover's may run fast, or stand still."""
+"""The live page of a demo in its own thread, where time is real: the rover's may run fast, or stand still."""
 
 from __future__ import annotations
 
