@@ -139,9 +139,9 @@ async def _read_compass(part: CMPS14) -> None:
 
 COMPASS = Target(
     "cmps14",
-    ["wayfarer.drivers.cmps14:decode", "wayfarer.drivers.cmps14:flaw", "wayfarer.drivers.cmps14:_garbled",
-     "wayfarer.drivers.cmps14:_has_strange_pitch", "wayfarer.drivers.cmps14:_has_strange_roll",
-     "wayfarer.drivers.cmps14:CMPS14"],
+    [*(f"wayfarer.drivers.cmps14_registers:{name}" for name in (
+        "decode", "flaw", "_garbled", "has_strange_pitch", "_has_strange_roll",
+    )), "wayfarer.drivers.cmps14:CMPS14"],
     lambda kept: FAULTS,
     lambda: _driven(
         lambda faults: CMPS14(
@@ -174,7 +174,7 @@ async def _read_motion(part: PMW3901 | CameraMotion) -> None:
 
 FLOW = Target(
     "pmw3901",
-    ["wayfarer.drivers.pmw3901:decode", "wayfarer.drivers.pmw3901:quality", "wayfarer.drivers.pmw3901:contradiction",
+    [*(f"wayfarer.drivers.pmw3901_burst:{name}" for name in ("decode", "quality", "contradiction")),
      "wayfarer.drivers.pmw3901:_along", "wayfarer.drivers.pmw3901:PMW3901", "wayfarer.drivers.pmw3901_table"],
     lambda kept: FAULTS,
     lambda: _driven(lambda faults: PMW3901(PMW3901Settings(), Wire(_flow_answer, faults)), _read_motion),  # type: ignore[arg-type]
