@@ -1,4 +1,4 @@
-"""Help of the commands: as Typer draws it, without the types and braces of its own notation."""
+"""Help of the commands: as Typer draws it, without the types and braces of its notation."""
 
 from __future__ import annotations
 
