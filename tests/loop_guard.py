@@ -12,9 +12,11 @@ import asyncio
 import time
 from collections.abc import Callable, Mapping
 from types import TracebackType
+from typing import cast
 
 import pytest
 
+from wayfarer.simhal.clock.schedule import Schedule
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 # The longest turn of any test, with the imports that it brings, is 0.06 s. A worker that had run thousands of tests
@@ -34,26 +36,37 @@ class WatchedLoop(asyncio.SelectorEventLoop):
         self.longest_turn_s = max(self.longest_turn_s, took_s)
 
 
-class WatchedVirtualLoop(VirtualLoop):
-    """The virtual loop, which measures its turns: what it does at one instant."""
+class WatchedSchedule(Schedule):
+    """Measures the turns of a virtual loop: what it does at one instant."""
 
     longest_turn_s = 0.0
 
-    def run_forever(self) -> None:
+    def run(self) -> bool:
         self._began_s = time.thread_time()
         try:
-            super().run_forever()
+            return super().run()
         finally:
             self._end_turn()
 
-    def _jump(self) -> None:
+    def _jump(self) -> bool:
         self._end_turn()
-        super()._jump()
+        return super()._jump()
 
     def _end_turn(self) -> None:
         now_s = time.thread_time()
         self.longest_turn_s = max(self.longest_turn_s, now_s - self._began_s)
         self._began_s = now_s
+
+
+class WatchedVirtualLoop(VirtualLoop):
+    """The virtual loop, which measures its turns."""
+
+    def __init__(self) -> None:
+        super().__init__(WatchedSchedule)
+
+    @property
+    def longest_turn_s(self) -> float:
+        return cast(WatchedSchedule, self._schedule).longest_turn_s
 
 
 def pytest_asyncio_loop_factories() -> Mapping[str, Callable[[], asyncio.AbstractEventLoop]]:

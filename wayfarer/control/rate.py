@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from functools import partial
 
 # What one person asks for with a few quick presses; a script that is out of hand writes 2 records a second.
@@ -21,13 +21,13 @@ class Rate:
         loop = asyncio.get_running_loop()
         self._time = loop.time
         # The loop of the simulation has a shorter way to the same.
-        self._wake_at: Callable[[float], asyncio.Future[None]] = getattr(loop, "wake_at", partial(_wake_at, loop))
+        self._wake_at: Callable[[float], Awaitable[None]] = getattr(loop, "wake_at", partial(_wake_at, loop))
         self._period_s = 1.0 / rate_hz
         self._start_s = loop.time()
         self._count = 0
 
-    def wait(self) -> asyncio.Future[None]:
-        """Return a future that is done at the next grid time; await it before asking for another."""
+    def wait(self) -> Awaitable[None]:
+        """Return what is done at the next grid time; await it at once."""
         self._count += 1
         # Counted, not added up: rounding errors must not pull apart tasks that are due at the same time.
         due_s = self._start_s + self._count * self._period_s

@@ -6,9 +6,8 @@ as the code in them runs, in an order that depends on nothing but the code. Fiel
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         runner.run(main())
 
-The loop keeps a deque of ready callbacks and a heap of timers under asyncio's own (C) ``Task`` and ``Future``, and
-nothing else: no selector, no sockets, no subprocesses. A wake-up from ``asyncio.sleep`` costs a third of what it does
-on the stock loop, and a control tick has three of them.
+Under asyncio's own (C) ``Task`` and ``Future`` there is a ``Schedule`` and nothing else: no selector, no sockets, no
+subprocesses.
 
 Time moves only when nothing is ready: a task that polls with ``sleep(0)`` for something that a timer brings waits for
 ever, as it would burn a core on the stock loop.
@@ -23,78 +22,51 @@ import asyncio
 import sys
 from asyncio import events
 from asyncio.log import logger
-from collections import deque
 from collections.abc import AsyncGenerator, Awaitable, Callable, Generator
 from concurrent.futures import Executor
 from contextvars import Context, copy_context
 from functools import partial
-from heapq import heappop, heappush
-from itertools import count
-from math import inf, isnan
+from math import isnan
 from typing import Any, TypeVar, TypeVarTuple, Unpack, cast
 from weakref import WeakSet
 
 from wayfarer.errors import NothingScheduled
+from wayfarer.simhal.clock.schedule import Fails, Handle, Schedule, Scheduled
 
 T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
 
 
-class _Handle(list[Any]):
-    """A callback to run, or not, if it is cancelled before its turn. Stands in for ``asyncio.TimerHandle``.
-
-    It is its own heap entry ``[when_s, number, call, context]``: a list because lists are made and compared in C, and
-    the number because no two may compare equal. ``call`` is the callback and its arguments.
-    """
-
-    __slots__ = ()
-
-    def cancel(self) -> None:
-        self[_CALL] = None
-
-    def cancelled(self) -> bool:
-        return self[_CALL] is None
-
-
-_WHEN, _CALL = 0, 2
-
-
 class VirtualLoop(asyncio.AbstractEventLoop):
     """Virtual time in seconds, starting at 0. Single-threaded; ``asyncio.to_thread`` runs its function inline."""
 
-    def __init__(self) -> None:
-        self._now_s = 0.0
-        # Handles, and what ``wake_at`` makes: a future in place of the call.
-        self._ready: deque[list[Any]] = deque()
-        self._timers: list[list[Any]] = []
-        self._number = count(1).__next__
+    def __init__(self, make_schedule: Callable[[asyncio.AbstractEventLoop, Fails], Schedule] = Schedule) -> None:
+        self._schedule = schedule = make_schedule(self, self._report_error)
+        # Asked several times a tick: without a frame of ours in between.
+        self.time = schedule.time  # type: ignore[method-assign]
+        self.wake_at = schedule.wake_at
+        self.stall = schedule.stall
+        self.stop = schedule.stop  # type: ignore[method-assign]
+        self.create_future = partial(asyncio.Future, loop=self)  # type: ignore[method-assign]
         self._running = False
         self._closed = False
-        self._stopping = False
         self._debug = False
-        self.create_future = partial(asyncio.Future, loop=self)  # type: ignore[method-assign]
         self._asyncgens: WeakSet[AsyncGenerator[Any, Any]] = WeakSet()
         self._exception_handler: Callable[[asyncio.AbstractEventLoop, dict[str, Any]], object] | None = None
 
-    # -- time and scheduling -------------------------------------------------------------------------------------
+    # -- scheduling ----------------------------------------------------------------------------------------------
 
-    def time(self) -> float:
-        """Return the virtual time in seconds."""
-        return self._now_s
-
-    def stall(self, for_s: float) -> None:
-        """Let time pass in which nothing runs, as when a callback blocks or the computer was suspended."""
-        self._now_s += for_s
-
-    def call_soon(self, *call: Any, context: Context | None = None) -> _Handle:  # type: ignore[override]
-        """Run a callback, with the arguments that follow it, when its turn comes, at the present time."""
-        handle = _Handle((0.0, 0, call, copy_context() if context is None else context))
-        self._ready.append(handle)
+    def call_soon(  # type: ignore[override]
+        self, callback: Callable[[Unpack[Ts]], object], *args: Unpack[Ts], context: Context | None = None
+    ) -> Handle:
+        """Run the callback when its turn comes, at the present time."""
+        handle = Handle(callback, args, copy_context() if context is None else context)
+        self._schedule.soon(handle)
         return handle
 
     def call_soon_threadsafe(  # type: ignore[override]
         self, callback: Callable[[Unpack[Ts]], object], *args: Unpack[Ts], context: Context | None = None
-    ) -> _Handle:
+    ) -> Handle:
         """Run the callback soon; also what a signal handler uses to wake the loop."""
         return self.call_soon(callback, *args, context=context)
 
@@ -104,9 +76,9 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         callback: Callable[[Unpack[Ts]], object],
         *args: Unpack[Ts],
         context: Context | None = None,
-    ) -> _Handle:
+    ) -> Handle:
         """Run the callback ``delay`` seconds from now."""
-        return self.call_at(self._now_s + delay, callback, *args, context=context)
+        return self.call_at(self.time() + delay, callback, *args, context=context)
 
     def call_at(  # type: ignore[override]
         self,
@@ -114,26 +86,18 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         callback: Callable[[Unpack[Ts]], object],
         *args: Unpack[Ts],
         context: Context | None = None,
-    ) -> _Handle:
+    ) -> Handle:
         """Run the callback at a time; at once, but never earlier than now, where that is past."""
         if isnan(when):
             raise ValueError("a timer needs a time, and this one is not a number")
-        if context is None:
-            context = copy_context()
-        handle = _Handle((when, self._number(), (callback, *args), context))
-        heappush(self._timers, handle)
+        handle = Handle(callback, args, copy_context() if context is None else context)
+        self._schedule.at(when, handle)
         return handle
-
-    def wake_at(self, when_s: float) -> asyncio.Future[None]:
-        """Return a future that is done at a time: a timer without the cost of a callback, a context and a handle."""
-        wake_up: asyncio.Future[None] = self.create_future()
-        heappush(self._timers, [when_s, self._number(), wake_up])
-        return wake_up
 
     # -- running -------------------------------------------------------------------------------------------------
 
     def run_forever(self) -> None:
-        """Run until ``stop`` is called.
+        """Run until ``stop`` is called: after the callback that runs then.
 
         Raises:
             NothingScheduled: nothing is ready and no timer is set, so nothing can ever happen again.
@@ -141,53 +105,19 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         if self._running or self._closed:
             raise RuntimeError("this event loop is closed" if self._closed else "this event loop is already running")
         self._running = True
-        self._stopping = False
         hooks = sys.get_asyncgen_hooks()
         sys.set_asyncgen_hooks(firstiter=self._asyncgens.add, finalizer=self._close_asyncgen)
         events._set_running_loop(self)
         try:
-            self._run()
+            if not self._schedule.run():
+                raise NothingScheduled(
+                    f"virtual time stands at {self.time():.3f} s: every task waits for something that nothing can "
+                    f"bring ({self._describe_tasks()})"
+                )
         finally:
             events._set_running_loop(None)
             sys.set_asyncgen_hooks(*hooks)
             self._running = False
-
-    def _run(self) -> None:
-        """Run what is ready, in turn; when nothing is, jump to the next timer."""
-        ready, take, jump = self._ready, self._ready.popleft, self._jump
-        while not self._stopping:
-            if not ready:
-                jump()
-            handle = take()
-            if type(handle) is not _Handle:  # of ``wake_at``
-                wake_up = handle[_CALL]
-                if not wake_up.done():  # cancelled with its task
-                    wake_up.set_result(None)
-                continue
-            _, _, call, context = handle
-            if call is None:
-                continue
-            try:
-                context.run(*call)
-            except (SystemExit, KeyboardInterrupt):
-                raise
-            except BaseException as error:
-                self.call_exception_handler({"message": f"exception in callback {call[0]!r}", "exception": error})
-
-    def _jump(self) -> None:
-        """Move the clock to the next timer and make every timer of that moment ready, in order of creation."""
-        ready, timers = self._ready, self._timers
-        while timers and timers[0][_CALL] is None:
-            heappop(timers)
-        if not timers or timers[0][_WHEN] == inf:
-            raise NothingScheduled(
-                f"virtual time stands at {self._now_s:.3f} s: every task waits for something that nothing can bring "
-                f"({self._describe_tasks()})"
-            )
-        now_s = timers[0][_WHEN]
-        self._now_s = now_s if now_s > self._now_s else self._now_s
-        while timers and timers[0][_WHEN] <= now_s:
-            ready.append(heappop(timers))
 
     def run_until_complete(self, future: Generator[Any, None, T] | Awaitable[T]) -> T:
         """Run until the future is done and return its result."""
@@ -209,11 +139,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
     def _stop_when_done(self, future: asyncio.Future[Any]) -> None:
         """Stop, unless the future ended by an error that has left the loop already."""
         if future.cancelled() or not isinstance(future.exception(), SystemExit | KeyboardInterrupt):
-            self._stopping = True
-
-    def stop(self) -> None:
-        """Stop after the callback that runs now."""
-        self._stopping = True
+            self.stop()
 
     def is_running(self) -> bool:
         """Tell whether the loop runs."""
@@ -228,8 +154,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         if self._running:
             raise RuntimeError("cannot close a running event loop")
         self._closed = True
-        self._ready.clear()
-        self._timers.clear()
+        self._schedule.clear()
 
     # -- tasks, futures, threads ---------------------------------------------------------------------------------
 
@@ -296,6 +221,9 @@ class VirtualLoop(asyncio.AbstractEventLoop):
             self._exception_handler(self, context)
         else:
             self.default_exception_handler(context)
+
+    def _report_error(self, what: Scheduled, error: BaseException) -> None:
+        self.call_exception_handler({"message": f"exception in callback {what!r}", "exception": error})
 
     def _describe_tasks(self) -> str:
         names = sorted(task.get_name() for task in asyncio.all_tasks(self))

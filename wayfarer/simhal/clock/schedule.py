@@ -1,0 +1,226 @@
+"""What is due when on ``VirtualLoop``: the virtual time, the ready callbacks and the timers. Compiled with the core.
+
+A control tick has two and a half wake-ups of tasks. Each is a ``WakeUp``: a timer that a task awaits like a future, and
+that wakes it without a callback of the loop in between.
+"""
+
+from __future__ import annotations
+
+from asyncio import CancelledError, InvalidStateError
+from collections.abc import Callable, Generator
+from contextvars import Context
+from heapq import heappop, heappush
+from math import inf
+from typing import Any
+
+from mypy_extensions import mypyc_attr
+
+
+class Scheduled:
+    """Something to run at its turn, or not, if it is cancelled before."""
+
+    def __init__(self) -> None:
+        self._cancelled = False
+
+    def cancelled(self) -> bool:
+        """Tell whether it was cancelled."""
+        return self._cancelled
+
+    def run(self) -> None:
+        """Do it."""
+        raise NotImplementedError
+
+
+class Handle(Scheduled):
+    """A callback to run. Stands in for ``asyncio.Handle`` and ``asyncio.TimerHandle``."""
+
+    def __init__(self, callback: Callable[..., object], args: tuple[Any, ...], context: Context) -> None:
+        self._cancelled = False
+        self._callback = callback
+        self._args = args
+        self._context = context
+
+    def cancel(self) -> None:
+        """Have it not run."""
+        self._cancelled = True
+
+    def run(self) -> None:
+        """Call it in its context."""
+        if not self._cancelled:
+            self._context.run(self._callback, *self._args)
+
+    def __repr__(self) -> str:
+        """Say what is called, for the report of an error."""
+        return repr(self._callback)
+
+
+class WakeUp(Scheduled):
+    """A future without a result that is done at a time; one task awaits it.
+
+    It has what ``asyncio.Task`` asks of a future (see ``asyncio.isfuture``).
+    """
+
+    def __init__(self, schedule: Schedule) -> None:
+        self._cancelled = False
+        self._asyncio_future_blocking = False
+        self._schedule = schedule
+        self._done = False
+        self._callback: Callable[..., object] | None = None
+        self._context: Context | None = None
+        self._message: object = None
+
+    def __await__(self) -> Generator[WakeUp, None, None]:
+        """Wait for the time.
+
+        Raises:
+            CancelledError: the task was cancelled meanwhile.
+        """
+        if not self._done:
+            self._asyncio_future_blocking = True
+            yield self
+        self.result()
+
+    def get_loop(self) -> object:
+        """Return the loop that it belongs to."""
+        return self._schedule.loop
+
+    def add_done_callback(self, callback: Callable[..., object], *, context: Context) -> None:
+        """Have the task woken that waits; it is woken at the turn of this timer."""
+        self._callback, self._context = callback, context
+
+    def cancel(self, msg: object = None) -> bool:
+        """Wake the task now, with an error; return whether that was still possible."""
+        if self._done:
+            return False
+        self._done = self._cancelled = True
+        self._message = msg
+        if self._callback is not None:
+            self._schedule.soon(self)
+        return True
+
+    def done(self) -> bool:
+        """Tell whether the time has come, or the wait was cancelled."""
+        return self._done
+
+    def result(self) -> None:
+        """Return nothing.
+
+        Raises:
+            CancelledError: the wait was cancelled.
+            InvalidStateError: the time has not come.
+        """
+        if self._cancelled:
+            raise CancelledError() if self._message is None else CancelledError(self._message)
+        if not self._done:
+            raise InvalidStateError("the time of this wake-up has not come")
+
+    def run(self) -> None:
+        """Be done at the first turn, and wake the task at the next, in the order in which futures would.
+
+        A wake-up that was cancelled comes here once more, when its time comes.
+        """
+        callback, context = self._callback, self._context
+        if not self._done:
+            self._done = True
+            self._schedule.soon(self)
+        elif callback is not None and context is not None:
+            self._callback = None
+            context.run(callback, self)
+
+
+Fails = Callable[[Scheduled, BaseException], None]
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Schedule:
+    """The virtual time, in seconds from 0, and what is to run.
+
+    Args:
+        loop: whose schedule it is.
+        fails: is told of an error that comes out of what was run; SystemExit and KeyboardInterrupt end ``run`` instead.
+    """
+
+    def __init__(self, loop: object, fails: Fails) -> None:
+        self.loop = loop
+        self._fails = fails
+        self._now_s = 0.0
+        self._ready: list[Scheduled] = []
+        self._timers: list[tuple[float, int, Scheduled]] = []
+        self._made = 0
+        self._stopping = False
+
+    def time(self) -> float:
+        """Return the virtual time in seconds."""
+        return self._now_s
+
+    def stall(self, for_s: float) -> None:
+        """Let time pass in which nothing runs, as when a callback blocks or the computer was suspended."""
+        self._now_s += for_s
+
+    def soon(self, what: Scheduled) -> None:
+        """Run it when its turn comes, at the present time."""
+        self._ready.append(what)
+
+    def at(self, when_s: float, what: Scheduled) -> None:
+        """Run it at a time; at once, but never earlier than now, where that is past."""
+        self._made += 1  # no two entries of the heap may compare equal
+        heappush(self._timers, (when_s, self._made, what))
+
+    def wake_at(self, when_s: float) -> WakeUp:
+        """Return what a task awaits to be woken at a time."""
+        wake_up = WakeUp(self)
+        self.at(when_s, wake_up)
+        return wake_up
+
+    def clear(self) -> None:
+        """Drop everything."""
+        self._ready.clear()
+        self._timers.clear()
+
+    def stop(self) -> None:
+        """Have ``run`` end after what runs now."""
+        self._stopping = True
+
+    def run(self) -> bool:
+        """Run what is ready, in turn, and jump to the next timer when nothing is.
+
+        Return True after ``stop``, False when nothing can ever happen again: nothing is ready, and there is no timer.
+        """
+        self._stopping = False
+        while not self._stopping:
+            if not self._ready and not self._jump():
+                return False
+            self._run_turn()
+        return True
+
+    def _run_turn(self) -> None:
+        """Run what is ready now; what becomes ready meanwhile is for the next turn."""
+        turn, self._ready = self._ready, []
+        taken = 0
+        try:
+            for what in turn:
+                taken += 1
+                try:
+                    what.run()
+                except (SystemExit, KeyboardInterrupt):
+                    raise
+                except BaseException as error:
+                    self._fails(what, error)
+                if self._stopping:
+                    break
+        finally:
+            if taken < len(turn):
+                self._ready = turn[taken:] + self._ready
+
+    def _jump(self) -> bool:
+        """Move the clock to the next timer and make all of that moment ready, in order of creation; False without."""
+        timers = self._timers
+        while timers and timers[0][2].cancelled():
+            heappop(timers)
+        if not timers or timers[0][0] == inf:
+            return False
+        now_s = timers[0][0]
+        self._now_s = max(now_s, self._now_s)
+        while timers and timers[0][0] <= now_s:
+            self._ready.append(heappop(timers)[2])
+        return True
