@@ -138,12 +138,8 @@ def _record(t_s: float) -> TickRecord:
     observation = Observation(t_s, 359.7, -0.5, -1.6, (), None, 0.0, 1.6667716735433081)
     memory = {"counter_deg": -0.2, "side": 1, "turn_deg": 0.0, "episodes": 0, "blocked_turns": 0}
     decision = Decision(wheels, Phase.FOLLOW, "follow")
-    return TickRecord(
-        t_s,
-        compass=compass,
-        motion=motion,
-        observation=observation,
-        decision=decision,
-        applied=wheels,
-        memory=lambda: memory,
-    )
+    record = TickRecord(t_s)
+    record.compass, record.motion, record.observation = compass, motion, observation
+    record.decision, record.applied = decision, wheels
+    record.memory = lambda: memory
+    return record

@@ -62,7 +62,8 @@ class Rover:
 
     def sees(self, snapshot: Snapshot, applied: WheelCommand = STOP) -> Detection:
         """One tick with any snapshot."""
-        tick = Tick(told=applied, **snapshot._asdict())
+        tick = Tick(snapshot.t_s, applied)
+        tick.compass, tick.motion, tick.contact = snapshot.compass, snapshot.motion, snapshot.contact
         self.timer.measure(tick)
         self.detector.update(tick)
         return Detection(tick.anomalies, tick.conditions)

@@ -28,7 +28,9 @@ def tick(number: int) -> bytes:
 
 def standing(t_s: float = 1.0, memory: Callable[[], Mapping[str, float | str]] = dict) -> TickRecord:
     """Return a control tick of a rover that stands and whose sensors are silent."""
-    return TickRecord(t_s, memory=memory)
+    record = TickRecord(t_s)
+    record.memory = memory
+    return record
 
 
 def event(number: int) -> bytes:

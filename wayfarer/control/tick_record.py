@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 from wayfarer.detector.tick import Tick
 from wayfarer.escape.api import Decision, Observation, Phase
@@ -13,7 +12,6 @@ from wayfarer.safety.conditions import Condition, Level
 STAND = Decision(STOP, Phase.HALT, Phase.HALT.value)
 
 
-@dataclass(slots=True)
 class TickRecord(Tick):
     """One control tick, filled in stage by stage: what was seen, decided and applied, and what the gate thought of it.
 

@@ -10,7 +10,6 @@ turns the body on the spot about its middle: one with a dead side turns it about
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from math import degrees, hypot, inf, radians
 from typing import NamedTuple
 
@@ -34,7 +33,6 @@ TURNS_ON_S = 0.5
 RATE_TICKS = 2  # over which the turn rate is taken: that of one tick is mostly noise
 
 
-@dataclass(slots=True)
 class DriveSample:
     """A tick, and sums since the start of the run.
 
@@ -43,13 +41,23 @@ class DriveSample:
     it either way, without. ``gained_deg`` is what it has turned, clockwise.
     """
 
-    t_s: float
-    left_deg: float
-    right_deg: float
-    clockwise_deg: float
-    anticlockwise_deg: float
-    gained_deg: float
-    ahead_m: float
+    def __init__(
+        self,
+        t_s: float,
+        left_deg: float,
+        right_deg: float,
+        clockwise_deg: float,
+        anticlockwise_deg: float,
+        gained_deg: float,
+        ahead_m: float,
+    ) -> None:
+        self.t_s = t_s
+        self.left_deg = left_deg
+        self.right_deg = right_deg
+        self.clockwise_deg = clockwise_deg
+        self.anticlockwise_deg = anticlockwise_deg
+        self.gained_deg = gained_deg
+        self.ahead_m = ahead_m
 
 
 class Suspicion(NamedTuple):

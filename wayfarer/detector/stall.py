@@ -18,7 +18,6 @@ never still**.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 
 from wayfarer.detector.settings import DetectorSettings
 
@@ -30,7 +29,6 @@ SEEN_FROM_M = 0.01
 TURNS_FROM_DEG_S = 70.0
 
 
-@dataclass(slots=True)
 class DrivingInterval:
     """An interval of driving; distances and speeds are positive in the direction that is commanded.
 
@@ -39,14 +37,25 @@ class DrivingInterval:
     which the ground passed before.
     """
 
-    driven_s: float
-    commanded_m: float
-    moved_m: float | None
-    slid_m: float
-    turned_deg: float
-    gained_m_s: float
-    possible_m: float
-    before_m_s: float
+    def __init__(
+        self,
+        driven_s: float,
+        commanded_m: float,
+        moved_m: float | None,
+        slid_m: float,
+        turned_deg: float,
+        gained_m_s: float,
+        possible_m: float,
+        before_m_s: float,
+    ) -> None:
+        self.driven_s = driven_s
+        self.commanded_m = commanded_m
+        self.moved_m = moved_m
+        self.slid_m = slid_m
+        self.turned_deg = turned_deg
+        self.gained_m_s = gained_m_s
+        self.possible_m = possible_m
+        self.before_m_s = before_m_s
 
 
 class StallMonitor:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.interval import Interval
 
 
-@dataclass(slots=True)
 class Tick(Interval):
     """What the sensors say at a tick, and what is found in it.
 

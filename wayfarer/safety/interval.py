@@ -6,12 +6,9 @@ which nobody drove the wheels.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from wayfarer.hal import STOP, WheelCommand
 
 
-@dataclass(slots=True)
 class Interval:
     """From the previous control tick to this one; the first part of the record of a tick.
 
@@ -21,11 +18,20 @@ class Interval:
     metres, negative in reverse.
     """
 
-    t_s: float
-    told: WheelCommand = STOP
-    dt_s: float = 0.0
-    driven_s: float = 0.0
-    forward_m: float = 0.0
+    # No dataclass: the compiled core would run its ``__init__`` in the interpreter.
+    def __init__(
+        self,
+        t_s: float,
+        told: WheelCommand = STOP,
+        dt_s: float = 0.0,
+        driven_s: float = 0.0,
+        forward_m: float = 0.0,
+    ) -> None:
+        self.t_s = t_s
+        self.told = told
+        self.dt_s = dt_s
+        self.driven_s = driven_s
+        self.forward_m = forward_m
 
 
 class IntervalTimer:

@@ -104,6 +104,33 @@ async def test_paced_task_and_sleeping_one_take_turns_as_their_timers_were_made(
     assert order == ["paced", "slept", "paced", "paced", "slept", "paced"]
 
 
+@pytest.mark.parametrize("when", ["while it waits", "at the moment when it is due"])
+@virtual
+async def test_paced_task_that_is_cancelled_ends_at_once_and_its_timer_wakes_nobody(when: str) -> None:
+    loop, ended_s = asyncio.get_running_loop(), []
+
+    async def pace() -> None:
+        rate = Rate(1.0)
+        try:
+            await rate.wait()
+        except asyncio.CancelledError as error:
+            ended_s.append((loop.time(), error.args))
+            await asyncio.sleep(3.0)
+            raise
+
+    if when == "while it waits":
+        task = asyncio.create_task(pace())
+        await asyncio.sleep(0.5)
+        task.cancel("enough")
+    else:
+        loop.call_at(1.0, lambda: task.cancel("enough"))
+        task = asyncio.create_task(pace())
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert ended_s == [(0.5 if when == "while it waits" else 1.0, ("enough",))]
+    assert loop.time() == ended_s[0][0] + 3.0
+
+
 moments_s = st.floats(0, 1e6)
 
 

@@ -64,17 +64,12 @@ def tick(
         seen = Observation(t_s, heading_deg, 1.0, -1.0, anomalies, None, 0.0, travelled_m)
     decision = Decision(wheels, phase, why or phase.value)
     kept = {"counter_deg": 30.0, "episodes": 2} if memory is None else memory
-    return TickRecord(
-        t_s,
-        compass=compass,
-        motion=motion,
-        observation=seen,
-        decision=decision,
-        applied=wheels,
-        level=level,
-        cause=cause,
-        memory=lambda: kept,
-    )
+    record = TickRecord(t_s)
+    record.compass, record.motion, record.observation = compass, motion, seen
+    record.decision, record.applied = decision, wheels
+    record.level, record.cause = level, cause
+    record.memory = lambda: kept
+    return record
 
 
 def board(battery_v: float | None = 12.0, *faults: str) -> MotorHealth:

@@ -6,7 +6,7 @@ that wakes it without a callback of the loop in between.
 
 from __future__ import annotations
 
-from asyncio import CancelledError, InvalidStateError
+from asyncio import CancelledError
 from collections.abc import Callable, Generator
 from contextvars import Context
 from heapq import heappop, heappush
@@ -19,12 +19,7 @@ from mypy_extensions import mypyc_attr
 class Scheduled:
     """Something to run at its turn, or not, if it is cancelled before."""
 
-    def __init__(self) -> None:
-        self._cancelled = False
-
-    def cancelled(self) -> bool:
-        """Tell whether it was cancelled."""
-        return self._cancelled
+    is_cancelled = False
 
     def run(self) -> None:
         """Do it."""
@@ -35,18 +30,21 @@ class Handle(Scheduled):
     """A callback to run. Stands in for ``asyncio.Handle`` and ``asyncio.TimerHandle``."""
 
     def __init__(self, callback: Callable[..., object], args: tuple[Any, ...], context: Context) -> None:
-        self._cancelled = False
         self._callback = callback
         self._args = args
         self._context = context
 
     def cancel(self) -> None:
         """Have it not run."""
-        self._cancelled = True
+        self.is_cancelled = True
+
+    def cancelled(self) -> bool:
+        """Tell whether it was cancelled."""
+        return self.is_cancelled
 
     def run(self) -> None:
         """Call it in its context."""
-        if not self._cancelled:
+        if not self.is_cancelled:
             self._context.run(self._callback, *self._args)
 
     def __repr__(self) -> str:
@@ -55,77 +53,57 @@ class Handle(Scheduled):
 
 
 class WakeUp(Scheduled):
-    """A future without a result that is done at a time; one task awaits it.
+    """A future without a result that is done at a time; one task awaits it, at once.
 
-    It has what ``asyncio.Task`` asks of a future (see ``asyncio.isfuture``).
+    It has what ``asyncio.Task`` asks of a future that is not asyncio's own (see ``asyncio.isfuture``).
     """
 
+    _asyncio_future_blocking = False
+    _is_done = False
+    _message: object = None
+    _callback: Callable[..., object] | None = None
+
     def __init__(self, schedule: Schedule) -> None:
-        self._cancelled = False
-        self._asyncio_future_blocking = False
         self._schedule = schedule
-        self._done = False
-        self._callback: Callable[..., object] | None = None
-        self._context: Context | None = None
-        self._message: object = None
+        self._loop = schedule.loop
 
     def __await__(self) -> Generator[WakeUp, None, None]:
-        """Wait for the time.
-
-        Raises:
-            CancelledError: the task was cancelled meanwhile.
-        """
-        if not self._done:
-            self._asyncio_future_blocking = True
-            yield self
-        self.result()
-
-    def get_loop(self) -> object:
-        """Return the loop that it belongs to."""
-        return self._schedule.loop
+        """Wait for the time; a task that is cancelled meanwhile has ``result`` raise the error here."""
+        self._asyncio_future_blocking = True
+        yield self
 
     def add_done_callback(self, callback: Callable[..., object], *, context: Context) -> None:
-        """Have the task woken that waits; it is woken at the turn of this timer."""
-        self._callback, self._context = callback, context
+        """Have the task woken that waits."""
+        self._callback = callback
+        self._context = context
 
     def cancel(self, msg: object = None) -> bool:
         """Wake the task now, with an error; return whether that was still possible."""
-        if self._done:
+        if self._is_done:
             return False
-        self._done = self._cancelled = True
+        self._is_done = self.is_cancelled = True
         self._message = msg
-        if self._callback is not None:
-            self._schedule.soon(self)
+        self._schedule.soon(self)
         return True
-
-    def done(self) -> bool:
-        """Tell whether the time has come, or the wait was cancelled."""
-        return self._done
 
     def result(self) -> None:
         """Return nothing.
 
         Raises:
             CancelledError: the wait was cancelled.
-            InvalidStateError: the time has not come.
         """
-        if self._cancelled:
+        if self.is_cancelled:
             raise CancelledError() if self._message is None else CancelledError(self._message)
-        if not self._done:
-            raise InvalidStateError("the time of this wake-up has not come")
 
     def run(self) -> None:
-        """Be done at the first turn, and wake the task at the next, in the order in which futures would.
-
-        A wake-up that was cancelled comes here once more, when its time comes.
-        """
-        callback, context = self._callback, self._context
-        if not self._done:
-            self._done = True
+        """Be done at the first turn, and wake the task at the next, in the order in which asyncio's futures would."""
+        callback = self._callback
+        if not self._is_done:
+            self._is_done = True
             self._schedule.soon(self)
-        elif callback is not None and context is not None:
+        elif callback is not None:  # only once: one that is cancelled late has two turns
             self._callback = None
-            context.run(callback, self)
+            self._context.run(callback, self)
 
 
 Fails = Callable[[Scheduled, BaseException], None]
@@ -167,9 +145,10 @@ class Schedule:
         heappush(self._timers, (when_s, self._made, what))
 
     def wake_at(self, when_s: float) -> WakeUp:
-        """Return what a task awaits to be woken at a time."""
+        """Return what a task awaits at once, to be woken at a time."""
+        self._made += 1
         wake_up = WakeUp(self)
-        self.at(when_s, wake_up)
+        heappush(self._timers, (when_s, self._made, wake_up))
         return wake_up
 
     def clear(self) -> None:
@@ -190,37 +169,31 @@ class Schedule:
         while not self._stopping:
             if not self._ready and not self._jump():
                 return False
-            self._run_turn()
-        return True
-
-    def _run_turn(self) -> None:
-        """Run what is ready now; what becomes ready meanwhile is for the next turn."""
-        turn, self._ready = self._ready, []
-        taken = 0
-        try:
-            for what in turn:
-                taken += 1
+            turn, self._ready = self._ready, []
+            for taken, what in enumerate(turn, 1):
                 try:
                     what.run()
                 except (SystemExit, KeyboardInterrupt):
+                    self._ready[:0] = turn[taken:]
                     raise
                 except BaseException as error:
                     self._fails(what, error)
                 if self._stopping:
+                    self._ready[:0] = turn[taken:]
                     break
-        finally:
-            if taken < len(turn):
-                self._ready = turn[taken:] + self._ready
+        return True
 
     def _jump(self) -> bool:
         """Move the clock to the next timer and make all of that moment ready, in order of creation; False without."""
         timers = self._timers
-        while timers and timers[0][2].cancelled():
+        while timers and timers[0][2].is_cancelled:
             heappop(timers)
         if not timers or timers[0][0] == inf:
             return False
         now_s = timers[0][0]
         self._now_s = max(now_s, self._now_s)
         while timers and timers[0][0] <= now_s:
-            self._ready.append(heappop(timers)[2])
+            what = heappop(timers)[2]
+            if not what.is_cancelled:
+                self._ready.append(what)
         return True
