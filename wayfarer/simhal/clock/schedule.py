@@ -170,16 +170,16 @@ class Schedule:
             if not self._ready and not self._jump():
                 return False
             turn, self._ready = self._ready, []
-            for taken, what in enumerate(turn, 1):
+            for place, what in enumerate(turn):  # without a start, as mypyc knows it
                 try:
                     what.run()
                 except (SystemExit, KeyboardInterrupt):
-                    self._ready[:0] = turn[taken:]
+                    self._ready[:0] = turn[place + 1 :]
                     raise
                 except BaseException as error:
                     self._fails(what, error)
                 if self._stopping:
-                    self._ready[:0] = turn[taken:]
+                    self._ready[:0] = turn[place + 1 :]
                     break
         return True
 
