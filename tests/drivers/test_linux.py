@@ -22,11 +22,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.drivers.benches import steady_world
+from tests.simhal.clearing import steady_world
 from wayfarer.drivers.buses import CLOSE_WAIT_S, Frame
 from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
-from wayfarer.drivers.worker import TRANSFER_DEADLINE_S
 from wayfarer.errors import NotResponding
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
@@ -156,28 +155,6 @@ async def test_real_serial_port_brings_packets_to_the_board_whole(buses: LinuxBu
     assert world.commanded == (0.0, 0.0)
     assert chip.dropped == 0
     assert chip.settings == {14: 3}, "the deadman's packet came too"
-
-
-async def test_serial_port_that_was_pulled_out_is_opened_again(buses: LinuxBuses, tmp_path: Path) -> None:
-    pytest.importorskip("serial")
-    device = tmp_path / "serial0"
-    port = buses.serial(str(device), baud=9600)
-    first_far, first_near = pty.openpty()
-    device.symlink_to(os.ttyname(first_near))
-    await port.write(b"\1")
-    os.close(first_far)
-    os.close(first_near)
-    with pytest.raises(NotResponding):
-        await port.write(b"\2")
-    far, near = pty.openpty()
-    tty.setraw(near)
-    device.unlink()
-    device.symlink_to(os.ttyname(near))
-    await port.write(b"\3")
-    assert received(far) == b"\3"
-    await buses.close()
-    os.close(far)
-    os.close(near)
 
 
 # -- the camera through picamera2 ------------------------------------------------------------------------------------
@@ -367,35 +344,6 @@ async def test_buses_are_closed_at_once_and_none_is_waited_for_beyond_the_time_g
     assert asyncio.get_running_loop().time() - began_s < 4 * CLOSE_WAIT_S
     freed.set()
     await asyncio.gather(*pictures)
-
-
-async def test_posted_stop_has_as_long_as_close_is_given(
-    buses: LinuxBuses, smbus: Calls, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    freed = threading.Event()
-
-    def write_late(_: object, *messages: Any) -> None:
-        assert freed.wait(LONG_S)
-        smbus.note("write")
-
-    monkeypatch.setattr("smbus2.SMBus.i2c_rdwr", write_late)
-    buses.i2c("/dev/i2c-1").post(0x15, b"\x0e\0")
-    asyncio.get_running_loop().call_later(2 * CLOSE_WAIT_S, freed.set)
-    await buses.close(LONG_S)
-    assert smbus.names == ["open", "write", "close"]
-
-
-async def test_bus_may_take_longer_to_open_than_to_transfer(
-    buses: LinuxBuses, smbus: Calls, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def open_late(_: object, path: str) -> None:
-        threading.Event().wait(2 * TRANSFER_DEADLINE_S)
-        smbus.note("open", path)
-
-    monkeypatch.setattr("smbus2.SMBus.__init__", open_late)
-    await buses.i2c("/dev/i2c-1").write(0x15, b"\x0e\0")
-    await buses.close()
-    assert smbus.names == ["open", "write", "close"]
 
 
 async def test_camera_may_take_longer_to_start_than_for_a_frame(

@@ -76,14 +76,3 @@ def test_nose_that_rose_is_a_wall_at_its_first_contact() -> None:
     walk.tick(Anomaly.IMMOBILISED)
     walk.to(Phase.PROBE)
     assert wrap180(walk.seen.heading_deg) > 25.0
-
-
-@pytest.mark.parametrize("name", BEYOND_THE_PAPER)
-def test_reversing_that_is_blocked_does_not_hold_any_row_up(name: str) -> None:
-    walk = Walk(name)
-    walk.travels = False
-    walk.tick(Anomaly.IMMOBILISED)
-    for _ in range(200):
-        if walk.tick(Anomaly.IMMOBILISED).phase is not Phase.BACK_OFF:
-            return
-    raise AssertionError("it reverses for ever")
