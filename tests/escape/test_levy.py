@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from tests.escape.walk import observation
 from wayfarer.escape.api import EscapeSettings
-from wayfarer.escape.levy import levy
-from wayfarer.escape.policies import levy_stride, uniform_angle
+from wayfarer.escape.policies import levy, levy_stride, uniform_angle
 
 
 def quantile(share: float, scale: float) -> float:

@@ -45,7 +45,7 @@ class LinuxBuses:
 
     def serial(self, name: str, *, baud: int) -> ThreadedSerial:
         """Return a serial port, such as ``/dev/serial0``."""
-        return self._once(name, lambda: ThreadedSerial(name, partial(SerialDevice, name, baud)))
+        return self._once(name, lambda: ThreadedSerial(name, partial(open_serial, name, baud)))
 
     def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> ThreadedCamera:
         """Return a camera of libcamera, by number."""
@@ -130,21 +130,11 @@ def _spi_numbers(path: str) -> tuple[int, int]:
     return int(numbers[1]), int(numbers[2])
 
 
-class SerialDevice:
-    """A serial port through pyserial; implements ``threaded.BlockingSerial``."""
+def open_serial(path: str, baud: int) -> Any:
+    """Return an open port of pyserial, which is a ``threaded.BlockingSerial``."""
+    from serial import Serial
 
-    def __init__(self, path: str, baud: int) -> None:
-        from serial import Serial
-
-        self._port = Serial(path, baud, timeout=0, write_timeout=1.0)
-
-    def write(self, data: bytes) -> None:
-        """Write bytes."""
-        self._port.write(data)
-
-    def close(self) -> None:
-        """Close the port."""
-        self._port.close()
+    return Serial(path, baud, timeout=0, write_timeout=1.0)
 
 
 class LibCamera:
