@@ -154,8 +154,11 @@ async def picture(buses: LinuxBuses, number: str = "0", rate_hz: float = 10.0, e
 async def test_frame_is_the_luma_without_padding_and_chroma_and_is_our_own(
     buses: LinuxBuses, picamera: MagicMock
 ) -> None:
+    time = asyncio.get_running_loop().time
+    began_s = time()
     frame = await picture(buses, "1", exposure_us=8000)
     await buses.close()
+    assert began_s <= frame.t_s <= time()
     assert frame.luma.shape == (HEIGHT, WIDTH)
     assert frame.luma.max() == WIDTH - 1
     camera, request = picamera.return_value, picamera.return_value.capture_request.return_value

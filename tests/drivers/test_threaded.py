@@ -11,7 +11,7 @@ from unittest.mock import DEFAULT, MagicMock, call
 
 import pytest
 
-from wayfarer.drivers.threaded import ThreadedCamera, ThreadedI2C, ThreadedSerial, ThreadedSPI, explain
+from wayfarer.drivers.threaded import ThreadedI2C, ThreadedSerial, ThreadedSPI, explain
 from wayfarer.errors import NotResponding
 
 LONG_S = 5.0
@@ -170,14 +170,3 @@ async def test_posted_writes_open_the_device_if_need_be_may_fail_and_go_out_befo
     bus.post(0x15, b"\x0e\x00")
     await bus.close()
     assert device.mock_calls == [OPEN, call.write(0x15, b"\x0e\x00"), CLOSE] * 2
-
-
-async def test_frame_carries_the_time_of_the_loop() -> None:
-    device = made()
-    camera = ThreadedCamera("camera 0", device.open, LONG_S)
-    loop = asyncio.get_running_loop()
-    before_s = loop.time()
-    frame = await camera.frame()
-    assert before_s <= frame.t_s <= loop.time()
-    assert frame.luma is device.luma.return_value
-    await camera.close()

@@ -13,8 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from wayfarer.drivers.buses import CLOSE_WAIT_S
-from wayfarer.drivers.threaded import Threaded, ThreadedCamera, ThreadedI2C, ThreadedSerial, ThreadedSPI
+from wayfarer.drivers.buses import CLOSE_WAIT_S, Frame
+from wayfarer.drivers.threaded import Threaded, ThreadedI2C, ThreadedSerial, ThreadedSPI
 
 if TYPE_CHECKING:
     import numpy
@@ -138,7 +138,7 @@ def open_serial(path: str, baud: int) -> Any:
 
 
 class LibCamera:
-    """A camera through picamera2, running; implements ``threaded.BlockingCamera``.
+    """A camera through picamera2, running.
 
     The small second ("lores") stream is YUV420, whose first rows are the luma; lines are padded to a stride.
     """
@@ -173,7 +173,7 @@ class LibCamera:
             raise OSError(f"the camera does not start: {error}") from None
 
     def luma(self) -> NDArray[numpy.uint8]:
-        """Wait for the next frame and return its luma."""
+        """Wait for the next frame and return its luma, shape (height, width)."""
         request = self._camera.capture_request(wait=FRAME_DEADLINE_S)
         try:
             luma: NDArray[numpy.uint8] = request.make_array("lores")[: self._height, : self._width].copy()
@@ -184,3 +184,12 @@ class LibCamera:
     def close(self) -> None:
         """Stop the camera."""
         self._camera.close()
+
+
+class ThreadedCamera(Threaded[LibCamera]):
+    """Implements ``buses.Camera``."""
+
+    async def frame(self) -> Frame:
+        """Return the next frame; its time is when it was handed over, at most a frame after it was taken."""
+        luma = await self.call(LibCamera.luma)
+        return Frame(asyncio.get_running_loop().time(), luma)
