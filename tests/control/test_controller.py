@@ -280,14 +280,6 @@ async def test_arming_is_refused_while_the_board_says_that_something_is_wrong(
     assert set(bench.motors.commands) == {STOP}
 
 
-async def test_battery_that_gets_low_on_the_way_is_told_and_stops_nothing() -> None:
-    bench = await Bench().armed()
-    await bench.board_says(10.9)
-    assert (bench.controller.mode, bench.wheels) == (Mode.ARMED, AHEAD)
-    assert bench.health == (Level.DEGRADE, Condition.BATTERY_LOW)
-    assert [details["cause"] for details in bench.log.named("health")][-1] == "battery_low"
-
-
 async def test_board_fault_latches_and_disarms() -> None:
     bench = await Bench().armed()
     await bench.board_says(12.0, "motor A: drive fault", for_s=2 * TICK_S)
