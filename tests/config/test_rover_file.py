@@ -87,6 +87,7 @@ right_backward = 4
         (rover_toml(length_m="-1"), "key 'vehicle.length_m' = -1: input should be greater than 0"),
         (rover_toml(length_m='"long"'), "key 'vehicle.length_m' = 'long': input should be a valid number"),
         (rover_toml(rest="[board]\nbattery_low_v = 0"), "key 'board.battery_low_v' = 0: input should be"),
+        (rover_toml("declination_deg = 181"), "key 'declination_deg' = 181: input should be less than or equal to 180"),
         (rover_toml('buses = "linuxx"'), "key 'buses': unknown buses 'linuxx': did you mean linux? (line 2)"),
         (rover_toml('anomaly_source = "x"'), "key 'anomaly_source' = 'x': input should be 'motion' or 'contact'"),
         ("vehicle = 3\nname = 'x'", "key 'vehicle' = 3: input should be a table"),

@@ -8,9 +8,10 @@ from math import degrees, isfinite, radians
 
 import pytest
 
-from tests.escape.walk import SETTINGS, STUCK, Walk, touch
+from tests.escape.walk import SETTINGS, STUCK, TICK_S, Walk, touch
 from wayfarer.escape.api import Anomaly, Decision, Phase
 from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.escape.manoeuvres import SLACK, SLACK_S
 from wayfarer.escape.phases import PLEDGE, STRIDES, WHY, PhaseEvent
 from wayfarer.hal import Side
 
@@ -183,6 +184,19 @@ def test_forest_pledge_unwinds_too_when_the_goal_lies_elsewhere() -> None:
     walk.tick(*STUCK)
     assert walk.go_on(lambda decision: decision.phase is Phase.PROBE)
     assert walk.go_on(lambda decision: decision.phase is Phase.FOLLOW).why == "probe.unwound"
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_following_that_never_comes_round_to_the_goal_runs_out(name: str) -> None:
+    """Something rocks the body to and fro: it turns, so that no stall shows, and does not get on."""
+    walk = Walk(name, heading_deg=120.0)
+    walk.turns = False
+    ticks = 0
+    while walk.decision.phase is Phase.FOLLOW:
+        ticks += 1
+        walk.tick(turn_deg=8.0 if ticks % 2 else -8.0)
+        assert ticks * TICK_S <= 180.0 / SETTINGS.turn_deg_s * SLACK + SLACK_S + TICK_S
+    assert walk.decision.why == "follow.exhausted"
 
 
 @pytest.mark.parametrize("radius_m", [0.6, 1.15, 2.5])
