@@ -12,7 +12,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from tests.drivers.benches import CLEARING
+from tests.simhal.clearing import CLEARING
 from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import Finding, HostEnvironment, check
 from wayfarer.config.factory import assemble

@@ -5,22 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 from math import radians
 from pathlib import Path
+from unittest.mock import AsyncMock, call
 
 import pytest
 
 from tests.config.rover_texts import complaint, load, rover_toml
 from wayfarer.config.calibration_file import Calibration, FlowEntry, TurningEntry, TurnResponse, stamp
 from wayfarer.config.factory import ScaledMotionSensor, assemble, calibrated
-from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.drivers.bumper import Bumper
+from wayfarer.config.registry import find_driver
+from wayfarer.config.rover_file import RoverConfig, load_rover, rover_names
 from wayfarer.drivers.buses import Buses
-from wayfarer.drivers.camera_motion import CameraMotion
 from wayfarer.drivers.cmps14 import CMPS14
 from wayfarer.drivers.pmw3901 import PMW3901
-from wayfarer.drivers.sabertooth import Sabertooth
-from wayfarer.drivers.thunderborg import ThunderBorg
-from wayfarer.drivers.thunderborg_light import ThunderBorgLight
-from wayfarer.errors import BadConfig, NotResponding
+from wayfarer.errors import BadConfig
 from wayfarer.hal import MotionReading, MotionSensor, troubles_of
 from wayfarer.simhal.buses import FakeBuses
 
@@ -37,21 +34,14 @@ def loaded(folder: Path, *tables: str) -> RoverConfig:
     return load(folder, rover_toml(rest="".join(tables)))
 
 
-@pytest.mark.parametrize(
-    ("name", "parts"),
-    [
-        ("forestrover", {"motors": Sabertooth, "compass": CMPS14, "motion": PMW3901}),
-        (
-            "minirover",
-            {"motors": ThunderBorg, "compass": CMPS14, "motion": CameraMotion, "light": ThunderBorgLight},
-        ),
-        ("sim", {"motors": Sabertooth, "compass": CMPS14, "motion": PMW3901, "contact": Bumper}),
-    ],
-)
-def test_shipped_rovers_have_the_parts_of_their_files(name: str, parts: dict[str, type]) -> None:
+@pytest.mark.parametrize("name", rover_names())
+def test_shipped_rovers_have_the_parts_of_their_files(name: str) -> None:
     """The buses have no chips: nothing may be touched yet."""
-    rover = assemble(load_rover(name), FakeBuses())
-    assert {part: type(driver) for part, driver in rover.parts.items()} == parts
+    config = load_rover(name)
+    rover = assemble(config, FakeBuses())
+    assert {part: type(driver) for part, driver in rover.parts.items()} == {
+        part: find_driver(table["driver"]) for part, table in config.parts.items()
+    }
     assert next(iter(rover.parts)) == "motors", "what is opened first is closed last, and stopped first"
 
 
@@ -83,19 +73,13 @@ def test_driver_of_a_third_party_is_named_by_module_and_attribute(tmp_path: Path
     [
         ('[parts.compass]\ndriver = "cmps41"\n', "key 'parts.compass.driver': unknown driver 'cmps41': did you mean"),
         ('[parts.compass]\ndriver = "pmw3901"\n', "key 'parts.compass.driver': 'pmw3901' is no compass, but a motion"),
-        ('[parts.compass]\ndriver = "os:getcwd"\n', "key 'parts.compass.driver': 'os:getcwd' is no compass"),
         ('[parts.compass]\ndriver = "no_such:x"\n', "key 'parts.compass.driver': driver 'no_such:x': cannot import"),
         ('[parts.compass]\nbus = "/dev/i2c-1"\n', "key 'parts.compass.driver' is missing"),
         ("[parts.compass]\ndriver = 3\n", "key 'parts.compass.driver' = 3: input should be a text; it names"),
         (COMPASS + "adress = 0x61\n", "unknown key 'parts.compass.adress'; did you mean 'address'?"),
-        (COMPASS + "zzz = 1\n", "unknown key 'parts.compass.zzz'"),
-        (COMPASS + "address = 3000\n", "key 'parts.compass.address' = 3000: input should be"),
         (COMPASS + 'address = "0x60"\n', "key 'parts.compass.address' = '0x60': input should be"),
         (MOTORS + "timeout_s = 13\n", "key 'parts.motors.timeout_s' = 13: input should be less than or equal to 12.7"),
-        (MOTORS + "left = 3\n", "key 'parts.motors.left' = 3: input should be 1 or 2"),
         ('[parts.motion]\ndriver = "pmw3901"\nforward = "+x"\nright = "-x"\n', "key 'parts.motion': forward '+x'"),
-        ('[parts.motion]\ndriver = "camera_motion"\n', "key 'parts.motion': method 'displacement' needs"),
-        ('[parts.lidar]\ndriver = "cmps14"\n', "key 'parts.lidar.driver': 'cmps14' is no lidar, but a compass"),
         ("[parts]\ncompass = 3\n", "key 'parts.compass' = 3: input should be a table"),
     ],
 )  # fmt: skip
@@ -106,48 +90,18 @@ def test_part_that_cannot_be_used_is_told_by_its_key(tmp_path: Path, tables: str
 # -- calibration -------------------------------------------------------------------------------------------------
 
 
-class Flow:
-    """A motion sensor that notes what is done to it."""
-
-    name = "bench flow"
-
-    def __init__(self, reading: MotionReading) -> None:
-        self.reading = reading
-        self.done: list[str] = []
-
-    async def open(self) -> None:
-        self.done.append("open")
-
-    async def close(self) -> None:
-        self.done.append("close")
-
-    async def read(self) -> MotionReading:
-        if self.reading.quality == 0.0:
-            raise NotResponding("bench flow: gone")
-        return self.reading
-
-
 async def test_calibrated_metres_are_scaled_and_nothing_else_is() -> None:
-    flow = Flow(MotionReading(3.0, 0.4, -0.2, 0.7, signed=False))
+    flow = AsyncMock()
+    flow.name, flow.troubles = "bench flow", {"garbage rejected": 2}
+    flow.read.return_value = MotionReading(3.0, 0.4, -0.2, 0.7, signed=False)
     scaled = ScaledMotionSensor(flow, 1.25)
     assert isinstance(scaled, MotionSensor)
     assert scaled.name == "bench flow", "the calibration is kept under this name"
     await scaled.open()
     assert await scaled.read() == MotionReading(3.0, 0.4 * 1.25, -0.2 * 1.25, 0.7, signed=False)
     await scaled.close()
-    assert flow.done == ["open", "close"]
-
-
-def test_troubles_that_a_scaled_sensor_counts_are_those_of_the_sensor() -> None:
-    flow = Flow(MotionReading(0.0, 0.0, 0.0, 1.0))
-    assert troubles_of(ScaledMotionSensor(flow, 2.0)) == {}
-    flow.troubles = {"garbage rejected": 2}  # type: ignore[attr-defined]
-    assert troubles_of(ScaledMotionSensor(flow, 2.0)) == {"garbage rejected": 2}
-
-
-async def test_error_of_a_scaled_sensor_is_its_own() -> None:
-    with pytest.raises(NotResponding, match="bench flow: gone"):
-        await ScaledMotionSensor(Flow(MotionReading(0.0, 0.0, 0.0, 0.0)), 2.0).read()
+    assert flow.mock_calls == [call.open(), call.read(), call.close()]
+    assert troubles_of(scaled) == {"garbage rejected": 2}
 
 
 def test_rover_turns_as_calibrated_both_ways_or_else_as_its_file_says() -> None:

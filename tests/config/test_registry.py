@@ -39,40 +39,26 @@ def test_built_in_algorithm(name: str) -> None:
     assert find_algorithm(name) is BUILT_IN[name]
 
 
-def test_names_begin_with_the_paper_s_ten_in_their_order() -> None:
-    assert algorithm_names()[:10] == list(CATALOGUE)
-
-
 @pytest.mark.usefixtures("installed")
-def test_installed_names_are_listed_once() -> None:
+def test_installed_names_come_once_and_after_the_built_in_ones_which_they_cannot_replace() -> None:
     assert algorithm_names() == [*BUILT_IN, "gone", "odd", "spiral"]
+    assert algorithm_names()[:10] == list(CATALOGUE)
     assert "reader" in driver_names()
-
-
-@pytest.mark.usefixtures("installed")
-def test_installed_algorithm_says_where_it_comes_from() -> None:
-    found = find_algorithm("spiral")
-    assert found.summary == fake_plugins.spiral.summary
-    assert found.origin == "tests.fake_plugins:spiral"
-
-
-@pytest.mark.usefixtures("installed")
-def test_installed_algorithm_cannot_replace_a_built_in_one() -> None:
     assert find_algorithm("pledge") is CATALOGUE["pledge"]
 
 
 @pytest.mark.usefixtures("installed")
-def test_installed_driver() -> None:
-    assert find_driver("reader") is json.JSONDecoder
-
-
-def test_algorithm_by_module_and_attribute() -> None:
-    found = find_algorithm("tests.fake_plugins:spiral")
+@pytest.mark.parametrize("name", ["spiral", "tests.fake_plugins:spiral"])
+def test_third_party_s_algorithm_says_where_it_comes_from(name: str) -> None:
+    found = find_algorithm(name)
     assert (found.name, found.origin) == ("spiral", "tests.fake_plugins:spiral")
+    assert found.summary == fake_plugins.spiral.summary
 
 
-def test_driver_by_module_and_attribute() -> None:
-    assert find_driver("json:JSONDecoder") is json.JSONDecoder
+@pytest.mark.usefixtures("installed")
+@pytest.mark.parametrize("name", ["reader", "json:JSONDecoder"])
+def test_third_party_s_driver(name: str) -> None:
+    assert find_driver(name) is json.JSONDecoder
 
 
 @pytest.mark.usefixtures("installed")

@@ -63,11 +63,6 @@ def text(*tables: str, buses: str = "") -> str:
     ("tables", "said"),
     [
         (
-            (COMPASS, SABERTOOTH.format("/dev/i2c-1")),
-            "key 'parts.motors.port' = '/dev/i2c-1': a serial port here and an I2C bus for 'parts.compass.bus'; "
-            "correct one of them (line 14)",
-        ),
-        (
             (COMPASS, SABERTOOTH.format("/dev/../dev//i2c-1")),
             "key 'parts.motors.port' = '/dev/../dev//i2c-1': a serial port here and an I2C bus for "
             "'parts.compass.bus'; correct one of them (line 14)",
@@ -77,13 +72,10 @@ def text(*tables: str, buses: str = "") -> str:
             "key 'parts.motion.bus' = '/dev/serial0': an SPI device here and a serial port for 'parts.motors.port'; "
             "correct one of them (line 13)",
         ),
-        *(
-            (
-                (COMPASS, BUMPER + more + 'port = "/dev/i2c-1"\n'),  # as any driver, also one that fails without a bus
-                "key 'parts.contact.port' = '/dev/i2c-1': a serial port here and an I2C bus for 'parts.compass.bus'; "
-                f"correct one of them (line {line})",
-            )
-            for more, line in (("", 14), ("raises = true\n", 15))
+        (
+            (COMPASS, BUMPER + 'raises = true\nport = "/dev/i2c-1"\n'),  # also a driver that fails without a bus
+            "key 'parts.contact.port' = '/dev/i2c-1': a serial port here and an I2C bus for 'parts.compass.bus'; "
+            "correct one of them (line 15)",
         ),
         (
             (SABERTOOTH.format(""),),
@@ -92,10 +84,6 @@ def text(*tables: str, buses: str = "") -> str:
         (
             (COMPASS, THUNDERBORG.format("0x60")),  # motor commands would go to the compass
             f"key 'parts.motors.address' = 0x60: parts.compass (CMPS14){HAS_IT} (line 15)",
-        ),
-        (
-            (THUNDERBORG.format("0x60"), COMPASS.replace("address = 0x60\n", "")),
-            f"key 'parts.compass.address' = 0x60: parts.motors (ThunderBorg){HAS_IT} (line 12)",
         ),
         (
             (COMPASS, THUNDERBORG.format("0x15"), LIGHT.format("0x60")),

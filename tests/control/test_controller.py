@@ -146,15 +146,6 @@ async def test_first_reason_to_end_stands() -> None:
     assert controller.end.reason == "escaped"
 
 
-async def test_rover_that_goes_to_and_fro_does_not_reach_its_radius() -> None:
-    bench = await Bench(mission_radius_m=1.0).armed()
-    for leg in range(20):
-        bench.handler.wheels = AHEAD if leg % 2 == 0 else WheelCommand(-0.5, -0.5)
-        await bench.tick(30)
-    assert bench.end is None
-    assert bench.handler.seen[-1].travelled_m > 10.0
-
-
 async def test_wheels_that_spin_take_the_rover_no_nearer_to_its_radius() -> None:
     """Commanded distance still counts for the limit on distance."""
     bench = await Bench(mission_radius_m=1.0, mission_distance_m=4.0).armed()
@@ -185,17 +176,6 @@ async def test_position_is_logged_and_no_decision_sees_it() -> None:
     ]  # fmt: skip
     moved = {key: getattr(before, key) for key in ("t_s", "travelled_m", "measured_m", "applied")}
     assert bench.handler.seen[-1]._replace(**moved) == before
-
-
-async def test_mission_begins_anew_at_each_arming() -> None:
-    """The start around which the radius lies is where the wheels were allowed to turn."""
-    bench = await Bench(mission_radius_m=2.0).armed()
-    for _ in range(3):
-        await bench.tick(60)
-        assert bench.end is None
-        bench.controller.disarm(bench.t_s, "asked")
-        await bench.tick()
-        bench.controller.arm(bench.t_s, 0.0)
 
 
 # -- the operator ------------------------------------------------------------------------------------------------
@@ -298,14 +278,6 @@ async def test_arming_is_refused_while_the_board_says_that_something_is_wrong(
     assert bench.controller.mode is Mode.DISARMED
     assert why in bench.log.named("disarmed")[0]["reason"]
     assert set(bench.motors.commands) == {STOP}
-
-
-async def test_battery_that_gets_low_on_the_way_is_told_and_stops_nothing() -> None:
-    bench = await Bench().armed()
-    await bench.board_says(10.9)
-    assert (bench.controller.mode, bench.wheels) == (Mode.ARMED, AHEAD)
-    assert bench.health == (Level.DEGRADE, Condition.BATTERY_LOW)
-    assert [details["cause"] for details in bench.log.named("health")][-1] == "battery_low"
 
 
 async def test_board_fault_latches_and_disarms() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from tests.control.bench import TICK_S, Bench
 from wayfarer.control.controller import Mode
-from wayfarer.hal import STOP, ContactReading, MotionReading, PositionFix, Side, WheelCommand
+from wayfarer.hal import STOP, ContactReading, MotionReading, Side, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 
 
@@ -71,13 +71,6 @@ async def test_contact_that_cannot_be_reaches_no_decision() -> None:
     bench.buffers.contact.write(ContactReading(bench.t_s + 60.0, (Side.RIGHT,), None))
     await bench.tick()
     assert bench.handler.seen[-1].contact == good
-
-
-async def test_fix_that_is_no_number_lifts_no_limit() -> None:
-    bench = await Bench(mission_radius_m=2.0).armed()
-    bench.controller.position(PositionFix(bench.t_s, nan, 13.0, 3.0))
-    await bench.tick(90)
-    assert bench.end == "mission_radius"
 
 
 @pytest.mark.parametrize("applied", [WheelCommand(nan, 0.5), WheelCommand(0.5, inf), WheelCommand(2.0, 0.0)])

@@ -49,18 +49,6 @@ def test_displacements_without_a_direction_stay_without_one() -> None:
     assert snapshot(buffers, 0.2).motion == MotionReading(0.2, 0.5, 0.0, 0.9, signed=False)
 
 
-@pytest.mark.parametrize("readings", [1, 2, 7])
-def test_no_ground_is_lost_at_any_rate(readings: int) -> None:
-    buffers = SensorBuffers()
-    taken_m = 0.0
-    for tick in range(10):
-        for _ in range(readings):
-            buffers.motion.write(MotionReading(float(tick), 0.125, 0.0, 1.0))
-        motion = snapshot(buffers, float(tick)).motion
-        taken_m += motion.forward_m if motion is not None else 0.0
-    assert taken_m == 10 * readings * 0.125
-
-
 @pytest.mark.parametrize("field", ["t_s", "forward_m", "right_m", "quality"])
 @pytest.mark.parametrize("value", [nan, inf])
 @pytest.mark.parametrize("first", [True, False])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from math import nan
 
 import pytest
@@ -78,16 +79,17 @@ def test_board_that_says_what_it_was_told_of_late_is_believed(
     assert said(duties, *ticks, times=1) == ()
 
 
-@pytest.mark.parametrize("applied", [STOP, AHEAD])
-@pytest.mark.parametrize("duties", [WheelCommand(0.3, 0.3), WheelCommand(-0.5, 0.5), WheelCommand(nan, nan)])
+@pytest.mark.parametrize(
+    ("applied", "duties"),
+    [
+        *product([STOP, AHEAD], [WheelCommand(0.3, 0.3), WheelCommand(-0.5, 0.5), WheelCommand(nan, nan)]),
+        (AHEAD, STOP),
+    ],
+)
 def test_board_that_says_something_else_twice_is_a_fault(applied: WheelCommand, duties: WheelCommand) -> None:
     commands = [applied] * 5
     assert said(duties, *commands, times=1) == ()
     assert said(duties, *commands, times=2) == DISAGREES
-
-
-def test_board_that_stands_still_while_it_is_told_to_turn_is_a_fault() -> None:
-    assert said(STOP, AHEAD, AHEAD, AHEAD, times=3) == DISAGREES
 
 
 @given(st.lists(COMMANDS, min_size=3, max_size=30), st.data())
@@ -101,15 +103,6 @@ def test_answers_that_interleave_with_commands_are_never_a_fault(
         left, right = (data.draw(st.sampled_from(recent)) for _ in range(2))
         power_reports.board_said(float(count), WELL, WheelCommand(left.left, right.right))
         assert not power_reports.hear(applied)
-
-
-@given(st.lists(COMMANDS, min_size=8, max_size=8), st.lists(st.floats(1.02, 2.0), min_size=2, max_size=2))
-def test_duty_that_was_never_commanded_is_found_whatever_is(commands: list[WheelCommand], beyond: list[float]) -> None:
-    power_reports = PowerReports(BoardSettings(), Log())
-    for applied in commands:
-        power_reports.board_said(0.0, WELL, WheelCommand(*beyond))
-        power_reports.hear(applied)
-    assert power_reports.conditions(0.0) == DISAGREES
 
 
 def test_power_is_told_when_it_changes_only() -> None:

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from tests.workshop import (
-    AHEAD,
     PARTS,
     Contact,
     Light,
@@ -30,7 +29,6 @@ from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import MissingPart, NotArmed, NotResponding, WayfarerError
 from wayfarer.hal import (
     STOP,
-    WheelCommand,
 )
 from wayfarer.safety.mission_limits import RunEnd
 
@@ -150,17 +148,6 @@ def test_sensor_that_does_not_open_again_is_tried_again(shop: Workshop) -> None:
     assert drive(shop, {0.5: unplug, 3.0: mending(shop)}, for_s=8.0).reason == "requested"
     assert "still gone" in [details["error"] for details in shop.named("sensor_failed")]
     assert shop.times("motion.read")[-1] > 7.9
-
-
-def test_wheels_are_held_while_the_compass_is_silent_and_go_on_afterwards(shop: Workshop) -> None:
-    wheels: dict[float, WheelCommand] = {}
-
-    def look(t_s: float) -> Callable[[Supervisor], object]:
-        return lambda _: wheels.update({t_s: shop.wheels})
-
-    script = {1.01: breaking(shop, "compass.read", NotResponding("gone")), 3.0: mending(shop)}
-    drive(shop, script | {t_s: look(t_s) for t_s in (0.99, 1.26, 1.42, 2.9, 5.5)}, for_s=6.0)
-    assert wheels == {0.99: AHEAD, 1.26: AHEAD, 1.42: STOP, 2.9: STOP, 5.5: AHEAD}
 
 
 def test_wheels_are_held_all_the_time_while_the_motion_sensor_is_gone(shop: Workshop) -> None:

@@ -23,7 +23,7 @@ from tests.workshop import (
     supervisor,
 )
 from wayfarer.control.controller import Mode
-from wayfarer.control.status_light import BLUE, GREEN, OFF, RED, YELLOW
+from wayfarer.control.status_light import GREEN, OFF, RED, YELLOW
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
 from wayfarer.escape.api import Decision, Observation
@@ -154,11 +154,6 @@ def test_light_shows_arming_driving_and_fault(shop: Workshop) -> None:
     assert shown(shop, 0.1, 1.9) == {YELLOW, OFF}
     assert shown(shop, 2.2, 4.0) == {GREEN}
     assert shown(shop, 4.3, 6.0) == {RED, OFF}
-
-
-def test_light_shows_a_rover_that_is_disarmed(shop: Workshop) -> None:
-    drive(shop, {0.5: lambda it: it.disarm("asked")}, for_s=2.0, light=Light(shop, "light"))
-    assert shown(shop, 0.8, 2.0) == {BLUE}
 
 
 def test_light_that_fails_stops_nothing_and_is_told_once(shop: Workshop) -> None:

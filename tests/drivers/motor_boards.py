@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Self
 
-from tests.drivers.benches import now_s, steady_world
+from tests.drivers.benches import now_s
+from tests.simhal.clearing import steady_world
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings

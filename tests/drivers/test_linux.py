@@ -16,17 +16,15 @@ import tty
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from unittest.mock import DEFAULT, MagicMock
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from tests.drivers.benches import steady_world
+from tests.simhal.clearing import steady_world
 from wayfarer.drivers.buses import CLOSE_WAIT_S, Frame
 from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
-from wayfarer.drivers.worker import TRANSFER_DEADLINE_S
 from wayfarer.errors import NotResponding
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
@@ -35,23 +33,9 @@ WIDTH, HEIGHT, STRIDE = 60, 40, 64
 LONG_S = 5.0  # a test that needs as long has failed
 
 
-class Calls:
-    """What was asked of a library."""
-
-    def __init__(self) -> None:
-        self.made: list[tuple[Any, ...]] = []
-
-    def note(self, *what: Any) -> None:
-        self.made.append(what)
-
-    @property
-    def names(self) -> list[str]:
-        return [what[0] for what in self.made]
-
-
-@pytest.fixture
-def calls() -> Calls:
-    return Calls()
+def asked(library: MagicMock) -> list[str]:
+    """What a library was asked to do, in its order; making an object of it has no name."""
+    return [name for name, _, _ in library.mock_calls]
 
 
 @pytest.fixture
@@ -66,28 +50,18 @@ async def buses() -> AsyncIterator[LinuxBuses]:
 
 
 @pytest.fixture
-def smbus(monkeypatch: pytest.MonkeyPatch, calls: Calls) -> Calls:
+def smbus(monkeypatch: pytest.MonkeyPatch) -> MagicMock:
     pytest.importorskip("smbus2")
-
-    class SMBus:
-        def __init__(self, path: str) -> None:
-            calls.note("open", path)
-
-        def i2c_rdwr(self, *messages: Any) -> None:
-            calls.note("write")
-
-        def close(self) -> None:
-            calls.note("close")
-
-    monkeypatch.setattr("smbus2.SMBus", SMBus)
-    return calls
+    library = MagicMock()
+    monkeypatch.setattr("smbus2.SMBus", library)
+    return library
 
 
-async def test_parts_on_one_bus_share_it(buses: LinuxBuses, smbus: Calls) -> None:
+async def test_parts_on_one_bus_share_it(buses: LinuxBuses, smbus: MagicMock) -> None:
     assert buses.i2c("/dev/i2c-1") is buses.i2c("/dev/i2c-1")
     assert buses.i2c("/dev/i2c-0") is not buses.i2c("/dev/i2c-1")
     await buses.close()
-    assert smbus.made == [], "nothing is touched before it is used"
+    assert asked(smbus) == [], "nothing is touched before it is used"
 
 
 # -- SPI through spidev ------------------------------------------------------------------------------------------------
@@ -158,85 +132,18 @@ async def test_real_serial_port_brings_packets_to_the_board_whole(buses: LinuxBu
     assert chip.settings == {14: 3}, "the deadman's packet came too"
 
 
-async def test_serial_port_that_was_pulled_out_is_opened_again(buses: LinuxBuses, tmp_path: Path) -> None:
-    pytest.importorskip("serial")
-    device = tmp_path / "serial0"
-    port = buses.serial(str(device), baud=9600)
-    first_far, first_near = pty.openpty()
-    device.symlink_to(os.ttyname(first_near))
-    await port.write(b"\1")
-    os.close(first_far)
-    os.close(first_near)
-    with pytest.raises(NotResponding):
-        await port.write(b"\2")
-    far, near = pty.openpty()
-    tty.setraw(near)
-    device.unlink()
-    device.symlink_to(os.ttyname(near))
-    await port.write(b"\3")
-    assert received(far) == b"\3"
-    await buses.close()
-    os.close(far)
-    os.close(near)
-
-
 # -- the camera through picamera2 ------------------------------------------------------------------------------------
 
 
-class FakeCamera:
-    """picamera2.Picamera2, as far as it is used."""
-
-    calls: Calls
-    luma: NDArray[np.uint8]
-    fails_with: Exception | None = None
-    start_fails_with: Exception | None = None
-    frame_fails_with: Exception | None = None
-
-    def __init__(self, number: int) -> None:
-        self.calls.note("open", number)
-        if self.fails_with is not None:
-            raise self.fails_with
-
-    def create_video_configuration(self, **configuration: Any) -> dict[str, Any]:
-        return configuration
-
-    def configure(self, configuration: dict[str, Any]) -> None:
-        self.calls.note("configure", configuration)
-
-    def start(self) -> None:
-        self.calls.note("start")
-        if self.start_fails_with is not None:
-            raise self.start_fails_with
-
-    def capture_request(self, wait: float) -> FakeCamera:
-        self.calls.note("capture")
-        return self
-
-    def make_array(self, name: str) -> NDArray[np.uint8]:
-        if self.frame_fails_with is not None:
-            raise self.frame_fails_with
-        assert name == "lores"
-        return self.luma
-
-    def release(self) -> None:
-        self.calls.note("release")
-
-    def close(self) -> None:
-        self.calls.note("close")
-
-
 @pytest.fixture
-def camera(monkeypatch: pytest.MonkeyPatch, calls: Calls) -> type[FakeCamera]:
-    """A camera whose lines are padded, above the chroma planes of YUV420."""
+def picamera(monkeypatch: pytest.MonkeyPatch) -> MagicMock:
+    """picamera2.Picamera2, of a camera whose lines are padded, above the chroma planes of YUV420."""
     padded = np.full((HEIGHT * 3 // 2, STRIDE), 255, np.uint8)
     padded[:HEIGHT, :WIDTH] = np.arange(WIDTH, dtype=np.uint8)
-
-    class Camera(FakeCamera):
-        luma = padded
-
-    Camera.calls = calls
-    monkeypatch.setitem(sys.modules, "picamera2", SimpleNamespace(Picamera2=Camera))
-    return Camera
+    library = MagicMock()
+    library.return_value.capture_request.return_value.make_array.return_value = padded
+    monkeypatch.setitem(sys.modules, "picamera2", SimpleNamespace(Picamera2=library))
+    return library
 
 
 async def picture(buses: LinuxBuses, number: str = "0", rate_hz: float = 10.0, exposure_us: int | None = None) -> Frame:
@@ -245,16 +152,23 @@ async def picture(buses: LinuxBuses, number: str = "0", rate_hz: float = 10.0, e
 
 
 async def test_frame_is_the_luma_without_padding_and_chroma_and_is_our_own(
-    buses: LinuxBuses, camera: type[FakeCamera]
+    buses: LinuxBuses, picamera: MagicMock
 ) -> None:
+    time = asyncio.get_running_loop().time
+    began_s = time()
     frame = await picture(buses, "1", exposure_us=8000)
     await buses.close()
+    assert began_s <= frame.t_s <= time()
     assert frame.luma.shape == (HEIGHT, WIDTH)
     assert frame.luma.max() == WIDTH - 1
-    assert not np.shares_memory(frame.luma, camera.luma), "the library uses its buffer again"
-    assert camera.calls.names == ["open", "configure", "start", "capture", "release", "close"]
-    (_, number), (_, configuration), *_ = camera.calls.made
-    assert number == 1
+    camera, request = picamera.return_value, picamera.return_value.capture_request.return_value
+    assert not np.shares_memory(frame.luma, request.make_array.return_value), "the library uses its buffer again"
+    picamera.assert_called_once_with(1)
+    request.make_array.assert_called_once_with("lores")
+    assert asked(camera)[-5:] == [
+        "start", "capture_request", "capture_request().make_array", "capture_request().release", "close",
+    ]  # fmt: skip
+    configuration = camera.create_video_configuration.call_args.kwargs
     assert configuration["lores"] == {"size": (WIDTH, HEIGHT), "format": "YUV420"}
     assert configuration["controls"] == {
         "FrameDurationLimits": (100_000, 100_000),
@@ -263,10 +177,11 @@ async def test_frame_is_the_luma_without_padding_and_chroma_and_is_our_own(
     }
 
 
-async def test_exposure_is_left_to_the_camera_where_none_is_given(buses: LinuxBuses, camera: type[FakeCamera]) -> None:
+async def test_exposure_is_left_to_the_camera_where_none_is_given(buses: LinuxBuses, picamera: MagicMock) -> None:
     await picture(buses, rate_hz=20.0)
     await buses.close()
-    assert camera.calls.made[1][1]["controls"] == {"FrameDurationLimits": (50_000, 50_000)}
+    configuration = picamera.return_value.create_video_configuration.call_args.kwargs
+    assert configuration["controls"] == {"FrameDurationLimits": (50_000, 50_000)}
 
 
 @pytest.mark.parametrize(
@@ -277,34 +192,35 @@ async def test_exposure_is_left_to_the_camera_where_none_is_given(buses: LinuxBu
     ],
 )
 async def test_camera_that_does_not_open_is_told_as_a_part_that_does_not_answer(
-    buses: LinuxBuses, camera: type[FakeCamera], error: Exception, text: str
+    buses: LinuxBuses, picamera: MagicMock, error: Exception, text: str
 ) -> None:
-    camera.fails_with = error
+    picamera.side_effect = error
     with pytest.raises(NotResponding, match=f"camera 0: .*({text})"):
         await picture(buses)
 
 
 async def test_camera_that_does_not_start_is_let_go_and_can_be_tried_again(
-    buses: LinuxBuses, camera: type[FakeCamera]
+    buses: LinuxBuses, picamera: MagicMock
 ) -> None:
-    camera.start_fails_with = RuntimeError("Camera did not start properly.")
+    picamera.return_value.start.side_effect = RuntimeError("Camera did not start properly.")
     device = buses.camera("0", width=WIDTH, height=HEIGHT, rate_hz=10.0, exposure_us=None)
     with pytest.raises(NotResponding, match="does not start: Camera did not"):
         await device.frame()
-    assert camera.calls.names[-1] == "close"
-    camera.start_fails_with = None
+    assert asked(picamera)[-1] == "().close"
+    picamera.return_value.start.side_effect = None
     assert (await device.frame()).luma.shape == (HEIGHT, WIDTH)
 
 
 @pytest.mark.parametrize("error", [TimeoutError(), OSError(errno.EIO, "")])
 async def test_frame_is_given_back_to_the_camera_whatever_happens(
-    buses: LinuxBuses, camera: type[FakeCamera], error: Exception
+    buses: LinuxBuses, picamera: MagicMock, error: Exception
 ) -> None:
-    camera.frame_fails_with = error
+    request = picamera.return_value.capture_request.return_value
+    request.make_array.side_effect = error
     with pytest.raises(NotResponding, match="camera 0"):
         await picture(buses)
     await buses.close()
-    assert camera.calls.names[-3:] == ["capture", "release", "close"]
+    request.release.assert_called_once()
 
 
 async def test_missing_camera_library_is_told_with_its_package(
@@ -335,31 +251,25 @@ async def test_missing_device_and_missing_library_say_what_to_do(
         await USES[library](buses)
 
 
-async def test_bus_that_does_not_close_keeps_no_other_open(
-    buses: LinuxBuses, smbus: Calls, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(_: object) -> None:
-        smbus.note("close")
-        raise OSError(errno.EIO, "")
-
-    monkeypatch.setattr("smbus2.SMBus.close", refuse)
+async def test_bus_that_does_not_close_keeps_no_other_open(buses: LinuxBuses, smbus: MagicMock) -> None:
+    smbus.return_value.close.side_effect = OSError(errno.EIO, "")
     await buses.i2c("/dev/i2c-0").write(0x15, b"\0")
     await buses.i2c("/dev/i2c-1").write(0x15, b"\0")
     await buses.close()
-    assert smbus.names[-2:] == ["close", "close"]
+    assert asked(smbus)[-2:] == ["().close", "().close"]
 
 
 async def test_buses_are_closed_at_once_and_none_is_waited_for_beyond_the_time_given(
-    buses: LinuxBuses, camera: type[FakeCamera]
+    buses: LinuxBuses, picamera: MagicMock
 ) -> None:
     all_hang, freed = threading.Barrier(9), threading.Event()
 
-    def hang(self: FakeCamera, wait: float) -> FakeCamera:
+    def hang(wait: float) -> object:
         all_hang.wait(LONG_S)
         assert freed.wait(LONG_S)
-        return self
+        return DEFAULT
 
-    camera.capture_request = hang  # type: ignore[method-assign]
+    picamera.return_value.capture_request.side_effect = hang
     pictures = [asyncio.create_task(picture(buses, number)) for number in "01234567"]
     await asyncio.to_thread(all_hang.wait, LONG_S)
     began_s = asyncio.get_running_loop().time()
@@ -369,43 +279,11 @@ async def test_buses_are_closed_at_once_and_none_is_waited_for_beyond_the_time_g
     await asyncio.gather(*pictures)
 
 
-async def test_posted_stop_has_as_long_as_close_is_given(
-    buses: LinuxBuses, smbus: Calls, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    freed = threading.Event()
-
-    def write_late(_: object, *messages: Any) -> None:
-        assert freed.wait(LONG_S)
-        smbus.note("write")
-
-    monkeypatch.setattr("smbus2.SMBus.i2c_rdwr", write_late)
-    buses.i2c("/dev/i2c-1").post(0x15, b"\x0e\0")
-    asyncio.get_running_loop().call_later(2 * CLOSE_WAIT_S, freed.set)
-    await buses.close(LONG_S)
-    assert smbus.names == ["open", "write", "close"]
-
-
-async def test_bus_may_take_longer_to_open_than_to_transfer(
-    buses: LinuxBuses, smbus: Calls, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def open_late(_: object, path: str) -> None:
-        threading.Event().wait(2 * TRANSFER_DEADLINE_S)
-        smbus.note("open", path)
-
-    monkeypatch.setattr("smbus2.SMBus.__init__", open_late)
-    await buses.i2c("/dev/i2c-1").write(0x15, b"\x0e\0")
-    await buses.close()
-    assert smbus.names == ["open", "write", "close"]
-
-
 async def test_camera_may_take_longer_to_start_than_for_a_frame(
-    buses: LinuxBuses, camera: type[FakeCamera], monkeypatch: pytest.MonkeyPatch
+    buses: LinuxBuses, picamera: MagicMock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def start_late(_: FakeCamera) -> None:
-        threading.Event().wait(0.2)
-
-    monkeypatch.setattr(camera, "start", start_late)
+    picamera.return_value.start.side_effect = lambda: threading.Event().wait(0.2)
     monkeypatch.setattr("wayfarer.drivers.linux.FRAME_DEADLINE_S", 0.1)
     await picture(buses)
     await buses.close()
-    assert camera.calls.names[-2:] == ["release", "close"]
+    assert asked(picamera)[-1] == "().close"

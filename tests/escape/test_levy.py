@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from tests.escape.walk import observation
 from wayfarer.escape.api import EscapeSettings
-from wayfarer.escape.levy import clipped_levy, levy
-from wayfarer.escape.policies import levy_stride, uniform_angle
+from wayfarer.escape.policies import levy, levy_stride, uniform_angle
 
 
 def quantile(share: float, scale: float) -> float:
@@ -31,16 +30,10 @@ class Drawing(Random):
         return self.drawn
 
 
-def test_median_is_the_closed_form() -> None:
-    assert levy(Drawing(0.5), 3.0) == pytest.approx(3.0 / NormalDist().inv_cdf(0.75) ** 2)
-
-
 @pytest.mark.parametrize("share", [0.05, 0.25, 0.5, 0.75, 0.95])
 @pytest.mark.parametrize("scale", [0.05, 1.0])
-def test_quantiles_of_many_draws(share: float, scale: float) -> None:
-    rng = Random(42)
-    below = sum(levy(rng, scale) <= quantile(share, scale) for _ in range(10_000))
-    assert below / 10_000 == pytest.approx(share, abs=0.02)
+def test_each_share_of_the_draws_is_below_its_quantile(share: float, scale: float) -> None:
+    assert levy(Drawing(1.0 - share), scale) == pytest.approx(quantile(share, scale))
 
 
 @pytest.mark.parametrize("drawn", [0.0, 2.0**-53, 2.0**-52, 0.5, 1.0 - 2.0**-53], ids=str)
@@ -48,22 +41,10 @@ def test_no_draw_of_the_generator_raises(drawn: float) -> None:
     assert levy(Drawing(drawn), 1.0) > 0.0
 
 
-@given(st.integers(0, 2**32), st.floats(0.01, 10.0))
-def test_draws_are_clipped(seed: int, scale: float) -> None:
-    assert 0.5 <= clipped_levy(Random(seed), scale, 0.5, 2.0) <= 2.0
-
-
 @given(st.integers(0, 2**32))
 def test_strides_stay_within_the_settings(seed: int) -> None:
     settings = EscapeSettings(levy_stride_min_m=0.3, levy_stride_max_m=4.0)
     assert 0.3 <= levy_stride(settings, Random(seed)) <= 4.0
-
-
-def test_most_strides_are_short_and_some_are_long() -> None:
-    rng, settings = Random(3), EscapeSettings()
-    strides_m = [levy_stride(settings, rng) for _ in range(2000)]
-    assert sorted(strides_m)[1000] < 1.0
-    assert max(strides_m) == settings.levy_stride_max_m
 
 
 def test_new_headings_of_the_stochastic_family_reach_all_around() -> None:

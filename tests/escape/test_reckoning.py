@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from tests.escape.walk import STUCK, observation
 from wayfarer.escape.api import Phase
-from wayfarer.escape.pitch_baseline import PitchBaseline
-from wayfarer.escape.reckoning import STALL_S, Reckoning
+from wayfarer.escape.reckoning import STALL_S, PitchBaseline, Reckoning
 
 BEGIN = observation(travelled_m=7.0, heading_deg=90.0, goal_heading_deg=90.0)
 

@@ -9,13 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.escape.guards import LOOP, STRICT, LoopGuard
 from wayfarer.escape.manoeuvres import EscapePlan
 from wayfarer.escape.tactics import (
+    BACK_OFF_SHARE,
+    LOOP,
+    STRICT,
     AnomalyContext,
+    LoopGuard,
     PlanScaling,
     RetryAhead,
-    ShortBackOff,
     Tactic,
     nose_level,
     on_the_way,
@@ -24,8 +26,7 @@ from wayfarer.escape.tactics import (
 MET = AnomalyContext(
     new_episode=True, nose_up_deg=0.0, bearing_deg=0.0, ahead_m=0.0, right_m=0.0, travelled_m=0.0, blocked_turns=0
 )
-SHORT = partial(ShortBackOff, first=0.4, again=0.8, free_run_m=0.9)
-RETRY = partial(RetryAhead, free_run_m=0.9, worth=on_the_way)
+RETRY = partial(RetryAhead, on_the_way)
 
 
 def plan(tactic: Tactic, **met: Any) -> EscapePlan:
@@ -36,21 +37,15 @@ def plan(tactic: Tactic, **met: Any) -> EscapePlan:
 
 
 def test_measures_are_multiples_of_the_rover_file_s() -> None:
-    escape_plan = plan(PlanScaling(turn=2.0, back_off=0.5, straight=0.5, radius=2.0))
-    assert (escape_plan.turn_deg, escape_plan.back_off_m, escape_plan.straight_m, escape_plan.radius_m) == (
-        60.0,
-        0.075,
-        0.3,
-        2.3,
-    )
-    assert plan(PlanScaling()) == plan(PlanScaling(turn=1.0))
+    escape_plan = plan(PlanScaling(turn=2.0, straight=0.5, radius=2.0))
+    assert (escape_plan.turn_deg, escape_plan.straight_m, escape_plan.radius_m) == (60.0, 0.3, 2.3)
 
 
 def test_back_off_is_short_after_a_free_run_and_longer_where_that_did_not_help() -> None:
-    short = SHORT()
+    short = RETRY()
     back_offs = [plan(short, travelled_m=at).back_off_m for at in (5.0, 5.6, 9.0)]
-    assert back_offs == pytest.approx([0.06, 0.12, 0.06])
-    assert plan(short, travelled_m=20.0, blocked_turns=1).back_off_m == pytest.approx(0.12)
+    assert back_offs == [0.15 * BACK_OFF_SHARE, 0.15, 0.15 * BACK_OFF_SHARE]
+    assert plan(short, travelled_m=20.0, blocked_turns=1).back_off_m == 0.15
 
 
 # --- the loop guard
@@ -111,14 +106,14 @@ def test_body_that_is_wedged_or_follows_a_wall_does_not_retry(met: dict[str, Any
 @pytest.mark.parametrize(("nose_up_deg", "turn_deg"), [(0.4, 0.0), (-5.0, 0.0), (8.0, 30.0)])
 @pytest.mark.parametrize("new_episode", [True, False])
 def test_raised_nose_is_an_obstacle_at_once(nose_up_deg: float, turn_deg: float, new_episode: bool) -> None:
-    retry = RetryAhead(free_run_m=0.9, worth=nose_level)
+    retry = RetryAhead(nose_level)
     assert plan(retry, new_episode=new_episode, nose_up_deg=nose_up_deg, travelled_m=5.0).turn_deg == turn_deg
 
 
 # --- all of them
 
 
-@pytest.mark.parametrize("make", [LoopGuard, RETRY, SHORT])
+@pytest.mark.parametrize("make", [LoopGuard, RETRY])
 @given(st.lists(st.tuples(st.booleans(), st.floats(-180.0, 179.0), st.floats(0.0, 5.0)), max_size=40))
 def test_reset_forgets_everything(make: Any, walk: list[tuple[bool, float, float]]) -> None:
     def play(tactic: Tactic) -> list[EscapePlan]:

@@ -40,12 +40,9 @@ def great_circle_m(a: PositionFix, b: PositionFix) -> float:
     return 2 * EARTH_M * asin(sqrt(sin(half_lat) ** 2 + cos(lat_a) * cos(lat_b) * sin(half_lon) ** 2))
 
 
-def test_mission_that_has_reached_no_limit_goes_on() -> None:
+def test_time_counts_from_the_start_of_the_mission() -> None:
     assert reason(mission(), STARTS_S) is None
     assert reason(mission(), STARTS_S + 599.99) is None
-
-
-def test_time_counts_from_the_start_of_the_mission() -> None:
     end = mission().end(STARTS_S + 600.0)
     assert end is not None
     assert (end.reason, end.text) == ("mission_time", "the mission limit of 600 s was reached")
@@ -75,17 +72,6 @@ def test_dead_reckoning_adds_up_covered_ground_along_the_compass(steps: list[tup
     off_m = hypot(north_m, east_m)
     assume(abs(off_m - 100.0) > 1e-6)
     assert (reason(under_test) == "mission_radius") is (off_m > 100.0)
-
-
-@given(st.floats(0, 360, exclude_max=True))
-def test_way_out_and_back_is_no_distance_from_the_start(heading_deg: float) -> None:
-    under_test = mission()
-    for _ in range(95):
-        under_test.advance(1.0, 1.0, heading_deg)
-    for _ in range(95):
-        under_test.advance(1.0, 1.0, (heading_deg + 180.0) % 360.0)
-    assert hypot(under_test.north_m, under_test.east_m) == pytest.approx(0.0, abs=1e-9)
-    assert reason(under_test) is None
 
 
 @given(
@@ -188,10 +174,3 @@ def test_fix_that_no_receiver_can_give_is_not_taken_for_the_start_and_lifts_no_l
         under_test.position(bad)
         under_test.position(fix(150.0))
     assert reason(under_test, STARTS_S) == "mission_radius"
-
-
-def test_fix_of_the_future_does_not_keep_dead_reckoning_out() -> None:
-    under_test = mission()
-    under_test.position(fix(0.0, t_s=STARTS_S + 1e6))
-    under_test.advance(150.0, 150.0, 0.0)
-    assert reason(under_test) == "mission_radius"

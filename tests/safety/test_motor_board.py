@@ -41,10 +41,6 @@ def test_sag_under_load_is_no_empty_battery() -> None:
     assert set(said(SETTINGS, *starts * 5)) == {()}
 
 
-def test_battery_that_recovers_is_well_again() -> None:
-    assert said(SETTINGS, *[MotorHealth(10.5, ())] * 50, FULL)[-1] == ()
-
-
 @pytest.mark.parametrize("battery_v", [None, 0.1])
 def test_battery_is_not_judged_without_limits_or_without_a_voltage(battery_v: float | None) -> None:
     assert set(said(BoardSettings(), *[MotorHealth(battery_v, ())] * 100)) == {()}

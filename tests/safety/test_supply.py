@@ -34,20 +34,6 @@ def test_low_supply_is_degraded_for_as_long_as_it_is_low() -> None:
     assert after(LOW, None).conditions(1.0) == (), "what cannot be read is not known to be low"
 
 
-def test_third_dip_in_a_minute_holds_until_the_minute_is_over() -> None:
-    watch = after(LOW, WELL, LOW, WELL, every_s=10.0)
-    assert watch.conditions(30.0) == ()
-    watch.update(40.0, LOW)
-    assert watch.conditions(40.0) == UNDERVOLTAGE + UNSTABLE
-    watch.update(41.0, WELL)
-    assert watch.conditions(59.9) == UNSTABLE
-    assert watch.conditions(60.0) == (), "no flag need change for that"
-
-
-def test_one_long_dip_is_one() -> None:
-    assert after(*[LOW] * 100).conditions(99.0) == UNDERVOLTAGE
-
-
 @given(st.lists(st.tuples(st.floats(0.5, 40.0), st.booleans()), max_size=40))
 def test_unstable_is_three_rises_in_a_minute_and_nothing_else(polls: list[tuple[float, bool]]) -> None:
     watch, t_s, was_low = SupplyMonitor(), 0.0, False

@@ -22,6 +22,7 @@ import orjson
 from annotated_types import Interval, MaxLen
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from wayfarer.config.messages import key_and_problem
 from wayfarer.errors import BadInput, WayfarerError
 
 FILE_NAME = "calibration.json"
@@ -180,9 +181,7 @@ def load(path: Path) -> Calibration:
     except FileNotFoundError:
         return Calibration()
     except ValidationError as error:
-        problem = error.errors()[0]
-        where = ".".join(str(part) for part in problem["loc"])
-        raise BadInput(f"{path}: not a calibration: {f'{where}: ' if where else ''}{problem['msg']}") from None
+        raise BadInput(f"{path}: not a calibration: {key_and_problem(error)}") from None
     except OSError as error:
         raise BadInput(f"{path}: the calibration cannot be read: {error.strerror}") from None
 

@@ -170,11 +170,16 @@ def load_rover(name_or_path: str) -> RoverConfig:
         UnknownName: no shipped rover of that name.
         BadConfig: the file cannot be read or is not right; the text names file, key and what is allowed.
     """
-    if "/" in name_or_path or name_or_path.endswith(".toml"):
-        return _parse(name_or_path, _read(Path(name_or_path)))
-    if name_or_path not in rover_names():
+    is_file = _is_file(name_or_path)
+    if not is_file and name_or_path not in rover_names():
         raise UnknownName("rover", name_or_path, rover_names())
-    return _parse(f"{name_or_path}.toml", _text_of(name_or_path))
+    try:
+        text = _text_of(name_or_path)
+    except FileNotFoundError:
+        raise BadConfig(f"{name_or_path}: no such file; shipped rovers are {', '.join(rover_names())}") from None
+    except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a name that no file can have
+        raise BadConfig(one_line(f"{name_or_path}: cannot be read: {error}")) from None
+    return _parse(name_or_path if is_file else f"{name_or_path}.toml", text)
 
 
 def line_in(name_or_path: str, key: str) -> int | None:
@@ -187,24 +192,18 @@ def with_place(name_or_path: str, said: str) -> str:
     return f"{name_or_path}: {with_short_keys(said)}{at_line(_text_of(name_or_path), said)}"
 
 
+def _is_file(name_or_path: str) -> bool:
+    return "/" in name_or_path or name_or_path.endswith(".toml")
+
+
 def _text_of(name_or_path: str) -> str:
-    is_file = "/" in name_or_path or name_or_path.endswith(".toml")
-    resource = Path(name_or_path) if is_file else _shipped() / f"{name_or_path}.toml"
+    resource = Path(name_or_path) if _is_file(name_or_path) else _shipped() / f"{name_or_path}.toml"
     text: str = resource.read_text(encoding=_TEXT)
     return text
 
 
 def _shipped() -> Any:
     return files("wayfarer") / "rovers"
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding=_TEXT)
-    except FileNotFoundError:
-        raise BadConfig(f"{path}: no such file; shipped rovers are {', '.join(rover_names())}") from None
-    except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a name that no file can have
-        raise BadConfig(one_line(f"{path}: cannot be read: {error}")) from None
 
 
 def _parse(where: str, text: str) -> RoverConfig:

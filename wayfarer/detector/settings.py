@@ -109,11 +109,6 @@ class DetectorSettings:
     cannot_turn_max: Count = 12
 
     def __post_init__(self) -> None:
-        """Refuse counts that can never be reached.
-
-        Raises:
-            ValueError: more readings must be rejected than are looked at.
-        """
         if self.implausible_rejected > self.implausible_of:
             raise ValueError(
                 f"implausible_rejected = {self.implausible_rejected} must not exceed"

@@ -31,11 +31,6 @@ class BumperSettings:
     pull_up: bool = True
 
     def __post_init__(self) -> None:
-        """Refuse a bumper without a switch.
-
-        Raises:
-            ValueError: no side has a pin.
-        """
         if not self.pins:
             raise ValueError("a bumper needs the pin of at least one side: front, left, right or rear")
 
@@ -58,22 +53,14 @@ class Bumper(GpioPart):
         self._pressed: dict[Side, bool] = {}  # since the last read; gpiozero's thread writes it, item by item
 
     async def open(self) -> None:
-        """Claim the pins, and forget earlier presses.
-
-        Raises:
-            NotResponding: gpiozero is missing, or it cannot have the pins.
-        """
+        """Claim the pins, and forget earlier presses; raises as ``GpioPart.open``."""
         await super().open()
         self._pressed.clear()
         for side, switch in self._devices.items():
             switch.when_activated = partial(self._remember, side)
 
     async def read(self) -> ContactReading:
-        """Return the sides that are pressed now, or were since the previous read.
-
-        Raises:
-            NotResponding: the pins are not open or failed.
-        """
+        """Return the sides that are pressed now, or were since the previous read."""
         with self._using() as switches:
             # Forget first, look second: a press in between is seen twice, and not never.
             sides = tuple(side for side, switch in switches.items() if self._forget(side) or switch.is_active)

@@ -18,30 +18,21 @@ CLOSE_WAIT_S = 0.2  # as for each part: a run must have ended 2 s after SIGTERM
 
 
 class I2CBus(Protocol):
-    """An I2C bus; addresses are 7-bit."""
+    """An I2C bus; addresses are 7-bit.
+
+    Each transfer that is awaited raises ``NotResponding`` where there is no acknowledgement, or the deadline passed.
+    """
 
     name: str
 
     async def write(self, address: int, data: bytes) -> None:
-        """Write bytes.
-
-        Raises:
-            NotResponding: no acknowledgement, or the deadline passed.
-        """
+        """Write bytes."""
 
     async def write_read(self, address: int, data: bytes, count: int) -> bytes:
-        """Write, then read ``count`` bytes after a repeated start, as EEPROM-like chips want it.
-
-        Raises:
-            NotResponding: no acknowledgement, or the deadline passed.
-        """
+        """Write, then read ``count`` bytes after a repeated start, as EEPROM-like chips want it."""
 
     async def write_then_read(self, address: int, data: bytes, count: int) -> bytes:
-        """Write, stop, read ``count`` bytes; no other transfer on this bus comes in between.
-
-        Raises:
-            NotResponding: no acknowledgement, or the deadline passed.
-        """
+        """Write, stop, read ``count`` bytes; no other transfer on this bus comes in between."""
 
     def post(self, address: int, data: bytes) -> None:
         """Write without waiting and whatever becomes of it, from any thread; it never raises."""

@@ -69,11 +69,6 @@ class CameraMotionSettings:
     difference_speed_m_s: MetresPerSecond = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse a method without its numbers; there are none that suit every rover.
-
-        Raises:
-            ValueError: a number of the method is missing, or the noise is above the signal.
-        """
         if self.method == "displacement":
             if self.m_per_pixel is None:
                 raise ValueError("method 'displacement' needs m_per_pixel")
@@ -143,11 +138,9 @@ class CameraMotion:
         return self._displacement(last, now) if displaces else self._difference(last, now)
 
     async def change(self) -> float:
-        """Return by how many grey levels a pixel differs, on average, from the picture before: for calibration.
+        """Return by how many grey levels a pixel differs, on average, from the picture before; raises as ``read``.
 
-        Raises:
-            NotResponding: as ``read``.
-            BadReading: as ``read``.
+        For calibration.
         """
         return _change(*await self._next())
 

@@ -156,19 +156,11 @@ class CMPS14:
         self._argument_awaited = False
 
     async def store_profile(self) -> None:
-        """Have the part keep its present calibration without power.
-
-        Raises:
-            NotResponding: a byte was not acknowledged; give the whole command again.
-        """
+        """Have the part keep its present calibration without power; raises ``NotResponding`` as ``configure``."""
         await self._command(_STORE)
 
     async def erase_profile(self) -> None:
-        """Go back to the calibration of the factory, and wait until the part has settled.
-
-        Raises:
-            NotResponding: a byte was not acknowledged; give the whole command again.
-        """
+        """Go back to the calibration of the factory, and wait until the part has settled; raises as ``configure``."""
         await self._command(_ERASE)
         await asyncio.sleep(_ERASE_SETTLE_S)
 

@@ -20,7 +20,10 @@ Pin = Annotated[int, Interval(ge=0, le=27)]  # GPIO numbers of the 40-pin header
 
 
 class GpioPart(ABC):
-    """A part at GPIO pins: ``open`` claims them, ``close`` lets go of them. Each driver says in ``_make`` what for."""
+    """A part at GPIO pins: ``open`` claims them, ``close`` lets go of them. Each driver says in ``_make`` what for.
+
+    What else a driver does with its pins raises ``NotResponding`` where they are not open or failed.
+    """
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -69,11 +72,7 @@ class GpioPart(ABC):
 
     @contextmanager
     def _using(self) -> Iterator[Mapping[Any, Any]]:
-        """Give the devices; turn whatever pins raise while they are used into ``NotResponding``.
-
-        Raises:
-            NotResponding: the pins are not open or failed.
-        """
+        """Give the devices; turn whatever pins raise while they are used into ``NotResponding``."""
         if not self._devices:
             raise NotResponding(f"{self.name}: not open")
         try:

@@ -26,11 +26,6 @@ class GpioLightSettings:
     active_high: bool = True
 
     def __post_init__(self) -> None:
-        """Refuse a light without a pin.
-
-        Raises:
-            ValueError: no colour has a pin.
-        """
         if not self.pins:
             raise ValueError("a light needs the pin of at least one colour: red, green or blue")
 
@@ -52,11 +47,7 @@ class GpioLight(GpioPart):
         self._settings = settings
 
     async def show(self, colour: Colour) -> None:
-        """Show a colour until told otherwise. One that this light does not have is shown by all it has: never dark.
-
-        Raises:
-            NotResponding: the pins are not open or failed.
-        """
+        """Show a colour until told otherwise. One that this light does not have is shown by all it has: never dark."""
         with self._using() as lamps:
             lit = {part for part in lamps if getattr(colour, part) > 0.0}
             if not lit and any(colour):

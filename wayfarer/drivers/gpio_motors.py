@@ -60,10 +60,9 @@ class GpioMotors(GpioPart):
         self._settings = settings
 
     async def open(self) -> None:
-        """Claim the pins, all at zero. Pins that are held and obey are stopped and kept: let go, they would float.
+        """Claim the pins, all at zero; raises as ``GpioPart.open``.
 
-        Raises:
-            NotResponding: gpiozero is missing, or it cannot have the pins.
+        Pins that are held and obey are stopped and kept: let go, they would float.
         """
         if not self._stopped():
             await super().close()
@@ -102,11 +101,7 @@ class GpioMotors(GpioPart):
         self._stopped()
 
     async def read_back(self) -> WheelCommand:
-        """Return the duty that the pins are set to; what the H-bridge makes of it cannot be asked.
-
-        Raises:
-            NotResponding: the pins are not open or failed.
-        """
+        """Return the duty that the pins are set to; what the H-bridge makes of it cannot be asked."""
         with self._using() as sides:
             return WheelCommand(sides["left"].value, sides["right"].value)
 

@@ -13,8 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from wayfarer.drivers.buses import CLOSE_WAIT_S
-from wayfarer.drivers.threaded import Threaded, ThreadedCamera, ThreadedI2C, ThreadedSerial, ThreadedSPI
+from wayfarer.drivers.buses import CLOSE_WAIT_S, Frame
+from wayfarer.drivers.threaded import Threaded, ThreadedI2C, ThreadedSerial, ThreadedSPI
 
 if TYPE_CHECKING:
     import numpy
@@ -45,7 +45,7 @@ class LinuxBuses:
 
     def serial(self, name: str, *, baud: int) -> ThreadedSerial:
         """Return a serial port, such as ``/dev/serial0``."""
-        return self._once(name, lambda: ThreadedSerial(name, partial(SerialDevice, name, baud)))
+        return self._once(name, lambda: ThreadedSerial(name, partial(open_serial, name, baud)))
 
     def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> ThreadedCamera:
         """Return a camera of libcamera, by number."""
@@ -130,25 +130,15 @@ def _spi_numbers(path: str) -> tuple[int, int]:
     return int(numbers[1]), int(numbers[2])
 
 
-class SerialDevice:
-    """A serial port through pyserial; implements ``threaded.BlockingSerial``."""
+def open_serial(path: str, baud: int) -> Any:
+    """Return an open port of pyserial, which is a ``threaded.BlockingSerial``."""
+    from serial import Serial
 
-    def __init__(self, path: str, baud: int) -> None:
-        from serial import Serial
-
-        self._port = Serial(path, baud, timeout=0, write_timeout=1.0)
-
-    def write(self, data: bytes) -> None:
-        """Write bytes."""
-        self._port.write(data)
-
-    def close(self) -> None:
-        """Close the port."""
-        self._port.close()
+    return Serial(path, baud, timeout=0, write_timeout=1.0)
 
 
 class LibCamera:
-    """A camera through picamera2, running; implements ``threaded.BlockingCamera``.
+    """A camera through picamera2, running.
 
     The small second ("lores") stream is YUV420, whose first rows are the luma; lines are padded to a stride.
     """
@@ -183,7 +173,7 @@ class LibCamera:
             raise OSError(f"the camera does not start: {error}") from None
 
     def luma(self) -> NDArray[numpy.uint8]:
-        """Wait for the next frame and return its luma."""
+        """Wait for the next frame and return its luma, shape (height, width)."""
         request = self._camera.capture_request(wait=FRAME_DEADLINE_S)
         try:
             luma: NDArray[numpy.uint8] = request.make_array("lores")[: self._height, : self._width].copy()
@@ -194,3 +184,12 @@ class LibCamera:
     def close(self) -> None:
         """Stop the camera."""
         self._camera.close()
+
+
+class ThreadedCamera(Threaded[LibCamera]):
+    """Implements ``buses.Camera``."""
+
+    async def frame(self) -> Frame:
+        """Return the next frame; its time is when it was handed over, at most a frame after it was taken."""
+        luma = await self.call(LibCamera.luma)
+        return Frame(asyncio.get_running_loop().time(), luma)

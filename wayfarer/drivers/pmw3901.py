@@ -65,11 +65,6 @@ class PMW3901Settings:
     led: bool = True
 
     def __post_init__(self) -> None:
-        """Refuse a mounting that cannot be.
-
-        Raises:
-            ValueError: forward and right are the same axis.
-        """
         if self.forward[1] == self.right[1]:
             raise ValueError(f"forward '{self.forward}' and right '{self.right}' lie on one axis; they cross")
 

@@ -7,18 +7,13 @@ opening, when no wheel turns yet, has a longer deadline: it loads the bus's libr
 
 from __future__ import annotations
 
-import asyncio
 import errno
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
-from wayfarer.drivers.buses import CLOSE_WAIT_S, Frame
+from wayfarer.drivers.buses import CLOSE_WAIT_S
 from wayfarer.drivers.worker import TRANSFER_DEADLINE_S, Worker
 from wayfarer.errors import NotResponding
-
-if TYPE_CHECKING:
-    import numpy
-    from numpy.typing import NDArray
 
 
 class BlockingDevice(Protocol):
@@ -53,13 +48,6 @@ class BlockingSerial(BlockingDevice, Protocol):
 
     def write(self, data: bytes) -> None:
         """Write bytes and wait until they are in the port's own buffer."""
-
-
-class BlockingCamera(BlockingDevice, Protocol):
-    """A running camera."""
-
-    def luma(self) -> NDArray[numpy.uint8]:
-        """Wait for the next frame and return its luma, shape (height, width)."""
 
 
 OPEN_DEADLINE_S = 5.0  # a Raspberry Pi that has just booted may need a second to load a library from its card
@@ -188,12 +176,3 @@ class ThreadedSerial(Threaded[BlockingSerial]):
     def post(self, data: bytes) -> None:
         """Write without waiting."""
         self.send(lambda port: port.write(data))
-
-
-class ThreadedCamera(Threaded[BlockingCamera]):
-    """Implements ``buses.Camera``."""
-
-    async def frame(self) -> Frame:
-        """Return the next frame; its time is when it was handed over, at most a frame after it was taken."""
-        luma = await self.call(lambda camera: camera.luma())
-        return Frame(asyncio.get_running_loop().time(), luma)

@@ -145,10 +145,5 @@ class EscapeSettings:
     pivot_beyond_deg: Degrees = 60.0
 
     def __post_init__(self) -> None:
-        """Refuse ranges that are upside down.
-
-        Raises:
-            ValueError: a smallest value is larger than its largest one.
-        """
         if self.levy_stride_min_m > self.levy_stride_max_m or self.levy_turn_min_deg > self.levy_turn_max_deg:
             raise ValueError("levy_stride_min_m and levy_turn_min_deg must not exceed their _max_")

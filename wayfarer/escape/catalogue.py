@@ -14,10 +14,9 @@ from random import Random
 
 from wayfarer.escape import policies
 from wayfarer.escape.api import EscapeHandler, EscapeSettings, Vehicle
-from wayfarer.escape.guards import LoopGuard
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
 from wayfarer.escape.phases import PLEDGE, STRIDES
-from wayfarer.escape.tactics import PlanScaling, RetryAhead, ShortBackOff, Tactic, nose_level, on_the_way
+from wayfarer.escape.tactics import LoopGuard, PlanScaling, RetryAhead, Tactic, nose_level, on_the_way
 
 NOTHING: frozenset[str] = frozenset()
 CONTACT = frozenset({"contact"})
@@ -42,10 +41,7 @@ class Algorithm:
 
 
 def _row(name: str, family: str, summary: str, spec: AlgorithmSpec, requires: frozenset[str] = NOTHING) -> Algorithm:
-    def make(settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> EscapeHandler:
-        return PhasedHandler(spec, settings, vehicle, rng)
-
-    return Algorithm(name, family, summary, make, requires)
+    return Algorithm(name, family, summary, partial(PhasedHandler, spec), requires)
 
 
 def _pledge(
@@ -115,32 +111,28 @@ _ROWS = (
 )
 
 # Shares of the rover file's measures. With those of the paper's simulator: 0.3 m straight and an arc of 0.7 m; or turns
-# of 40 degrees, 0.3 m straight, an arc of 1.35 m, and a back-off of 0.1 m.
+# of 40 degrees, 0.3 m straight, and an arc of 1.35 m.
 _TIGHT = partial(PlanScaling, straight=0.5, radius=0.61)
 _BRISK = partial(PlanScaling, turn=1.33, straight=0.5, radius=1.17)
-_SHORT = partial(ShortBackOff, first=0.67, again=1.0, free_run_m=0.9)
 
 _ROWS_BEYOND = (
     _forest_pledge_with(
         "retrying-pledge",
         "Forest-Pledge, wide and brisk, that first tries straight ahead once more",
         _BRISK,
-        _SHORT,
-        partial(RetryAhead, free_run_m=0.9, worth=on_the_way),
+        partial(RetryAhead, on_the_way),
     ),
     _forest_pledge_with(
         "tight-pledge",
         "Retrying Pledge in tight arcs: for ground that slips often",
         _TIGHT,
-        _SHORT,
-        partial(RetryAhead, free_run_m=0.9, worth=on_the_way),
+        partial(RetryAhead, on_the_way),
     ),
     _forest_pledge_with(
         "nose-pledge",
         "Retrying Pledge that tries only where the nose did not rise, but there always",
         _BRISK,
-        _SHORT,
-        partial(RetryAhead, free_run_m=0.9, worth=nose_level),
+        partial(RetryAhead, nose_level),
     ),
 )
 

@@ -13,8 +13,7 @@ from wayfarer.escape import policies
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.manoeuvres import MANOEUVRES, EscapePlan
 from wayfarer.escape.phases import WHY, PhaseEvent, Transitions
-from wayfarer.escape.pitch_baseline import PitchBaseline
-from wayfarer.escape.reckoning import Reckoning
+from wayfarer.escape.reckoning import PitchBaseline, Reckoning
 from wayfarer.escape.tactics import AnomalyContext, Tactic
 from wayfarer.escape.turn_control import TurnController
 
@@ -87,6 +86,7 @@ class PhasedHandler:
         if not self._begun:
             self._begun = True
             self._followed_from_m = observation.travelled_m
+            self._turns.rest()
             self._manoeuvre.begin(observation)
         manoeuvre = self._manoeuvre
         if self._tactics:
@@ -130,6 +130,7 @@ class PhasedHandler:
             self._plan(observation, new_episode=left is Phase.FOLLOW)
         self._manoeuvre = self._manoeuvres[phase]
         self._phase_name = phase.value
+        self._turns.rest()
         self._manoeuvre.begin(observation)
 
     def _plan(self, observation: Observation, *, new_episode: bool) -> None:

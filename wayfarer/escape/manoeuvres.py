@@ -111,7 +111,6 @@ class Follow(Manoeuvre):
         self._pivot_s = 180.0 / settings.turn_deg_s
 
     def begin(self, observation: Observation) -> None:
-        self._turns.rest()
         self._hold.reset()
         self._bound(observation, self._pivot_s)
 
@@ -143,7 +142,6 @@ class BackOff(Manoeuvre):
 
     def begin(self, observation: Observation) -> None:
         distance_m = self._escape_plan.back_off_m
-        self._turns.rest()
         self._known = frozenset(observation.anomalies)
         self._until_m = observation.covered_m + distance_m
         self._bound(observation, distance_m / self._settings.reverse_m_s, distance_m)
@@ -179,7 +177,6 @@ class TurnAway(Manoeuvre):
         self._known = frozenset(observation.anomalies)
         self._until_deg = escape_plan.counter_deg + escape_plan.side * escape_plan.turn_deg
         escape_plan.unturned_deg = 0.0
-        self._turns.rest()
         self._bound(observation, escape_plan.turn_deg / self._settings.turn_deg_s)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
@@ -212,7 +209,6 @@ class Probe(Manoeuvre):
 
     def begin(self, observation: Observation) -> None:
         escape_plan = self._escape_plan
-        self._turns.rest()
         self._heading_deg = observation.heading_deg + escape_plan.unturned_deg
         self._curve_from_m = observation.covered_m + escape_plan.straight_m
         distance_m = escape_plan.straight_m + radians(abs(escape_plan.counter_deg)) * escape_plan.radius_m
@@ -264,7 +260,6 @@ class Stride(Manoeuvre):
         stride_m = self._escape_plan.stride_m
         self._hold.reset()
         self._heading_deg = observation.heading_deg
-        self._turns.rest()
         self._until_m = observation.covered_m + stride_m
         self._bound(observation, stride_m / self._settings.cruise_m_s, stride_m)
 

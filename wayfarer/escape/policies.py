@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from random import Random
+from statistics import NormalDist
 
 from wayfarer.angles import axis_offset_deg, wrap180
 from wayfarer.escape.api import EscapeSettings, Observation
-from wayfarer.escape.levy import clipped_levy
 from wayfarer.hal import Side
 
 CLOCKWISE = 1
@@ -25,6 +25,7 @@ StrideLength = Callable[[EscapeSettings, Random], float]
 LEVY_STRIDE_SCALE_M = 0.05
 # Lévy-Pledge draws its angle from Lévy(0, 1) in degrees (paper, table I).
 LEVY_TURN_SCALE_DEG = 1.0
+_NORMAL = NormalDist()
 
 
 def clockwise(_observation: Observation, _settings: EscapeSettings, _rng: Random) -> int:
@@ -107,6 +108,20 @@ def short_stride(settings: EscapeSettings, _rng: Random) -> float:
 def levy_stride(settings: EscapeSettings, rng: Random) -> float:
     """Return a Lévy-distributed stride, in metres."""
     return clipped_levy(rng, LEVY_STRIDE_SCALE_M, settings.levy_stride_min_m, settings.levy_stride_max_m)
+
+
+def levy(rng: Random, scale: float) -> float:
+    """Draw from Lévy(0, scale): positive, no mean, half of the draws above 2.2 times the scale.
+
+    A Lévy variable is ``scale / z**2`` for a standard normal z; the quantile form needs one uniform draw.
+    """
+    z = _NORMAL.inv_cdf((1.0 - rng.random()) / 2.0)  # never 0, which has no quantile
+    return scale / (z * z) if z else float("inf")
+
+
+def clipped_levy(rng: Random, scale: float, low: float, high: float) -> float:
+    """Draw from Lévy(0, scale), clipped to [low, high]."""
+    return min(max(levy(rng, scale), low), high)
 
 
 def _turn_onto_axis_deg(observation: Observation, settings: EscapeSettings) -> float | None:

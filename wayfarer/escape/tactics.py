@@ -11,6 +11,7 @@ Numbers without another source are from ``docs/better-escape.md``, found on the 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from math import inf
 from typing import NamedTuple, Protocol
@@ -46,43 +47,23 @@ class Tactic(Protocol):
         """Change the plan for this anomaly."""
 
 
+FREE_RUN_M = 0.9  # commanded since the last anomaly
+BACK_OFF_SHARE = 0.67  # 0.1 m with the measures of the paper's simulator
+
+
 class PlanScaling:
     """Plan in other measures: each a multiple of what the rover file says, so that it still fits the rover."""
 
-    def __init__(self, *, turn: float = 1.0, back_off: float = 1.0, straight: float = 1.0, radius: float = 1.0) -> None:
-        self._turn, self._back_off, self._straight, self._radius = turn, back_off, straight, radius
+    def __init__(self, *, turn: float = 1.0, straight: float = 1.0, radius: float = 1.0) -> None:
+        self._turn, self._straight, self._radius = turn, straight, radius
 
     def reset(self) -> None:
-        """See ``Tactic``; there is nothing to forget."""
+        pass  # there is nothing to forget
 
     def plan(self, _context: AnomalyContext, escape_plan: EscapePlan) -> None:
-        """See ``Tactic``."""
         escape_plan.turn_deg *= self._turn
-        escape_plan.back_off_m *= self._back_off
         escape_plan.straight_m *= self._straight
         escape_plan.radius_m *= self._radius
-
-
-class ShortBackOff:
-    """Back off by a share of the usual distance after a free run, and by another one where something is met again.
-
-    Every metre backwards is driven twice. A slip is over as soon as the wheels pull back, and a body needs less room
-    than the usual distance to turn on the spot; where it was too little, the next one is longer.
-    """
-
-    def __init__(self, *, first: float, again: float, free_run_m: float) -> None:
-        self._first, self._again, self._free_run_m = first, again, free_run_m
-        self.reset()
-
-    def reset(self) -> None:
-        """See ``Tactic``."""
-        self._last_m = -inf
-
-    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
-        """See ``Tactic``."""
-        free = context.travelled_m - self._last_m > self._free_run_m
-        self._last_m = context.travelled_m
-        escape_plan.back_off_m *= self._first if free and not context.blocked_turns else self._again
 
 
 # A rover that pushes onto a trunk for the 0.3 s of a stall raises its nose by some 8 degrees; a compass's own noise is
@@ -101,23 +82,64 @@ def nose_level(context: AnomalyContext) -> bool:
 
 
 class RetryAhead:
-    """Back off and go straight on, once after each free run, where it is worth a try: a slip is over then.
+    """Back off a little after each free run, and go straight on where it is worth a try: a slip is over then.
 
-    Where something is there after all, it is met again at once, within ``free_run_m`` of commanded distance, and
-    answered. A wall costs a stall and a back-off more; a slip costs neither arc nor drift to one side.
+    Where something is there after all, it is met again at once, within ``FREE_RUN_M``, and answered. A wall costs a
+    stall and a back-off more; a slip costs neither arc nor drift to one side. Every metre backwards is driven twice,
+    and a body needs less room than the usual distance to turn on the spot; where it was too little, the next back-off
+    is the usual one.
     """
 
-    def __init__(self, free_run_m: float, worth: Callable[[AnomalyContext], bool]) -> None:
-        self._free_run_m, self._worth = free_run_m, worth
+    def __init__(self, worth: Callable[[AnomalyContext], bool]) -> None:
+        self._worth = worth
         self.reset()
 
     def reset(self) -> None:
-        """See ``Tactic``."""
         self._last_m = -inf
 
     def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
-        """See ``Tactic``."""
-        free = context.travelled_m - self._last_m > self._free_run_m
+        free = context.travelled_m - self._last_m > FREE_RUN_M
         self._last_m = context.travelled_m
-        if free and not context.blocked_turns and self._worth(context):
-            escape_plan.turn_deg = 0.0
+        if free and not context.blocked_turns:
+            escape_plan.back_off_m *= BACK_OFF_SHARE
+            if self._worth(context):
+                escape_plan.turn_deg = 0.0
+
+
+# An anomaly is the same as another one in a cell of 1 m and an octant of heading; three of a kind among the last 80 are
+# a loop, and strict Pledge is to lead out of it for 30 (the field survey's design).
+CELL_M = 1.0
+OCTANT_DEG = 45.0
+REMEMBERED = 80
+LOOP = 3
+STRICT = 30
+
+
+class LoopGuard:
+    """Unwind every turn, as strict Pledge does, for some anomalies after the same one was met again and again.
+
+    A heading back at the goal ends Forest-Pledge's episodes early, which is short on average and circles in a trap
+    shaped like a G. Dead reckoning that drifts by more than a cell a lap can hide a circle.
+    """
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[int, int, int]] = deque(maxlen=REMEMBERED)
+        self._strict = 0
+
+    def reset(self) -> None:
+        self._seen.clear()
+        self._strict = 0
+
+    def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
+        here = (
+            round(context.ahead_m / CELL_M),
+            round(context.right_m / CELL_M),
+            round(context.bearing_deg / OCTANT_DEG) % 8,
+        )
+        self._seen.append(here)
+        if self._seen.count(here) >= LOOP:
+            self._strict = STRICT
+            self._seen.clear()
+        if self._strict:
+            self._strict -= 1
+            escape_plan.resets = False

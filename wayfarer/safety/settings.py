@@ -60,11 +60,6 @@ class BoardSettings:
     health_hz: Hertz = 4.0
 
     def __post_init__(self) -> None:
-        """Refuse limits that are upside down.
-
-        Raises:
-            ValueError: the critical voltage is not below the low one.
-        """
         low_v, critical_v = self.battery_low_v, self.battery_critical_v
         if low_v is not None and critical_v is not None and critical_v >= low_v:
             raise ValueError(f"battery_critical_v = {critical_v:g} must be below battery_low_v = {low_v:g}")

@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from tests.drivers.benches import CLEARING, STEADY, VEHICLE, now_s
+from tests.drivers.benches import now_s
+from tests.simhal.clearing import CLEARING, STEADY, VEHICLE
 from tests.virtual import run_virtually
 from wayfarer.commissioning.calibrate import Person, Step, calibrate
 from wayfarer.commissioning.checks import Check, Finding, HostEnvironment, Inspection
