@@ -20,7 +20,7 @@ from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.statistics import wilson_interval
 from wayfarer.fault_scenarios.batch import run_batch
 from wayfarer.fault_scenarios.detector_score import NOTHING, Score
-from wayfarer.fault_scenarios.detector_trials import CELLS, DetectorCase, DetectorTask, Scores, measure
+from wayfarer.fault_scenarios.detector_trials import CELLS, DetectorCase, Scores, measure
 from wayfarer.fieldlog.atomic_file import write_whole
 from wayfarer.views.text.scripting import print_json
 from wayfarer.views.text.terminal_table import Column
@@ -36,6 +36,7 @@ LEGEND = (
 )
 
 Measured = Mapping[DetectorCase, Scores]
+DetectorTask = tuple[DetectorCase, int]  # a case, and the number of the trial
 
 
 class DetectorRow(NamedTuple):
@@ -81,18 +82,16 @@ def run_detector(
 def _measured(
     config: RoverConfig, cells: Sequence[DetectorCase], trials: int, jobs: int | None, aside: Console
 ) -> Measured:
-    tasks = [DetectorTask(cell, trial) for trial in range(trials) for cell in cells]
-    done = list(run_batch(partial(_scores_of, config), tasks, jobs, "trials", aside))
-    return {cell: together([scores for of, scores in done if of == cell]) for cell in cells}
+    tasks = [(cell, trial) for trial in range(trials) for cell in cells]
+    measured = {cell: dict.fromkeys(Anomaly, NOTHING) for cell in cells}
+    done = run_batch(partial(_scores_of, config), tasks, jobs, "trials", aside)
+    for (cell, _), scores in sorted(done, key=lambda each: each[0][1]):  # the same on any number of workers
+        measured[cell] = {anomaly: measured[cell][anomaly] + scores[anomaly] for anomaly in Anomaly}
+    return measured
 
 
-def _scores_of(config: RoverConfig, task: DetectorTask) -> tuple[DetectorCase, Scores]:
-    return task.cell, measure(config, *task)
-
-
-def together(scores: Sequence[Scores]) -> Scores:
-    """Return the scores of several trials as one."""
-    return {anomaly: sum((each[anomaly] for each in scores), NOTHING) for anomaly in Anomaly}
+def _scores_of(config: RoverConfig, task: DetectorTask) -> tuple[DetectorTask, Scores]:
+    return task, measure(config, *task)
 
 
 def rows(measured: Measured) -> Iterator[DetectorRow]:
