@@ -57,11 +57,7 @@ def _called() -> Iterator[Try]:
             return runner.run(_listened(client))
 
         yield attempt
-        runner.run(_closed(listening))
-
-
-async def _closed(listening: asyncio.Server) -> None:
-    listening.close()
+        listening.close()
 
 
 async def _listened(client: Gpsd) -> str:
