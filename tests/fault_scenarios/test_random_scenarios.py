@@ -22,7 +22,7 @@ from tests.fault_scenarios.broken_product import breaks_the_product
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.fault_scenarios import random_runs
-from wayfarer.fault_scenarios.random_runs import ROWS_FILE, RandomTrial, run_random, run_seed
+from wayfarer.fault_scenarios.random_runs import ROWS_FILE, RandomTrial, broken_rules, run_random, run_seed
 from wayfarer.fault_scenarios.random_scenarios import (
     LONGEST_S,
     ROVERS,
@@ -47,6 +47,7 @@ from wayfarer.simhal.faults.wires import FaultyWire, TamperedChip
 RIGS = [(rover, depth) for rover in ROVERS for depth in Depth]
 PLACES = sorted({place for rover, depth in RIGS for place in possible_faults(load_rover(rover), depth)})
 SEEDS = st.integers(0, 2**31 - 1)
+FOUND = sorted((Path(__file__).parent / "found").glob("*.toml"))
 
 
 # -- what is drawn -----------------------------------------------------------------------------------------------------
@@ -55,12 +56,6 @@ SEEDS = st.integers(0, 2**31 - 1)
 def test_every_kind_of_fault_can_be_drawn_on_some_rover() -> None:
     drawn = {place.kind for place in PLACES}
     assert set(KINDS) - drawn == {name for name, kind in KINDS.items() if set(kind.targets) <= {"position"}}
-
-
-def test_faults_on_wires_are_drawn_at_bus_depth_only() -> None:
-    config = load_rover("minirover")
-    assert FaultTarget("nack", "motors") in possible_faults(config, Depth.BUS)
-    assert FaultTarget("nack", "motors") not in possible_faults(config, Depth.DEVICE)
 
 
 @pytest.mark.parametrize(("rover", "depth"), RIGS)
@@ -186,6 +181,13 @@ def test_unknown_rover_and_a_folder_that_cannot_be_are_refused_before_the_first_
 
 
 # -- the smallest ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", FOUND, ids=lambda path: path.stem)
+def test_scenario_that_broke_a_rule_once_breaks_none_any_more(path: Path) -> None:
+    (scenario,) = read_scenarios(path)
+    assert broken_rules(run_scenario(scenario)) == ()
+
 
 GUILTY = Fault(5.0, inf, "world", "snag")
 

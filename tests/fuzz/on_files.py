@@ -15,6 +15,7 @@ from unittest.mock import patch
 
 from hypothesis import strategies as st
 
+import tests.fault_scenarios
 from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.target import Case, Target, Try, reading
 from wayfarer.config import calibration_file
@@ -23,6 +24,7 @@ from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.experiments.report.reading import read_results
 from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line
+from wayfarer.fault_scenarios.scenario_file import read_scenarios
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
 from wayfarer.simhal.world.forest_file import as_row, read_forests
 from wayfarer.simhal.world.generate import generate_forest
@@ -180,6 +182,18 @@ CALIBRATIONS = Target(
     ["wayfarer.config.calibration_file:load"],
     lambda kept: bytes_of([as_json(CALIBRATION), *kept]) | json_of([CALIBRATION]).map(as_json),
     lambda: reading_a_file(calibration_file.FILE_NAME, _load_calibration),
+)
+
+
+# -- fault scenarios -------------------------------------------------------------------------------------------------
+
+SCENARIO_FILES = [path.read_bytes() for path in (Path(tests.fault_scenarios.__file__).parent / "found").glob("*.toml")]
+
+SCENARIO = Target(
+    "scenario",
+    ["wayfarer.fault_scenarios.scenario_file"],
+    lambda kept: bytes_of([*SCENARIO_FILES, *kept], [b"[[scenario.fault]]", b"kind", b"target", b"settings"]),
+    lambda: reading_a_file("faults.toml", lambda path: f"{len(read_scenarios(path))} scenarios"),
 )
 
 

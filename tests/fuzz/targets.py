@@ -11,6 +11,7 @@ TARGETS = (
     on_files.ROVER,
     on_files.STOPPING,
     on_files.CALIBRATIONS,
+    on_files.SCENARIO,
     on_files.FOREST,
     on_files.RESULTS,
     on_logs.STORY,

@@ -45,18 +45,22 @@ class ScenarioRunner:
     def __call__(self, scenario: Scenario) -> Result:
         """Run and judge one; an error becomes its result's problem."""
         try:
-            run_result = run_scenario(scenario, self._logs / scenario.name if self._logs else None)
-            key = repr(without_faults(scenario))
-            if key not in self._well:
-                if len(self._well) >= MOST_WELL_RUNS:
-                    self._well.clear()
-                self._well[key] = run_without_faults(scenario)
-            return judge(scenario, run_result, self._well[key])
+            return judge(scenario, *self.runs(scenario))
         except Exception as error:
             said = str(error) if isinstance(error, WayfarerError) else f"an error inside wayfarer: {error!r}"
             return not_run(scenario)._replace(
                 within_s=scenario.expect.within_s, changed="nothing", problems=(" ".join(said.split()),)
             )
+
+    def runs(self, scenario: Scenario) -> tuple[RunResult, RunResult]:
+        """Return a run of a scenario with its faults, and one without."""
+        run_result = run_scenario(scenario, self._logs / scenario.name if self._logs else None)
+        key = repr(without_faults(scenario))
+        if key not in self._well:
+            if len(self._well) >= MOST_WELL_RUNS:
+                self._well.clear()
+            self._well[key] = run_without_faults(scenario)
+        return run_result, self._well[key]
 
 
 def run_scenarios(
