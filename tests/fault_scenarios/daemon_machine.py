@@ -102,7 +102,6 @@ class Daemon:
 
     @property
     def running(self) -> bool:
-        """Whether the run has not ended."""
         return not self.run.done()
 
     def pass_time(self, for_s: float) -> None:
@@ -140,11 +139,9 @@ class Daemon:
         self._runner.run(acted())
 
     def status(self) -> dict[str, Any]:
-        """What the daemon says of itself."""
         return dict(self._runner.run(self.commands.status()))
 
     def power(self, flags: int | None) -> None:
-        """Have the computer's firmware say something."""
         self.controller.power(self._runner.get_loop().time(), flags)
 
     def close(self) -> None:

@@ -17,12 +17,10 @@ HELD_HEAD = "| row | fault | what happens | level | bound s | test |\n|---|---|-
 
 
 def rows(layer: Layer) -> list[str]:
-    """The lines of a layer's table."""
     return [_row(name, kind) for name, kind in KINDS.items() if kind.layer is layer]
 
 
 def held() -> list[str]:
-    """The lines of the faults that tests hold."""
     return [
         f"| {each.row} | `{each.name}` | {each.about} | {each.level} | {_seconds(each.within_s)} | `{each.test}` |"
         for each in HELD_BY_TESTS.values()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+from contextlib import redirect_stdout
 from dataclasses import fields, replace
 from io import StringIO
 from math import inf
@@ -16,7 +17,6 @@ import pytest
 from annotated_types import Interval
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rich.console import Console
 
 from tests.fault_scenarios.broken_product import breaks_the_product
 from wayfarer.config.rover_file import load_rover
@@ -110,9 +110,9 @@ def test_scenario_that_was_drawn_is_read_back_from_its_file(seed: int, tmp_path_
 
 def run(trials: int, seed: int = 0, jobs: int = 1, out: Path | None = None, **asked: Any) -> tuple[int, str]:
     """The exit code of a run, and what it printed."""
-    printed = StringIO()
     rig = {"rover": "sim", "depth": Depth.DEVICE} | asked
-    code = run_random(trials, rig["rover"], rig["depth"], seed, jobs, out, Console(file=printed, width=200))
+    with redirect_stdout(StringIO()) as printed:
+        code = run_random(trials, rig["rover"], rig["depth"], seed, jobs, out)
     return code, printed.getvalue()
 
 

@@ -121,13 +121,11 @@ class Wheels(FakeBuses):
     stops = 0
 
     def serial(self, name: str, *, baud: int = 9600) -> FakeSerial:
-        """Return a port that counts."""
         port = super().serial(name, baud=baud)
         port.chip = self
         return port
 
     def receive(self, _data: bytes) -> None:
-        """Count."""
         Wheels.stops += 1
 
 
@@ -248,7 +246,6 @@ CELLS = (b",", b"escaped", b"vanished", b"pledge", b"\n", b"-1", b"1e5")
 
 
 def _campaigns(kept: Sequence[Case]) -> st.SearchStrategy[Case]:
-    """Make folders: file by name."""
     settings = bytes_of([json.dumps(CAMPAIGN).encode()], most=2) | json_of([CAMPAIGN, WITH_FORESTS], 2).map(as_json)
     tables = {TRIALS: bytes_of([TABLE], CELLS, 3), PARTIAL: bytes_of([UNFINISHED], CELLS, 3)}
     return st.fixed_dictionaries(

@@ -55,7 +55,6 @@ def frame(payload: bytes, told: bytes = b"") -> bytes:
 
 
 def _conversations(kept: Sequence[Case]) -> st.SearchStrategy[Case]:
-    """Make what is sent on one connection."""
     messages = json_of(MESSAGES, 2).map(as_json) | bytes_of(list(map(as_json, MESSAGES)), [b'"do"', b'"seen"'], 3)
     frames = st.lists(st.builds(frame, messages, st.binary(max_size=4)), max_size=5).map(b"".join)
     sent = st.builds(lambda sent, end: CONNECT + sent + end, frames, st.sampled_from((frame(b"", CLOSE), b"")))
