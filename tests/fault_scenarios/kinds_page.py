@@ -22,12 +22,12 @@ def rows(layer: Layer) -> list[str]:
 
 def held() -> list[str]:
     return [
-        f"| {each.row} | `{each.name}` | {each.about} | {each.level} | {_seconds(each.within_s)} | `{each.test}` |"
+        f"| {each.row} | `{each.name}` | {each.about} | {each.level} | {seconds(each.within_s)} | `{each.test}` |"
         for each in HELD_BY_TESTS.values()
     ]
 
 
-def _seconds(value: float | None) -> str:
+def seconds(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}"
 
 

@@ -84,7 +84,7 @@ def run_scenarios(
     if out is not None:
         make_empty_folder(out, "what comes of the scenarios")
     try:
-        found = {each.name: each for each in run_batch(ScenarioRunner(out), scenarios, jobs, "scenarios", aside)}
+        found = {each.name: each for each in run_batch(ScenarioRunner(out), scenarios, jobs, "scenarios")}
     except Stopped:
         say(aside, "interrupted: no results")
         return INTERRUPTED

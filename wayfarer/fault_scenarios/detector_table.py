@@ -62,7 +62,7 @@ def run_detector(
     if out is not None:
         make_empty_folder(out, "the detector's table")
     try:
-        measured = _measured(config, cells, trials or TRIALS, jobs, aside)
+        measured = _measured(config, cells, trials or TRIALS, jobs)
     except Stopped:
         say(aside, "interrupted: no table")
         return INTERRUPTED
@@ -79,12 +79,10 @@ def run_detector(
     return 0
 
 
-def _measured(
-    config: RoverConfig, cells: Sequence[DetectorCase], trials: int, jobs: int | None, aside: Console
-) -> Measured:
+def _measured(config: RoverConfig, cells: Sequence[DetectorCase], trials: int, jobs: int | None) -> Measured:
     tasks = [(cell, trial) for trial in range(trials) for cell in cells]
     measured = {cell: dict.fromkeys(Anomaly, NOTHING) for cell in cells}
-    done = run_batch(partial(_scores_of, config), tasks, jobs, "trials", aside)
+    done = run_batch(partial(_scores_of, config), tasks, jobs, "trials")
     for (cell, _), scores in sorted(done, key=lambda each: each[0][1]):  # the same on any number of workers
         measured[cell] = {anomaly: measured[cell][anomaly] + scores[anomaly] for anomaly in Anomaly}
     return measured

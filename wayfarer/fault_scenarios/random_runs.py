@@ -85,9 +85,7 @@ def run_random(
         make_empty_folder(out, "what comes of the trials")
     rows: list[RandomTrial] = []
     with suppress(Stopped):
-        rows.extend(
-            run_batch(partial(run_seed, rover, depth), range(seed, seed + trials), jobs, "trials", Console(stderr=True))
-        )
+        rows.extend(run_batch(partial(run_seed, rover, depth), range(seed, seed + trials), jobs, "trials"))
     rows.sort()
     broken = [trial for trial in rows if trial.broken]
     if as_json:
