@@ -121,7 +121,7 @@ def _scenario(place: _FileLocation, table: dict[str, Any], folder: Path) -> Scen
     name = table.get("name")
     place = place._replace(where=f"{place.where}: scenario {name!r}" if isinstance(name, str) else place.where)
     checked = place.check(_scenario_table(), table)
-    own = {key: getattr(checked, key) for key in table if key not in {"expect", "fault", "command"}}
+    own = {key: getattr(checked, key) for key in table if key not in {name for name, *_ in TABLES}}
     if "/" in checked.rover or checked.rover.endswith(".toml"):
         own["rover"] = str(folder / checked.rover)
     if "command" in table:
