@@ -97,8 +97,8 @@ def run_scenarios(
     if out is not None:
         _store(out, results)
         say(aside, f"the results are in {out}")
-        if found and not as_json:
-            say_next("wayfarer", "logs", "show", out / next(iter(found)))
+        if scenarios and not as_json:
+            say_next("wayfarer", "logs", "show", out / scenarios[0].name)
     return 1 if any(each.problems for each in results) else 0
 
 
