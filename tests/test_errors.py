@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from wayfarer import errors
 from wayfarer.errors import UnknownName, WayfarerError, WrongPart
 
@@ -13,21 +11,6 @@ ALL = [error for error in vars(errors).values() if isinstance(error, type) and i
 def test_page_draws_every_error() -> None:
     assert errors.__doc__ is not None
     assert [error.__name__ for error in ALL if error.__name__ not in errors.__doc__] == []
-
-
-@pytest.mark.parametrize(
-    ("error", "base"),
-    [
-        (errors.BadConfig, errors.BadInput),
-        (errors.BadForest, errors.BadInput),
-        (errors.UnknownName, errors.BadInput),
-        (errors.NotResponding, errors.DriverError),
-        (errors.WrongPart, errors.DriverError),
-        (errors.BadReading, errors.DriverError),
-    ],
-)
-def test_errors_can_be_caught_by_kind(error: type[WayfarerError], base: type[WayfarerError]) -> None:
-    assert issubclass(error, base)
 
 
 def test_unknown_name_offers_the_nearest() -> None:

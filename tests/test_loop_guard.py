@@ -35,7 +35,6 @@ async def leave_a_task(*, cancelled: bool = False) -> None:
 
 
 async def work_for(seconds: float) -> None:
-    """Use the processor."""
     ends_s = time.thread_time() + seconds
     while time.thread_time() < ends_s:
         pass

@@ -11,6 +11,7 @@ from tests.test_imports import LAYERS
 from wayfarer import __version__
 
 ROOT = Path(__file__).parents[1]
+PAGES = sorted(path.relative_to(ROOT).as_posix() for folder in (".", "*") for path in ROOT.glob(f"{folder}/*.md"))
 CACHES = re.compile(r" --no-cache| --cache-dir \S+")
 
 
@@ -25,14 +26,19 @@ def paths_in(text: str) -> set[str]:
     return {*quoted, *tried}
 
 
-@pytest.mark.parametrize("path", sorted(paths_in(text_of("CONTRIBUTING.md"))))
-def test_path_that_a_recipe_names_is_there(path: str) -> None:
-    assert (ROOT / path).exists()
+@pytest.mark.parametrize("page", ["CONTRIBUTING.md", "ARCHITECTURE.md"])
+def test_path_that_a_page_names_is_there(page: str) -> None:
+    paths = paths_in(text_of(page))
+    assert {path for path in paths if not any((ROOT / top / path).exists() for top in ("", "wayfarer"))} == set()
 
 
-@pytest.mark.parametrize("path", sorted(paths_in(text_of("ARCHITECTURE.md"))))
-def test_path_in_the_architecture_is_there(path: str) -> None:
-    assert (ROOT / path).exists() or (ROOT / "wayfarer" / path).exists()
+@pytest.mark.parametrize("page", PAGES)
+def test_link_to_another_page_leads_to_a_heading_there(page: str) -> None:
+    for name, heading in re.findall(r"\]\((?!http)([^)#]*)#?([^)]*)\)", text_of(page)):
+        path = (ROOT / page).parent / name if name else ROOT / page
+        assert path.exists(), name
+        headings = re.findall(r"^#+ (.+)$", path.read_text(encoding="utf-8"), re.MULTILINE) if heading else []
+        assert heading in {"", *(re.sub(r"[^\w -]", "", each.lower()).replace(" ", "-") for each in headings)}
 
 
 def test_architecture_has_the_picture_of_the_imports_in_250_lines() -> None:

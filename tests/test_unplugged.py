@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from tests.control.bench import Bench
@@ -48,19 +49,10 @@ class Adapter:
         return any(data for command, data in self.packets() if command != TIMEOUT_COMMAND)
 
 
-class Buses:
-    """Nothing but this port."""
-
-    def __init__(self, adapter: Adapter) -> None:
-        self.port = ThreadedSerial(BY_ID, adapter.open)
-
-    def serial(self, _name: str, *, baud: int = 9600) -> ThreadedSerial:
-        return self.port
-
-
 async def test_adapter_that_comes_back_gets_zeros_until_the_rover_is_armed_anew() -> None:
     adapter = Adapter()
-    buses: Any = Buses(adapter)
+    port = ThreadedSerial(BY_ID, adapter.open)
+    buses: Any = SimpleNamespace(serial=lambda _name, baud: port)
     motors = Sabertooth(SabertoothSettings(port=BY_ID), buses)
     await motors.open()
     bench = Bench(wheels=motors)
@@ -89,7 +81,7 @@ async def test_adapter_that_comes_back_gets_zeros_until_the_rover_is_armed_anew(
     assert adapter.turns
     assert (TIMEOUT_COMMAND, 3) in adapter.packets(), "it has its deadman before it turns"
     motors.halt()
-    await buses.port.close()
+    await port.close()
 
 
 def test_port_is_named_by_its_adapter_and_not_by_a_number() -> None:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-from collections.abc import Collection
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 from tempfile import mkdtemp
 from typing import Any
 
-from hypothesis import HealthCheck, Phase, settings
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     RuleBasedStateMachine,
@@ -37,16 +37,23 @@ from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.random_runs import REFUSALS
-from wayfarer.fault_scenarios.random_scenarios import ROVERS, draw_fault, draw_scenario, possible_faults, ready_for
-from wayfarer.fault_scenarios.random_scenarios import FaultTarget as FaultPlace
+from wayfarer.fault_scenarios.random_scenarios import (
+    ROVERS,
+    FaultTarget,
+    draw_fault,
+    draw_scenario,
+    possible_faults,
+    ready_for,
+)
 from wayfarer.fault_scenarios.safety_rules import Invariants
 from wayfarer.fault_scenarios.scenario_rover import rover_of
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.faults.kinds import KINDS, Fault
+from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.generate import generate_forest
 
+SENSES = ("compass", "motion", "contact", "position")
 SOON_S = 0.05  # an answer may take longer, and other commands come meanwhile
 POWER_FLAGS = (None, 0, 0x1, 0x10001, 0x50005)
 SEEDS = st.integers(0, 2**31 - 1)
@@ -95,7 +102,6 @@ class Daemon:
 
     @property
     def running(self) -> bool:
-        """Whether the run has not ended."""
         return not self.run.done()
 
     def pass_time(self, for_s: float) -> None:
@@ -103,47 +109,39 @@ class Daemon:
         self._runner.run(asyncio.sleep(for_s))
         for task in [task for task in self._asked if task.done()]:
             self._asked.discard(task)
-            self._hear(task, (Refused, NotArmed))
-        if self.run.done() and (error := self.run.exception()) is not None:
+            error = task.exception()
+            assert error is None or isinstance(error, Refused | NotArmed), repr(error)
+        if not self.running and (error := self.run.exception()) is not None:
             assert type(first_cause(error)).__name__ in REFUSALS, repr(error)
 
     def ask(self, verb: str, *args: float) -> None:
         """Ask for something; the answer may come later."""
-
-        async def asked() -> None:
-            self._asked.add(asyncio.ensure_future(getattr(self.commands, verb)(*args)))
-
-        self._runner.run(asked())
+        self._in_loop(lambda: self._asked.add(asyncio.ensure_future(getattr(self.commands, verb)(*args))))
         self.pass_time(SOON_S)
 
     def begin(self, fault: Fault) -> None:
         """Begin a fault, unless it lasts already."""
-        if (fault.kind, fault.target) in {(each.kind, each.target) for each in self.lasting.values()}:
-            return
-        self._number += 1
-        self.lasting[self._number] = fault
-
-        async def begin() -> None:
-            self.injector.begin(self._number, fault)
-
-        self._runner.run(begin())
+        if (fault.kind, fault.target) not in {(each.kind, each.target) for each in self.lasting.values()}:
+            self._number += 1
+            self.lasting[self._number] = fault
+            self._in_loop(lambda: self.injector.begin(self._number, fault))
 
     def end_oldest(self) -> None:
         """End the fault that has lasted longest."""
         if self.lasting:
             number = next(iter(self.lasting))
+            self._in_loop(lambda: self.injector.cease(number, self.lasting.pop(number)))
 
-            async def end() -> None:
-                self.injector.cease(number, self.lasting.pop(number))
+    def _in_loop(self, act: Callable[[], object]) -> None:
+        async def acted() -> None:
+            act()
 
-            self._runner.run(end())
+        self._runner.run(acted())
 
     def status(self) -> dict[str, Any]:
-        """What the daemon says of itself."""
         return dict(self._runner.run(self.commands.status()))
 
     def power(self, flags: int | None) -> None:
-        """Have the computer's firmware say something."""
         self.controller.power(self._runner.get_loop().time(), flags)
 
     def close(self) -> None:
@@ -162,9 +160,17 @@ class Daemon:
             task.cancel()
         self._runner.close()
 
-    def _hear(self, task: asyncio.Task[Any], refusals: tuple[type[Exception], ...]) -> None:
-        error = task.exception()
-        assert error is None or isinstance(error, refusals), repr(error)
+
+def going_wrong(*targets: str) -> Any:
+    """A rule: any kind of fault at one of these; a bug that ends the run comes more seldom."""
+
+    @precondition(lambda self: self.daemon.running)
+    @rule(place=st.sampled_from([place for place in PLACES if place.target in targets]), seed=SEEDS)
+    def something_goes_wrong(self: DaemonMachine, place: FaultTarget, seed: int) -> None:
+        if place in self.daemon.places and (place.kind != "task_crash" or seed % 5 == 0):
+            self.daemon.begin(draw_fault(place, 0.0, Random(seed)))
+
+    return something_goes_wrong
 
 
 class DaemonMachine(RuleBasedStateMachine):
@@ -174,7 +180,6 @@ class DaemonMachine(RuleBasedStateMachine):
 
     @initialize(rover=st.sampled_from(ROVERS), depth=st.sampled_from(Depth), seed=st.integers(0, 10_000))
     def switch_on(self, rover: str, depth: Depth, seed: int) -> None:
-        """A rover drives in a forest."""
         self.daemon = Daemon(rover, depth, seed)
         self.daemon.pass_time(1.0)
         self.daemon.ask("arm", 0.0)
@@ -191,7 +196,6 @@ class DaemonMachine(RuleBasedStateMachine):
 
     @rule(for_s=st.floats(0.05, 20.0))
     def time_passes(self, for_s: float) -> None:
-        """Nobody does anything."""
         self.daemon.pass_time(for_s)
 
     @precondition(lambda self: self.daemon.running)
@@ -214,46 +218,24 @@ class DaemonMachine(RuleBasedStateMachine):
     @precondition(lambda self: self.daemon.running)
     @rule(heading_deg=st.floats(0.0, 359.0))
     def somebody_heads_elsewhere(self, heading_deg: float) -> None:
-        """Another goal."""
         self.daemon.ask("goal", heading_deg)
 
     @precondition(lambda self: self.daemon.running)
     @rule(sure=st.integers(0, 9))
     def somebody_stops_the_run(self, sure: int) -> None:
-        """Now and then."""
         if sure == 0:
             self.daemon.ask("stop")
 
-    @precondition(lambda self: self.daemon.running)
-    @rule(place=st.sampled_from([place for place in PLACES if place.target not in {"motors", "world"}]), seed=SEEDS)
-    def a_sense_goes_wrong(self, place: FaultPlace, seed: int) -> None:
-        """Any kind of fault at any sense, or in the process; a bug that ends the run comes more seldom."""
-        self._go_wrong(place, seed)
-
-    @precondition(lambda self: self.daemon.running)
-    @rule(place=st.sampled_from([place for place in PLACES if place.target == "motors"]), seed=SEEDS)
-    def the_motors_go_wrong(self, place: FaultPlace, seed: int) -> None:
-        """Any kind of fault at the motor board, and on the way to it."""
-        self._go_wrong(place, seed)
-
-    @precondition(lambda self: self.daemon.running)
-    @rule(place=st.sampled_from([place for place in PLACES if place.target == "world"]), seed=SEEDS)
-    def the_world_goes_wrong(self, place: FaultPlace, seed: int) -> None:
-        """Anything happens to the body."""
-        self._go_wrong(place, seed)
-
-    def _go_wrong(self, place: FaultPlace, seed: int) -> None:
-        if place in self.daemon.places and (place.kind != "task_crash" or seed % 5 == 0):
-            self.daemon.begin(draw_fault(place, 0.0, Random(seed)))
+    a_sense_goes_wrong = going_wrong(*SENSES, "process")
+    the_motors_go_wrong = going_wrong("motors")
+    the_world_goes_wrong = going_wrong("world")
 
     @rule()
     def something_mends(self) -> None:
-        """A fault ends."""
         self.daemon.end_oldest()
 
     @rule(flags=st.sampled_from(POWER_FLAGS))
     def supply_changes(self, flags: int | None) -> None:
-        """The computer's supply sags, or is well again."""
         self.daemon.power(flags)
 
     @precondition(lambda self: not self.daemon.running)
@@ -278,13 +260,10 @@ class DaemonMachine(RuleBasedStateMachine):
 
     @invariant()
     def assert_status_is_what_the_controller_does(self) -> None:
-        """What a person is told is what is so."""
         if not hasattr(self, "daemon"):
             return
         controller, told = self.daemon.controller, self.daemon.status()
-        assert told["mode"] == controller.mode.value, (
-            f"the status says {told['mode']}, the helm is {controller.mode.value}"
-        )
+        assert told["mode"] == controller.mode.value, f"the status says {told['mode']}, and it is {controller.mode}"
         assert (told["why_disarmed"] is None) == (controller.mode is not Mode.DISARMED)
         assert told["held"] == controller.held
         assert ("mission_s" in told) == (controller.mission is not None) == (controller.mode is Mode.ARMED)
@@ -295,25 +274,17 @@ class DaemonMachine(RuleBasedStateMachine):
             assert self.daemon.run.exception() is not None or self.daemon.run.result().reason
 
 
-def main() -> None:
-    """Try many, other ones each time."""
+def machine_settings(examples: int, steps: int, **others: Any) -> settings:
+    """How many interleavings, how long each."""
+    return settings(
+        max_examples=examples, stateful_step_count=steps, deadline=None, suppress_health_check=list(HealthCheck),
+        print_blob=True, **others,
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="python -m tests.fault_scenarios.daemon_machine", description=__doc__)
     parser.add_argument("--examples", type=int, default=1000)
     parser.add_argument("--steps", type=int, default=50, help="of each example")
     asked = parser.parse_args()
     run_state_machine_as_test(DaemonMachine, settings=machine_settings(asked.examples, asked.steps, derandomize=False))
-    print(f"{asked.examples} examples of up to {asked.steps} steps, {len(KINDS)} kinds of fault: no rule broken")
-
-
-def machine_settings(
-    examples: int, steps: int, *, derandomize: bool, phases: Collection[Phase] = tuple(Phase)
-) -> settings:
-    """How many interleavings, how long each."""
-    return settings(
-        max_examples=examples, stateful_step_count=steps, derandomize=derandomize, deadline=None, phases=phases,
-        suppress_health_check=list(HealthCheck), print_blob=True,
-    )  # fmt: skip
-
-
-if __name__ == "__main__":
-    main()

@@ -73,7 +73,6 @@ class FreeDriving:
         return {"counter_deg": 0.0, "episodes": 0}
 
     def decide(self, observation: Observation) -> Decision:
-        """Return the wheels of this tick."""
         last, self._last = self._last or observation, observation
         dt_s = observation.t_s - last.t_s
         if dt_s > 0.0:

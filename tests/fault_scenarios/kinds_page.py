@@ -17,19 +17,17 @@ HELD_HEAD = "| row | fault | what happens | level | bound s | test |\n|---|---|-
 
 
 def rows(layer: Layer) -> list[str]:
-    """The lines of a layer's table."""
     return [_row(name, kind) for name, kind in KINDS.items() if kind.layer is layer]
 
 
 def held() -> list[str]:
-    """The lines of the faults that tests hold."""
     return [
-        f"| {each.row} | `{each.name}` | {each.about} | {each.level} | {_seconds(each.within_s)} | `{each.test}` |"
+        f"| {each.row} | `{each.name}` | {each.about} | {each.level} | {seconds(each.within_s)} | `{each.test}` |"
         for each in HELD_BY_TESTS.values()
     ]
 
 
-def _seconds(value: float | None) -> str:
+def seconds(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}"
 
 

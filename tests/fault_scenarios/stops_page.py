@@ -12,6 +12,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from tests.fault_scenarios.kinds_page import seconds
+
 STOPPING = ("S2", "S3", "S4")
 STOPS_HEAD = "| row | fault | what happens | level | by | stopped after s | bound s |\n|---|---|---|---|---|---|---|"
 DETECTOR_HEAD = (
@@ -26,7 +28,7 @@ def stops(results: Iterable[Mapping[str, Any]]) -> Iterator[str]:
         if each["reached"] in STOPPING:
             yield _line(
                 str(each["row"]), f"`{each['name']}`", each["about"], each["reached"], _code(each["cause"]),
-                _seconds(each["stopped_s"]), _seconds(each["within_s"]),
+                seconds(each["stopped_s"]), seconds(each["within_s"]),
             )  # fmt: skip
 
 
@@ -37,7 +39,7 @@ def detector(rows: Iterable[Mapping[str, Any]]) -> Iterator[str]:
         yield _line(
             f"`{each['anomaly']}`", f"{each['slip_mean_m']:g}", f"{each['noise']:g}x", str(each["episodes"]),
             _share(each["found"], each["episodes"]), str(each["claims"]), _share(each["right"], each["claims"]),
-            *map(_seconds, delay_s),
+            *map(seconds, delay_s),
         )  # fmt: skip
 
 
@@ -47,10 +49,6 @@ def _line(*cells: str) -> str:
 
 def _code(text: str) -> str:
     return f"`{text.partition(':')[0]}`" if text else ""
-
-
-def _seconds(value: float | None) -> str:
-    return "" if value is None else f"{value:.2f}"
 
 
 def _share(part: int, whole: int) -> str:

@@ -2,34 +2,35 @@
 
 from __future__ import annotations
 
+import ast
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
 from wayfarer.fault_scenarios.catalogue import catalogue
+from wayfarer.fault_scenarios.catalogue.held_by_tests import HELD_BY_TESTS, FaultTest
+from wayfarer.fault_scenarios.command import ScenarioRunner
 from wayfarer.fault_scenarios.judge import judge
 from wayfarer.fault_scenarios.recorder import RunRecorder
-from wayfarer.fault_scenarios.runner import RunResult, run_scenario, run_without_faults, without_faults
+from wayfarer.fault_scenarios.runner import RunResult
 from wayfarer.fault_scenarios.scenario import Reached, Scenario
 from wayfarer.hal import WheelCommand
 
+CHECKOUT = Path(__file__).parents[2]
 SCENARIOS = {each.name: each for each in catalogue() if isinstance(each, Scenario)}
 SIMULATED_ROWS = {*range(1, 12), *range(13, 19), *range(20, 33), 37, 38, 46, 51, *range(54, 61)}
 CAMERA_ROVER = "minirover"  # its pictures take their time to draw and to compare
 
 
-HEALTHY: dict[str, RunResult] = {}  # half of the scenarios differ in their faults only
+RUNNER = ScenarioRunner()
 
 
 @cache
 def runs_of(name: str) -> tuple[RunResult, RunResult]:
-    scenario = SCENARIOS[name]
-    same = repr(without_faults(scenario))
-    if same not in HEALTHY:
-        HEALTHY[same] = run_without_faults(scenario)
-    return run_scenario(scenario), HEALTHY[same]
+    return RUNNER.runs(SCENARIOS[name])
 
 
 def rows() -> list[object]:
@@ -37,6 +38,13 @@ def rows() -> list[object]:
     return [
         pytest.param(name, marks=long if scenario.rover == CAMERA_ROVER else []) for name, scenario in SCENARIOS.items()
     ]
+
+
+@pytest.mark.parametrize("fault", HELD_BY_TESTS.values(), ids=HELD_BY_TESTS)
+def test_test_that_holds_a_fault_is_there(fault: FaultTest) -> None:
+    file, _, function = fault.test.partition("::")
+    module = ast.parse((CHECKOUT / file).read_text(encoding="utf-8"))
+    assert function in {node.name for node in module.body if isinstance(node, ast.FunctionDef)}
 
 
 def test_every_row_that_virtual_time_can_show_is_there() -> None:

@@ -72,6 +72,10 @@ def test_row_is_as_expected_if_all_its_scenarios_are() -> None:
         "2 of 3 scenarios as expected: 3 in virtual time",
         "1 of 3 rows of the catalogue as expected",
     ]
+    assert list(summed_up([MET, SKIPPED, SKIPPED._replace(row=9), MISSED])) == [
+        "1 of 2 scenarios as expected: 2 in virtual time; 2 skipped",
+        "0 of 3 rows of the catalogue as expected; 2 not wholly tried",
+    ]
 
 
 @pytest.mark.parametrize("width", [80, 115, 200])
@@ -79,18 +83,6 @@ def test_row_that_was_skipped_is_marked_and_has_no_level(width: int) -> None:
     line = next(line for line in printed(width, SKIPPED).splitlines() if "camera-black" in line)
     assert "skipped" in line
     assert not {"ok", "FAILED", "-"} & set(line.split())
-
-
-def test_what_was_skipped_is_counted_and_is_not_as_expected() -> None:
-    assert list(summed_up([MET, SKIPPED, SKIPPED._replace(row=9), MISSED])) == [
-        "1 of 2 scenarios as expected: 2 in virtual time; 2 skipped",
-        "0 of 3 rows of the catalogue as expected; 2 not wholly tried",
-    ]
-
-
-def test_skipped_row_has_neither_passed_nor_failed() -> None:
-    assert not SKIPPED.passed
-    assert not SKIPPED.problems
 
 
 def test_each_reason_for_skipping_is_told_once() -> None:

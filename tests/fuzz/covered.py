@@ -1,7 +1,4 @@
-"""Which lines of some modules were reached: of their functions, because what runs at import runs anyway.
-
-Cheap where Python can forget a line that was reached once (3.12 and later), and slow enough to notice before.
-"""
+"""Which lines of some modules were reached: of their functions, because what runs at import runs anyway."""
 
 from __future__ import annotations
 
@@ -15,7 +12,6 @@ from types import CodeType, FrameType
 from typing import Any
 
 Function = tuple[str, int]  # its file and its first line
-_TOOL = 4  # of sys.monitoring; 0 to 3 and 5 have their users
 _OF_FUNCTIONS = 0x02  # CO_NEWLOCALS, which a class body and a module lack
 
 
@@ -47,54 +43,23 @@ class Covered:
     @contextmanager
     def watching(self) -> Iterator[None]:
         """Count what is reached in this thread."""
-        begin, end = (self._monitor, _monitor_no_more) if sys.version_info >= (3, 12) else (self._trace, _trace_no_more)
-        begin()
+        sys.settrace(self._trace_calls)
         try:
             yield
         finally:
-            end()
+            sys.settrace(None)
 
-    def _reach(self, code: CodeType, line: int) -> None:
-        missing = self._missing.get((code.co_filename, code.co_firstlineno))
-        if missing and line in missing:
-            missing.remove(line)
-            self.count += 1
-
-    def _trace(self) -> None:
-        missing, reach = self._missing, self._reach
+    def _trace_calls(self, frame: FrameType, _event: str, _: Any) -> Any:
+        """Have the lines of a function told, where some are missing."""
+        missing = self._missing.get((frame.f_code.co_filename, frame.f_code.co_firstlineno))
 
         def trace_lines(frame: FrameType, event: str, _: Any) -> Any:
-            if event == "line":
-                reach(frame.f_code, frame.f_lineno)
+            if event == "line" and missing and frame.f_lineno in missing:
+                missing.remove(frame.f_lineno)
+                self.count += 1
             return trace_lines
 
-        def trace_calls(frame: FrameType, _event: str, _: Any) -> Any:
-            code = frame.f_code
-            return trace_lines if missing.get((code.co_filename, code.co_firstlineno)) else None
-
-        sys.settrace(trace_calls)
-
-    def _monitor(self) -> None:
-        monitoring: Any = getattr(sys, "monitoring")  # noqa: B009 - unknown to mypy at 3.11
-
-        def on_line(code: CodeType, line: int) -> Any:
-            self._reach(code, line)
-            return monitoring.DISABLE
-
-        monitoring.use_tool_id(_TOOL, "wayfarer fuzz")
-        monitoring.register_callback(_TOOL, monitoring.events.LINE, on_line)
-        monitoring.restart_events()
-        monitoring.set_events(_TOOL, monitoring.events.LINE)
-
-
-def _trace_no_more() -> None:
-    sys.settrace(None)
-
-
-def _monitor_no_more() -> None:
-    monitoring: Any = getattr(sys, "monitoring")  # noqa: B009
-    monitoring.set_events(_TOOL, 0)
-    monitoring.free_tool_id(_TOOL)
+        return trace_lines if missing else None
 
 
 def _functions_of(name: str) -> list[tuple[Function, set[int]]]:

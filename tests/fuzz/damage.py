@@ -47,7 +47,6 @@ class Choices:
 
     @property
     def more(self) -> bool:
-        """Return whether there are any left."""
         return bool(self._told)
 
     def take(self, count: int) -> bytes:
@@ -60,7 +59,6 @@ class Choices:
         return int.from_bytes(self.take(1 if count <= 256 else 3), "big") % count
 
     def of(self, items: Sequence[T]) -> T:
-        """Choose one."""
         return items[self.below(len(items))]
 
 
@@ -118,7 +116,6 @@ def changed(content: bytes, told: bytes) -> Any:
 
 
 def any_value(choices: Choices) -> Any:
-    """Return some value that does not belong where it is put."""
     return choices.of(_VALUES)(choices)
 
 

@@ -6,7 +6,7 @@ import io
 import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout
 from math import inf
 from pathlib import Path
 from unittest.mock import patch
@@ -143,11 +143,6 @@ ENVIRONMENTS = st.fixed_dictionaries(
 )
 
 
-@contextmanager
-def _set() -> Iterator[Try]:
-    yield _environment
-
-
 def _environment(environment: Mapping[str, str]) -> str:
     """See what watchdog, notifier, calibration and client make of an environment."""
     period_s = watchdog_period_s(environment)
@@ -168,5 +163,5 @@ ENVIRONMENT = Target(
         "wayfarer.daemon.socket.paths:known_sockets",
     ],
     lambda kept: ENVIRONMENTS,
-    _set,
+    lambda: nullcontext(_environment),
 )

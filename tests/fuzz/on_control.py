@@ -8,7 +8,7 @@ import socket
 import tempfile
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -46,11 +46,6 @@ def _lines(kept: Sequence[Case] = ()) -> st.SearchStrategy[bytes]:
 # -- the protocol as functions ---------------------------------------------------------------------------------------
 
 
-@contextmanager
-def _parsed() -> Iterator[Try]:
-    yield lambda line: reading(lambda: f"{check(read_line(line)).do} is asked for")
-
-
 PROTOCOL = Target(
     "protocol",
     [
@@ -59,7 +54,7 @@ PROTOCOL = Target(
         "wayfarer.daemon.socket.protocol:_checked",
     ],
     _lines,
-    _parsed,
+    lambda: nullcontext(lambda line: reading(lambda: f"{check(read_line(line)).do} is asked for")),
 )
 
 

@@ -7,7 +7,7 @@ import json
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from unittest.mock import patch
 
 from hypothesis import strategies as st
 
+import tests.fault_scenarios
 from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.target import Case, Target, Try, reading
 from wayfarer.config import calibration_file
@@ -23,6 +24,7 @@ from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.experiments.report.reading import read_results
 from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line
+from wayfarer.fault_scenarios.scenario_file import read_scenarios
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
 from wayfarer.simhal.world.forest_file import as_row, read_forests
 from wayfarer.simhal.world.generate import generate_forest
@@ -119,13 +121,11 @@ class Wheels(FakeBuses):
     stops = 0
 
     def serial(self, name: str, *, baud: int = 9600) -> FakeSerial:
-        """Return a port that counts."""
         port = super().serial(name, baud=baud)
         port.chip = self
         return port
 
     def receive(self, _data: bytes) -> None:
-        """Count."""
         Wheels.stops += 1
 
 
@@ -183,6 +183,18 @@ CALIBRATIONS = Target(
 )
 
 
+# -- fault scenarios -------------------------------------------------------------------------------------------------
+
+SCENARIO_FILES = [path.read_bytes() for path in (Path(tests.fault_scenarios.__file__).parent / "found").glob("*.toml")]
+
+SCENARIO = Target(
+    "scenario",
+    ["wayfarer.fault_scenarios.scenario_file"],
+    lambda kept: bytes_of([*SCENARIO_FILES, *kept], [b"[[scenario.fault]]", b"kind", b"target", b"settings"]),
+    lambda: reading_a_file("faults.toml", lambda path: f"{len(read_scenarios(path))} scenarios"),
+)
+
+
 # -- forests ---------------------------------------------------------------------------------------------------------
 
 
@@ -234,7 +246,6 @@ CELLS = (b",", b"escaped", b"vanished", b"pledge", b"\n", b"-1", b"1e5")
 
 
 def _campaigns(kept: Sequence[Case]) -> st.SearchStrategy[Case]:
-    """Make folders: file by name."""
     settings = bytes_of([json.dumps(CAMPAIGN).encode()], most=2) | json_of([CAMPAIGN, WITH_FORESTS], 2).map(as_json)
     tables = {TRIALS: bytes_of([TABLE], CELLS, 3), PARTIAL: bytes_of([UNFINISHED], CELLS, 3)}
     return st.fixed_dictionaries(
@@ -261,15 +272,11 @@ def _report_of(folder: Path) -> str:
     return f"{len(results.summaries)} algorithms, {reading(lambda: str(results.rebuild().trials))} trials"
 
 
-@contextmanager
-def _folders() -> Iterator[Try]:
-    def attempt(files: dict[str, bytes]) -> str:
-        with tempfile.TemporaryDirectory(prefix="wf-", dir=MEMORY) as folder:
-            for name, content in files.items():
-                (Path(folder) / name).write_bytes(content)
-            return _read_campaign(Path(folder))
-
-    yield attempt
+def _read_folder(files: dict[str, bytes]) -> str:
+    with tempfile.TemporaryDirectory(prefix="wf-", dir=MEMORY) as folder:
+        for name, content in files.items():
+            (Path(folder) / name).write_bytes(content)
+        return _read_campaign(Path(folder))
 
 
 RESULTS = Target(
@@ -279,5 +286,5 @@ RESULTS = Target(
      "wayfarer.experiments.results_folder:_drop_torn_line", "wayfarer.experiments.rows:parse_row",
      "wayfarer.experiments.rows:_value", "wayfarer.experiments.report.reading"],
     _campaigns,
-    _folders,
+    lambda: nullcontext(_read_folder),
 )  # fmt: skip

@@ -23,7 +23,6 @@ SAID = VERSION + b"".join(map(report, range(4)))
 
 
 def _conversations(kept: Sequence[Case]) -> st.SearchStrategy[Case]:
-    """Make what a server says, in pieces."""
     whole = st.just(VERSION)
     lines = st.lists(json_of(REPORTS, 2).map(lambda value: as_json(value) + b"\n"), max_size=5).map(b"".join)
     return st.lists(bytes_of([SAID, report(9)], most=3), max_size=3) | st.tuples(whole, lines).map(list)
@@ -57,11 +56,7 @@ def _called() -> Iterator[Try]:
             return runner.run(_listened(client))
 
         yield attempt
-        runner.run(_closed(listening))
-
-
-async def _closed(listening: asyncio.Server) -> None:
-    listening.close()
+        listening.close()
 
 
 async def _listened(client: Gpsd) -> str:

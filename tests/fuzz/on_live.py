@@ -6,8 +6,7 @@ import asyncio
 import base64
 import logging
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from typing import Any
+from contextlib import contextmanager, nullcontext, suppress
 
 from hypothesis import strategies as st
 
@@ -56,7 +55,6 @@ def frame(payload: bytes, told: bytes = b"") -> bytes:
 
 
 def _conversations(kept: Sequence[Case]) -> st.SearchStrategy[Case]:
-    """Make what is sent on one connection."""
     messages = json_of(MESSAGES, 2).map(as_json) | bytes_of(list(map(as_json, MESSAGES)), [b'"do"', b'"seen"'], 3)
     frames = st.lists(st.builds(frame, messages, st.binary(max_size=4)), max_size=5).map(b"".join)
     sent = st.builds(lambda sent, end: CONNECT + sent + end, frames, st.sampled_from((frame(b"", CLOSE), b"")))
@@ -140,42 +138,22 @@ LIVE = Target(
 
 # -- who may look on -------------------------------------------------------------------------------------------------
 
-TEXT = st.text(max_size=20) | st.sampled_from(
-    (
-        "localhost",
-        "127.0.0.1",
-        "127.0.0.1:80",
-        "[::1]:80",
-        "::1",
-        "::ffff:127.0.0.1",
-        "[",
-        "1.2.3.4%eth0",
-        "null",
-        TOKEN,
-    )
-)
+HOSTS = ("localhost", "127.0.0.1", "127.0.0.1:80", "[::1]:80", "::1", "::ffff:127.0.0.1", "[", "1.2.3.4%eth0", "null")
+TEXT = st.text(max_size=20) | st.sampled_from((*HOSTS, TOKEN))
 HEADERS = st.dictionaries(
     st.sampled_from(("Host", "Origin", "Via", "Forwarded")), TEXT | TEXT.map("http://{}".format)
 ) | TEXT.map(lambda host: {"Host": host, "Origin": f"http://{host}"})
 
 
-@contextmanager
-def _judged() -> Iterator[Try]:
-    def attempt(case: tuple[str, dict[str, str], str]) -> str:
-        access, (peer, headers, token) = Access(TOKEN), case
-
-        def judge() -> str:
-            access.check_socket(peer, headers, token)
-            assert "Via" not in headers and headers["Origin"] == f"http://{headers['Host']}"
-            return "is let in"
-
-        return reading(judge)
-
-    yield attempt
+def _judge(peer: str, headers: dict[str, str], token: str) -> str:
+    Access(TOKEN).check_socket(peer, headers, token)
+    assert "Via" not in headers and headers["Origin"] == f"http://{headers['Host']}"
+    return "is let in"
 
 
-def _visitors(_kept: Sequence[Case]) -> st.SearchStrategy[Any]:
-    return st.tuples(TEXT | st.ip_addresses().map(str), HEADERS, TEXT)
-
-
-ACCESS = Target("access", ["wayfarer.views.live.access"], _visitors, _judged)
+ACCESS = Target(
+    "access",
+    ["wayfarer.views.live.access"],
+    lambda kept: st.tuples(TEXT | st.ip_addresses().map(str), HEADERS, TEXT),
+    lambda: nullcontext(lambda visitor: reading(lambda: _judge(*visitor))),
+)

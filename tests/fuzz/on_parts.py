@@ -219,7 +219,6 @@ LIGHT = Target(
         lambda faults: ThunderBorgLight(ThunderBorgLightSettings(), Wire(_board_answer, faults)),  # type: ignore[arg-type]
         _use_light,
     ),
-    quick=30,
 )
 
 

@@ -34,9 +34,9 @@ class Target(NamedTuple):
 
 
 def refused(error: WayfarerError) -> str:
-    """Return the outcome of a case that was refused, once it is seen to have a text."""
+    """Return the outcome of a case that was refused, once it is seen to have a text of one line."""
     text = str(error)
-    assert text.strip(), f"{type(error).__name__} without a text"
+    assert text.strip() and "\n" not in text, f"{type(error).__name__}: {text!r}"
     return f"{type(error).__name__}: {shape(text)}"
 
 

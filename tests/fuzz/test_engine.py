@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 
 import orjson
 import pytest
 from hypothesis import strategies as st
 
+import tests.fuzz.__main__ as command
 from tests.fuzz.covered import Covered
 from tests.fuzz.damage import DEPTH, as_json, bytes_of, changed, damaged, nested
 from tests.fuzz.engine import fuzz_cases, fuzz_for
-from tests.fuzz.target import Case, Target, Try, reading, shape
+from tests.fuzz.target import Case, Target, reading, shape
 from wayfarer.errors import BadReading
 
 WHOLE = b"\x01\x02\x03\x04\x05\x06\x07\x08"
@@ -32,12 +32,12 @@ def decode(data: bytes) -> int:
     return data[2]
 
 
-@contextmanager
-def _decoding() -> Iterator[Try]:
-    yield lambda data: reading(lambda: f"{decode(data)} read")
-
-
-PLANTED = Target("planted", [f"{__name__}:decode"], lambda kept: bytes_of([WHOLE, *kept]), _decoding)
+PLANTED = Target(
+    "planted",
+    [f"{__name__}:decode"],
+    lambda kept: bytes_of([WHOLE, *kept]),
+    lambda: nullcontext(lambda data: reading(lambda: f"{decode(data)} read")),
+)
 
 
 def staircase(data: bytes) -> int:
@@ -49,11 +49,6 @@ def staircase(data: bytes) -> int:
     if data[5:6] != b"\xc3":
         return 2
     raise ValueError("the top")
-
-
-@contextmanager
-def _climbing() -> Iterator[Try]:
-    yield lambda data: f"step {staircase(data)}"
 
 
 def _one_byte_changed(kept: Sequence[Case]) -> st.SearchStrategy[Case]:
@@ -77,7 +72,9 @@ def test_same_seed_tries_the_same_cases() -> None:
 
 
 def test_case_that_reached_something_new_is_changed_further() -> None:
-    climbing = Target("climbing", [f"{__name__}:staircase"], _one_byte_changed, _climbing)
+    climbing = Target(
+        "climbing", [f"{__name__}:staircase"], _one_byte_changed, lambda: nullcontext(lambda data: f"{staircase(data)}")
+    )
     assert fuzz_cases(climbing, 500).error is None  # three steps at once are out of reach
     found = fuzz_for(climbing, seconds=20.0, seed=0)
     assert isinstance(found.error, ValueError)
@@ -113,20 +110,13 @@ def test_json_may_be_deeper_than_orjson_writes(depth: int) -> None:
     assert orjson.loads(as_json(nested("x", depth))) == nested("x", depth)
 
 
-@pytest.mark.long
-def test_command_prints_a_table_and_keeps_a_failing_case(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", PLANT, "--seconds", "20", "--keep", str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=Path(__file__).parents[2])
-    assert done.returncode == 1, done.stderr
-    assert "planted" in done.stdout
-    assert "ValueError: nothing to divide by" in done.stdout
+def test_command_prints_a_table_and_keeps_a_failing_case(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "TARGETS", (PLANTED,))
+    monkeypatch.setattr(sys, "argv", ["fuzz", "--seconds", "20", "--keep", str(tmp_path)])
+    assert command.main() == 1
+    table = capfd.readouterr().out
+    assert "planted" in table
+    assert "ValueError: nothing to divide by" in table
     assert (tmp_path / "planted.py").read_text().startswith("CASE = b'\\x01")
-
-
-PLANT = """
-import sys, tests.fuzz.targets
-from tests.fuzz.test_engine import PLANTED
-tests.fuzz.targets.TARGETS = (PLANTED,)
-from tests.fuzz.__main__ import main
-sys.exit(main())
-"""

@@ -91,9 +91,12 @@ def shown(value: object) -> str:
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN // 2]}...{text[-_SHOWN // 4 :]}"
 
 
-def at_line(text: str, said: str) -> str:
-    """Return where in a file's text the key stands that an explanation names, or the table that lacks it."""
-    key = named_key(said)
+def at_line(text: str, said: str, section: str = "", prefix: str = "") -> str:
+    """Return where in a file's text the key stands that an explanation names, or the table that lacks it.
+
+    ``section`` is the table that was explained, as ``line_of`` counts it, and ``prefix`` what stands before its keys.
+    """
+    key = f"{section}.{(named_key(said) or '').removeprefix(prefix)}".strip(".")
     while key:
         if number := line_of(text, key):
             return f" (line {number})"

@@ -19,17 +19,14 @@ TaskT = TypeVar("TaskT")
 DoneT = TypeVar("DoneT")
 
 
-def run_batch(
-    run: Callable[[TaskT], DoneT], tasks: Sequence[TaskT], jobs: int | None, what: str, console: Console
-) -> Iterator[DoneT]:
-    """Yield what ``run`` returns for each task, in the order of completion.
+def run_batch(run: Callable[[TaskT], DoneT], tasks: Sequence[TaskT], jobs: int | None, what: str) -> Iterator[DoneT]:
+    """Yield what ``run`` returns for each task, in the order of completion; progress is shown on stderr.
 
     Args:
         run: is sent to the worker processes.
         tasks: what to run.
         jobs: the number of processes, None for one a core.
         what: what the tasks are called, in plural.
-        console: shows progress.
 
     Raises:
         Stopped: a signal asked for it.
@@ -40,7 +37,7 @@ def run_batch(
         with (
             stop_on_signals() as stop,
             closing(stream(run, tasks, workers, stop)) as running,
-            shown_count(console, 0, len(tasks), what) as advance,
+            shown_count(Console(stderr=True), 0, len(tasks), what) as advance,
         ):
             for result in running:
                 yield result

@@ -45,18 +45,22 @@ class ScenarioRunner:
     def __call__(self, scenario: Scenario) -> Result:
         """Run and judge one; an error becomes its result's problem."""
         try:
-            run_result = run_scenario(scenario, self._logs / scenario.name if self._logs else None)
-            key = repr(without_faults(scenario))
-            if key not in self._well:
-                if len(self._well) >= MOST_WELL_RUNS:
-                    self._well.clear()
-                self._well[key] = run_without_faults(scenario)
-            return judge(scenario, run_result, self._well[key])
+            return judge(scenario, *self.runs(scenario))
         except Exception as error:
             said = str(error) if isinstance(error, WayfarerError) else f"an error inside wayfarer: {error!r}"
             return not_run(scenario)._replace(
                 within_s=scenario.expect.within_s, changed="nothing", problems=(" ".join(said.split()),)
             )
+
+    def runs(self, scenario: Scenario) -> tuple[RunResult, RunResult]:
+        """Return a run of a scenario with its faults, and one without."""
+        run_result = run_scenario(scenario, self._logs / scenario.name if self._logs else None)
+        key = repr(without_faults(scenario))
+        if key not in self._well:
+            if len(self._well) >= MOST_WELL_RUNS:
+                self._well.clear()
+            self._well[key] = run_without_faults(scenario)
+        return run_result, self._well[key]
 
 
 def run_scenarios(
@@ -80,7 +84,7 @@ def run_scenarios(
     if out is not None:
         make_empty_folder(out, "what comes of the scenarios")
     try:
-        found = {each.name: each for each in run_batch(ScenarioRunner(out), scenarios, jobs, "scenarios", aside)}
+        found = {each.name: each for each in run_batch(ScenarioRunner(out), scenarios, jobs, "scenarios")}
     except Stopped:
         say(aside, "interrupted: no results")
         return INTERRUPTED
@@ -93,8 +97,8 @@ def run_scenarios(
     if out is not None:
         _store(out, results)
         say(aside, f"the results are in {out}")
-        if found and not as_json:
-            say_next("wayfarer", "logs", "show", out / next(iter(found)))
+        if scenarios and not as_json:
+            say_next("wayfarer", "logs", "show", out / scenarios[0].name)
     return 1 if any(each.problems for each in results) else 0
 
 

@@ -20,7 +20,7 @@ from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.statistics import wilson_interval
 from wayfarer.fault_scenarios.batch import run_batch
 from wayfarer.fault_scenarios.detector_score import NOTHING, Score
-from wayfarer.fault_scenarios.detector_trials import CELLS, DetectorCase, DetectorTask, Scores, measure
+from wayfarer.fault_scenarios.detector_trials import CELLS, DetectorCase, Scores, measure
 from wayfarer.fieldlog.atomic_file import write_whole
 from wayfarer.views.text.scripting import print_json
 from wayfarer.views.text.terminal_table import Column
@@ -36,6 +36,7 @@ LEGEND = (
 )
 
 Measured = Mapping[DetectorCase, Scores]
+DetectorTask = tuple[DetectorCase, int]  # a case, and the number of the trial
 
 
 class DetectorRow(NamedTuple):
@@ -61,7 +62,7 @@ def run_detector(
     if out is not None:
         make_empty_folder(out, "the detector's table")
     try:
-        measured = _measured(config, cells, trials or TRIALS, jobs, aside)
+        measured = _measured(config, cells, trials or TRIALS, jobs)
     except Stopped:
         say(aside, "interrupted: no table")
         return INTERRUPTED
@@ -78,21 +79,17 @@ def run_detector(
     return 0
 
 
-def _measured(
-    config: RoverConfig, cells: Sequence[DetectorCase], trials: int, jobs: int | None, aside: Console
-) -> Measured:
-    tasks = [DetectorTask(cell, trial) for trial in range(trials) for cell in cells]
-    done = list(run_batch(partial(_scores_of, config), tasks, jobs, "trials", aside))
-    return {cell: together([scores for of, scores in done if of == cell]) for cell in cells}
+def _measured(config: RoverConfig, cells: Sequence[DetectorCase], trials: int, jobs: int | None) -> Measured:
+    tasks = [(cell, trial) for trial in range(trials) for cell in cells]
+    measured = {cell: dict.fromkeys(Anomaly, NOTHING) for cell in cells}
+    done = run_batch(partial(_scores_of, config), tasks, jobs, "trials")
+    for (cell, _), scores in sorted(done, key=lambda each: each[0][1]):  # the same on any number of workers
+        measured[cell] = {anomaly: measured[cell][anomaly] + scores[anomaly] for anomaly in Anomaly}
+    return measured
 
 
-def _scores_of(config: RoverConfig, task: DetectorTask) -> tuple[DetectorCase, Scores]:
-    return task.cell, measure(config, *task)
-
-
-def together(scores: Sequence[Scores]) -> Scores:
-    """Return the scores of several trials as one."""
-    return {anomaly: sum((each[anomaly] for each in scores), NOTHING) for anomaly in Anomaly}
+def _scores_of(config: RoverConfig, task: DetectorTask) -> tuple[DetectorTask, Scores]:
+    return task, measure(config, *task)
 
 
 def rows(measured: Measured) -> Iterator[DetectorRow]:

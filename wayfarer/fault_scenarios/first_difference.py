@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Generic, NamedTuple, TypeVar
+from itertools import zip_longest
+from typing import NamedTuple, TypeVar
 
 from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.hal import Snapshot
 
 T = TypeVar("T")
+_Pair = tuple[float, T | None, T | None]
 
 
 class FaultEffect(NamedTuple):
@@ -27,36 +29,29 @@ def _differences(monitor: RunRecorder, well: RunRecorder) -> Iterator[FaultEffec
     """Give the first difference of each kind, those that tell most first."""
     ticks = [(moment.t_s, moment.snapshot) for moment in monitor.moments]
     well_ticks = [(moment.t_s, moment.snapshot) for moment in well.moments]
-    for read in _first(ticks, well_ticks, monitor.ended_s):
-        yield FaultEffect(read.t_s, _of_snapshots(read.now, read.then))
-    for answer in _first(monitor.boards, well.boards, monitor.ended_s):
-        yield FaultEffect(answer.t_s, "answer of the motor board")
+    for t_s, now, then in _first(ticks, well_ticks, monitor.ended_s):
+        yield FaultEffect(t_s, _of_snapshots(now, then))
+    for t_s, _, _ in _first(monitor.boards, well.boards, monitor.ended_s):
+        yield FaultEffect(t_s, "answer of the motor board")
     fixes, well_fixes = ([(fix.t_s, fix) for fix in each.fixes if fix is not None] for each in (monitor, well))
-    for fix in _first(fixes, well_fixes, monitor.ended_s):
-        yield FaultEffect(fix.t_s, "position")
+    for t_s, _, _ in _first(fixes, well_fixes, monitor.ended_s):
+        yield FaultEffect(t_s, "position")
     events, well_events = ([(each.t_s, each) for each in log.recorded_events] for log in (monitor, well))
-    for event in _first(events, well_events, monitor.ended_s):
-        if there := event.now or event.then:
-            yield FaultEffect(event.t_s, f"{'' if event.now else 'no '}event {there.name}")
-
-
-class _Pair(NamedTuple, Generic[T]):
-    """The first items of two runs that are not the same; None where one run has no more."""
-
-    t_s: float
-    now: T | None
-    then: T | None
+    for t_s, event, well_event in _first(events, well_events, monitor.ended_s):
+        if there := event or well_event:
+            yield FaultEffect(t_s, f"{'' if event else 'no '}event {there.name}")
 
 
 def _first(run: Sequence[tuple[float, T]], well: Sequence[tuple[float, T]], ended_s: float) -> Iterator[_Pair[T]]:
-    for (t_s, now), (_, then) in zip(run, well, strict=False):
-        if now != then:
-            yield _Pair(t_s, now, then)
-            return
-    if len(run) > len(well):
-        yield _Pair(run[len(well)][0], run[len(well)][1], None)
-    elif len(well) > len(run):
-        yield _Pair(min(well[len(run)][0], ended_s), None, well[len(run)][1])
+    """Give the first items of two runs that are not the same, with the time; None where one run has no more."""
+    for item, well_item in zip_longest(run, well):
+        if item is None:
+            yield min(well_item[0], ended_s), None, well_item[1]
+        elif well_item is None or item[1] != well_item[1]:
+            yield item[0], item[1], well_item and well_item[1]
+        else:
+            continue
+        return
 
 
 def _of_snapshots(now: Snapshot | None, then: Snapshot | None) -> str:

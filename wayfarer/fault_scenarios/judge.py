@@ -5,65 +5,163 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 from math import inf
+from typing import NamedTuple
 
-from wayfarer.fault_scenarios.answers import ROUNDING_S, Answer, answers, counts, escape_answer, stood_s, tripped_s
 from wayfarer.fault_scenarios.first_difference import FaultEffect, first_difference
-from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.fault_scenarios.result import Result, not_run
 from wayfarer.fault_scenarios.runner import RunResult
-from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import REACHED, Expectation, Reached, Scenario
+from wayfarer.safety.conditions import LEVELS, Condition
+from wayfarer.simhal.faults.kinds import Fault, LoopStall, Lost
 
+ROUNDING_S = 1e-6
 STOOD_ALREADY = "the wheels were stopped already"
+
+_CUT_OFF = {"nack", "hang", "silent"}  # kinds that let no stop through to the motors while they last
 
 
 def judge(scenario: Scenario, run_result: RunResult, well: RunResult) -> Result:
     """Judge a run with its faults, beside one without."""
-    expect, monitor = scenario.expect, run_result.monitor
+    expect = scenario.expect
     result = not_run(scenario)._replace(
         within_s=None if expect.level is Reached.NONE and not expect.answer else expect.within_s,
         changed="nothing",
         remark=scenario.because,
     )
-    begun_s = min((t_s for t_s, _, begins in monitor.faults if begins), default=None)
+    begun_s = min((t_s for t_s, _, begins in run_result.monitor.faults if begins), default=None)
     if begun_s is None:
         return result._replace(problems=(_error(run_result) or "no fault began before the run was over",))
-    said = list(answers(monitor, begun_s))
-    worst, stopped_s = _response(monitor, expect, begun_s, [answer for answer in said if counts(answer, expect)])
-    detected_s = worst.t_s - begun_s if worst.t_s < inf else None
-    changed = first_difference(monitor, well.monitor)
-    problems = (
-        *(f"broken rule: {rule}" for rule in run_result.broken),
-        *_unchanged(changed, begun_s),
-        *_missed(expect, worst.level, said),
-        *_late(expect, detected_s, stopped_s),
-        *_wrong_end(expect, run_result, begun_s),
-        *_unanswered(expect, monitor, begun_s),
-        *_unwanted(expect, monitor, begun_s),
-        *_gaps(expect, monitor),
-        *_still_turning(expect, monitor, begun_s),
-    )
+    response = _Response(expect, run_result, begun_s)
+    changed = first_difference(run_result.monitor, well.monitor)
     return result._replace(
-        reached=worst.level,
+        reached=response.worst.level,
         changed=f"{changed.what} at {changed.t_s - begun_s:+.2f} s" if changed else "nothing",
-        detected_s=detected_s,
-        stopped_s=stopped_s,
-        cause=worst.cause,
-        problems=problems,
-        remark="; ".join(filter(None, (scenario.because, STOOD_ALREADY if stopped_s == 0.0 else ""))),
+        detected_s=response.detected_s,
+        stopped_s=response.stopped_s,
+        cause=response.worst.cause,
+        problems=(
+            *(f"broken rule: {rule}" for rule in run_result.broken),
+            *_unchanged(changed, begun_s),
+            *response.problems(),
+        ),
+        remark="; ".join(filter(None, (scenario.because, STOOD_ALREADY if response.stopped_s == 0.0 else ""))),
     )
 
 
-def _response(
-    monitor: RunRecorder, expect: Expectation, begun_s: float, wanted: list[Answer]
-) -> tuple[Answer, float | None]:
-    """Return the severest of the answers that count, and after how long the wheels were stopped."""
-    worst = max(wanted, key=lambda answer: (answer.level, -answer.t_s), default=Answer(Reached.NONE, "", inf))
-    holds_s = min((answer.t_s for answer in wanted if answer.level >= Reached.HOLD), default=None)
-    if expect.level is Reached.DEADMAN and (at_s := tripped_s(monitor, begun_s)) is not None:
-        return Answer(Reached.DEADMAN, "the board's deadman", at_s), at_s - begun_s
-    if worst.level is Reached.NONE and (tick := escape_answer(monitor, expect, begun_s)):
-        worst = Answer(Reached.NONE, tick.why, tick.t_s)  # to what is no fault of the rover
-    return worst, None if holds_s is None else stood_s(monitor, begun_s, holds_s)
+class Answer(NamedTuple):
+    """Something that the rover said; ``t_s`` on the run's clock, when it was said first."""
+
+    level: Reached
+    cause: str
+    t_s: float
+
+
+class _Response:
+    """What the rover said and did from the beginning of the fault on, held against what is expected of it."""
+
+    def __init__(self, expect: Expectation, run_result: RunResult, begun_s: float) -> None:
+        self._expect, self._run_result, self._begun_s = expect, run_result, begun_s
+        self._monitor = monitor = run_result.monitor
+        self._ticks = [moment for moment in monitor.moments if moment.t_s >= begun_s]
+        self._events = [event for event in monitor.recorded_events if event.t_s >= begun_s]
+        self._stood = [(t_s, still) for t_s, still in monitor.stood_still_s if t_s >= begun_s]
+        self._said = list(self._answers())
+        self._escape = next((tick for tick in self._ticks if tick.why in expect.answer), None)
+        wanted = [answer for answer in self._said if self._counts(answer)]
+        self.worst, self.stopped_s = self._worst(wanted), self._stopped_s(wanted)
+        if expect.level is Reached.DEADMAN and (tripped_s := self._tripped_s()) is not None:
+            self.worst = Answer(Reached.DEADMAN, "the board's deadman", tripped_s)
+            self.stopped_s = tripped_s - begun_s
+        self.detected_s = self.worst.t_s - begun_s if self.worst.t_s < inf else None
+
+    def problems(self) -> Iterator[str]:
+        """Give what is not as expected."""
+        expect = self._expect
+        yield from self._missed()
+        if expect.level is not Reached.NONE:
+            yield from _later("detected", self.detected_s, expect.within_s)
+        if expect.level >= Reached.HOLD:
+            yield from _later("the wheels stopped", self.stopped_s, expect.within_s)
+        yield from self._wrong_end()
+        yield from self._unanswered()
+        yield from self._unwanted()
+        yield from self._gaps()
+        if expect.stands_within_s is not None:
+            still_s = min((t_s for t_s, still in self._stood if still), default=inf)
+            yield from _later("the wheels stopped", still_s - self._begun_s, expect.stands_within_s)
+
+    def _answers(self) -> Iterator[Answer]:
+        """Give what the rover said: conditions by their level, an error that ended it, events."""
+        said = set()
+        for moment in self._ticks:
+            for condition in moment.conditions:
+                if condition not in said:
+                    said.add(condition)
+                    yield Answer(REACHED[LEVELS[condition]], condition.value, moment.t_s)
+        if self._monitor.ended == "failed":
+            yield Answer(Reached.FAULT, self._monitor.ended, self._monitor.ended_s)
+        for t_s, name, _ in self._events:
+            yield Answer(Reached.NOTE, name, t_s)
+
+    def _counts(self, answer: Answer) -> bool:
+        """Tell whether an answer is one to the fault: an event, or what a person did, only where it is expected."""
+        by_itself = answer.level > Reached.NOTE and answer.cause != Condition.OPERATOR_HOLD.value
+        return answer.cause in self._expect.causes or (not self._expect.causes and by_itself)
+
+    def _worst(self, wanted: list[Answer]) -> Answer:
+        """Return the severest of the answers that count, the first of several."""
+        worst = max(wanted, key=lambda answer: (answer.level, -answer.t_s), default=Answer(Reached.NONE, "", inf))
+        if worst.level is Reached.NONE and self._escape is not None:  # an answer to what is no fault of the rover
+            return Answer(Reached.NONE, self._escape.why, self._escape.t_s)
+        return worst
+
+    def _stopped_s(self, wanted: list[Answer]) -> float | None:
+        """Return the delay to the first stop command from a hold on; 0 if the wheels were stopped all the time."""
+        holds_s = min((answer.t_s for answer in wanted if answer.level >= Reached.HOLD), default=None)
+        if holds_s is None:
+            return None
+        ticks = [(moment.t_s, moment.commanded == (0.0, 0.0)) for moment in self._ticks]
+        stood = sorted((*ticks, *self._stood))
+        if all(still for t_s, still in stood if t_s <= holds_s):
+            return 0.0
+        return next((t_s - self._begun_s for t_s, still in stood if still and t_s >= holds_s - ROUNDING_S), None)
+
+    def _tripped_s(self) -> float | None:
+        """Return when the wheels stood although no stop could get through to them: the board's own deadman did it."""
+        cuts = [(from_s, from_s + _cuts_for_s(fault)) for from_s, fault, begins in self._monitor.faults if begins]
+        times_s = (t_s for t_s, still in self._stood if still)
+        return next((t_s for t_s in times_s if any(from_s < t_s <= to_s for from_s, to_s in cuts)), None)
+
+    def _missed(self) -> Iterator[str]:
+        if self.worst.level != self._expect.level:
+            others = [f"{each.cause} ({each.level})" for each in self._said if each.level > Reached.NOTE]
+            heard = f"; the rover said {', '.join(dict.fromkeys(others)) or 'nothing'}"
+            yield f"{self.worst.level} was reached, {self._expect.level} is expected{heard}"
+
+    def _wrong_end(self) -> Iterator[str]:
+        expect, ended = self._expect, self._monitor.ended
+        if expect.event and not any(event.name == expect.event for event in self._events):
+            yield f"no event '{expect.event}' in the log"
+        if expect.ends and ended not in expect.ends:
+            yield f"the run ended by '{ended}', expected is {' or '.join(expect.ends)}"
+        if self._run_result.error is not None and "failed" not in (*expect.causes, *expect.ends):
+            yield _error(self._run_result)
+
+    def _unanswered(self) -> Iterator[str]:
+        if self._escape is not None:
+            yield from _later(self._escape.why, self._escape.t_s - self._begun_s, self._expect.within_s)
+        elif self._expect.answer:
+            yield f"the escape logic never answered by {' or '.join(self._expect.answer)}"
+
+    def _unwanted(self) -> Iterator[str]:
+        came = {answer.cause for answer in self._said} | {moment.why for moment in self._ticks}
+        yield from (f"there was '{name}', which must not come" for name in self._expect.never if name in came)
+
+    def _gaps(self) -> Iterator[str]:
+        most_s = self._expect.ticks_within_s
+        gap_s = max((now.t_s - last.t_s for last, now in pairwise(self._monitor.moments)), default=0.0)
+        if most_s is not None and gap_s > most_s + ROUNDING_S:
+            yield f"{gap_s:.2f} s between two ticks, {most_s:g} s are allowed"
 
 
 def _unchanged(changed: FaultEffect | None, begun_s: float) -> Iterator[str]:
@@ -73,63 +171,18 @@ def _unchanged(changed: FaultEffect | None, begun_s: float) -> Iterator[str]:
         yield f"the runs differ before the fault began: {changed.what} at {changed.t_s:.2f} s"
 
 
-def _missed(expect: Expectation, reached: Reached, said: list[Answer]) -> Iterator[str]:
-    if reached != expect.level:
-        others = [f"{each.cause} ({each.level})" for each in said if each.level > Reached.NOTE]
-        heard = f"; the rover said {', '.join(dict.fromkeys(others)) or 'nothing'}"
-        yield f"{reached} was reached, {expect.level} is expected{heard}"
-
-
-def _late(expect: Expectation, detected_s: float | None, stopped_s: float | None) -> Iterator[str]:
-    if expect.level is not Reached.NONE:
-        yield from _later("detected", detected_s, expect.within_s)
-    if expect.level >= Reached.HOLD:
-        yield from _later("the wheels stopped", stopped_s, expect.within_s)
-
-
 def _later(what: str, after_s: float | None, within_s: float) -> Iterator[str]:
     if after_s is None or after_s > within_s + ROUNDING_S:
         yield f"{what} {'never' if after_s is None else f'after {after_s:.2f} s'}, {within_s:g} s are allowed"
-
-
-def _wrong_end(expect: Expectation, run_result: RunResult, begun_s: float) -> Iterator[str]:
-    monitor = run_result.monitor
-    if expect.event and not any(t_s >= begun_s and name == expect.event for t_s, name, _ in monitor.recorded_events):
-        yield f"no event '{expect.event}' in the log"
-    if expect.ends and monitor.ended not in expect.ends:
-        yield f"the run ended by '{monitor.ended}', expected is {' or '.join(expect.ends)}"
-    if run_result.error is not None and "failed" not in (*expect.causes, *expect.ends):
-        yield _error(run_result)
 
 
 def _error(run_result: RunResult) -> str:
     return f"the run ended by an error: {run_result.error}" if run_result.error is not None else ""
 
 
-def _unanswered(expect: Expectation, monitor: RunRecorder, begun_s: float) -> Iterator[str]:
-    tick = escape_answer(monitor, expect, begun_s)
-    if tick is not None:
-        yield from _later(tick.why, tick.t_s - begun_s, expect.within_s)
-    elif expect.answer:
-        yield f"the escape logic never answered by {' or '.join(expect.answer)}"
-
-
-def _unwanted(expect: Expectation, monitor: RunRecorder, begun_s: float) -> Iterator[str]:
-    came = {event.name for event in monitor.recorded_events if event.t_s >= begun_s}
-    for moment in monitor.moments:
-        if moment.t_s >= begun_s:
-            came |= {moment.why, *(condition.value for condition in moment.conditions)}
-    yield from (f"there was '{name}', which must not come" for name in expect.never if name in came)
-
-
-def _gaps(expect: Expectation, monitor: RunRecorder) -> Iterator[str]:
-    most_s = expect.ticks_within_s
-    gap_s = max((now.t_s - last.t_s for last, now in pairwise(monitor.moments)), default=0.0)
-    if most_s is not None and gap_s > most_s + ROUNDING_S:
-        yield f"{gap_s:.2f} s between two ticks, {most_s:g} s are allowed"
-
-
-def _still_turning(expect: Expectation, monitor: RunRecorder, begun_s: float) -> Iterator[str]:
-    if expect.stands_within_s is not None:
-        still_s = min((t_s for t_s, still in monitor.stood_still_s if still and t_s >= begun_s), default=inf)
-        yield from _later("the wheels stopped", still_s - begun_s, expect.stands_within_s)
+def _cuts_for_s(fault: Fault) -> float:
+    """Return for how long a fault lets no stop through to the wheels."""
+    if isinstance(fault.params, LoopStall):
+        return fault.params.by_s
+    sure = not isinstance(fault.params, Lost) or fault.params == Lost()
+    return fault.for_s if fault.target == "motors" and fault.kind in _CUT_OFF and sure else 0.0

@@ -67,8 +67,8 @@ def run_seed(rover: str | None, depth: Depth | None, seed: int) -> RandomTrial:
 
 
 def run_random(
-    trials: int, rover: str | None, depth: Depth | None, seed: int, jobs: int | None, out: Path | None,
-    console: Console | None = None, *, as_json: bool = False,
+    trials: int, rover: str | None, depth: Depth | None, seed: int, jobs: int | None, out: Path | None, *,
+    as_json: bool = False,
 ) -> int:  # fmt: skip
     """Run ``trials`` scenarios and say what came of them; with ``out`` store rows, and the smallest that broke a rule.
 
@@ -79,21 +79,18 @@ def run_random(
         MissingPackage: some of the trials would need a package that is not installed.
         WayfarerError: a worker died.
     """
-    console = console or Console()
     draw_scenario(seed, rover, depth)  # what is wrong with the rover is told before the first trial
     refuse_missing_package(rover, depth)
     if out is not None:
         make_empty_folder(out, "what comes of the trials")
     rows: list[RandomTrial] = []
     with suppress(Stopped):
-        rows.extend(
-            run_batch(partial(run_seed, rover, depth), range(seed, seed + trials), jobs, "trials", Console(stderr=True))
-        )
+        rows.extend(run_batch(partial(run_seed, rover, depth), range(seed, seed + trials), jobs, "trials"))
     rows.sort()
     broken = [trial for trial in rows if trial.broken]
     if as_json:
         print_json({"trials": rows})
-        console = Console(stderr=True)
+    console = Console(stderr=as_json)
     for line in _summary(rows, broken):
         say(console, line)
     for trial in broken[:SHOWN]:

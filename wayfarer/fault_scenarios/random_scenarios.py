@@ -21,8 +21,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
 from wayfarer.fault_scenarios.scenario_rover import misfit
 from wayfarer.simhal.build_rover import Depth, missing_package
-from wayfarer.simhal.faults.bus import misplaced
-from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
+from wayfarer.simhal.faults.kinds import KINDS, Fault
 from wayfarer.simhal.random_streams import RandomStreams
 
 ROVERS = ("sim", "forestrover", "minirover")
@@ -62,10 +61,9 @@ def possible_faults(config: RoverConfig, depth: Depth) -> tuple[FaultTarget, ...
 
 
 def _can_happen(name: str, target: str, config: RoverConfig, depth: Depth) -> bool:
-    kind, fault = KINDS[name], Fault(0.0, inf, target, name)
-    if misfit(config, depth, fault) or (kind.layer is Layer.BUS and misplaced(fault, config)):
+    if misfit(config, depth, Fault(0.0, inf, target, name)):
         return False
-    return target in NUMBERS or _NAMES_A_NUMBER not in {each.name for each in fields(kind.params)}
+    return target in NUMBERS or _NAMES_A_NUMBER not in {each.name for each in fields(KINDS[name].params)}
 
 
 def ready_for(places: Iterable[FaultTarget]) -> tuple[Fault, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -54,12 +53,13 @@ def run_scenario(scenario: Scenario, log_dir: Path | None = None) -> RunResult:
     Raises:
         BadInput: a fault cannot happen to the rover, or the log cannot be written.
     """
-    return _run(scenario, log_dir)
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(_run(scenario, log_dir))
 
 
 def run_without_faults(scenario: Scenario) -> RunResult:
     """Run a scenario without its faults: the same world, the same chance."""
-    return _run(without_faults(scenario))
+    return run_scenario(without_faults(scenario))
 
 
 def without_faults(scenario: Scenario) -> Scenario:
@@ -68,12 +68,7 @@ def without_faults(scenario: Scenario) -> Scenario:
     return replace(scenario, name="", about="", row=None, asked="", because="", expect=nothing, faults=())
 
 
-def _run(scenario: Scenario, log_dir: Path | None = None) -> RunResult:
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(_run_scenario(scenario, log_dir))
-
-
-async def _run_scenario(scenario: Scenario, log_dir: Path | None) -> RunResult:
+async def _run(scenario: Scenario, log_dir: Path | None) -> RunResult:
     config = rover_of(scenario)
     forest = CLEARING if scenario.clearing else generate_forest(scenario.seed, 0, scenario.seed)
     spec = TrialSpec(
@@ -90,11 +85,15 @@ async def _run_scenario(scenario: Scenario, log_dir: Path | None) -> RunResult:
         notes.append(ground_truth_log.note)
         return Tee(monitor, invariants, log, ground_truth_log)
 
+    def note_all(t_s: float, fault: Fault, *, begins: bool) -> None:
+        for note in notes:
+            note(t_s, fault, begins=begins)
+
     setup = TrialSetup(spec, make_log)
     monitor.follow(setup)
     invariants.follow(setup)
     if setup.injector is not None:
-        setup.injector.start(setup.world, setup.supervisor.controller.power, partial(_tell, notes))
+        setup.injector.start(setup.world, setup.supervisor.controller.power, note_all)
     error, end, loop = None, None, asyncio.get_running_loop()
     stray: list[str] = []  # errors that nobody awaits: of the injection, or of a task that was forgotten
     loop.set_exception_handler(lambda _, context: stray.append(f"{context['message']}: {context.get('exception')!r}"))
@@ -114,11 +113,6 @@ async def _run_scenario(scenario: Scenario, log_dir: Path | None) -> RunResult:
             await asyncio.sleep(invariants.bound_s)  # the wheels are watched until they must stand
             setup.injector.end()
     return RunResult(monitor, end, error, (*invariants.broken, *stray), invariants.excused)
-
-
-def _tell(watchers: Iterable[NoteFault], t_s: float, fault: Fault, *, begins: bool) -> None:
-    for note in watchers:
-        note(t_s, fault, begins=begins)
 
 
 async def _ask(setup: TrialSetup, commands: tuple[Command, ...], log: RunLog) -> None:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
-from annotated_types import Interval
+from annotated_types import Interval, MaxLen, MinLen
+from pydantic import Field
 
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.build_rover import Depth
@@ -16,6 +17,8 @@ from wayfarer.simhal.faults.kinds import Fault
 LONGEST_S = 3600.0  # of a scenario
 
 Moment = Annotated[float, Interval(ge=0, le=LONGEST_S)]
+Duration = Annotated[float, Interval(gt=0, le=LONGEST_S)]
+Line = Annotated[str, MaxLen(200)]
 
 
 class Reached(StrEnum):
@@ -75,25 +78,25 @@ class Expectation:
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """One scenario.
+    """One scenario; the ranges are those of a scenario file.
 
     ``row`` is its number in the field catalogue, None for a user's own; ``asked`` the level that the catalogue asks
     for, and ``because`` why another one is expected here. ``settings`` are laid over the rover file.
     """
 
-    name: str
-    about: str
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$")]  # of a folder in --out, too
+    about: Line
     expect: Expectation
     faults: tuple[Fault, ...]
-    row: int | None = None
-    asked: str = ""
-    because: str = ""
-    rover: str = "forestrover"
+    row: Annotated[int, Interval(ge=1, le=99)] | None = None
+    asked: Line = ""
+    because: Annotated[str, MaxLen(500)] = ""
+    rover: Annotated[str, MinLen(1)] = "forestrover"
     depth: Depth = Depth.BUS
     algorithm: str = "forest-pledge"
-    for_s: float = 20.0
-    seed: int = 0
-    slip_mean_m: float = 10.0
+    for_s: Duration = 20.0
+    seed: Annotated[int, Interval(ge=0, le=2**31 - 1)] = 0
+    slip_mean_m: Annotated[float, Interval(gt=0, le=1e6)] = 10.0
     clearing: bool = False
     commands: tuple[Command, ...] = (Command(0.0, "arm", 0.0),)
     settings: dict[str, Any] | None = None

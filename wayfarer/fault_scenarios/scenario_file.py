@@ -14,48 +14,27 @@ from math import inf
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
-from annotated_types import Interval
-from pydantic import BaseModel, ConfigDict, Field
+from annotated_types import MinLen
 
-from wayfarer.config.messages import line_of, named_key, one_line, validated
+from wayfarer.config.messages import at_line, one_line, validated
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_overlay import laid_over
 from wayfarer.errors import BadConfig, BadInput, UnknownName
-from wayfarer.fault_scenarios.scenario import LONGEST_S, Command, Expectation, Moment, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import Command, Duration, Expectation, Line, Moment, Reached, Scenario
 from wayfarer.fault_scenarios.scenario_rover import OVERLAY, misfit, rover_of
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
-from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults.kinds import KINDS, Fault
 
 MOST = 100  # scenarios in a file
 FILE_BYTES = 1_000_000
 READINGS = {"compass": CompassReading, "motion": MotionReading, "contact": ContactReading, "position": PositionFix}
-
-Duration = Annotated[float, Interval(gt=0, le=LONGEST_S)]
-
-
-class _Table(BaseModel):
-    """What may stand in a ``[[scenario]]``; what is left out has the default of ``Scenario``."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$")  # of a folder in --out, too
-    about: str = Field("", max_length=200)
-    row: Annotated[int | None, Interval(ge=1, le=99)] = None
-    asked: str = Field("", max_length=200)
-    because: str = Field("", max_length=500)
-    rover: str = Field("", min_length=1)
-    depth: Depth = Depth.BUS
-    algorithm: str = ""
-    for_s: Duration = LONGEST_S
-    seed: Annotated[int, Interval(ge=0, le=2**31 - 1)] = 0
-    slip_mean_m: Annotated[float, Interval(gt=0, le=1e6)] = 10.0
-    clearing: bool = False
-    settings: dict[str, Any] = {}
-    expect: dict[str, Any]
-    fault: list[dict[str, Any]] = Field(min_length=1)
-    command: list[dict[str, Any]] = []
+# Tables within a [[scenario]], each checked by itself; the other keys are fields of ``Scenario``.
+TABLES: tuple[Any, ...] = (
+    ("expect", dict[str, Any]),
+    ("fault", Annotated[list[dict[str, Any]], MinLen(1)]),
+    ("command", list[dict[str, Any]], field(default_factory=list)),
+)
 
 
 class _FileLocation(NamedTuple):
@@ -75,15 +54,10 @@ class _FileLocation(NamedTuple):
 
     def error(self, said: str) -> BadConfig:
         """Return what is wrong, with its line: the key's, or that of the table which lacks it."""
-        key = (named_key(said) or "").removeprefix(self.shown)
-        dotted, line = f"{self.section}.{key}".strip("."), None
-        while dotted and line is None:
-            line = line_of(self.text, dotted)
-            dotted = dotted.rpartition(".")[0]
-        return BadConfig(one_line(f"{self.where}: {said}") + (f" (line {line})" if line else ""))
+        return BadConfig(one_line(f"{self.where}: {said}") + at_line(self.text, said, self.section, self.shown))
 
     def check(self, kind: Any, table: dict[str, Any]) -> Any:
-        """Return a table as a dataclass or model.
+        """Return a table as a dataclass.
 
         Raises:
             BadConfig: it cannot be one.
@@ -143,23 +117,32 @@ def _tables(file: _FileLocation) -> list[dict[str, Any]]:
     return tables
 
 
-def _scenario(place: _FileLocation, whole: dict[str, Any], folder: Path) -> Scenario:
-    name = whole.get("name")
+def _scenario(place: _FileLocation, table: dict[str, Any], folder: Path) -> Scenario:
+    name = table.get("name")
     place = place._replace(where=f"{place.where}: scenario {name!r}" if isinstance(name, str) else place.where)
-    table = place.check(_Table, whole)
-    own = table.model_dump(include=table.model_fields_set - {"expect", "fault", "command"})
-    if "/" in table.rover or table.rover.endswith(".toml"):
-        own["rover"] = str(folder / table.rover)
-    if "command" in table.model_fields_set:
+    checked = place.check(_scenario_table(), table)
+    own = {key: getattr(checked, key) for key in table if key not in {name for name, *_ in TABLES}}
+    if "/" in checked.rover or checked.rover.endswith(".toml"):
+        own["rover"] = str(folder / checked.rover)
+    if "command" in table:
         own["commands"] = tuple(
             place.within(f"command.{number}", "command.").check(Command, command)
-            for number, command in enumerate(table.command)
+            for number, command in enumerate(checked.command)
         )
-    faults = tuple(_fault(place.within(f"fault.{number}", "fault."), fault) for number, fault in enumerate(table.fault))
+    faults = tuple(
+        _fault(place.within(f"fault.{number}", "fault."), fault) for number, fault in enumerate(checked.fault)
+    )
     own.setdefault("about", "; ".join(map(str, faults)))
-    scenario = Scenario(expect=_expectation(place.within("expect", "expect."), table.expect), faults=faults, **own)
+    scenario = Scenario(expect=_expectation(place.within("expect", "expect."), checked.expect), faults=faults, **own)
     _check_whole(place, scenario)
     return scenario
+
+
+@cache
+def _scenario_table() -> type:
+    """Return what may stand in a ``[[scenario]]``."""
+    own = _fields_of(Scenario, apart=("about", "expect", "faults", "commands"))
+    return make_dataclass("ScenarioTable", [*own, ("about", Line, ""), *TABLES], kw_only=True)
 
 
 def _expectation(place: _FileLocation, table: dict[str, Any]) -> Expectation:
@@ -190,18 +173,16 @@ def _fault(place: _FileLocation, table: dict[str, Any]) -> Fault:
 @cache
 def _fault_table(kind: str) -> type:
     """Return what may stand in the table of a fault: of every fault, and of this kind."""
-    params = KINDS[kind].params
-    hints = get_type_hints(params, include_extras=True)
-    return make_dataclass(
-        "FaultTable",
-        [
-            ("at_s", Moment),
-            ("target", str),
-            ("kind", str),
-            ("for_s", Duration, inf),
-            *((each.name, hints[each.name], field(default=each.default)) for each in fields(params)),
-        ],
-    )
+    every: list[Any] = [("at_s", Moment), ("target", str), ("kind", str), ("for_s", Duration, inf)]
+    return make_dataclass("FaultTable", [*every, *_fields_of(KINDS[kind].params)], kw_only=True)
+
+
+def _fields_of(kind: type, apart: tuple[str, ...] = ()) -> list[tuple[str, Any, Any]]:
+    """Return name, type with its range, and default of a dataclass's fields."""
+    hints = get_type_hints(kind, include_extras=True)
+    return [
+        (each.name, hints[each.name], field(default=each.default)) for each in fields(kind) if each.name not in apart
+    ]
 
 
 def _measured(target: str) -> tuple[str, ...]:

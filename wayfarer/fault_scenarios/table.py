@@ -10,7 +10,6 @@ from rich.text import Text
 
 from wayfarer.experiments.progress_bar import say
 from wayfarer.fault_scenarios.result import Result, Row
-from wayfarer.fault_scenarios.scenario import Reached
 from wayfarer.views.text.terminal_table import Column, table
 
 LEGEND = (
@@ -19,16 +18,8 @@ LEGEND = (
 )
 
 
-def _number(row: int | None) -> str:
-    return "" if row is None else str(row)
-
-
 def _seconds(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}"
-
-
-def _level(result: Result, level: Reached) -> str:
-    return "" if result.skipped else level.value
 
 
 def _verdict(result: Result) -> Text:
@@ -39,12 +30,12 @@ def _verdict(result: Result) -> Text:
 
 # With the width of the terminal from which on a column is shown.
 COLUMNS: tuple[tuple[int, Column[Result]], ...] = (
-    (0, Column("row", lambda each: _number(each.row))),
+    (0, Column("row", lambda each: str(each.row or ""))),
     (0, Column("fault", lambda each: each.name, left=True)),
     (150, Column("what happens", lambda each: each.about, left=True, wraps=True)),
     (105, Column("asked for", lambda each: each.asked, left=True, wraps=True)),
-    (0, Column("level\nwanted", lambda each: _level(each, each.expected), left=True)),
-    (0, Column("level\ngot", lambda each: _level(each, each.reached), left=True)),
+    (0, Column("level\nwanted", lambda each: "" if each.skipped else each.expected.value, left=True)),
+    (0, Column("level\ngot", lambda each: "" if each.skipped else each.reached.value, left=True)),
     (130, Column("by", lambda each: each.cause, left=True)),
     (0, Column("seen\nafter", lambda each: _seconds(each.detected_s))),
     (0, Column("stopped\nafter", lambda each: _seconds(each.stopped_s))),
@@ -53,7 +44,7 @@ COLUMNS: tuple[tuple[int, Column[Result]], ...] = (
     (190, Column("first changed", lambda each: each.changed, left=True, wraps=True)),
 )
 LISTED: tuple[Column[Row], ...] = (
-    Column("row", lambda each: _number(each.row)),
+    Column("row", lambda each: str(each.row or "")),
     Column("name", lambda each: each.name, left=True),
     Column("what happens", lambda each: each.about, left=True, wraps=True),
 )
@@ -71,7 +62,7 @@ def print_results(console: Console, results: Sequence[Result], untried: Sequence
     console.print(table(shown, results))
     for line in LEGEND:
         say(console, line)
-    _section(console, "Not as expected", _problems(results))
+    _section(console, "Not as expected", [f"{each.name}: {problem}" for each in results for problem in each.problems])
     _section(console, "Remarks", _told_once((each.remark, each.name) for each in results))
     _section(console, "Skipped", _told_once((each.skipped, each.name) for each in results))
     if untried:
@@ -104,12 +95,6 @@ def summed_up(results: Sequence[Result], untried: Sequence[int] = ()) -> Iterato
         in_part = {each.row for each in results if each.skipped and each.row is not None} - failed
         skipped = f"; {len(in_part)} not wholly tried" if in_part else ""
         yield f"{len(rows - failed - in_part)} of {len(rows) + len(untried)} rows of the catalogue as expected{skipped}"
-
-
-def _problems(results: Iterable[Result]) -> Iterator[str]:
-    for each in results:
-        for problem in each.problems:
-            yield f"{each.name}: {problem}"
 
 
 def _told_once(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
