@@ -11,7 +11,7 @@ import typer
 from wayfarer.cli import completion
 from wayfarer.cli.extras import require
 from wayfarer.cli.options import AsJson, examples
-from wayfarer.cli.trial_options import DepthOption, PhysicsOption
+from wayfarer.cli.trial_options import DepthName, Jobs, PhysicsName
 from wayfarer.errors import BadInput, MissingPackage
 
 EXAMPLES = examples(
@@ -50,7 +50,6 @@ Out = Annotated[
     typer.Option(metavar="DIR", help="New or empty folder for results.csv, results.json and each run's field log."),
 ]
 Show = Annotated[bool, typer.Option("--list", help="List the scenarios, and run nothing.")]
-Jobs = Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of processes. (default: one per core)")]
 Trials = Annotated[
     int | None,
     typer.Option(
@@ -71,7 +70,7 @@ Seed = Annotated[
     ),
 ]
 AtDepth = Annotated[
-    DepthOption | None,
+    DepthName | None,
     typer.Option(
         help="device: simulated parts; bus: the real drivers over simulated chips.", rich_help_panel=BY_CHANCE
     ),
@@ -85,7 +84,7 @@ MeasureDetector = Annotated[
     ),
 ]
 Physics = Annotated[
-    PhysicsOption | None, typer.Option(help="Physics while the detector is measured.", rich_help_panel=DETECTOR)
+    PhysicsName | None, typer.Option(help="Physics while the detector is measured.", rich_help_panel=DETECTOR)
 ]
 Friction = Annotated[
     float | None,
@@ -138,7 +137,7 @@ def faults(
         _refuse(of_chance, "{} is for random faults; say how many trials with --trials N")
     if not detector:
         _refuse({"--physics": physics} | in_mujoco, "{} needs --detector; add that, or leave it out")
-    if physics is not PhysicsOption.mujoco:
+    if physics != "mujoco":
         _refuse(in_mujoco, "{} applies only to MuJoCo; add --physics mujoco, or drop it")
     require("simulating")
     if detector:
@@ -147,7 +146,7 @@ def faults(
         from wayfarer.fault_scenarios.random_runs import run_random
         from wayfarer.simhal.build_rover import Depth
 
-        at = None if depth is None else Depth(depth.value)
+        at = None if depth is None else Depth(depth)
         raise typer.Exit(run_random(trials, rover, at, seed or 0, jobs, out, as_json=as_json))
     raise typer.Exit(_run(only, rover, scenario, out, jobs, show=show, as_json=as_json))
 
@@ -164,7 +163,7 @@ def _measure_detector(
     trials: int | None,
     jobs: int | None,
     out: Path | None,
-    physics: PhysicsOption | None,
+    physics: PhysicsName | None,
     friction: float | None,
     torque_scale: float | None,
     *,
@@ -173,7 +172,7 @@ def _measure_detector(
     from wayfarer.fault_scenarios.detector_table import run_detector
     from wayfarer.fault_scenarios.detector_trials import CELLS, cells_in_mujoco
 
-    if physics is not PhysicsOption.mujoco:
+    if physics != "mujoco":
         return run_detector(rover, trials, jobs, out, CELLS, as_json=as_json)
     require("--physics mujoco")
     from wayfarer.config.rover_file import load_rover
