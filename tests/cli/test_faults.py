@@ -100,11 +100,6 @@ def test_folder_that_is_not_empty_is_refused(tmp_path: Path, loose: str, capsys:
     assert "needs a new or empty folder" in capsys.readouterr().err
 
 
-def test_rows_of_the_catalogue_run_by_number(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["faults", "--only", "4"]) == 0
-    assert "1 of 1 rows of the catalogue as expected" in capsys.readouterr().out
-
-
 def test_another_rover_runs_what_it_can_have(loose: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["faults", "--scenario", loose, "--rover", "minirover"]) == 0
     assert "1 of 1 scenarios" in capsys.readouterr().out
@@ -198,29 +193,6 @@ def test_row_of_a_scenario_and_a_test_runs_the_one_and_names_the_other(capsys: p
     ]
 
 
-BAD = {
-    "no such row": (["--only", "99"], "nothing tries row 99"),
-    "no name": (["--only", " ,"], "--only is empty"),
-    "no such name": (["--only", "board-falt"], "did you mean board-fault"),
-    "no such file": (["--scenario", "no.toml"], "no.toml: no such file"),
-    "no such rover": (["--rover", "maxi"], "unknown rover 'maxi'"),
-    "chance and choice": (["--trials", "3", "--only", "2"], "--trials draws its own faults; leave out --only"),
-    "chance and file": (["--trials", "3", "--scenario", "a"], "leave out --scenario"),
-    "chance and list": (["--trials", "3", "--list"], "leave out --list"),
-    "seed alone": (["--seed", "3"], "--seed is for random faults; say how many trials with --trials N"),
-    "depth alone": (["--depth", "bus"], "--depth is for random faults"),
-    "jobs": (["--jobs", "0"], "--jobs"),
-}
-
-
-@pytest.mark.parametrize(("options", "says"), BAD.values(), ids=BAD)
-def test_bad_input_is_one_line(options: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["faults", *options]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
-    assert says in err
-
-
 def test_an_error_inside_one_scenario_does_not_hide_the_others(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -303,22 +275,3 @@ def test_detector_is_measured_and_kept(
     }
     assert all(row["found"] <= row["episodes"] and row["right"] <= row["claims"] for row in rows)
     assert sum(row["found"] for row in rows if row["anomaly"] == "immobilised") > 5
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--physics", "mujoco"], "--physics needs --detector; add that, or leave it out"),
-        (["--detector", "--friction", "0.3"], "--friction applies only to MuJoCo; add --physics mujoco, or drop it"),
-    ],
-)
-def test_options_of_the_detectors_table_where_they_mean_nothing_are_refused(
-    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.run(["faults", *arguments]) == 2
-    assert said in capsys.readouterr().err
-
-
-def test_detector_beside_what_it_has_no_use_for_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["faults", "--detector", "--only", "37"]) == 2
-    assert "--detector has its own trials; leave out --only" in capsys.readouterr().err

@@ -217,18 +217,13 @@ def test_buses_that_cannot_be_are_told_by_file_key_and_line(
     assert capsys.readouterr().err == f"wayfarer: {path}: key 'buses': {said} (line 1)\n"
 
 
-def test_second_daemon_is_refused_with_the_exit_code_for_later(capsys: pytest.CaptureFixture[str]) -> None:
-    with single_daemon(daemon_socket()):
-        assert cli.run(["run", "--sim"]) == 75
-    assert "is running already" in capsys.readouterr().err
-
-
-def test_rover_that_cannot_give_what_an_algorithm_needs_is_refused(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
+@pytest.mark.parametrize("command", [["run", "--sim"], ["check", "--config", "forestrover"]])
+def test_running_daemon_is_left_alone_with_the_exit_code_for_later(
+    capsys: pytest.CaptureFixture[str], command: list[str]
 ) -> None:
-    arguments = ["run", "--sim", "--config", "forestrover", "--algorithm", "cv-pledge", "--logs", str(tmp_path)]
-    assert cli.run(arguments) == 2
-    assert "needs a contact sensor" in capsys.readouterr().err
+    with single_daemon(daemon_socket()):
+        assert cli.run(command) == 75
+    assert "is running already" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", [["run", "--sim"], ["check", "--config", "forestrover"]])
@@ -298,11 +293,6 @@ def test_check_for_people_gives_cause_and_remedy(rover_file: Path, capsys: pytes
     assert "0x61" in lines[at]
     assert lines[at + 1].startswith("          likely: ")
     assert lines[at + 2].startswith("          do:     ")
-
-
-def test_check_leaves_a_running_daemon_alone(rover_file: Path) -> None:
-    with single_daemon(daemon_socket()):
-        assert cli.run(["check", "--config", str(rover_file)]) == 75
 
 
 @pytest.mark.parametrize("command", [["check"], ["calibrate", "motors"]])

@@ -21,10 +21,9 @@ import pytest
 from tests.fieldlog.disks import FailingCall
 from tests.views.text.records import HEADER, drive, event, numbered, write
 from tests.workshop import Overriding
-from wayfarer.commissioning.checks import Check, Finding, Inspection
+from wayfarer.commissioning.checks import Check, Finding, Inspection, system
 from wayfarer.commissioning.checks.api import fail
 from wayfarer.config.rover_file import load_rover
-from wayfarer.daemon import host_health
 from wayfarer.daemon.daemon import Daemon, RoverSetup, Service, serve
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import AlreadyRunning, single_daemon
@@ -278,7 +277,7 @@ async def test_low_voltage_of_the_computer_is_noticed_within_a_second(
     site: Site, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     flags = tmp_path / "get_throttled"
-    monkeypatch.setattr(host_health, "THROTTLED", str(flags))
+    monkeypatch.setattr(system, "THROTTLED", str(flags))
     async with Running(site) as daemon:
         flags.write_text("50005\n", encoding="ascii")
         async with asyncio.timeout(1.5):  # a second, and this machine's patience

@@ -82,8 +82,3 @@ def test_run_ends_with_one_line_and_exit_code_2_and_begins_no_log(
 
 def _refuse(*_: object) -> None:
     raise BadConfig("no such port")
-
-
-@pytest.mark.parametrize("option", [["--seed", "3"], ["--depth", "bus"]])
-def test_options_of_the_simulation_are_refused_without_it(option: list[str]) -> None:
-    assert cli.run(["run", "--config", "minirover", *option]) == 2

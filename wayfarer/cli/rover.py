@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from random import SystemRandom
 from typing import TYPE_CHECKING, Annotated, Any
@@ -116,16 +115,15 @@ def chosen(config: str | None, default: str | None = None) -> str:
 def _real(config: RoverConfig, where: str, logs: Path) -> tuple[RoverConfig, Callable[[Any], RoverSetup]]:
     """Return the rover as calibrated, and what makes it."""
     from wayfarer.commissioning.checks import HostEnvironment
-    from wayfarer.config.calibration_file import calibration_file, load
+    from wayfarer.config.calibration_file import load
     from wayfarer.config.factory import calibrated, connect
     from wayfarer.daemon.daemon import RoverSetup
     from wayfarer.daemon.device_files import device_files, refuse_missing_ports
-    from wayfarer.fieldlog.clock import wall_clock
 
-    file = calibration_file(os.environ, Path.home())
-    calibration = load(file)
+    host = HostEnvironment.here(logs)
+    calibration = load(host.calibration_file)
     buses, rover = connect(config, where, calibration)
-    refuse_missing_ports(config, where, HostEnvironment(logs, file, (), wall_clock(0.0)))
+    refuse_missing_ports(config, where, host)
     setup = RoverSetup(rover, calibration, devices=device_files(config), close_buses=buses.close)
     return calibrated(config, calibration), lambda _: setup
 

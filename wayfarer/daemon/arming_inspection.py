@@ -6,7 +6,7 @@ import asyncio
 from dataclasses import replace
 from typing import TypeVar
 
-from wayfarer.commissioning.checks.api import HostEnvironment
+from wayfarer.commissioning.checks.api import HostEnvironment, Inspection
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.control.tick_record import TickRecord
@@ -18,14 +18,13 @@ R = TypeVar("R", CompassReading, MotionReading, ContactReading)
 FRESH_S = 1.0
 
 
-class RunningInspection:
+class RunningInspection(Inspection):
     """An ``Inspection`` of a running rover; it opens nothing and reads nothing by itself."""
 
     def __init__(self, config: RoverConfig, rover: Rover, host: HostEnvironment, supervisor: Supervisor) -> None:
         used = {row.name for row in supervisor.tasks}
-        self.config = config
-        self.rover = rover if "contact" in used else replace(rover, contact=None)  # nobody reads what no decision uses
-        self.host = host
+        read = rover if "contact" in used else replace(rover, contact=None)  # nobody reads what no decision uses
+        super().__init__(config, read, host)
         self._supervisor = supervisor
 
     async def open(self, name: str) -> None:

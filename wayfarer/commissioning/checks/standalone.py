@@ -5,22 +5,20 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Self
 
-from wayfarer.commissioning.checks.api import HostEnvironment
+from wayfarer.commissioning.checks.api import HostEnvironment, Inspection
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import DriverError
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
 
 
-class StandaloneInspection:
+class StandaloneInspection(Inspection):
     """An ``Inspection`` without a daemon; leaving its context stops the wheels and closes every part.
 
     A part that failed to open is not tried again: the same failure is raised at the next request.
     """
 
     def __init__(self, config: RoverConfig, rover: Rover, host: HostEnvironment) -> None:
-        self.config = config
-        self.rover = rover
-        self.host = host
+        super().__init__(config, rover, host)
         self._tried: dict[str, DriverError | None] = {}
 
     async def __aenter__(self) -> Self:
