@@ -55,13 +55,6 @@ def test_version_imports_nothing_heavy() -> None:
     assert told.stdout == f"{version_text()}\n0 []\n"
 
 
-def test_help_shows_examples(run: Run) -> None:
-    code, out, _ = run("sim", "--help")
-    assert code == 0
-    assert "wayfarer sim --trials 1000 --out results" in out
-    assert "--anomaly-source" in out
-
-
 def test_no_arguments_show_the_help_and_no_error_line(run: Run) -> None:
     _, out, err = run()
     assert "Usage: wayfarer" in out
