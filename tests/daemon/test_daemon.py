@@ -8,7 +8,6 @@ import errno
 import json
 import os
 import signal
-import socket
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -18,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from tests.daemon.conftest import Listener
 from tests.fieldlog.disks import FailingCall
 from tests.views.text.records import HEADER, drive, event, numbered, write
 from tests.workshop import Overriding
@@ -309,27 +309,21 @@ async def test_dry_run_does_everything_but_turn_the_wheels(site: Site) -> None:
 
 
 async def test_systemd_is_told_when_it_is_up_that_it_lives_and_when_it_stops(
-    site: Site, monkeypatch: pytest.MonkeyPatch
+    site: Site, listener: Listener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
-        systemd.bind(str(site.socket.parent / "notify"))
-        systemd.setblocking(False)
-        monkeypatch.setenv("NOTIFY_SOCKET", str(site.socket.parent / "notify"))
-        monkeypatch.setenv("WATCHDOG_USEC", "80000")
-        told: list[str] = []
+    monkeypatch.setenv("NOTIFY_SOCKET", listener.socket.getsockname())
+    monkeypatch.setenv("WATCHDOG_USEC", "80000")
+    told: list[str] = []
 
-        def heard(message: str) -> bool:
-            try:
-                while True:
-                    told.append(systemd.recv(1000).decode())
-            except BlockingIOError:
-                return message in told
+    def heard(message: str) -> bool:
+        told.extend(listener.heard())
+        return message in told
 
-        async with Running(site) as daemon:
-            await daemon.until(lambda: heard("WATCHDOG=1"))
-            site.finish("over", "the test is over")
-            await daemon.end()
-        assert heard("STOPPING=1")
+    async with Running(site) as daemon:
+        await daemon.until(lambda: heard("WATCHDOG=1"))
+        site.finish("over", "the test is over")
+        await daemon.end()
+    assert heard("STOPPING=1")
     assert told[0] == "READY=1"
     assert told.index("WATCHDOG=1") < told.index("STOPPING=1")
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +13,9 @@ from wayfarer.cli.extras import require
 from wayfarer.cli.options import AsJson, examples
 from wayfarer.cli.trial_options import DepthName, Jobs, PhysicsName
 from wayfarer.errors import BadInput, MissingPackage
+
+if TYPE_CHECKING:
+    from wayfarer.fault_scenarios.detector_trials import DetectorCase
 
 EXAMPLES = examples(
     "wayfarer faults",
@@ -141,7 +144,10 @@ def faults(
         _refuse(in_mujoco, "{} applies only to MuJoCo; add --physics mujoco, or drop it")
     require("simulating")
     if detector:
-        raise typer.Exit(_measure_detector(rover, trials, jobs, out, physics, friction, torque_scale, as_json=as_json))
+        from wayfarer.fault_scenarios.detector_table import run_detector
+
+        cells = _cells(rover or "sim", physics, friction, torque_scale or 1.0)
+        raise typer.Exit(run_detector(rover, trials, jobs, out, cells, as_json=as_json))
     if trials is not None:
         from wayfarer.fault_scenarios.random_runs import run_random
         from wayfarer.simhal.build_rover import Depth
@@ -158,32 +164,20 @@ def _refuse(given: Mapping[str, object], why: str) -> None:
             raise BadInput(why.format(option))
 
 
-def _measure_detector(
-    rover: str | None,
-    trials: int | None,
-    jobs: int | None,
-    out: Path | None,
-    physics: PhysicsName | None,
-    friction: float | None,
-    torque_scale: float | None,
-    *,
-    as_json: bool,
-) -> int:
-    from wayfarer.fault_scenarios.detector_table import run_detector
+def _cells(rover: str, physics: str | None, friction: float | None, torque_scale: float) -> Sequence[DetectorCase]:
+    """Return what the detector is measured on."""
     from wayfarer.fault_scenarios.detector_trials import CELLS, cells_in_mujoco
 
     if physics != "mujoco":
-        return run_detector(rover, trials, jobs, out, CELLS, as_json=as_json)
+        return CELLS
     require("--physics mujoco")
     from wayfarer.config.rover_file import load_rover
     from wayfarer.experiments.campaign import Campaign
     from wayfarer.experiments.commands import check_body
     from wayfarer.simhal.mujoco.terrain import Terrains
 
-    where = rover or "sim"
-    check_body(Campaign(("forest-pledge",), 1, load_rover(where), terrains=Terrains()), where)
-    cells = cells_in_mujoco(friction, torque_scale or 1.0)
-    return run_detector(rover, trials, jobs, out, cells, as_json=as_json)
+    check_body(Campaign(("forest-pledge",), 1, load_rover(rover), terrains=Terrains()), rover)
+    return cells_in_mujoco(friction, torque_scale)
 
 
 def _run(
