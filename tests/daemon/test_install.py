@@ -150,16 +150,6 @@ def test_user_who_is_there_is_added_to_the_groups_that_he_lacks(
     assert [command for command in given if command[0].startswith("user")] == commands
 
 
-def test_folder_for_calibration_and_logs_is_there_before_the_first_start(
-    root: Path, python: Path, given: list[list[str]], umask: Callable[[int], int]
-) -> None:
-    umask(0o077)
-    installed(root, python)
-    folder = root / "var/lib/wayfarer"
-    assert mode(folder) == 0o755
-    assert given[-1] == ["chown", "--recursive", "--no-dereference", "wayfarer:wayfarer", str(folder)]
-
-
 def test_command_that_fails_is_told_in_one_line(
     root: Path, python: Path, given: list[list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -169,13 +159,16 @@ def test_command_that_fails_is_told_in_one_line(
         installed(root, python)
 
 
-def test_files_can_be_read_by_the_service_whatever_the_umask(
-    root: Path, python: Path, umask: Callable[[int], int]
+def test_files_and_folders_can_be_read_by_the_service_whatever_the_umask(
+    root: Path, python: Path, given: list[list[str]], umask: Callable[[int], int]
 ) -> None:
+    """The folder for calibration and logs is there before the first start."""
     umask(0o077)
     installed(root, python)
+    folder = root / "var/lib/wayfarer"
     assert {mode(root / file) for file in (UNIT, ROVER_FILE)} == {0o644}
-    assert {mode((root / file).parent) for file in (UNIT, ROVER_FILE)} == {0o755}
+    assert {mode(each) for each in ((root / UNIT).parent, (root / ROVER_FILE).parent, folder)} == {0o755}
+    assert given[-1] == ["chown", "--recursive", "--no-dereference", "wayfarer:wayfarer", str(folder)]
 
 
 def test_rover_file_may_be_ones_own(root: Path, python: Path, tmp_path: Path) -> None:
