@@ -74,6 +74,7 @@ BAD_INPUT = {
     "faults --physics mujoco": "--physics needs --detector; add that, or leave it out",
     "faults --detector --friction 0.3": "--friction applies only to MuJoCo; add --physics mujoco, or drop it",
     "faults --detector --only 37": "--detector has its own trials; leave out --only",
+    "logs export 1 --format xls": "wayfarer: Invalid value for '--format': 'xls' is not one of 'csv', ",
     "demo --config minirover": "--config",
     "run --config minirover --seed 3": "--depth and --seed are for the simulated rover",
     "run --config minirover --depth bus": "--depth and --seed are for the simulated rover",

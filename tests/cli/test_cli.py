@@ -38,12 +38,6 @@ def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
 # --- what every command promises
 
 
-def test_choice_that_there_is_not_is_refused_without_the_name_of_a_class(run: Run) -> None:
-    code, _, err = run("logs", "export", *SAMPLE, "--format", "xls")
-    assert code == 2
-    assert err.startswith("wayfarer: Invalid value for '--format': 'xls' is not one of 'csv', ")
-
-
 @pytest.mark.process
 def test_version_imports_nothing_heavy() -> None:
     script = (
