@@ -13,7 +13,7 @@ from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from wayfarer.config.calibration_file import calibration_file
 from wayfarer.config.rover_file import RoverConfig
@@ -90,25 +90,30 @@ class Inspection(ABC):
             DriverError: it does not open.
         """
 
-    @abstractmethod
-    async def compass(self) -> CompassReading | None:
-        """Return a fresh reading, None where there is none.
+    async def compass(self) -> CompassReading:
+        """Return a fresh reading.
 
         Raises:
             DriverError: the part does not give one.
         """
+        reading: CompassReading = await self._read("compass")
+        return reading
 
-    @abstractmethod
     async def motion(self) -> MotionReading | None:
-        """Return a fresh reading, as ``compass``; None as well on a rover without this sense."""
+        """Return a fresh reading, as ``compass``; None on a rover without this sense."""
+        return None if self.rover.motion is None else await self._read("motion")
 
-    @abstractmethod
     async def contact(self) -> ContactReading | None:
-        """Return a fresh reading, as ``compass``; None as well where the bumper is not in use."""
+        """Return a fresh reading, as ``compass``; None where the bumper is not in use."""
+        return None if self.rover.contact is None else await self._read("contact")
 
     @abstractmethod
-    async def motor_health(self) -> MotorHealth | None:
+    async def motor_health(self) -> MotorHealth:
         """Return the state of the motor board, as ``compass``."""
+
+    @abstractmethod
+    async def _read(self, sense: str) -> Any:
+        """Return a fresh reading of a sense that the rover has, or raise a ``DriverError``."""
 
 
 Check = Callable[[Inspection], Awaitable[Finding]]

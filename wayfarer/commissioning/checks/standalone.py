@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from wayfarer.commissioning.checks.api import HostEnvironment, Inspection
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import DriverError
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
+from wayfarer.hal import MotorHealth, Rover
 
 
 class StandaloneInspection(Inspection):
@@ -45,26 +45,11 @@ class StandaloneInspection(Inspection):
         if (failed := self._tried[name]) is not None:
             raise failed
 
-    async def compass(self) -> CompassReading:
-        """Read the compass."""
-        await self.open("compass")
-        return await self.rover.compass.read()
-
-    async def motion(self) -> MotionReading | None:
-        """Read the motion sensor."""
-        if self.rover.motion is None:
-            return None
-        await self.open("motion")
-        return await self.rover.motion.read()
-
-    async def contact(self) -> ContactReading | None:
-        """Read the bumper."""
-        if self.rover.contact is None:
-            return None
-        await self.open("contact")
-        return await self.rover.contact.read()
-
     async def motor_health(self) -> MotorHealth:
         """Ask the motor board."""
         await self.open("motors")
         return await self.rover.motors.health()
+
+    async def _read(self, sense: str) -> Any:
+        await self.open(sense)
+        return await getattr(self.rover, sense).read()
