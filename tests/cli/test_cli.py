@@ -38,12 +38,6 @@ def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
 # --- what every command promises
 
 
-def test_choice_that_there_is_not_is_refused_without_the_name_of_a_class(run: Run) -> None:
-    code, _, err = run("logs", "export", *SAMPLE, "--format", "xls")
-    assert code == 2
-    assert err.startswith("wayfarer: Invalid value for '--format': 'xls' is not one of 'csv', ")
-
-
 @pytest.mark.process
 def test_version_imports_nothing_heavy() -> None:
     script = (
@@ -53,13 +47,6 @@ def test_version_imports_nothing_heavy() -> None:
     )
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert told.stdout == f"{version_text()}\n0 []\n"
-
-
-def test_help_shows_examples(run: Run) -> None:
-    code, out, _ = run("sim", "--help")
-    assert code == 0
-    assert "wayfarer sim --trials 1000 --out results" in out
-    assert "--anomaly-source" in out
 
 
 def test_no_arguments_show_the_help_and_no_error_line(run: Run) -> None:
@@ -164,70 +151,6 @@ def test_list_says_where_third_party_algorithms_come_from_and_survives_broken_on
     assert "cannot be loaded" in out
 
 
-# --- bad input
-
-BAD_INPUT = {
-    "no such command": (["smi"], "sim"),
-    "no such option": (["sim", "--trails", "3"], "--trails"),
-    "no trials": (["sim", "--trials", "0"], "--trials"),
-    "negative trials": (["sim", "--trials", "-5"], "--trials"),
-    "trials that are no number": (["sim", "--trials", "many"], "--trials"),
-    "no jobs": (["sim", "--jobs", "0"], "--jobs"),
-    "negative seed": (["sim", "--seed", "-1"], "--seed"),
-    "slip mean 0": (["sim", "--slip-mean-m", "0"], "--slip-mean-m"),
-    "slip mean nan": (["sim", "--slip-mean-m", "nan"], "finite number above 0"),
-    "negative budget": (["sim", "--budget-m", "-1"], "--budget-m"),
-    "endless budget": (["sim", "--budget-m", "inf"], "finite number above 0"),
-    "unknown source": (["sim", "--anomaly-source", "smell"], "--anomaly-source"),
-    "unknown algorithm": (["sim", "--algorithm", "pledge,forest-plege"], "did you mean forest-pledge"),
-    "empty name": (["sim", "--algorithm", "pledge,"], "unknown algorithm"),
-    "unloadable algorithm": (["sim", "--algorithm", "no_such_module:x"], "cannot import no_such_module"),
-    "unknown rover": (["sim", "--rover", "simm"], "did you mean sim"),
-    "missing rover file": (["sim", "--rover", "no/such.toml"], "no/such.toml"),
-    "missing forest file": (["sim", "--forests", "no/such.jsonl"], "no/such.jsonl"),
-    "trial too high": (["sim", "--trials", "5", "--trial", "5"], "0 to 4"),
-    "negative trial": (["sim", "--trial", "-1"], "--trial"),
-    "one trial of two": (["sim", "--trial", "1", "--algorithm", "pledge,oo-react"], "one of pledge, oo-react"),
-    "log of what was run before": (["sim", "--log", "logs", "--out", "out", "--resume"], "leave out --resume"),
-    "resume of nothing": (["sim", "--resume"], "--out"),
-}
-
-
-@pytest.mark.parametrize("arguments, says", BAD_INPUT.values(), ids=BAD_INPUT)
-def test_bad_input_is_one_line_and_exit_code_2_and_leaves_no_folder(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], says: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    own = {"--resume", "--trial"} & set(arguments)  # these go with no folder
-    code, out, err = run(*arguments, *([] if own else ["--out", "out"]))
-    assert (code, out) == (2, "")
-    assert err.startswith("wayfarer: ")
-    assert err.count("\n") == 1
-    assert says in err
-    assert list(tmp_path.iterdir()) == []
-
-
-BROKEN_FORESTS = {
-    "broken line": ("{nonsense", "line 2"),
-    "trunk outside the world": (
-        json.dumps(FOREST | {"noise": 2, "trunks_m": [[1, 1, 60, 1, "across"]]}),
-        "line 2",
-    ),
-    "start inside a tree": (json.dumps(FOREST | {"noise": 2, "trees_m": [[25.0, 12.5]]}), "line 2"),
-}
-
-
-@pytest.mark.parametrize("line, says", BROKEN_FORESTS.values(), ids=BROKEN_FORESTS)
-def test_bad_forest_is_named_by_file_and_line(run: Run, tmp_path: Path, line: str, says: str) -> None:
-    file = tmp_path / "forests.jsonl"
-    file.write_text(json.dumps(FOREST) + "\n" + line + "\n")
-    code, out, err = run("sim", "--forests", file, "--out", tmp_path / "out")
-    assert (code, out) == (2, "")
-    assert err.startswith(f"wayfarer: {file}, {says}: ")
-    assert err.count("\n") == 1
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.usefixtures("quick_trials")
 @pytest.mark.parametrize("option", [("--out",), ("--trial", "0", "--log")])
 def test_folder_that_cannot_be_used_is_found_out_before_any_trial(
@@ -284,17 +207,6 @@ def test_progress_goes_to_stderr_in_plain_lines_and_the_table_to_stdout(run: Run
     ]  # fmt: skip
     assert "forest-pledge" in out
     assert "81.3 ± 29.3" in out
-
-
-@pytest.mark.usefixtures("quick_trials")
-def test_resuming_a_complete_campaign_shows_its_table_and_changes_nothing(run: Run, tmp_path: Path) -> None:
-    command = ("sim", "--trials", 10, "--jobs", 1, "--out", tmp_path / "out")
-    _, table, _ = run(*command)
-    before = {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}
-    code, again, _ = run(*command, "--resume")
-    assert code == 0
-    assert again.splitlines()[:4] == table.splitlines()[:4]
-    assert {path: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
 
 
 def test_faults_are_told_with_how_to_look_into_them(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -49,15 +49,6 @@ def test_each_algorithm_has_one_line_and_the_one_compared_with_comes_first(
     assert "bootstrap of 3 layouts" in out, "two noises each"
 
 
-def test_what_is_too_wide_for_the_terminal_is_told_in_two_tables(
-    run: Run, results: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "80")
-    _, out, _ = run("compare", results)
-    assert [line[0] for line in told(out)] == ["forest-pledge", "pledge", "retrying-pledge"] * 2
-    assert "…" not in out
-
-
 def test_a_path_that_is_two_metres_longer_in_every_pair_is_told_as_such(
     run: Run, results: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

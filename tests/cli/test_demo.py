@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from tests.conftest import Run
 from wayfarer import cli
 from wayfarer.cli import demo
 from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
@@ -59,11 +60,10 @@ def served(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     return kept
 
 
-def test_demo_says_where_the_page_is_how_it_ended_and_what_to_try_next(
-    served: SimpleNamespace, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.run(["demo", "--live-port", "0"]) == 0
-    first, *rest = capsys.readouterr().out.splitlines()
+def test_demo_says_where_the_page_is_how_it_ended_and_what_to_try_next(served: SimpleNamespace, run: Run) -> None:
+    code, out, _ = run("demo", "--live-port", "0")
+    assert code == 0
+    first, *rest = out.splitlines()
     assert first.startswith("open this page, the rover waits for you: http://127.0.0.1:")
     assert "the simulated rover has escaped after 76.0 m" in rest
     assert any("the page stays" in line and "Ctrl-C" in line for line in rest)
@@ -80,7 +80,6 @@ def test_demo_drives_only_the_simulated_rover_and_disturbs_no_daemon(served: Sim
     assert service.time_scale == demo.SPEED, "as the log says, so that it is known when the run began"
     assert service.socket != daemon_socket()
     assert not service.socket.parent.exists(), "only the log stays"
-    assert cli.run(["demo", "--config", "minirover"]) == 2
 
 
 def test_demo_keeps_its_log_where_it_is_told(served: SimpleNamespace, tmp_path: Path) -> None:
@@ -104,35 +103,30 @@ def test_browser_is_opened_only_where_it_has_a_window(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize("speed", ["0", "-1", "nan", "inf", "1e9"])
-def test_speed_that_cannot_be_is_refused(speed: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["demo", "--speed", speed]) == 2
-    assert "0.1 to 1000" in capsys.readouterr().err
+def test_speed_that_cannot_be_is_refused(speed: str, run: Run) -> None:
+    code, _, err = run("demo", "--speed", speed)
+    assert code == 2
+    assert "0.1 to 1000" in err
 
 
 @pytest.mark.parametrize("command", [["demo", "--no-browser"], ["run", "--sim", "--live"]])
-def test_port_in_use_is_refused_before_there_is_a_log(
-    command: list[str], taken: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.run([*command, "--live-port", taken, "--logs", str(tmp_path / "logs")]) == 2
-    assert "--live-port" in capsys.readouterr().err
+def test_port_in_use_is_refused_before_there_is_a_log(command: list[str], taken: str, tmp_path: Path, run: Run) -> None:
+    code, _, err = run(*command, "--live-port", taken, "--logs", tmp_path / "logs")
+    assert code == 2
+    assert "--live-port" in err
     assert not (tmp_path / "logs").exists()
 
 
-def test_run_serves_the_page_where_it_is_told(served: SimpleNamespace, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["run", "--sim", "--live", "--live-host", "0.0.0.0", "--live-port", "0"]) == 0
-    assert "/?token=" in capsys.readouterr().out
+def test_run_serves_the_page_where_it_is_told(served: SimpleNamespace, run: Run) -> None:
+    code, out, _ = run("run", "--sim", "--live", "--live-host", "0.0.0.0", "--live-port", "0")
+    assert code == 0
+    assert "/?token=" in out
     assert len(served.service.viewers) == 1
 
 
 def test_run_shows_nobody_anything_unless_asked(served: SimpleNamespace) -> None:
     assert cli.run(["run", "--sim"]) == 0
     assert served.service.viewers == []
-
-
-@pytest.mark.parametrize("asked", ["live", "foxglove"])
-def test_place_of_what_is_not_served_is_refused(asked: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["run", "--sim", f"--{asked}-port", "8088"]) == 2
-    assert f"add --{asked}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import Run
 from tests.fault_scenarios import kinds_page
 from tests.system.hil_setup import wait_for
 from wayfarer import cli
@@ -46,16 +47,16 @@ def scenario_file(folder: Path, text: str) -> str:
     return str(path)
 
 
-def test_scenario_that_is_met_exits_0(loose: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["faults", "--scenario", loose]) == 0
-    out = capsys.readouterr().out
+def test_scenario_that_is_met_exits_0(loose: str, run: Run) -> None:
+    code, out, _ = run("faults", "--scenario", loose)
+    assert code == 0
     assert out.splitlines()[-1] == "1 of 1 scenarios as expected: 1 in virtual time"
 
 
-def test_scenario_with_a_wrong_bound_exits_1_and_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_scenario_with_a_wrong_bound_exits_1_and_says_why(tmp_path: Path, run: Run) -> None:
     path = scenario_file(tmp_path, LOOSE.replace("within_s = 0.4", "within_s = 0.1"))
-    assert cli.run(["faults", "--scenario", path]) == 1
-    out = capsys.readouterr().out
+    code, out, _ = run("faults", "--scenario", path)
+    assert code == 1
     assert re.search(r"loose-plug: detected after 0\.\d\d s, 0\.1 s are allowed", out)
     assert out.splitlines()[-1] == "0 of 1 scenarios as expected: 1 in virtual time"
 
@@ -95,19 +96,16 @@ def test_results_and_logs_are_kept_and_logs_replay(
     assert "a fault ends: compass nack" in said
 
 
-def test_folder_that_is_not_empty_is_refused(tmp_path: Path, loose: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["faults", "--scenario", loose, "--out", str(tmp_path)]) == 2
-    assert "needs a new or empty folder" in capsys.readouterr().err
+def test_folder_that_is_not_empty_is_refused(tmp_path: Path, loose: str, run: Run) -> None:
+    code, _, err = run("faults", "--scenario", loose, "--out", tmp_path)
+    assert code == 2
+    assert "needs a new or empty folder" in err
 
 
-def test_rows_of_the_catalogue_run_by_number(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["faults", "--only", "4"]) == 0
-    assert "1 of 1 rows of the catalogue as expected" in capsys.readouterr().out
-
-
-def test_another_rover_runs_what_it_can_have(loose: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["faults", "--scenario", loose, "--rover", "minirover"]) == 0
-    assert "1 of 1 scenarios" in capsys.readouterr().out
+def test_another_rover_runs_what_it_can_have(loose: str, run: Run) -> None:
+    code, out, _ = run("faults", "--scenario", loose, "--rover", "minirover")
+    assert code == 0
+    assert "1 of 1 scenarios" in out
 
 
 @pytest.fixture
@@ -117,18 +115,16 @@ def no_opencv(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("no_opencv")
-def test_without_a_package_its_scenarios_are_skipped_and_fail_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_a_package_its_scenarios_are_skipped_and_fail_nothing(tmp_path: Path, run: Run) -> None:
     path = scenario_file(tmp_path, LOOSE + LOOSE.replace('"loose-plug"', '"by-camera"\nrover = "minirover"'))
     out = tmp_path / "out"
-    assert cli.run(["faults", "--scenario", path, "--jobs", "1", "--out", str(out)]) == 0
-    said, err = capsys.readouterr()
+    code, said, err = run("faults", "--scenario", path, "--jobs", "1", "--out", out)
+    assert code == 0
     assert err.splitlines()[0] == (
         "1 scenario skipped: rover 'minirover' needs cv2 for [parts.motion], which is not installed: "
         "pip install '.[camera]' in wayfarer's checkout"
     )
-    assert re.search(r"^ +by-camera +skipped *$", said, re.MULTILINE)
+    assert re.search(r"^ +by-camera .*skipped", said, re.MULTILINE)
     assert "\nSkipped\n  by-camera: rover 'minirover' needs cv2" in said
     assert said.splitlines()[-1] == "1 of 1 scenarios as expected: 1 in virtual time; 1 skipped"
     kept = json.loads((out / "results.json").read_text(encoding="utf-8"))
@@ -173,24 +169,25 @@ def test_what_needs_no_camera_runs_without_opencv(capsys: pytest.CaptureFixture[
     assert cli.run(["faults", "--trials", "1", "--depth", "device", "--jobs", "1"]) == 0
 
 
-def test_list_shows_names_and_runs_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_list_shows_names_and_runs_nothing(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wayfarer.fault_scenarios.command.run_scenario", lambda *_: pytest.fail("a scenario was run"))
-    assert cli.run(["faults", "--list"]) == 0
-    assert "board-fault" in capsys.readouterr().out
+    code, out, _ = run("faults", "--list")
+    assert code == 0
+    assert "board-fault" in out
 
 
 @pytest.mark.parametrize("asked", ["35", "sigkill"])
-def test_row_that_a_test_holds_names_the_test(asked: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["faults", "--only", asked]) == 2
-    out, err = capsys.readouterr()
+def test_row_that_a_test_holds_names_the_test(asked: str, run: Run) -> None:
+    code, out, err = run("faults", "--only", asked)
+    assert code == 2
     assert out == ""
     test = HELD_BY_TESTS["sigkill"].test
     assert err == f"wayfarer: sigkill: a test in wayfarer's checkout holds it: pytest {test}\n"
 
 
-def test_row_of_a_scenario_and_a_test_runs_the_one_and_names_the_other(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["faults", "--only", "task-crash,algorithm-raises"]) == 0
-    out = capsys.readouterr().out
+def test_row_of_a_scenario_and_a_test_runs_the_one_and_names_the_other(run: Run) -> None:
+    code, out, _ = run("faults", "--only", "task-crash,algorithm-raises")
+    assert code == 0
     assert HELD_BY_TESTS["algorithm-raises"].test in "".join(out.split())
     assert out.splitlines()[-2:] == [
         "1 of 1 scenarios as expected: 1 in virtual time; 1 skipped",
@@ -198,31 +195,8 @@ def test_row_of_a_scenario_and_a_test_runs_the_one_and_names_the_other(capsys: p
     ]
 
 
-BAD = {
-    "no such row": (["--only", "99"], "nothing tries row 99"),
-    "no name": (["--only", " ,"], "--only is empty"),
-    "no such name": (["--only", "board-falt"], "did you mean board-fault"),
-    "no such file": (["--scenario", "no.toml"], "no.toml: no such file"),
-    "no such rover": (["--rover", "maxi"], "unknown rover 'maxi'"),
-    "chance and choice": (["--trials", "3", "--only", "2"], "--trials draws its own faults; leave out --only"),
-    "chance and file": (["--trials", "3", "--scenario", "a"], "leave out --scenario"),
-    "chance and list": (["--trials", "3", "--list"], "leave out --list"),
-    "seed alone": (["--seed", "3"], "--seed is for random faults; say how many trials with --trials N"),
-    "depth alone": (["--depth", "bus"], "--depth is for random faults"),
-    "jobs": (["--jobs", "0"], "--jobs"),
-}
-
-
-@pytest.mark.parametrize(("options", "says"), BAD.values(), ids=BAD)
-def test_bad_input_is_one_line(options: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["faults", *options]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
-    assert says in err
-
-
 def test_an_error_inside_one_scenario_does_not_hide_the_others(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails_once(scenario: Scenario, log_dir: Path | None) -> RunResult:
         if scenario.name == "broken":
@@ -231,8 +205,8 @@ def test_an_error_inside_one_scenario_does_not_hide_the_others(
 
     monkeypatch.setattr("wayfarer.fault_scenarios.command.run_scenario", fails_once)
     path = scenario_file(tmp_path, LOOSE.replace("loose-plug", "broken") + LOOSE)
-    assert cli.run(["faults", "--scenario", path, "--jobs", "1"]) == 1
-    out = capsys.readouterr().out
+    code, out, _ = run("faults", "--scenario", path, "--jobs", "1")
+    assert code == 1
     assert "broken: an error inside wayfarer: ZeroDivisionError('by zero')" in out
     assert "1 of 2 scenarios as expected" in out
 
@@ -284,13 +258,11 @@ def test_pages_scenario_runs_and_prints_what_the_page_shows(
     assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == shown.splitlines()
 
 
-def test_detector_is_measured_and_kept(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_detector_is_measured_and_kept(tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(detector_trials, "CELLS", detector_trials.CELLS[::4])  # one of each source of anomalies
     out = tmp_path / "detector"
-    assert cli.run(["faults", "--detector", "--trials", "1", "--jobs", "1", "--out", str(out)]) == 0
-    said = capsys.readouterr().out
+    code, said, _ = run("faults", "--detector", "--trials", "1", "--jobs", "1", "--out", out)
+    assert code == 0
     assert re.search(r"^immobilised +2 +1x ", said, re.MULTILINE)
     rows = json.loads((out / "detector.json").read_text(encoding="utf-8"))
     assert {row["anomaly"] for row in rows} == {
@@ -303,22 +275,3 @@ def test_detector_is_measured_and_kept(
     }
     assert all(row["found"] <= row["episodes"] and row["right"] <= row["claims"] for row in rows)
     assert sum(row["found"] for row in rows if row["anomaly"] == "immobilised") > 5
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--physics", "mujoco"], "--physics needs --detector; add that, or leave it out"),
-        (["--detector", "--friction", "0.3"], "--friction applies only to MuJoCo; add --physics mujoco, or drop it"),
-    ],
-)
-def test_options_of_the_detectors_table_where_they_mean_nothing_are_refused(
-    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.run(["faults", *arguments]) == 2
-    assert said in capsys.readouterr().err
-
-
-def test_detector_beside_what_it_has_no_use_for_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["faults", "--detector", "--only", "37"]) == 2
-    assert "--detector has its own trials; leave out --only" in capsys.readouterr().err

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import typer
 
-from tests.cli.json_schema import Table, keys_of, keys_of_class, read_tables, wrong
+from tests.cli.json_schema import keys_of, keys_of_class, read_tables, wrong
 from tests.commissioning.checks.rigs import Rig
 from tests.conftest import Run
 from tests.daemon import played
@@ -214,19 +214,3 @@ def test_number_that_is_none_is_null(capsys: pytest.CaptureFixture[str]) -> None
     assert json.loads(capsys.readouterr().out) == {
         "nan": None, "inf": [None], "estimate": {"value": 1.0, "low": None, "high": 2.0},
     }  # fmt: skip
-
-
-# -- the test's own eyes -----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("value", "fault"),
-    [
-        ({"name": "compass"}, "verdict is missing"),
-        ({"name": 3, "verdict": "ok", "found": "", "cause": "", "remedy": ""}, "3 is not string"),
-        ({"name": None, "verdict": "ok", "found": "", "cause": "", "remedy": ""}, "null"),
-        ({"name": "", "verdict": "ok", "found": "", "cause": "", "remedy": "", "more": 1}, "more is not in the table"),
-    ],
-)
-def test_what_is_not_as_in_the_table_is_found(value: Table, fault: str) -> None:
-    assert fault in " ".join(wrong(value, "Finding", tables()))

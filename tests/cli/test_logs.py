@@ -141,18 +141,6 @@ def test_export_refuses_a_name_that_says_another_format(
     assert not Path(options[-1]).exists()
 
 
-def test_summary_of_a_log_without_its_header_claims_nothing(run: Run, tmp_path: Path) -> None:
-    headless = write(tmp_path / "logs" / "00003-20261121T081405Z", numbered([*drive(0.0, 1.0), outcome(1.0)]))
-    said = run("summary", 3)[1]
-    assert "the log does not say what ran, or whether it was simulated" in said
-    assert said.splitlines()[-1] == "log        1 part of the log does not begin with its header"
-    found = json.loads(run("summary", headless, "--json")[1])
-    assert (found["simulated"], found["dry_run"], found["damage"]["headless"]) == (None, None, 1)
-    code, verdict, _ = run("check", 3)
-    assert code == 3
-    assert "does not begin with its header" in verdict
-
-
 def test_export_goes_to_a_pipe(run: Run) -> None:
     assert run("export", 1, "--out", "-")[1].startswith("elapsed_s,t_s,t_wall,n,event,phase")
     for form in ("mcap", "parquet", "rosbag2"):
@@ -166,23 +154,6 @@ def test_export_names_a_command_that_opens_the_table(run: Run, tmp_path: Path, m
     assert python == "python"
     shown = subprocess.run([sys.executable, *words], input="", capture_output=True, text=True, timeout=60, check=True)
     assert shown.stdout.startswith("elapsed_s: double")
-
-
-def test_export_for_ros_is_a_folder_that_stays(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run("export", 1, "--format", "rosbag2")[:2] == (0, f"the run is in {FIRST}.rosbag2\n")
-    assert {each.name for each in Path(f"{FIRST}.rosbag2").iterdir()} == {"metadata.yaml", f"{FIRST}.rosbag2.mcap"}
-    code, _, err = run("export", 1, "--format", "rosbag2", "--force")
-    assert (code, err.count("\n")) == (2, 1)
-    assert "no folder is replaced" in err
-
-
-@pytest.mark.parametrize("form", ["gpx", "geojson"])
-def test_run_without_a_receiver_has_no_map(run: Run, tmp_path: Path, form: str) -> None:
-    code, out, err = run("export", 1, "--out", tmp_path / f"run.{form}")
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "no GPS position" in err
-    assert not (tmp_path / f"run.{form}").exists()
 
 
 @pytest.mark.parametrize("command", ["show", "summary", "check", "export", "follow"])

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from tests.conftest import Run
 from wayfarer import cli
 from wayfarer.cli import commissioning, terminal
 from wayfarer.cli.status_text import status_text
@@ -94,20 +95,16 @@ def test_verb_is_asked_of_the_daemon(
     assert daemon.asked == [asked]
 
 
-def test_arming_tells_of_warnings_and_of_the_time_to_step_away(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_arming_tells_of_warnings_and_of_the_time_to_step_away(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
     Daemon(monkeypatch, {"warnings": ["clock: it is 1970"], "start_delay_s": 10.0})
-    assert cli.run(["arm"]) == 0
-    assert capsys.readouterr().out == "warning: clock: it is 1970\narming: the wheels may turn in 10 s\n"
+    code, out, _ = run("arm")
+    assert (code, out) == (0, "warning: clock: it is 1970\narming: the wheels may turn in 10 s\n")
 
 
-def test_refusal_is_one_line_and_exit_code_1(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_refusal_is_one_line_and_exit_code_1(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
     Daemon(monkeypatch, Refused("not armed: battery: 9.1 V"))
-    assert cli.run(["arm"]) == 1
-    assert capsys.readouterr().err == "wayfarer: not armed: battery: 9.1 V\n"
+    code, _, err = run("arm")
+    assert (code, err) == (1, "wayfarer: not armed: battery: 9.1 V\n")
 
 
 @pytest.mark.parametrize("arguments", [["status"], ["arm"], ["goal", "20"], ["stop"]])
@@ -123,9 +120,10 @@ def test_answer_of_a_daemon_of_another_version_is_one_line(
 
 
 @pytest.mark.parametrize("verb", ["status", "arm", "disarm", "hold", "resume", "stop"])
-def test_without_a_daemon_each_verb_says_how_to_start_one(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run([verb]) == 1
-    assert "wayfarer run" in capsys.readouterr().err
+def test_without_a_daemon_each_verb_says_how_to_start_one(verb: str, run: Run) -> None:
+    code, _, err = run(verb)
+    assert code == 1
+    assert "wayfarer run" in err
 
 
 @pytest.mark.parametrize("arguments", [["arm", "361"], ["arm", "-361"], ["goal", "nan"], ["goal"], ["goal", "-x"],
@@ -167,30 +165,23 @@ def test_status_tells_of_records_that_the_log_has_lost() -> None:
     assert status_text({**STATUS, "log_dropped": 3}).splitlines()[-1].endswith(", 3 records lost")
 
 
-def test_status_as_json_is_everything(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    Daemon(monkeypatch, STATUS)
-    assert cli.run(["status", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == STATUS
-
-
 # -- run ---------------------------------------------------------------------------------------------------------
 
 
-def test_run_without_a_rover_names_what_to_do(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_run_without_a_rover_names_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, run: Run) -> None:
     monkeypatch.setattr("wayfarer.cli.rover.ROVER_FILE", tmp_path / "none.toml")
-    assert cli.run(["run"]) == 2
-    assert "wayfarer run --sim" in capsys.readouterr().err
+    code, _, err = run("run")
+    assert code == 2
+    assert "wayfarer run --sim" in err
 
 
-def test_run_without_a_part_names_it_before_any_port(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_without_a_part_names_it_before_any_port(tmp_path: Path, run: Run) -> None:
     shipped = (Path(cli.__file__).parents[1] / "rovers/minirover.toml").read_text(encoding="utf-8")
     before, _, after = shipped.partition("[parts.compass]")
     path = tmp_path / "rover.toml"
     path.write_text(before + "[parts.motion]" + after.partition("[parts.motion]")[2], encoding="utf-8")
-    assert cli.run(["run", "--config", str(path), "--logs", str(tmp_path / "logs")]) == 2
-    err = capsys.readouterr().err
+    code, _, err = run("run", "--config", path, "--logs", tmp_path / "logs")
+    assert code == 2
     assert err.startswith(f"wayfarer: {path}: key 'parts.compass' is missing: rover 'minirover' has no [parts.compass]")
     at = path.read_text(encoding="utf-8").partition("[parts.")[0].count("\n") + 1
     assert err.endswith(f"(line {at})\n"), "where the other parts begin"
@@ -208,39 +199,21 @@ def test_run_without_a_part_names_it_before_any_port(tmp_path: Path, capsys: pyt
     ],
 )
 def test_buses_that_cannot_be_are_told_by_file_key_and_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, buses: str, said: str
+    tmp_path: Path, run: Run, command: str, buses: str, said: str
 ) -> None:
     path = tmp_path / "rover.toml"
     shipped = (Path(cli.__file__).parents[1] / "rovers/minirover.toml").read_text(encoding="utf-8")
     path.write_text(f'buses = "{buses}"\n{shipped}', encoding="utf-8")
-    assert cli.run([command, "--config", str(path), "--logs", str(tmp_path)]) == 2
-    assert capsys.readouterr().err == f"wayfarer: {path}: key 'buses': {said} (line 1)\n"
-
-
-def test_second_daemon_is_refused_with_the_exit_code_for_later(capsys: pytest.CaptureFixture[str]) -> None:
-    with single_daemon(daemon_socket()):
-        assert cli.run(["run", "--sim"]) == 75
-    assert "is running already" in capsys.readouterr().err
-
-
-def test_rover_that_cannot_give_what_an_algorithm_needs_is_refused(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    arguments = ["run", "--sim", "--config", "forestrover", "--algorithm", "cv-pledge", "--logs", str(tmp_path)]
-    assert cli.run(arguments) == 2
-    assert "needs a contact sensor" in capsys.readouterr().err
+    code, _, err = run(command, "--config", path, "--logs", tmp_path)
+    assert (code, err) == (2, f"wayfarer: {path}: key 'buses': {said} (line 1)\n")
 
 
 @pytest.mark.parametrize("command", [["run", "--sim"], ["check", "--config", "forestrover"]])
-def test_folder_where_the_socket_is_to_be_is_one_line(
-    own_folders: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: list[str]
-) -> None:
-    (own_folders / "control.sock").mkdir()
-    assert cli.run([*command, "--logs", str(tmp_path / "logs")]) == 2
-    assert capsys.readouterr().err == (
-        f"wayfarer: {own_folders}/control.sock: the control socket cannot be made: it is a folder; "
-        "remove what is at that path\n"
-    )
+def test_running_daemon_is_left_alone_with_the_exit_code_for_later(run: Run, command: list[str]) -> None:
+    with single_daemon(daemon_socket()):
+        code, _, err = run(*command)
+    assert code == 75
+    assert "is running already" in err
 
 
 # -- check -------------------------------------------------------------------------------------------------------
@@ -266,54 +239,41 @@ def rover_file(tmp_path: Path) -> Path:
 
 
 def test_check_of_a_sound_rover_passes_and_turns_no_wheel_without_a_person(
-    own_folders: Path, rover_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    own_folders: Path, rover_file: Path, tmp_path: Path, run: Run
 ) -> None:
     settings = board_settings(load_rover(str(rover_file)))
     seen = DeadmanEntry(**stamp("Sabertooth", wall_clock(0.0)), settings=settings)
     save(own_folders / "state" / FILE_NAME, Calibration(deadman=seen))
-    assert cli.run(["check", "--json", "--config", str(rover_file), "--logs", str(tmp_path)]) == 0
-    told = json.loads(capsys.readouterr().out)
+    code, out, _ = run("check", "--json", "--config", rover_file, "--logs", tmp_path)
+    assert code == 0
+    told = json.loads(out)
     verdicts = {finding["name"]: finding["verdict"] for finding in told["findings"]}
     assert told["passed"]
     assert (verdicts["compass"], verdicts["motion"], verdicts["motor board"]) == ("ok", "ok", "ok")
     assert (verdicts["deadman trips"], verdicts["left wheels"]) == ("skipped", "skipped")
 
 
-def test_check_of_a_sabertooth_that_nobody_has_watched_fails_and_claims_nothing(
-    rover_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.run(["check", "--json", "--config", str(rover_file), "--logs", str(tmp_path)]) == 1
-    findings = {finding["name"]: finding for finding in json.loads(capsys.readouterr().out)["findings"]}
-    assert "answers" not in findings["motor board"]["found"]
-    assert "cannot answer" in findings["motor board"]["found"]
-    assert [name for name, finding in findings.items() if finding["verdict"] == "fail"] == ["deadman proved"]
-    assert "wayfarer check at a terminal" in findings["deadman proved"]["remedy"]
-
-
-def test_check_for_people_gives_cause_and_remedy(rover_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_for_people_gives_cause_and_remedy(rover_file: Path, run: Run) -> None:
     rover_file.write_text(rover_file.read_text(encoding="utf-8").replace("address = 0x60", "address = 0x61"))
-    assert cli.run(["check", "--config", str(rover_file), "--logs", str(rover_file.parent)]) == 1
-    lines = capsys.readouterr().out.splitlines()
+    code, out, _ = run("check", "--config", rover_file, "--logs", rover_file.parent)
+    assert code == 1
+    lines = out.splitlines()
     at = next(number for number, line in enumerate(lines) if line.startswith("fail    compass:"))
     assert "0x61" in lines[at]
     assert lines[at + 1].startswith("          likely: ")
     assert lines[at + 2].startswith("          do:     ")
 
 
-def test_check_leaves_a_running_daemon_alone(rover_file: Path) -> None:
-    with single_daemon(daemon_socket()):
-        assert cli.run(["check", "--config", str(rover_file)]) == 75
-
-
 @pytest.mark.parametrize("command", [["check"], ["calibrate", "motors"]])
 def test_motors_of_a_daemon_on_another_socket_are_left_alone(
-    rover_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: list[str]
+    rover_file: Path, monkeypatch: pytest.MonkeyPatch, run: Run, command: list[str]
 ) -> None:
     monkeypatch.setattr(terminal, "is_there", lambda: True)
     monkeypatch.setattr("wayfarer.daemon.motors_lock.motors_device", lambda config: "/dev/ptmx")
     with motors_lock("/dev/ptmx"):
-        assert cli.run([*command, "--config", str(rover_file)]) == 75
-    assert "drives these motors (/dev/ptmx)" in capsys.readouterr().err
+        code, _, err = run(*command, "--config", rover_file)
+    assert code == 75
+    assert "drives these motors (/dev/ptmx)" in err
 
 
 def test_rover_is_run_as_it_was_calibrated_to_turn_and_the_simulated_one_is_not(

@@ -7,47 +7,12 @@ import json
 from pathlib import Path
 from typing import get_args
 
-import pytest
-
 from tests.conftest import Run
-from tests.experiments import fake_trials
 from wayfarer.cli.sim import Ground
 from wayfarer.fieldlog.reader import read_header
 from wayfarer.simhal.world.grounds import GroundName
 
 MAZE = ("sim", "--scenario", "extended-maze", "--rover", "forestrover", "--jobs", "1")
-
-
-REFUSED = {
-    "forests as well": ((*MAZE, "--forests", "x.jsonl"), "leave out --forests, or --scenario"),
-    "a rover of unknown clearance": (
-        ("sim", "--scenario", "extended-maze"), "rover 'sim' gives no chassis.ground_clear"
-    ),
-    "the same in MuJoCo": (
-        ("sim", "--scenario", "extended-maze", "--physics", "mujoco"), "rover 'sim' gives no chassis.ground_clear"
-    ),
-    "no such scenario": (("sim", "--scenario", "swamp"), "'extended-maze', 'dense-obstruction', 'forest-escape'"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(("arguments", "says"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_run_is_one_line(run: Run, arguments: tuple[str, ...], says: str) -> None:
-    code, out, err = run(*arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert says in err
-
-
-def test_papers_trials_stand_below_ours(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.quick)
-    code, out, _ = run(*MAZE, "--trials", "2", "--algorithm", "forest-pledge,levy-walk,pledge")
-    assert code == 0
-    lines = [line.split() for line in out.splitlines() if line.split()]
-    papers = [line for line in lines if line[0] == "paper"]
-    assert papers == [
-        ["paper", "10", "100.0", "0", "152.0", "±", "21.0", "11.0"],
-        ["paper", "10", "10.0", "9", "141.0", "±", "0.0", "11.0"],
-    ]
-    assert "interventions" in out
 
 
 def test_trials_count_interventions_and_are_one_layout_each(run: Run, tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from tests.commissioning.checks.rigs import T_WALL, Rig
 from tests.daemon.played import DELAY_S, Run, played
 from tests.virtual import virtual
 from wayfarer.commissioning.checks.deadman import keep_proof
-from wayfarer.config.calibration_file import Calibration, MotorsEntry, save, stamp
+from wayfarer.config.calibration_file import MotorsEntry, stamp
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.errors import NotResponding, WayfarerError
@@ -129,36 +128,33 @@ async def test_first_arming_after_the_board_lost_its_power_is_not_refused(
         assert rig.chip.failsafe
 
 
-def break_battery(rig: Rig) -> None:
-    rig.motors.health_now = MotorHealth(12.0, ("motor A: drive fault",))
-
-
-def break_compass(rig: Rig) -> None:
-    rig.compass.level = 1
-
-
-def break_deadman(rig: Rig) -> None:
-    rig.motors.deadman_s = None
-
-
-def break_motors(rig: Rig) -> None:
-    rig.motors.dead = True
+MOTORS = "board at 0x15 on /dev/i2c-1"
+SHIFTED = MotorsEntry(**stamp(MOTORS, T_WALL), shift_half_deg=4.0, shift_full_deg=17.0, passed=False)
 
 
 @pytest.mark.parametrize(
-    ("set_faults", "text"),
+    ("part", "state", "text"),
     [
-        (break_battery, "motor faults: motor A: drive fault .*switch it off and on"),
-        (break_compass, "compass calibration: level 1 of 3, at least 2 is needed"),
-        (break_deadman, "cannot stop the wheels by itself"),
-        (break_motors, "board at 0x15 on /dev/i2c-1: no answer"),
+        (
+            "motors",
+            {"health_now": MotorHealth(12.0, ("motor A: drive fault",))},
+            "motor faults: .*switch it off and on",
+        ),
+        ("motors", {"deadman_s": None}, "cannot stop the wheels by itself"),
+        ("motors", {"dead": True}, f"{MOTORS}: no answer"),
+        ("compass", {"level": 1}, "compass calibration: level 1 of 3, at least 2 is needed"),
+        ("calibration", {"motors": SHIFTED}, "calibrated motors: the motors turn the heading by 17°"),
     ],
 )
 @played
 async def test_arming_is_refused_with_what_a_check_found_and_what_to_do(
-    run: Run, set_faults: Callable[[Rig], None], text: str
+    run: Run, part: str, state: dict[str, Any], text: str
 ) -> None:
-    set_faults(run.rig)
+    """Field catalogue, fault 12, and others."""
+    if part == "calibration":
+        run.rig.keep(**state)
+    else:
+        vars(getattr(run.rig, part)).update(state)
     await asyncio.sleep(0.1)
     with pytest.raises(Refused, match=f"not armed: .*{text}"):
         await run.commands.arm()
@@ -168,34 +164,6 @@ async def test_arming_is_refused_with_what_a_check_found_and_what_to_do(
     assert run.wheels == STOP
 
 
-SHIFTED = MotorsEntry(
-    **stamp("board at 0x15 on /dev/i2c-1", T_WALL), shift_half_deg=4.0, shift_full_deg=17.0, passed=False
-)
-
-
-@pytest.mark.parametrize(
-    ("entry", "text"),
-    [
-        (SHIFTED, "calibrated motors: the motors turn the heading by 17°"),
-        (dataclasses.replace(SHIFTED, part="board at 0x16"), "calibrated motors: made with board at 0x16, but this is"),
-        (None, "calibrated compass: .*calibration.json: not a calibration"),
-    ],
-)
-@played
-async def test_calibration_that_is_bad_broken_or_of_another_part_refuses_arming_and_is_named(
-    run: Run, entry: MotorsEntry | None, text: str
-) -> None:
-    """Field catalogue, faults 12 and 49."""
-
-    path = run.rig.host.calibration_file
-    save(path, Calibration(motors=entry))
-    if entry is None:
-        path.write_bytes(path.read_bytes()[:-10])
-    with pytest.raises(Refused, match=f"not armed: .*{text}"):
-        await run.commands.arm(0.0)
-    assert run.mode == "disarmed"
-
-
 @pytest.mark.parametrize("because", ["", "nobody may come near it"])
 @virtual
 async def test_board_that_cannot_be_asked_is_armed_with_a_proof_or_a_reason_that_is_told(
@@ -203,8 +171,7 @@ async def test_board_that_cannot_be_asked_is_armed_with_a_proof_or_a_reason_that
 ) -> None:
     rig = Rig(tmp_path)
     rig.motors.tells = False
-    safety = dataclasses.replace(rig.config.safety, deadman_unproved_because=because)
-    rig.config = rig.config.model_copy(update={"safety": safety})
+    rig.set(safety={"deadman_unproved_because": because})
 
     async with Run(rig) as run:
         if not because:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import dataclasses
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from tests.commissioning.checks.rigs import Flow, Needle, Rig
+from tests.commissioning.checks.rigs import Rig
 from tests.daemon.played import Run, played
 from tests.virtual import virtual
 from wayfarer.commissioning.checks import CheckVerdict, run_checks
@@ -18,8 +17,7 @@ from wayfarer.daemon.arming_inspection import FRESH_S
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotResponding
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.hal import STOP, CompassReading, MotionReading, Side
-from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.hal import STOP, Side
 
 
 @played
@@ -32,62 +30,30 @@ async def test_inspection_gives_what_the_sensor_tasks_read_last(run: Run) -> Non
     assert (await run.inspect.motor_health()).battery_v == 12.0
 
 
-class MuteCompass(Needle):
-    """A compass that can fall silent."""
-
-    silent = False
-
-    async def read(self) -> CompassReading:
-        if self.silent:
-            raise self.error
-        return await super().read()
-
-
-class MuteFlow(Flow):
-    """A motion sensor that can fall silent."""
-
-    silent = False
-
-    async def read(self) -> MotionReading:
-        if self.silent:
-            raise NotResponding("PMW3901: no answer")
-        return await super().read()
+@played
+async def test_compass_that_fell_silent_is_stale_and_keeps_the_rover_from_arming(run: Run) -> None:
+    run.rig.compass.dead = True
+    await asyncio.sleep(FRESH_S / 2)
+    assert (await run.inspect.compass()).calibration == 3, "half a second is no silence yet"
+    await asyncio.sleep(FRESH_S)
+    with pytest.raises(NotResponding, match="compass has said nothing for 1 s"):
+        await run.inspect.compass()
+    with pytest.raises(Refused, match="compass has said nothing"):
+        await run.commands.arm()
+    assert run.mode == "disarmed"
 
 
-@virtual
-async def test_compass_that_fell_silent_is_stale_and_keeps_the_rover_from_arming(tmp_path: Path) -> None:
-    rig = Rig(tmp_path)
-    compass = MuteCompass(rig.world, RandomStreams(0))
-    rig.rover = dataclasses.replace(rig.rover, compass=compass)
-
-    async with Run(rig) as run:
-        compass.silent = True
-        await asyncio.sleep(FRESH_S / 2)
-        assert (await run.inspect.compass()).calibration == 3, "half a second is no silence yet"
-        await asyncio.sleep(FRESH_S)
-        with pytest.raises(NotResponding, match="compass has said nothing for 1 s"):
-            await run.inspect.compass()
-        with pytest.raises(Refused, match="compass has said nothing"):
-            await run.commands.arm()
-        assert run.mode == "disarmed"
-
-
-@virtual
-async def test_motion_sensor_that_fell_silent_lets_no_rover_drive(tmp_path: Path) -> None:
-    rig = Rig(tmp_path)
-    motion = MuteFlow(rig.world, RandomStreams(0))
-    rig.rover = dataclasses.replace(rig.rover, motion=motion)
-
-    async with Run(rig) as run:
-        motion.silent = True
-        await asyncio.sleep(5.0)
-        with suppress(Refused):
-            await run.commands.arm(0.0)
-        for _ in range(200):
-            await asyncio.sleep(0.1)
-            assert run.mode != "armed"
-            assert run.wheels == STOP
-        assert run.mode == "disarmed"
+@played
+async def test_motion_sensor_that_fell_silent_lets_no_rover_drive(run: Run) -> None:
+    run.rig.motion.dead = True
+    await asyncio.sleep(5.0)
+    with suppress(Refused):
+        await run.commands.arm(0.0)
+    for _ in range(200):
+        await asyncio.sleep(0.1)
+        assert run.mode != "armed"
+        assert run.wheels == STOP
+    assert run.mode == "disarmed"
 
 
 @virtual

@@ -8,7 +8,6 @@ import errno
 import json
 import os
 import signal
-import socket
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -18,13 +17,13 @@ from typing import Any
 
 import pytest
 
+from tests.daemon.conftest import Listener
 from tests.fieldlog.disks import FailingCall
 from tests.views.text.records import HEADER, drive, event, numbered, write
 from tests.workshop import Overriding
-from wayfarer.commissioning.checks import Check, Finding, Inspection
+from wayfarer.commissioning.checks import Check, Finding, Inspection, system
 from wayfarer.commissioning.checks.api import fail
 from wayfarer.config.rover_file import load_rover
-from wayfarer.daemon import host_health
 from wayfarer.daemon.daemon import Daemon, RoverSetup, Service, serve
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import AlreadyRunning, single_daemon
@@ -278,7 +277,7 @@ async def test_low_voltage_of_the_computer_is_noticed_within_a_second(
     site: Site, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     flags = tmp_path / "get_throttled"
-    monkeypatch.setattr(host_health, "THROTTLED", str(flags))
+    monkeypatch.setattr(system, "THROTTLED", str(flags))
     async with Running(site) as daemon:
         flags.write_text("50005\n", encoding="ascii")
         async with asyncio.timeout(1.5):  # a second, and this machine's patience
@@ -310,27 +309,21 @@ async def test_dry_run_does_everything_but_turn_the_wheels(site: Site) -> None:
 
 
 async def test_systemd_is_told_when_it_is_up_that_it_lives_and_when_it_stops(
-    site: Site, monkeypatch: pytest.MonkeyPatch
+    site: Site, listener: Listener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
-        systemd.bind(str(site.socket.parent / "notify"))
-        systemd.setblocking(False)
-        monkeypatch.setenv("NOTIFY_SOCKET", str(site.socket.parent / "notify"))
-        monkeypatch.setenv("WATCHDOG_USEC", "80000")
-        told: list[str] = []
+    monkeypatch.setenv("NOTIFY_SOCKET", listener.socket.getsockname())
+    monkeypatch.setenv("WATCHDOG_USEC", "80000")
+    told: list[str] = []
 
-        def heard(message: str) -> bool:
-            try:
-                while True:
-                    told.append(systemd.recv(1000).decode())
-            except BlockingIOError:
-                return message in told
+    def heard(message: str) -> bool:
+        told.extend(listener.heard())
+        return message in told
 
-        async with Running(site) as daemon:
-            await daemon.until(lambda: heard("WATCHDOG=1"))
-            site.finish("over", "the test is over")
-            await daemon.end()
-        assert heard("STOPPING=1")
+    async with Running(site) as daemon:
+        await daemon.until(lambda: heard("WATCHDOG=1"))
+        site.finish("over", "the test is over")
+        await daemon.end()
+    assert heard("STOPPING=1")
     assert told[0] == "READY=1"
     assert told.index("WATCHDOG=1") < told.index("STOPPING=1")
 

@@ -37,6 +37,9 @@ def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def test_every_port_of_a_rover_is_looked_at(tmp_path: Path, looked_at: list[str]) -> None:
     refuse_missing_ports(load_rover("forestrover"), "forestrover", host(tmp_path))
     assert looked_at == list(PORTS)
+    other_buses = load_rover("forestrover").model_copy(update={"buses": "my.adapter:buses"})
+    refuse_missing_ports(other_buses, "forestrover", host(tmp_path))
+    assert looked_at == list(PORTS)
 
 
 def test_device_file_of_two_parts_is_given_once_and_none_of_other_buses() -> None:
@@ -66,19 +69,6 @@ def test_port_that_is_not_there_is_named_with_file_key_and_remedy(
     assert "\n" not in said
 
 
-def test_port_without_permission_is_named_with_its_group(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    make(tmp_path, *PORTS)
-    monkeypatch.setattr("os.access", lambda path, _mode: "spidev" not in str(path))
-    with pytest.raises(BadConfig, match=r"'parts.motion.bus' \(line \d+\): /dev/spidev0.1 .*group 'spi'.*usermod"):
-        refuse_missing_ports(load_rover("forestrover"), "forestrover", host(tmp_path))
-
-
-def test_other_buses_have_names_of_their_own(tmp_path: Path, looked_at: list[str]) -> None:
-    config = load_rover("forestrover").model_copy(update={"buses": "my.adapter:buses"})
-    refuse_missing_ports(config, "forestrover", host(tmp_path))
-    assert looked_at == []
-
-
 def test_run_ends_with_one_line_and_exit_code_2_and_begins_no_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -92,8 +82,3 @@ def test_run_ends_with_one_line_and_exit_code_2_and_begins_no_log(
 
 def _refuse(*_: object) -> None:
     raise BadConfig("no such port")
-
-
-@pytest.mark.parametrize("option", [["--seed", "3"], ["--depth", "bus"]])
-def test_options_of_the_simulation_are_refused_without_it(option: list[str]) -> None:
-    assert cli.run(["run", "--config", "minirover", *option]) == 2

@@ -2,56 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Any
+from unittest.mock import call, create_autospec
+
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.drivers.benches import steady_world
 from tests.virtual import run_virtually
 from wayfarer.daemon.dry_run import DryMotors
-from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand, troubles_of
+from wayfarer.hal import STOP, DriveMotors, WheelCommand, troubles_of
+from wayfarer.simhal.parts import SimMotors
 from wayfarer.testing import check_motors
-
-
-class Motors:
-    """Notes what is done to it."""
-
-    name = "bench motors"
-    deadman_s: float | None = 0.25
-
-    def __init__(self) -> None:
-        self.done: list[str] = []
-        self.commands: list[WheelCommand] = []
-        self.turning = WheelCommand(0.25, 0.5)
-
-    async def open(self) -> None:
-        self.done.append("open")
-
-    async def close(self) -> None:
-        self.done.append("close")
-
-    async def drive(self, command: WheelCommand) -> WheelCommand:
-        self.commands.append(command)
-        self.turning = command
-        return command
-
-    async def stop(self) -> None:
-        self.done.append("stop")
-
-    def halt(self) -> None:
-        self.done.append("halt")
-
-    async def read_back(self) -> WheelCommand | None:
-        return self.turning
-
-    async def health(self) -> MotorHealth:
-        return MotorHealth(11.5, ("hot",))
-
 
 DUTIES = st.floats(-1, 1)
 
 
+def board() -> Any:
+    """A motor board that notes what is done to it."""
+    noted = create_autospec(DriveMotors, instance=True)
+    noted.name, noted.deadman_s, noted.troubles = "bench motors", 0.25, {"transfers retried": 1}
+    noted.drive.side_effect = lambda command: command
+    return noted
+
+
 @given(st.lists(st.builds(WheelCommand, DUTIES, DUTIES), min_size=1, max_size=20))
 def test_board_never_sees_a_command_that_is_not_zero(commands: list[WheelCommand]) -> None:
-    motors = Motors()
+    motors = board()
     dry = DryMotors(motors)
 
     async def main() -> list[WheelCommand]:
@@ -59,29 +36,22 @@ def test_board_never_sees_a_command_that_is_not_zero(commands: list[WheelCommand
 
     applied = run_virtually(main())
     assert applied == [STOP] * len(commands), "what was applied is told, not what was wanted"
-    assert motors.commands == [STOP] * len(commands), "the board is asked each time: its deadman is watched as ever"
+    asked = motors.drive.await_args_list
+    assert asked == [call(STOP)] * len(commands), "the board is asked each time: its deadman is watched as ever"
 
 
 async def test_everything_else_reaches_the_board() -> None:
-    motors = Motors()
+    motors = board()
     dry = DryMotors(motors)
     assert isinstance(dry, DriveMotors)
-    assert (dry.name, dry.deadman_s) == ("bench motors (dry run)", 0.25)
-    await dry.open()
-    await dry.stop()
+    assert (dry.name, dry.deadman_s, troubles_of(dry)) == ("bench motors (dry run)", 0.25, {"transfers retried": 1})
+    for method in (dry.open, dry.stop, dry.close):
+        await method()
     dry.halt()
-    await dry.close()
-    assert motors.done == ["open", "stop", "halt", "close"]
-    assert await dry.read_back() == WheelCommand(0.25, 0.5)
-    assert await dry.health() == MotorHealth(11.5, ("hot",))
+    assert motors.method_calls == [call.open(), call.stop(), call.close(), call.halt()]
+    assert await dry.read_back() is motors.read_back.return_value
+    assert await dry.health() is motors.health.return_value
 
 
-def test_troubles_of_the_board_are_told_in_a_dry_run_too() -> None:
-    motors = Motors()
-    assert troubles_of(DryMotors(motors)) == {}
-    motors.troubles = {"transfers retried": 1}  # type: ignore[attr-defined]
-    assert troubles_of(DryMotors(motors)) == {"transfers retried": 1}
-
-
-async def test_dry_motors_keep_the_promises_of_motors() -> None:
-    await check_motors(lambda: DryMotors(Motors()))
+def test_dry_motors_keep_the_promises_of_motors() -> None:
+    run_virtually(check_motors(lambda: DryMotors(SimMotors(steady_world()))))

@@ -9,7 +9,7 @@ import pytest
 
 from wayfarer.commissioning.checks.system import THROTTLED
 from wayfarer.daemon import host_health
-from wayfarer.daemon.host_health import CPU_TEMPERATURE, health, monitor_host_health, power_flags
+from wayfarer.daemon.host_health import CPU_TEMPERATURE, health, monitor_host_health
 
 
 def write(root: Path, path: str, text: str) -> None:
@@ -66,10 +66,3 @@ def test_card_that_hangs_does_not_hold_up_the_power_flags(tmp_path: Path, monkey
         for _ in range(3):
             assert polled.acquire(timeout=5.0)
         answers.set()
-
-
-@pytest.mark.parametrize(("text", "flags"), [("50005", 0x50005), ("0x1", 1), ("0", 0), ("", None), ("hot", None)])
-def test_power_flags_are_the_number_that_the_firmware_gives(tmp_path: Path, text: str, flags: int | None) -> None:
-    assert power_flags(tmp_path) is None, "no file, no Pi"
-    write(tmp_path, THROTTLED, text)
-    assert power_flags(tmp_path) == flags

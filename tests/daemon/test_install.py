@@ -66,6 +66,13 @@ def umask() -> Iterator[Callable[[int], int]]:
     os.umask(before)
 
 
+def installed(root: Path, python: Path, rover: str | None = "sim") -> list[str]:
+    """Install the service, and return what was said."""
+    said: list[str] = []
+    install.install(rover, root, python, said.append)
+    return said
+
+
 def mode(path: Path) -> int:
     return path.stat().st_mode & 0o777
 
@@ -90,17 +97,14 @@ def test_unit_starts_this_installation(root: Path, python: Path) -> None:
     assert "PrivateDevices" not in unit, "parts are not hidden from the service"
     assert {"char-i2c rw", "char-spi rw", "char-gpiochip rw", "char-video4linux rw"} <= set(unit["DeviceAllow"])
     assert (unit["MemoryMax"], unit["Restart"]) == (["50%"], ["on-failure"])
-
-
-def test_system_without_a_group_file_has_no_groups(tmp_path: Path, python: Path) -> None:
-    assert settings(install.unit_text(tmp_path, python))["SupplementaryGroups"] == [""]
+    without_groups = settings(install.unit_text(root / "none", python))
+    assert without_groups["SupplementaryGroups"] == [""]
 
 
 def test_install_writes_unit_and_rover_file_and_says_what_is_next(
     root: Path, python: Path, given: list[list[str]]
 ) -> None:
-    said: list[str] = []
-    install.install("sim", root, python, said.append)
+    said = installed(root, python)
     assert (root / UNIT).read_text(encoding="utf-8") == install.unit_text(root, python)
     assert load_rover(str(root / ROVER_FILE)) == load_rover("sim")
     assert any("systemctl enable --now wayfarer" in line for line in said)
@@ -113,8 +117,7 @@ def test_on_a_card_only_files_are_written_and_the_rest_is_to_be_done_there(
     root: Path, python: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: pytest.fail("a command was given to the host"))
-    said: list[str] = []
-    install.install("sim", root, python, said.append)
+    said = installed(root, python)
     text, command = "\n".join(said), python.parent / "wayfarer"
     assert f"the unit starts {command}: wayfarer must be installed at that path" in text
     assert f"sudo {command} install-service" in text
@@ -129,7 +132,7 @@ def test_user_is_made_with_the_groups_there_are(
     root: Path, python: Path, given: list[list[str]], groups: str, joins: list[str]
 ) -> None:
     (root / "etc/group").write_text(groups, encoding="utf-8")
-    install.install("sim", root, python, lambda line: None)
+    installed(root, python)
     (made,) = [command for command in given if command[0] == "useradd"]
     assert made[made.index("/usr/sbin/nologin") + 1 :] == [*joins, "wayfarer"]
 
@@ -143,18 +146,8 @@ def test_user_who_is_there_is_added_to_the_groups_that_he_lacks(
 ) -> None:
     (root / "etc/passwd").write_text("wayfarer:x:990:990::/var/lib/wayfarer:/usr/sbin/nologin\n", encoding="utf-8")
     (root / "etc/group").write_text(f"i2c:x:990:{i2c}\nspi:x:989:wayfarer\n", encoding="utf-8")
-    install.install("sim", root, python, lambda line: None)
+    installed(root, python)
     assert [command for command in given if command[0].startswith("user")] == commands
-
-
-def test_folder_for_calibration_and_logs_is_there_before_the_first_start(
-    root: Path, python: Path, given: list[list[str]], umask: Callable[[int], int]
-) -> None:
-    umask(0o077)
-    install.install("sim", root, python, lambda line: None)
-    folder = root / "var/lib/wayfarer"
-    assert mode(folder) == 0o755
-    assert given[-1] == ["chown", "--recursive", "--no-dereference", "wayfarer:wayfarer", str(folder)]
 
 
 def test_command_that_fails_is_told_in_one_line(
@@ -163,33 +156,35 @@ def test_command_that_fails_is_told_in_one_line(
     failed = CompletedProcess((), 1, "", "useradd: cannot lock /etc/passwd;\ntry again later.\n")
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: failed)
     with pytest.raises(BadInput, match=r"^useradd --system .* try again later\.$"):
-        install.install("sim", root, python, lambda line: None)
+        installed(root, python)
 
 
-def test_files_can_be_read_by_the_service_whatever_the_umask(
-    root: Path, python: Path, umask: Callable[[int], int]
+def test_files_and_folders_can_be_read_by_the_service_whatever_the_umask(
+    root: Path, python: Path, given: list[list[str]], umask: Callable[[int], int]
 ) -> None:
+    """The folder for calibration and logs is there before the first start."""
     umask(0o077)
-    install.install("sim", root, python, lambda line: None)
+    installed(root, python)
+    folder = root / "var/lib/wayfarer"
     assert {mode(root / file) for file in (UNIT, ROVER_FILE)} == {0o644}
-    assert {mode((root / file).parent) for file in (UNIT, ROVER_FILE)} == {0o755}
+    assert {mode(each) for each in ((root / UNIT).parent, (root / ROVER_FILE).parent, folder)} == {0o755}
+    assert given[-1] == ["chown", "--recursive", "--no-dereference", "wayfarer:wayfarer", str(folder)]
 
 
 def test_rover_file_may_be_ones_own(root: Path, python: Path, tmp_path: Path) -> None:
-    install.install("sim", root, python, lambda line: None)
+    installed(root, python)
     own = tmp_path / "mine.toml"
     own.write_text((root / ROVER_FILE).read_text(encoding="utf-8").replace('"sim"', '"mine"'), encoding="utf-8")
     (root / ROVER_FILE).unlink()
-    install.install(str(own), root, python, lambda line: None)
+    installed(root, python, str(own))
     assert load_rover(str(root / ROVER_FILE)).name == "mine"
 
 
 def test_existing_rover_file_is_kept(root: Path, python: Path) -> None:
-    install.install("sim", root, python, lambda line: None)
+    installed(root, python)
     calibrated = (root / ROVER_FILE).read_text(encoding="utf-8") + "# calibrated in the yard\n"
     (root / ROVER_FILE).write_text(calibrated, encoding="utf-8")
-    said: list[str] = []
-    install.install("sim", root, python, said.append)
+    said = installed(root, python)
     assert (root / ROVER_FILE).read_text(encoding="utf-8") == calibrated
     assert f"kept {root / ROVER_FILE}" in said
 
@@ -202,7 +197,7 @@ def test_without_a_usable_rover_nothing_is_written(
     root: Path, python: Path, rover: str | None, error: type[Exception], text: str
 ) -> None:
     with pytest.raises(error, match=text):
-        install.install(rover, root, python, lambda line: None)
+        installed(root, python, rover)
     assert not (root / UNIT).exists()
     assert not (root / ROVER_FILE).exists()
 
@@ -211,7 +206,7 @@ def test_rover_file_that_is_there_and_unusable_is_told_at_once(root: Path, pytho
     (root / ROVER_FILE).parent.mkdir()
     (root / ROVER_FILE).write_text("nonsense", encoding="utf-8")
     with pytest.raises(BadConfig, match="not valid TOML"):
-        install.install(None, root, python, lambda line: None)
+        installed(root, python, None)
 
 
 def made_user(root: Path, uid: int) -> None:
@@ -231,7 +226,7 @@ def made_user(root: Path, uid: int) -> None:
 def test_rover_file_that_the_service_could_not_read_is_told_and_nothing_is_enabled(
     root: Path, python: Path, given: list[list[str]], closed: str, closed_mode: int, remedy: str
 ) -> None:
-    install.install("sim", root, python, lambda line: None)
+    installed(root, python)
     (root / UNIT).unlink()
     given.clear()
     (root / closed).chmod(closed_mode)
@@ -249,14 +244,14 @@ def test_rover_file_that_the_service_could_not_read_is_told_and_nothing_is_enabl
 
 
 def test_rover_file_of_the_service_s_own_user_or_group_is_readable(root: Path, python: Path) -> None:
-    install.install("sim", root, python, lambda line: None)
+    installed(root, python)
     path = root / ROVER_FILE
     path.chmod(0o600)
     made_user(root, path.stat().st_uid)
-    install.install(None, root, python, lambda line: None)
+    installed(root, python, None)
     path.chmod(0o040)
     with pytest.raises(BadInput, match=r"mode 0040\): sudo chmod u\+r"):
-        install.install(None, root, python, lambda line: None)
+        installed(root, python, None)
 
 
 @pytest.mark.parametrize(
@@ -265,20 +260,20 @@ def test_rover_file_of_the_service_s_own_user_or_group_is_readable(root: Path, p
 def test_group_of_the_rover_file_counts_where_the_service_is_in_it(
     root: Path, python: Path, line: str, readable: bool
 ) -> None:
-    install.install("sim", root, python, lambda line: None)
+    installed(root, python)
     path = root / ROVER_FILE
     path.chmod(0o640)
     made_user(root, 54_321)
     (root / "etc/group").write_text(line.format(path.stat().st_gid), encoding="utf-8")
     if readable:
-        install.install(None, root, python, lambda line: None)
+        installed(root, python, None)
     else:
         with pytest.raises(BadInput, match=r"sudo chmod o\+r"):
-            install.install(None, root, python, lambda line: None)
+            installed(root, python, None)
 
 
 def test_interrupted_writing_leaves_the_old_unit(root: Path, python: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    install.install("sim", root, python, lambda line: None)
+    installed(root, python)
     (root / UNIT).write_text("the old unit", encoding="utf-8")
 
     def fail(file_number: int) -> None:
@@ -286,14 +281,14 @@ def test_interrupted_writing_leaves_the_old_unit(root: Path, python: Path, monke
 
     monkeypatch.setattr(os, "fsync", fail)
     with pytest.raises(BadInput, match="No space left on device"):
-        install.install(None, root, python, lambda line: None)
+        installed(root, python, None)
     assert (root / UNIT).read_text(encoding="utf-8") == "the old unit"
 
 
 def test_installing_into_the_running_system_needs_root(python: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
     with pytest.raises(BadInput, match="run it with sudo"):
-        install.install("sim", Path("/"), python, lambda line: None)
+        installed(Path("/"), python)
 
 
 def test_environment_without_the_command_is_refused(root: Path, tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
@@ -120,15 +119,17 @@ def _at_the_rover(
 ) -> T:
     """Work with a rover's parts, as they were calibrated or not; a person may be asked, and no daemon may run."""
     from wayfarer.cli import terminal
+    from wayfarer.commissioning.checks import HostEnvironment
     from wayfarer.config.calibration_file import load
     from wayfarer.config.factory import UNCALIBRATED, connect
     from wayfarer.config.rover_file import load_rover
+    from wayfarer.daemon.device_files import device_files
     from wayfarer.daemon.motors_lock import motors_device, motors_lock
     from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
 
     where = chosen(config)
     loaded = load_rover(where)
-    host = _host(loaded, log_folder(logs))
+    host = HostEnvironment.here(log_folder(logs), device_files(loaded))
 
     async def run() -> T:
         buses, rover = connect(loaded, where, load(host.calibration_file) if calibrated else UNCALIBRATED)
@@ -150,12 +151,3 @@ def _print(findings: Iterable[Finding]) -> None:
             print(f"{'':<8}  likely: {finding.cause}")
         if finding.remedy:
             print(f"{'':<8}  do:     {finding.remedy}")
-
-
-def _host(config: RoverConfig, logs: Path) -> HostEnvironment:
-    from wayfarer.commissioning.checks import HostEnvironment
-    from wayfarer.config.calibration_file import calibration_file
-    from wayfarer.daemon.device_files import device_files
-    from wayfarer.fieldlog.clock import wall_clock
-
-    return HostEnvironment(logs, calibration_file(os.environ, Path.home()), device_files(config), wall_clock(0.0))

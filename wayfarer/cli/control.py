@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import StrEnum
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -18,17 +17,12 @@ ANSWER_S = 5.0
 ARM_S = 30.0  # the checks before arming may wait for every part in turn
 
 
-class North(StrEnum):
-    """Which north a heading counts from."""
-
-    magnetic = "magnetic"
-    true = "true"
-
-
 Heading = Annotated[
     float, typer.Argument(metavar="DEG", min=-360, max=360, help="Degrees clockwise from north; -20 is 340.")
 ]
-NorthOption = Annotated[North, typer.Option(help="Which north DEG counts from; true needs declination_deg.")]
+North = Annotated[
+    Literal["magnetic", "true"], typer.Option(help="Which north DEG counts from; true needs declination_deg.")
+]
 
 
 def status(*, as_json: AsJson = False) -> None:
@@ -54,10 +48,10 @@ def arm(
         ),
     ] = None,
     *,
-    north: NorthOption = North.magnetic,
+    north: North = "magnetic",
 ) -> None:
     """Check every part, wait for the start delay, then drive. Step away from the rover."""
-    keys = {} if heading_deg is None else {"heading_deg": wrap360(heading_deg), "north": north.value}
+    keys = {} if heading_deg is None else {"heading_deg": wrap360(heading_deg), "north": north}
     reply = _ask("arm", **keys)
     with _as_this_version():
         for warning in reply["warnings"]:
@@ -83,9 +77,9 @@ def resume() -> None:
     print("going on")
 
 
-def goal(heading_deg: Heading, *, north: NorthOption = North.magnetic) -> None:
+def goal(heading_deg: Heading, *, north: North = "magnetic") -> None:
     """Set a new goal heading."""
-    reply = _ask("goal", heading_deg=wrap360(heading_deg), north=north.value)
+    reply = _ask("goal", heading_deg=wrap360(heading_deg), north=north)
     with _as_this_version():
         print(f"heading for {reply['goal_heading_deg']:g} degrees magnetic")
 

@@ -13,13 +13,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wayfarer.cli import options
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import Algorithm, examples
+from wayfarer.cli.options import examples
 from wayfarer.cli.rover import simulated
-from wayfarer.cli.trial_options import DepthOption
 from wayfarer.cli.viewer_options import LivePort, live_page
 
 if TYPE_CHECKING:
+    from wayfarer.daemon.daemon import Service
+    from wayfarer.escape.catalogue import Algorithm
+    from wayfarer.experiments.demo import Demo
     from wayfarer.safety.mission_limits import RunEnd
 
 EXAMPLES = examples(
@@ -44,7 +47,7 @@ def _speed(value: float) -> float:
 def demo(
     *,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Random seed: forest and noise.")] = SEED,
-    algorithm: Algorithm = "forest-pledge",
+    algorithm: options.Algorithm = "forest-pledge",
     speed: Annotated[
         float,
         typer.Option(
@@ -63,47 +66,55 @@ def demo(
 ) -> None:
     """Watch a simulated rover escape from a forest, in a browser, a few times faster than real time."""
     from wayfarer.config.registry import find_algorithm
-    from wayfarer.config.rover_file import load_rover
-    from wayfarer.daemon.daemon import Service, serve
-    from wayfarer.experiments.auto_arm import AutoArm
     from wayfarer.experiments.demo import Demo
-    from wayfarer.simhal.clock.scaled_loop import FastLoop
-    from wayfarer.views.text.console import Console
 
     require("simulating")
-    config = load_rover(ROVER)
     found = find_algorithm(algorithm)
     shown = Demo(seed, speed)
     page = live_page(None, live_port, shown)
     folder = logs or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
-
-    def service(forest: int, socket: Path) -> Service:
-        return Service(
-            config=config,
-            algorithm=found,
-            seed=forest,
-            make_rover=simulated(config, ROVER, DepthOption.device, forest),
-            logs=folder,
-            socket=socket,
-            simulated=True,
-            dry_run=False,
-            console=lambda write: Console("Starts when the page is opened", write).show,
-            viewers=[AutoArm(shown, shown.watched)],
-            loop_factory=partial(FastLoop, shown.pace),
-            time_scale=shown.pace.speed,
-            wall=shown.wall,
-        )
-
     with tempfile.TemporaryDirectory(prefix="wayfarer-") as own, shown.serve_page(page):
         print(f"open this page, the rover waits for you: {page.url}", flush=True)
         if not no_browser:
             Thread(target=open_page, args=[page.url], daemon=True).start()  # some browsers do not return until they end
-        for forest in _until_interrupted(shown.seeds()):
-            end = serve(service(forest, Path(own) / "control.sock"))  # where no other daemon is disturbed
-            if not shown.goes_on:
-                print(_last_words(end, folder), flush=True)
-            if end.reason == "signal":
-                break
+        _run_all(shown, found, folder, Path(own) / "control.sock")  # where no other daemon is disturbed
+
+
+def _run_all(shown: Demo, algorithm: Algorithm, logs: Path, socket: Path) -> None:
+    """Run one forest after the other, until nobody has the page open or a signal ends a run."""
+    from wayfarer.daemon.daemon import serve
+
+    for forest in _until_interrupted(shown.seeds()):
+        end = serve(_service(shown, algorithm, forest, logs, socket))
+        if not shown.goes_on:
+            print(_last_words(end, logs), flush=True)
+        if end.reason == "signal":
+            return
+
+
+def _service(shown: Demo, algorithm: Algorithm, forest: int, logs: Path, socket: Path) -> Service:
+    from wayfarer.config.rover_file import load_rover
+    from wayfarer.daemon.daemon import Service
+    from wayfarer.experiments.auto_arm import AutoArm
+    from wayfarer.simhal.clock.scaled_loop import FastLoop
+    from wayfarer.views.text.console import Console
+
+    config = load_rover(ROVER)
+    return Service(
+        config=config,
+        algorithm=algorithm,
+        seed=forest,
+        make_rover=simulated(config, ROVER, "device", forest),
+        logs=logs,
+        socket=socket,
+        simulated=True,
+        dry_run=False,
+        console=lambda write: Console("Starts when the page is opened", write).show,
+        viewers=[AutoArm(shown, shown.watched)],
+        loop_factory=partial(FastLoop, shown.pace),
+        time_scale=shown.pace.speed,
+        wall=shown.wall,
+    )
 
 
 def _until_interrupted(seeds: Iterator[int]) -> Iterator[int]:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from wayfarer.cli import completion
 from wayfarer.cli.extras import require
 from wayfarer.cli.options import AsJson, examples
-from wayfarer.cli.trial_options import DepthOption, PhysicsOption
+from wayfarer.cli.trial_options import DepthName, Jobs, PhysicsName
 from wayfarer.errors import BadInput, MissingPackage
+
+if TYPE_CHECKING:
+    from wayfarer.fault_scenarios.detector_trials import DetectorCase
 
 EXAMPLES = examples(
     "wayfarer faults",
@@ -50,7 +53,6 @@ Out = Annotated[
     typer.Option(metavar="DIR", help="New or empty folder for results.csv, results.json and each run's field log."),
 ]
 Show = Annotated[bool, typer.Option("--list", help="List the scenarios, and run nothing.")]
-Jobs = Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of processes. (default: one per core)")]
 Trials = Annotated[
     int | None,
     typer.Option(
@@ -71,7 +73,7 @@ Seed = Annotated[
     ),
 ]
 AtDepth = Annotated[
-    DepthOption | None,
+    DepthName | None,
     typer.Option(
         help="device: simulated parts; bus: the real drivers over simulated chips.", rich_help_panel=BY_CHANCE
     ),
@@ -85,7 +87,7 @@ MeasureDetector = Annotated[
     ),
 ]
 Physics = Annotated[
-    PhysicsOption | None, typer.Option(help="Physics while the detector is measured.", rich_help_panel=DETECTOR)
+    PhysicsName | None, typer.Option(help="Physics while the detector is measured.", rich_help_panel=DETECTOR)
 ]
 Friction = Annotated[
     float | None,
@@ -138,16 +140,19 @@ def faults(
         _refuse(of_chance, "{} is for random faults; say how many trials with --trials N")
     if not detector:
         _refuse({"--physics": physics} | in_mujoco, "{} needs --detector; add that, or leave it out")
-    if physics is not PhysicsOption.mujoco:
+    if physics != "mujoco":
         _refuse(in_mujoco, "{} applies only to MuJoCo; add --physics mujoco, or drop it")
     require("simulating")
     if detector:
-        raise typer.Exit(_measure_detector(rover, trials, jobs, out, physics, friction, torque_scale, as_json=as_json))
+        from wayfarer.fault_scenarios.detector_table import run_detector
+
+        cells = _cells(rover or "sim", physics, friction, torque_scale or 1.0)
+        raise typer.Exit(run_detector(rover, trials, jobs, out, cells, as_json=as_json))
     if trials is not None:
         from wayfarer.fault_scenarios.random_runs import run_random
         from wayfarer.simhal.build_rover import Depth
 
-        at = None if depth is None else Depth(depth.value)
+        at = None if depth is None else Depth(depth)
         raise typer.Exit(run_random(trials, rover, at, seed or 0, jobs, out, as_json=as_json))
     raise typer.Exit(_run(only, rover, scenario, out, jobs, show=show, as_json=as_json))
 
@@ -159,32 +164,20 @@ def _refuse(given: Mapping[str, object], why: str) -> None:
             raise BadInput(why.format(option))
 
 
-def _measure_detector(
-    rover: str | None,
-    trials: int | None,
-    jobs: int | None,
-    out: Path | None,
-    physics: PhysicsOption | None,
-    friction: float | None,
-    torque_scale: float | None,
-    *,
-    as_json: bool,
-) -> int:
-    from wayfarer.fault_scenarios.detector_table import run_detector
+def _cells(rover: str, physics: str | None, friction: float | None, torque_scale: float) -> Sequence[DetectorCase]:
+    """Return what the detector is measured on."""
     from wayfarer.fault_scenarios.detector_trials import CELLS, cells_in_mujoco
 
-    if physics is not PhysicsOption.mujoco:
-        return run_detector(rover, trials, jobs, out, CELLS, as_json=as_json)
+    if physics != "mujoco":
+        return CELLS
     require("--physics mujoco")
     from wayfarer.config.rover_file import load_rover
     from wayfarer.experiments.campaign import Campaign
     from wayfarer.experiments.commands import check_body
     from wayfarer.simhal.mujoco.terrain import Terrains
 
-    where = rover or "sim"
-    check_body(Campaign(("forest-pledge",), 1, load_rover(where), terrains=Terrains()), where)
-    cells = cells_in_mujoco(friction, torque_scale or 1.0)
-    return run_detector(rover, trials, jobs, out, cells, as_json=as_json)
+    check_body(Campaign(("forest-pledge",), 1, load_rover(rover), terrains=Terrains()), rover)
+    return cells_in_mujoco(friction, torque_scale)
 
 
 def _run(

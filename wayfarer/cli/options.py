@@ -1,4 +1,4 @@
-"""Options and help texts that several commands share."""
+"""Options, help texts and refusals that several commands share."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import typer
 
 from wayfarer.cli import completion
 from wayfarer.cli.log_folder import OWN_LOGS, SYSTEM_LOGS
+from wayfarer.errors import BadInput
 
 ROVER_FILE = Path("/etc/wayfarer/rover.toml")
 
@@ -36,3 +37,14 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts; do
 def examples(*commands: str) -> str:
     """Return the end of a help text."""
     return "\n".join(["Examples:", *commands])
+
+
+def refuse(*mistakes: tuple[object, str]) -> None:
+    """Refuse options that do not go together: of each mistake, whether it was made and what to say of it.
+
+    Raises:
+        BadInput: one was made; of several the first is told.
+    """
+    for made, why in mistakes:
+        if made:
+            raise BadInput(why)

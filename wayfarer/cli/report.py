@@ -11,6 +11,7 @@ from wayfarer.cli import completion
 from wayfarer.cli.extras import require
 from wayfarer.cli.log_folder import log_folder
 from wayfarer.cli.options import Logs, examples
+from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput
 from wayfarer.views.text.scripting import say_next
 
@@ -40,9 +41,7 @@ def report(
     gallery: Annotated[
         int, typer.Option(min=0, max=1000, metavar="N", help="Number of trials of a campaign to run again and draw.")
     ] = 12,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Number of processes. (default: one per core)")
-    ] = None,
+    jobs: Jobs = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -55,21 +54,16 @@ def report(
 ) -> None:
     """Write report.html for a run (default: the newest one), for two runs beside each other, a campaign or a sweep."""
     require("a report")
+    from wayfarer.fieldlog.folders import find_run
+    from wayfarer.views.run_report.run import write_comparison, write_run_report
+
+    folder = log_folder(logs)
     if other is not None:
-        from wayfarer.fieldlog.folders import find_run
-        from wayfarer.views.run_report.run import write_comparison
-
-        page = write_comparison(find_run(what, log_folder(logs)), find_run(other, log_folder(logs)), out)
-        print(f"the report is {page}")
-        say_next("xdg-open", page)
-        return
-    run = _run(what, log_folder(logs))
-    if run is None:
-        page = _of_trials(Path(what), out, gallery, jobs)
-    else:
-        from wayfarer.views.run_report.run import write_run_report
-
+        page = write_comparison(find_run(what, folder), find_run(other, folder), out)
+    elif run := _run(what, folder):
         page = write_run_report(run, out)
+    else:
+        page = _of_trials(Path(what), out, gallery, jobs)
     print(f"the report is {page}")
     say_next("xdg-open", page)
 

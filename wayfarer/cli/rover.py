@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from random import SystemRandom
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,8 +10,8 @@ import typer
 
 from wayfarer.cli.extras import require
 from wayfarer.cli.log_folder import log_folder
-from wayfarer.cli.options import ROVER_FILE, Algorithm, Config, Logs, examples
-from wayfarer.cli.trial_options import DepthOption
+from wayfarer.cli.options import ROVER_FILE, Algorithm, Config, Logs, examples, refuse
+from wayfarer.cli.trial_options import DepthName
 from wayfarer.cli.viewer_options import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.errors import BadInput
 
@@ -40,7 +39,7 @@ def run(
     algorithm: Algorithm = "forest-pledge",
     logs: Logs = None,
     depth: Annotated[
-        DepthOption | None,
+        DepthName | None,
         typer.Option(
             help="With --sim: device: simulated parts; bus: the real drivers over simulated chips. (default: device)"
         ),
@@ -61,15 +60,17 @@ def run(
     from wayfarer.daemon.socket.paths import daemon_socket
     from wayfarer.views.text.console import Console
 
-    if not sim and (depth is not None or seed is not None):
-        raise BadInput("--depth and --seed are for the simulated rover: add --sim, or leave them out")
+    asks_simulation = depth is not None or seed is not None
+    refuse(
+        (asks_simulation and not sim, "--depth and --seed are for the simulated rover: add --sim, or leave them out")
+    )
     name = chosen(config, default="sim" if sim else None)
     loaded = load_rover(name)
     folder = log_folder(logs)
     if seed is None:  # a real run draws its seed; the log's first record has it
         seed = 0 if sim else SystemRandom().randrange(2**31)
     if sim:
-        make_rover = simulated(loaded, name, depth or DepthOption.device, seed)
+        make_rover = simulated(loaded, name, depth or "device", seed)
     else:
         loaded, make_rover = _real(loaded, name, folder)
     service = Service(
@@ -114,21 +115,20 @@ def chosen(config: str | None, default: str | None = None) -> str:
 def _real(config: RoverConfig, where: str, logs: Path) -> tuple[RoverConfig, Callable[[Any], RoverSetup]]:
     """Return the rover as calibrated, and what makes it."""
     from wayfarer.commissioning.checks import HostEnvironment
-    from wayfarer.config.calibration_file import calibration_file, load
+    from wayfarer.config.calibration_file import load
     from wayfarer.config.factory import calibrated, connect
     from wayfarer.daemon.daemon import RoverSetup
     from wayfarer.daemon.device_files import device_files, refuse_missing_ports
-    from wayfarer.fieldlog.clock import wall_clock
 
-    file = calibration_file(os.environ, Path.home())
-    calibration = load(file)
+    host = HostEnvironment.here(logs)
+    calibration = load(host.calibration_file)
     buses, rover = connect(config, where, calibration)
-    refuse_missing_ports(config, where, HostEnvironment(logs, file, (), wall_clock(0.0)))
+    refuse_missing_ports(config, where, host)
     setup = RoverSetup(rover, calibration, devices=device_files(config), close_buses=buses.close)
     return calibrated(config, calibration), lambda _: setup
 
 
-def simulated(config: RoverConfig, where: str, depth: DepthOption, seed: int) -> Callable[[Any], RoverSetup]:
+def simulated(config: RoverConfig, where: str, depth: DepthName, seed: int) -> Callable[[Any], RoverSetup]:
     """Return what makes a simulated rover, as ``daemon.daemon.Service`` wants it.
 
     ``where`` is the rover's file, or the name of a shipped one.
@@ -142,5 +142,5 @@ def simulated(config: RoverConfig, where: str, depth: DepthOption, seed: int) ->
     from wayfarer.experiments.live_rover import live_rover_setup
     from wayfarer.simhal import build_rover
 
-    check_rover(config, depth.value, where)
-    return lambda finish: live_rover_setup(config, build_rover.Depth(depth.value), seed, finish)
+    check_rover(config, depth, where)
+    return lambda finish: live_rover_setup(config, build_rover.Depth(depth), seed, finish)

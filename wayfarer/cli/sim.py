@@ -9,9 +9,8 @@ import typer
 
 from wayfarer.cli import trial_options as options
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import AsJson, examples
-from wayfarer.cli.trial_options import RUNNING, DepthOption, PhysicsOption
-from wayfarer.errors import BadInput
+from wayfarer.cli.options import AsJson, examples, refuse
+from wayfarer.cli.trial_options import RUNNING, PhysicsName
 
 EXAMPLES = examples(
     "wayfarer sim --trials 1000 --out results",
@@ -52,7 +51,7 @@ ClusterAddress = Annotated[
     ),
 ]
 Physics = Annotated[
-    PhysicsOption,
+    PhysicsName,
     typer.Option(help="light: fast built-in physics; mujoco: rigid bodies, wheels that grip and slip (slower)."),
 ]
 GroundName = Annotated[
@@ -90,9 +89,6 @@ TorqueScale = Annotated[
 Out = Annotated[
     Path | None,
     typer.Option(metavar="DIR", help="New or empty folder for trials.csv and summary.json.", rich_help_panel=RUNNING),
-]
-Resume = Annotated[
-    bool, typer.Option("--resume", help="Continue the interrupted campaign in --out.", rich_help_panel=RUNNING)
 ]
 TrialNumber = Annotated[
     int | None,
@@ -134,15 +130,15 @@ def sim(
     slip_mean_m: options.SlipMeanM = 10.0,
     budget_m: options.BudgetM = 1000.0,
     anomaly_source: options.AnomalySource = None,
-    depth: options.Depth = DepthOption.device,
-    physics: Physics = PhysicsOption.light,
+    depth: options.Depth = "device",
+    physics: Physics = "light",
     ground: GroundName = "ideal",
     friction: Friction = None,
     roughness_m: RoughnessM = None,
     torque_scale: TorqueScale = None,
     spl: options.Spl = False,
     out: Out = None,
-    resume: Resume = False,
+    resume: options.Resume = False,
     trial: TrialNumber = None,
     log: Log = None,
     video: Video = None,
@@ -151,9 +147,14 @@ def sim(
 ) -> None:
     """Run the rover's code in simulated forests, and print success rate and path length per algorithm."""
     terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
-    in_mujoco = physics is PhysicsOption.mujoco
-    _refuse_odd_pairs(out, resume, trial, log)
-    _refuse_odd_places(in_mujoco, scenario, forests, ground, terrain)
+    in_mujoco = physics == "mujoco"
+    refuse(
+        (resume and not out, "--resume continues the campaign in a folder; name it with --out DIR"),
+        (log and resume, "--log needs every trial to run again; leave out --resume, or --log"),
+        (out and trial is not None, "--trial runs one trial and prints its row, and writes no folder; leave out --out"),
+        (scenario and forests, "--scenario draws its own layouts; leave out --forests, or --scenario"),
+    )
+    _refuse_odd_physics(in_mujoco, ground, terrain)
     _refuse_what_cannot_be_filmed(in_mujoco, trial, video, video_speed)
     if cluster is not None:
         _refuse_beside_cluster(jobs, trial, log)
@@ -163,7 +164,7 @@ def sim(
 
     campaign = options.campaign_of(
         algorithm=algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, trials=trials, seed=seed,
-        slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth.value,
+        slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
         terrains=commands.terrains(terrain) if in_mujoco else None, ground=grounds.GroundName(ground),
     )  # fmt: skip
     if scenario:
@@ -197,47 +198,29 @@ def _require(in_mujoco: bool, video: Path | None, out: Path | None, cluster: str
         require("a cluster")
 
 
-def _refuse_odd_pairs(out: Path | None, resume: bool, trial: int | None, log: Path | None) -> None:
-    if resume and not out:
-        raise BadInput("--resume continues the campaign in a folder; name it with --out DIR")
-    if log and resume:
-        raise BadInput("--log needs every trial to run again; leave out --resume, or --log")
-    if out and trial is not None:
-        raise BadInput("--trial runs one trial and prints its row, and writes no folder; leave out --out")
-
-
-def _refuse_odd_places(
-    in_mujoco: bool, scenario: str | None, forests: str | None, ground: str, terrain: dict[str, str | None]
-) -> None:
-    if scenario and forests:
-        raise BadInput("--scenario draws its own layouts; leave out --forests, or --scenario")
-    given = [name for name, text in terrain.items() if text is not None]
-    if given and not in_mujoco:
-        raise BadInput(
-            f"--{given[0].replace('_', '-')} has an effect only with --physics mujoco; add that, or leave it out"
-        )
-    if ground != "ideal" and in_mujoco:
-        raise BadInput(
-            f"--ground {ground} belongs to physics-light; with --physics mujoco use --friction, or leave it out"
-        )
+def _refuse_odd_physics(in_mujoco: bool, ground: str, terrain: dict[str, str | None]) -> None:
+    given = [f"--{name.replace('_', '-')}" for name, text in terrain.items() if text is not None]
+    only_there = "has an effect only with --physics mujoco; add that, or leave it out"
+    instead = "belongs to physics-light; with --physics mujoco use --friction, or leave it out"
+    refuse(
+        (given and not in_mujoco, f"{' '.join(given[:1])} {only_there}"),
+        (in_mujoco and ground != "ideal", f"--ground {ground} {instead}"),
+    )
 
 
 def _refuse_what_cannot_be_filmed(
     in_mujoco: bool, trial: int | None, video: Path | None, video_speed: float | None
 ) -> None:
-    if video is None:
-        if video_speed is not None:
-            raise BadInput("--video-speed needs a film; name its file with --video FILE")
-    elif not in_mujoco:
-        raise BadInput("--video works only with MuJoCo; add --physics mujoco")
-    elif trial is None:
-        raise BadInput("--video films one trial; choose it with --trial N")
+    refuse(
+        (video_speed is not None and not video, "--video-speed needs a film; name its file with --video FILE"),
+        (video and not in_mujoco, "--video works only with MuJoCo; add --physics mujoco"),
+        (video and trial is None, "--video films one trial; choose it with --trial N"),
+    )
 
 
 def _refuse_beside_cluster(jobs: int | None, trial: int | None, log: Path | None) -> None:
-    if jobs is not None:
-        raise BadInput("--jobs sets local processes, and --cluster uses remote workers; leave one of them out")
-    if trial is not None:
-        raise BadInput("--trial runs one trial here; leave out --cluster")
-    if log is not None:
-        raise BadInput("--log would be written on the machines of the cluster; leave out --log, or --cluster")
+    refuse(
+        (jobs is not None, "--jobs sets local processes, and --cluster uses remote workers; leave one of them out"),
+        (trial is not None, "--trial runs one trial here; leave out --cluster"),
+        (log, "--log would be written on the machines of the cluster; leave out --log, or --cluster"),
+    )

@@ -10,7 +10,7 @@ import typer
 from wayfarer.cli import trial_options as options
 from wayfarer.cli.extras import require
 from wayfarer.cli.options import AsJson, examples
-from wayfarer.cli.trial_options import RUNNING, DepthOption
+from wayfarer.cli.trial_options import RUNNING
 
 EXAMPLES = examples(
     "wayfarer sweep escape.turn_angle_deg=10:180:10 --trials 200 --out angles",
@@ -19,7 +19,6 @@ EXAMPLES = examples(
     "wayfarer sweep sim.compass_noise_deg=0:20:2 --algorithm paper --forests reference --out noise",
     "wayfarer report angles",
 )
-
 
 Keys = Annotated[
     list[str],
@@ -32,9 +31,6 @@ Keys = Annotated[
 ]
 Out = Annotated[Path, typer.Option(metavar="DIR", help="New or empty folder for the results.", rich_help_panel=RUNNING)]
 Trials = Annotated[int, typer.Option(min=1, max=1_000_000, metavar="N", help="Trials of each algorithm at each point.")]
-Resume = Annotated[
-    bool, typer.Option("--resume", help="Continue the interrupted sweep in --out.", rich_help_panel=RUNNING)
-]
 
 
 def sweep(
@@ -49,10 +45,10 @@ def sweep(
     slip_mean_m: options.SlipMeanM = 10.0,
     budget_m: options.BudgetM = 1000.0,
     anomaly_source: options.AnomalySource = None,
-    depth: options.Depth = DepthOption.device,
+    depth: options.Depth = "device",
     spl: options.Spl = False,
     jobs: options.Jobs = None,
-    resume: Resume = False,
+    resume: options.Resume = False,
     as_json: AsJson = False,
 ) -> None:
     """Run the same trials at each point of a grid of settings, and show how the results change."""
@@ -64,7 +60,7 @@ def sweep(
 
     campaign = options.campaign_of(
         algorithm=algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, trials=trials, seed=seed,
-        slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth.value,
+        slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
     )  # fmt: skip
     plan = make_sweep(campaign, [parse_axis(text) for text in keys])
     for point in plan.points:

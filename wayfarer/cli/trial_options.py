@@ -1,9 +1,8 @@
-"""Options that the commands share which run trials: ``sim`` and ``sweep``, and some of them ``run`` and ``faults``."""
+"""Options that the commands share which run trials: ``sim`` and ``sweep``; other commands share some of them."""
 
 from __future__ import annotations
 
 import math
-from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
@@ -16,18 +15,8 @@ if TYPE_CHECKING:
 RUNNING = "Running"
 
 
-class DepthOption(StrEnum):
-    """The depth of the simulation: simulated parts, or simulated chips under the real drivers."""
-
-    device = "device"
-    bus = "bus"
-
-
-class PhysicsOption(StrEnum):
-    """The physics that moves the body."""
-
-    light = "light"
-    mujoco = "mujoco"
+DepthName = Literal["device", "bus"]  # the values of ``simhal.build_rover.Depth``
+PhysicsName = Literal["light", "mujoco"]
 
 
 def _positive(value: float) -> float:
@@ -68,7 +57,7 @@ AnomalySource = Annotated[
     typer.Option(help="Detect an obstacle by lack of motion, or by contact as well. (default: from the rover file)"),
 ]
 Depth = Annotated[
-    DepthOption, typer.Option(help="device: simulated parts; bus: the real drivers over simulated chips (slower).")
+    DepthName, typer.Option(help="device: simulated parts; bus: the real drivers over simulated chips (slower).")
 ]
 Spl = Annotated[
     bool,
@@ -77,6 +66,9 @@ Spl = Annotated[
 Jobs = Annotated[
     int | None,
     typer.Option(min=1, metavar="N", help="Number of processes. (default: one per core)", rich_help_panel=RUNNING),
+]
+Resume = Annotated[
+    bool, typer.Option("--resume", help="Continue what was interrupted in --out.", rich_help_panel=RUNNING)
 ]
 
 

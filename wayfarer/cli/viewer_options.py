@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.errors import BadInput
+from wayfarer.cli.options import refuse
 from wayfarer.views.live import HOST, PORT
 
 if TYPE_CHECKING:
@@ -57,10 +57,17 @@ def viewers(
         BadInput: a port cannot be had, or options do not go together.
         WayfarerError: a package is missing.
     """
-    if not live and (live_host is not None or live_port is not None):
-        raise BadInput("--live-host and --live-port say where the live page is: add --live, or leave them out")
-    if not foxglove and foxglove_port is not None:
-        raise BadInput("--foxglove-port says where Foxglove is served: add --foxglove, or leave it out")
+    asks_page = live_host is not None or live_port is not None
+    refuse(
+        (
+            asks_page and not live,
+            "--live-host and --live-port say where the live page is: add --live, or leave them out",
+        ),
+        (
+            foxglove_port is not None and not foxglove,
+            "--foxglove-port says where Foxglove is served: add --foxglove, or leave it out",
+        ),
+    )
     found: list[Viewer] = []
     if live:
         page = live_page(live_host, live_port)

@@ -4,28 +4,25 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any
 
-from wayfarer.commissioning.checks.api import HostEnvironment
+from wayfarer.commissioning.checks.api import HostEnvironment, Inspection
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.supervisor import Supervisor
-from wayfarer.control.tick_record import TickRecord
 from wayfarer.errors import NotResponding
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
-
-R = TypeVar("R", CompassReading, MotionReading, ContactReading)
+from wayfarer.hal import MotorHealth, Rover
 
 FRESH_S = 1.0
+SENSORS = {"compass": "compass", "motion": "motion sensor", "contact": "contact sensor"}
 
 
-class RunningInspection:
+class RunningInspection(Inspection):
     """An ``Inspection`` of a running rover; it opens nothing and reads nothing by itself."""
 
     def __init__(self, config: RoverConfig, rover: Rover, host: HostEnvironment, supervisor: Supervisor) -> None:
         used = {row.name for row in supervisor.tasks}
-        self.config = config
-        self.rover = rover if "contact" in used else replace(rover, contact=None)  # nobody reads what no decision uses
-        self.host = host
+        read = rover if "contact" in used else replace(rover, contact=None)  # nobody reads what no decision uses
+        super().__init__(config, read, host)
         self._supervisor = supervisor
 
     async def open(self, name: str) -> None:
@@ -33,33 +30,16 @@ class RunningInspection:
         if name == "motors":
             await self.rover.motors.open()
 
-    async def compass(self) -> CompassReading:
-        """Return what the compass said last."""
-        return self._fresh(self._latest().compass, "compass")
-
-    async def motion(self) -> MotionReading | None:
-        """Return what the motion sensor said last."""
-        if self.rover.motion is None:
-            return None
-        return self._fresh(self._supervisor.buffers.motion.latest, "motion sensor")
-
-    async def contact(self) -> ContactReading | None:
-        """Return what the bumper said last."""
-        if self.rover.contact is None:
-            return None
-        return self._fresh(self._latest().contact, "contact sensor")
-
     async def motor_health(self) -> MotorHealth:
         """Ask the motor board."""
         return await self.rover.motors.health()
 
-    def _latest(self) -> TickRecord:
+    async def _read(self, sense: str) -> Any:
+        """Return what a sensor's task has read last."""
         last = self._supervisor.controller.last
         if last is None:
             raise NotResponding("the rover's parts are still being opened: try again in some seconds")
-        return last
-
-    def _fresh(self, reading: R | None, name: str) -> R:
+        reading = self._supervisor.buffers.motion.latest if sense == "motion" else getattr(last, sense)
         if reading is None or asyncio.get_running_loop().time() - reading.t_s > FRESH_S:
-            raise NotResponding(f"the {name} has said nothing for {FRESH_S:g} s; see the log for why")
+            raise NotResponding(f"the {SENSORS[sense]} has said nothing for {FRESH_S:g} s; see the log for why")
         return reading

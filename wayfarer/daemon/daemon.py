@@ -18,7 +18,7 @@ import orjson
 
 from wayfarer import __version__
 from wayfarer.commissioning.checks import ARMING, Check, HostEnvironment, system
-from wayfarer.config.calibration_file import Calibration, calibration_file
+from wayfarer.config.calibration_file import Calibration
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.shutdown import STOP_DEADLINE_S
@@ -34,8 +34,7 @@ from wayfarer.daemon.socket.paths import single_daemon
 from wayfarer.daemon.socket.server import ControlServer
 from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.daemon.viewer import Viewer
-from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, feed_watchdog, watchdog_period_s
-from wayfarer.daemon.watchdog_feed import WatchdogFeed
+from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, feed_watchdog, watchdog_period_s
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.clock import WallClock, wall_clock
@@ -247,8 +246,7 @@ class Daemon:
         )  # fmt: skip
 
     def _inspect(self) -> RunningInspection:
-        calibrated = calibration_file(os.environ, Path.home())
-        host = HostEnvironment(self._service.logs, calibrated, self._setup.devices, wall_clock(self._loop.time()))
+        host = HostEnvironment.here(self._service.logs, self._setup.devices, self._loop.time())
         return RunningInspection(self._service.config, self._rover, host, self._supervisor)
 
     def _finish(self, reason: str, text: str) -> None:

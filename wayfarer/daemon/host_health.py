@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from wayfarer.commissioning.checks.system import THROTTLED
+from wayfarer.commissioning.checks.system import THROTTLED, power_flags
 
 EVERY_S = 10.0  # field.md, users' complaint 34
 POWER_EVERY_S = 1.0  # field catalogue, fault 32
@@ -65,14 +65,6 @@ def health(logs: Path, root: Path = Path("/")) -> Health:
         "load_1min": round(os.getloadavg()[0], 2),
         "disk_free_mb": _free_mb(logs),
     }
-
-
-def power_flags(root: Path = Path("/")) -> int | None:
-    """Return the flags of ``wayfarer.safety.supply``, None where the computer does not tell."""
-    try:
-        return int(_text(root, THROTTLED) or "", 16)
-    except ValueError:
-        return None
 
 
 def _text(root: Path, path: str) -> str | None:

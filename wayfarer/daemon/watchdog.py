@@ -21,6 +21,8 @@ from itertools import islice
 from pathlib import Path
 from traceback import walk_stack
 
+from wayfarer.control.run_log import PartialLog
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.safety.gate import STALL_LIMIT_S
 
@@ -141,6 +143,37 @@ class StallGuard:
         self._lines.write(f"wayfarer: the event loop is blocked for {self._limit_s:g} s; wheels stopped")
         with suppress(OSError):  # no file to be had; the wheels matter more
             self._lines.write(_stacks())
+
+
+class WatchdogFeed(PartialLog):
+    """Feeds both from the run's log: each tick is a beat for the guard, and the first says that the service is up."""
+
+    def __init__(self, notifier: SystemdNotifier, guard: StallGuard) -> None:
+        self._notifier = notifier
+        self._guard = guard
+        self._ready = False
+
+    def tick(self, record: TickRecord) -> None:  # noqa: ARG002
+        """Beat."""
+        if not self._ready:
+            self._ready = True
+            self._guard.start()
+            self._notifier.tell("READY=1")
+            self._notifier.status("disarmed")
+        self._guard.beat()
+
+    def event(self, name: str, t_s: float, **details: object) -> None:  # noqa: ARG002
+        """Show what systemctl should; once the wheels are stopped for good nobody need guard them."""
+        if name == "wheels_stopped":
+            self._guard.stop()
+            self._notifier.tell("STOPPING=1")
+        elif name in {"arming", "armed", "disarmed", "health"}:
+            shown = ", ".join(str(value) for value in details.values() if isinstance(value, str))
+            self._notifier.status(f"{name}: {shown}" if shown else name)
+
+    def close(self, reason: str, text: str) -> None:  # noqa: ARG002
+        """Say how it ended."""
+        self._notifier.status(text)
 
 
 def _where(thread: int) -> str:

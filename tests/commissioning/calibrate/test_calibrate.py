@@ -6,6 +6,7 @@ import asyncio
 import re
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from math import pi
 from types import SimpleNamespace
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 
 from tests.commissioning.checks.rigs import Needle, Rig, Script, push_by_hand
 from tests.virtual import run_virtually
+from wayfarer.commissioning import checks
 from wayfarer.commissioning.calibrate import STEPS, calibrate
 from wayfarer.commissioning.calibrate.compass import LEARN, OFF, CalibratableCompass, CompassLevels, residual_deg
 from wayfarer.commissioning.calibrate.motors import calibrate_motors
@@ -86,11 +88,8 @@ def test_all_steps_are_measured_and_saved_with_date_and_part(rig: Rig) -> None:
     assert found.flow is not None
     assert found.motors is not None
     assert {found.compass.date, found.flow.date, found.motors.date} == {"2026-11-18"}
-    assert (found.compass.part, found.flow.part, found.motors.part) == (
-        rig.compass.name,
-        rig.motion.name,
-        rig.motors.name,
-    )
+    parts = (found.compass.part, found.flow.part, found.motors.part)
+    assert parts == (rig.compass.name, rig.motion.name, rig.motors.name)
 
 
 def test_each_step_is_saved_before_the_next_begins(rig: Rig) -> None:
@@ -295,6 +294,11 @@ def test_the_heading_shift_of_the_motors_is_measured_and_judged(rig: Rig, full_s
     assert found.shift_full_deg == pytest.approx(abs(full_shift_deg), abs=1.0)
     assert found.passed is passed
     assert any("mast" in text for text in someone.told) is not passed
+    judged = rig.look(partial(checks.calibrated.calibrated, "motors"))
+    assert (judged.verdict is checks.CheckVerdict.OK, "the motors turn the heading" in judged.found) == (
+        passed,
+        not passed,
+    )
 
 
 def test_no_wheel_turns_without_a_yes(rig: Rig) -> None:

@@ -119,6 +119,8 @@ class Needle(SimCompass):
         await super().open()
 
     async def read(self) -> CompassReading:
+        if self.dead:
+            raise self.error
         reading = await super().read()
         heading_deg = (reading.heading_deg + self.bias_deg()) % 360.0
         return reading._replace(heading_deg=heading_deg, roll_deg=self.tilt_deg, calibration=self.level)
@@ -132,13 +134,16 @@ class Flow(SimFlow):
     ahead, aside = 1.0, 0.0
     on_blocks = False
     dead = False
+    error: Exception = NotResponding("PMW3901 on /dev/spidev0.1: no answer")
 
     async def open(self) -> None:
         if self.dead:
-            raise NotResponding("PMW3901 on /dev/spidev0.1: no answer")
+            raise self.error
         await super().open()
 
     async def read(self) -> MotionReading:
+        if self.dead:
+            raise self.error
         reading = await super().read()
         forward_m = 0.0 if self.on_blocks else reading.forward_m
         return reading._replace(forward_m=self.ahead * forward_m, right_m=self.aside * forward_m, quality=self.quality)

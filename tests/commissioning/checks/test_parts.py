@@ -215,13 +215,8 @@ def test_entry_of_a_part_that_is_silent_or_not_there_is_not_judged(rig: Rig) -> 
     assert rig.look(partial(calibrated.calibrated, "flow")).verdict is SKIPPED
 
 
-def test_measured_entries_that_are_bad_are_told(rig: Rig) -> None:
-    rig.keep(
-        motors=MotorsEntry(**stamp(rig.motors.name, T_WALL), shift_half_deg=4.0, shift_full_deg=17.0, passed=False),
-        compass=CompassEntry(**stamp(rig.compass.name, T_WALL), level=3, residual_deg=12.0),
-    )
-    motors = rig.look(partial(calibrated.calibrated, "motors"))
-    assert (motors.verdict, "17°" in motors.found) == (FAIL, True)
+def test_quarter_turns_that_were_wrong_are_told(rig: Rig) -> None:
+    rig.keep(compass=CompassEntry(**stamp(rig.compass.name, T_WALL), level=3, residual_deg=12.0))
     compass = rig.look(partial(calibrated.calibrated, "compass"))
     assert (compass.verdict, "12°" in compass.found) == (WARN, True)
 

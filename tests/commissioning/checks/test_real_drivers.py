@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import replace
-from math import degrees, inf, pi
+from math import inf, pi
 from pathlib import Path
 
 import pytest
 
-from tests.commissioning.checks.rigs import ChipRig, Rig, Script
+from tests.commissioning.checks.rigs import ChipRig, Script
 from tests.virtual import run_virtually
 from wayfarer.commissioning.calibrate import calibrate
 from wayfarer.commissioning.calibrate.compass import OFF
 from wayfarer.commissioning.checks import CheckVerdict, Finding, board, parts, run_checks
-from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings
 from wayfarer.drivers.sabertooth import SabertoothSettings
 from wayfarer.hal import WheelCommand
-from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.cmps14 import CALIBRATED
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 
@@ -81,15 +78,6 @@ def test_real_parts_answer_their_checks_and_a_fault_of_the_last_mission_is_found
     assert fault.verdict is CheckVerdict.FAIL
 
 
-def test_a_compass_that_is_not_there_is_named_with_its_bus(tmp_path: Path) -> None:
-    rig = Rig(tmp_path)
-    rig.rover = replace(rig.rover, compass=CMPS14(CMPS14Settings(address=0x61), FakeBuses()))
-    finding = rig.look(parts.compass)
-    assert finding.verdict is CheckVerdict.FAIL
-    assert "0x61 on /dev/i2c-1" in finding.found
-    assert "i2cdetect" in finding.remedy
-
-
 def test_a_real_compass_is_taught_by_its_own_commands(rig: ChipRig) -> None:
     """The levels rise five seconds after turning began; the profile is kept, and learning is off."""
     chip = rig.compass_chip
@@ -109,12 +97,3 @@ def test_a_real_compass_is_taught_by_its_own_commands(rig: ChipRig) -> None:
 
     run_virtually(main())
     assert (chip.config, chip.profile, chip.ignored) == (OFF, CALIBRATED, [])
-
-
-def test_a_real_board_and_compass_measure_how_the_rover_turns(rig: ChipRig) -> None:
-    found = rig.calibrate(Script(rig.world, {}), "turning").turning
-    assert found is not None
-    assert found.part.startswith("ThunderBorg")
-    assert found.on_the_spot is not None
-    assert found.on_the_spot.from_duty < 0.02
-    assert found.on_the_spot.deg_s_per_duty == pytest.approx(degrees(2.0 * 1.4 / 0.5), rel=0.02)

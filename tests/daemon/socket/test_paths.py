@@ -46,10 +46,23 @@ def test_last_resort_is_a_folder_of_the_users_own(places: Path) -> None:
     assert daemon_socket() == places / "tmp" / f"wayfarer-{os.geteuid()}" / "control.sock"
 
 
-def test_session_folder_is_better(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (places / "session").mkdir()
+@pytest.mark.parametrize(
+    ("services", "there", "better"),
+    [
+        (None, [], "session/wayfarer"),
+        (None, ["run/wayfarer"], "run/wayfarer"),
+        ("/run/rover:/run/other", ["run/wayfarer"], "/run/rover"),
+    ],
+    ids=["session", "system", "made by systemd"],
+)
+def test_better_folder_is_taken_where_there_is_one(
+    places: Path, monkeypatch: pytest.MonkeyPatch, services: str | None, there: list[str], better: str
+) -> None:
+    for folder in ["session", *there]:
+        (places / folder).mkdir()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(places / "session"))
-    assert daemon_socket() == places / "session" / "wayfarer" / "control.sock"
+    monkeypatch.setenv("RUNTIME_DIRECTORY", services or "")
+    assert daemon_socket() == places / better / "control.sock"
 
 
 @pytest.mark.parametrize("session", ["gone", "relative", "", "/" + "x" * 300])
@@ -60,24 +73,12 @@ def test_session_folder_that_is_not_there_is_passed_over(
     assert daemon_socket().parent.parent == places / "tmp"
 
 
-def test_system_folder_is_better_still(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places))
-    (places / "run" / "wayfarer").mkdir()
-    assert daemon_socket() == places / "run" / "wayfarer" / "control.sock"
-
-
 def test_system_folder_of_somebody_else_is_passed_over_by_a_daemon(
     places: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (places / "run" / "wayfarer").mkdir()
     monkeypatch.setattr(os, "access", lambda _path, _mode: False)
     assert daemon_socket().parent.parent == places / "tmp"
-
-
-def test_folder_that_systemd_made_is_best(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (places / "run" / "wayfarer").mkdir()
-    monkeypatch.setenv("RUNTIME_DIRECTORY", "/run/rover:/run/other")
-    assert daemon_socket() == Path("/run/rover/control.sock")
 
 
 def test_client_looks_wherever_a_daemon_may_be(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,12 +100,6 @@ def test_root_s_client_looks_into_the_sessions_of_users_too(
     own = [places / "run/wayfarer/control.sock", places / "tmp" / f"wayfarer-{user}" / "control.sock"]
     assert list(known_sockets()) == own + [session / "control.sock"] * (user == 0)
     assert daemon_socket() == own[1], "a daemon of root's does not move in there"
-
-
-def test_own_private_folder_is_used_again(places: Path) -> None:
-    with single_daemon(daemon_socket()):
-        pass
-    assert daemon_socket().parent.is_dir()
 
 
 @pytest.mark.parametrize("mode", [0o755, 0o770, 0o1777])
@@ -140,13 +135,15 @@ def test_shared_folder_matters_only_where_it_is_needed(places: Path, monkeypatch
 # -- the lock ------------------------------------------------------------------------------------------------------
 
 
-def test_folder_of_the_socket_is_made_for_its_owner(path: Path) -> None:
-    with single_daemon(path.parent / "new" / "control.sock"):
-        assert S_IMODE((path.parent / "new").stat().st_mode) == 0o700
+def test_folder_of_the_socket_is_made_for_its_owner_and_used_again(places: Path) -> None:
+    with single_daemon(daemon_socket()):
+        assert S_IMODE(daemon_socket().parent.stat().st_mode) == 0o700
+    assert daemon_socket().parent.is_dir()
 
 
 @pytest.mark.process
 def test_second_daemon_is_told_who_runs_and_leaves_the_first_alone(path: Path) -> None:
+    path.with_name("control.sock.lock").write_bytes(b"99999999999\n")  # of one that was killed, with more digits
     with held_elsewhere(single_daemon, path) as first:
         path.touch()
         with pytest.raises(AlreadyRunning, match=rf"process {first}, socket {path}\): .*'wayfarer stop'"):
@@ -178,14 +175,6 @@ def test_next_daemon_may_begin_when_the_first_has_ended(path: Path) -> None:
         with single_daemon(path), socket.socket(socket.AF_UNIX) as listening:
             listening.bind(str(path))
         assert not path.exists()
-
-
-def test_longer_process_id_of_before_leaves_no_digits(path: Path) -> None:
-    lock = path.with_name("control.sock.lock")
-    lock.write_bytes(b"99999999999\n")
-    with single_daemon(path):
-        assert lock.read_text() == f"{os.getpid()}\n"
-    assert lock.read_bytes() == b""
 
 
 def test_lock_that_is_a_link_is_refused(path: Path) -> None:

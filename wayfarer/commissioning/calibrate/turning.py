@@ -14,7 +14,7 @@ from statistics import fmean
 
 from wayfarer.commissioning.calibrate.free_ground import REST_S, FreeGround
 from wayfarer.commissioning.calibrate.response import TURNS_FROM_DEG_S, rate_deg_s, speed_gain, turn_response
-from wayfarer.commissioning.calibrate.turning_text import arc_duty_max, table
+from wayfarer.commissioning.calibrate.turning_text import arc_duty_max, cruise_duty, table
 from wayfarer.commissioning.checks.standalone import StandaloneInspection
 from wayfarer.commissioning.operator import Person
 from wayfarer.config.calibration_file import GROUND_MAX, Calibration, SpeedGain, TurningEntry, TurnResponse, stamp
@@ -92,7 +92,7 @@ async def _arcs(ground: FreeGround, config: RoverConfig) -> TurnResponse | None:
 
     None as well where it cruises at its highest duty, which leaves no difference.
     """
-    cruise, most, points = _cruise_duty(config), arc_duty_max(config), []
+    cruise, most, points = cruise_duty(config), arc_duty_max(config), []
     for half_difference in _steps(ARCS, most) if most > 0.0 else ():
         rates_deg_s = []
         for way in (1.0, -1.0):
@@ -106,16 +106,12 @@ async def _arcs(ground: FreeGround, config: RoverConfig) -> TurnResponse | None:
 
 async def _ahead(ground: FreeGround, config: RoverConfig) -> SpeedGain | None:
     """Return how the body gains speed up to cruising, and drive it back; None where the ground was not seen well."""
-    cruise = _cruise_duty(config)
+    cruise = cruise_duty(config)
     async with ground.drives():
         samples = await ground.drive(WheelCommand(cruise, cruise), AHEAD_S)
     async with ground.drives():
         await ground.drive(WheelCommand(-cruise, -cruise), AHEAD_S)
     return speed_gain(samples, cruise * config.vehicle.max_speed_m_s)
-
-
-def _cruise_duty(config: RoverConfig) -> float:
-    return min(config.vehicle.mix(config.escape.cruise_m_s, 0.0).left, config.safety.duty_max)
 
 
 def _steps(count: int, most: float) -> Sequence[float]:

@@ -64,10 +64,14 @@ def _advice(entry: TurningEntry, config: RoverConfig) -> Iterator[str]:
     )
 
 
+def cruise_duty(config: RoverConfig) -> float:
+    """Return the duty of both sides at cruising speed, as far as the rover file allows it."""
+    return min(config.vehicle.mix(config.escape.cruise_m_s, 0.0).left, config.safety.duty_max)
+
+
 def arc_duty_max(config: RoverConfig) -> float:
     """Return half the largest difference in duty that leaves the mean of both sides at that of cruising."""
-    cruise = config.vehicle.mix(config.escape.cruise_m_s, 0.0).left
-    return max(0.0, config.safety.duty_max - cruise)
+    return config.safety.duty_max - cruise_duty(config)
 
 
 def _uneven(one: TurnResponse, other: TurnResponse) -> bool:

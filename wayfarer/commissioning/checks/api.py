@@ -7,13 +7,17 @@ opened and read (``standalone.py``); in the daemon they are open already, and re
 
 from __future__ import annotations
 
+import os
+from abc import ABC, abstractmethod
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
+from wayfarer.config.calibration_file import calibration_file
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
 
 
@@ -54,26 +58,31 @@ class HostEnvironment:
     t_wall: float
     root: Path = Path("/")
 
+    @classmethod
+    def here(cls, log_folder: Path, devices: tuple[str, ...] = (), t_s: float = 0.0) -> HostEnvironment:
+        """Return this computer with this user's calibration file; ``t_s`` is the time of the loop."""
+        return cls(log_folder, calibration_file(os.environ, Path.home()), devices, wall_clock(t_s))
+
     def path(self, absolute: str) -> Path:
         """Return a system file by its absolute path."""
         return self.root / absolute.lstrip("/")
 
 
-class Inspection(Protocol):
-    """What checks may look at. They speak to parts through it only, and none of its methods turns a wheel."""
+class Inspection(ABC):
+    """What checks may look at. They speak to parts through it only, and none of its methods turns a wheel.
 
-    @property
-    def config(self) -> RoverConfig:
-        """The rover file."""
+    Args:
+        config: the rover file.
+        rover: the parts: for their names, and for the motors once a person has agreed to motion.
+        host: files, clock and device files.
+    """
 
-    @property
-    def rover(self) -> Rover:
-        """The parts: for their names, and for the motors once a person has agreed to motion."""
+    def __init__(self, config: RoverConfig, rover: Rover, host: HostEnvironment) -> None:
+        self.config = config
+        self.rover = rover
+        self.host = host
 
-    @property
-    def host(self) -> HostEnvironment:
-        """Files, clock and device files."""
-
+    @abstractmethod
     async def open(self, name: str) -> None:
         """Make sure that a part of the rover (a member of ``hal.Rover``) is open.
 
@@ -81,21 +90,30 @@ class Inspection(Protocol):
             DriverError: it does not open.
         """
 
-    async def compass(self) -> CompassReading | None:
-        """Return a fresh reading, None where there is none.
+    async def compass(self) -> CompassReading:
+        """Return a fresh reading.
 
         Raises:
             DriverError: the part does not give one.
         """
+        reading: CompassReading = await self._read("compass")
+        return reading
 
     async def motion(self) -> MotionReading | None:
-        """Return a fresh reading, as ``compass``; None as well on a rover without this sense."""
+        """Return a fresh reading, as ``compass``; None on a rover without this sense."""
+        return None if self.rover.motion is None else await self._read("motion")
 
     async def contact(self) -> ContactReading | None:
-        """Return a fresh reading, as ``compass``; None as well where the bumper is not in use."""
+        """Return a fresh reading, as ``compass``; None where the bumper is not in use."""
+        return None if self.rover.contact is None else await self._read("contact")
 
-    async def motor_health(self) -> MotorHealth | None:
+    @abstractmethod
+    async def motor_health(self) -> MotorHealth:
         """Return the state of the motor board, as ``compass``."""
+
+    @abstractmethod
+    async def _read(self, sense: str) -> Any:
+        """Return a fresh reading of a sense that the rover has, or raise a ``DriverError``."""
 
 
 Check = Callable[[Inspection], Awaitable[Finding]]

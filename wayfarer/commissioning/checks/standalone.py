@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
-from wayfarer.commissioning.checks.api import HostEnvironment
+from wayfarer.commissioning.checks.api import HostEnvironment, Inspection
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import DriverError
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
+from wayfarer.hal import MotorHealth, Rover
 
 
-class StandaloneInspection:
+class StandaloneInspection(Inspection):
     """An ``Inspection`` without a daemon; leaving its context stops the wheels and closes every part.
 
     A part that failed to open is not tried again: the same failure is raised at the next request.
     """
 
     def __init__(self, config: RoverConfig, rover: Rover, host: HostEnvironment) -> None:
-        self.config = config
-        self.rover = rover
-        self.host = host
+        super().__init__(config, rover, host)
         self._tried: dict[str, DriverError | None] = {}
 
     async def __aenter__(self) -> Self:
@@ -47,26 +45,11 @@ class StandaloneInspection:
         if (failed := self._tried[name]) is not None:
             raise failed
 
-    async def compass(self) -> CompassReading:
-        """Read the compass."""
-        await self.open("compass")
-        return await self.rover.compass.read()
-
-    async def motion(self) -> MotionReading | None:
-        """Read the motion sensor."""
-        if self.rover.motion is None:
-            return None
-        await self.open("motion")
-        return await self.rover.motion.read()
-
-    async def contact(self) -> ContactReading | None:
-        """Read the bumper."""
-        if self.rover.contact is None:
-            return None
-        await self.open("contact")
-        return await self.rover.contact.read()
-
     async def motor_health(self) -> MotorHealth:
         """Ask the motor board."""
         await self.open("motors")
         return await self.rover.motors.health()
+
+    async def _read(self, sense: str) -> Any:
+        await self.open(sense)
+        return await getattr(self.rover, sense).read()

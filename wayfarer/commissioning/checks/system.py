@@ -108,12 +108,18 @@ def _user() -> str:
         return str(os.geteuid())
 
 
+def power_flags(root: Path = Path("/")) -> int | None:
+    """Return the flags of ``wayfarer.safety.supply``, None where the computer does not tell."""
+    try:
+        return int((root / THROTTLED.lstrip("/")).read_text(encoding="ascii"), 16)
+    except (OSError, ValueError):
+        return None
+
+
 async def power(inspection: Inspection) -> Finding:
     """Check whether the computer gets its voltage and keeps cool, as the Raspberry Pi's firmware sees it."""
-    name = "computer power"
-    try:
-        flags = int(inspection.host.path(THROTTLED).read_text(encoding="ascii"), 16)
-    except (OSError, ValueError):
+    name, flags = "computer power", power_flags(inspection.host.root)
+    if flags is None:
         return skipped(name, "this computer does not tell")
     cause, remedy = "its supply sags, most of all when the motors start", "give it a separate 5 V supply, thick wires"
     if flags & UNDER_VOLTAGE_NOW:

@@ -28,12 +28,12 @@ _ALL = (
     FaultTest(
         "motor-field", 12, "the motors' current turns the heading by 15 degrees at full duty",
         "pre-arm test refuses > 10 deg; at check", Reached.FAULT, None,
-        "tests/commissioning/test_mounting_faults.py::test_motors_that_turn_the_heading_are_measured_and_refused",
+        "tests/commissioning/calibrate/test_calibrate.py::test_the_heading_shift_of_the_motors_is_measured_and_judged",
     ),
     FaultTest(
         "flow-swapped", 19, "the flow sensor is mounted a quarter turn round, or the wrong way",
         "`check` push test fails; at check", Reached.FAULT, None,
-        "tests/commissioning/test_mounting_faults.py::test_flow_sensor_that_is_mounted_wrong_fails_the_push",
+        "tests/commissioning/checks/test_motion.py::test_a_push_tells_how_the_sensor_is_mounted",
     ),
     FaultTest(
         "failsafe-off", 24, "the ThunderBorg does not acknowledge its failsafe when the rover is armed",
@@ -48,7 +48,7 @@ _ALL = (
     FaultTest(
         "side-reversed", 28, "the left motors are wired the other way round",
         "`check` wiggle fails; run-time: turn sign wrong 2x => S3", Reached.FAULT, None,
-        "tests/commissioning/test_mounting_faults.py::test_side_that_is_wired_the_other_way_round_fails_alone",
+        "tests/commissioning/checks/test_motion.py::test_what_was_seen_of_a_side_names_the_setting_or_the_wires",
     ),
     FaultTest(
         "brown-out", 33, "the power fails for a moment: computer and motor board start again",

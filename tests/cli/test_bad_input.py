@@ -1,0 +1,97 @@
+"""What cannot be, or does not go together, is refused in one line with exit code 2, and leaves no folder behind."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import Run
+
+ANGLES = "sweep escape.turn_angle_deg=10,30"
+MAZE = "sim --scenario extended-maze"
+
+BAD_INPUT = {
+    "smi": "sim",
+    "sim --trails 3 --out out": "--trails",
+    "sim --trials 0 --out out": "--trials",
+    "sim --trials -5 --out out": "--trials",
+    "sim --trials many --out out": "--trials",
+    "sim --jobs 0 --out out": "--jobs",
+    "sim --seed -1 --out out": "--seed",
+    "sim --slip-mean-m 0 --out out": "--slip-mean-m",
+    "sim --slip-mean-m nan --out out": "finite number above 0",
+    "sim --budget-m -1 --out out": "--budget-m",
+    "sim --budget-m inf --out out": "finite number above 0",
+    "sim --anomaly-source smell --out out": "--anomaly-source",
+    "sim --algorithm pledge,forest-plege --out out": "did you mean forest-pledge",
+    "sim --algorithm pledge, --out out": "unknown algorithm",
+    "sim --algorithm no_such_module:x --out out": "cannot import no_such_module",
+    "sim --rover simm --out out": "did you mean sim",
+    "sim --rover no/such.toml --out out": "no/such.toml",
+    "sim --forests no/such.jsonl --out out": "no/such.jsonl",
+    "sim --trials 5 --trial 5": "0 to 4",
+    "sim --trial -1": "--trial",
+    "sim --trial 1 --algorithm pledge,oo-react": "one of pledge, oo-react",
+    "sim --trial 1 --out out": "--trial runs one trial and prints its row, and writes no folder; leave out --out",
+    "sim --log logs --out out --resume": "leave out --resume",
+    "sim --resume": "--out",
+    "sim --friction 0.3 --out out": "--friction has an effect only with --physics mujoco",
+    "sim --physics mujoco --ground mud --out out": "--ground mud belongs to physics-light",
+    "sim --video-speed 2": "--video-speed needs a film",
+    "sim --video a.mp4 --trial 1": "--video works only with MuJoCo",
+    "sim --video a.mp4 --physics mujoco": "--video films one trial",
+    "sim --cluster a:1 --jobs 2": "--jobs sets local processes",
+    "sim --cluster a:1 --trial 2": "--trial runs one trial here",
+    "sim --cluster a:1 --log logs": "--log would be written on the machines of the cluster",
+    f"{MAZE} --rover forestrover --forests x.jsonl": "leave out --forests, or --scenario",
+    MAZE: "rover 'sim' gives no chassis.ground_clear",
+    f"{MAZE} --physics mujoco": "rover 'sim' gives no chassis.ground_clear",
+    "sim --scenario swamp --out out": "'extended-maze', 'dense-obstruction', 'forest-escape'",
+    "sweep --out out": "Missing argument",
+    "sweep escape.turn_angel_deg=10 --out out": "unknown key 'escape.turn_angel_deg': did you mean escape.turn_",
+    "sweep escape.turn_angle_deg=10,190 --out out": "key 'escape.turn_angle_deg' = 190: input should be less than or",
+    "sweep escape.turn_angle_deg --out out": "write KEY=VALUES",
+    "sweep escape.turn_angle_deg=10:180 --out out": "a range is FIRST:LAST:STEP",
+    f"{ANGLES} slip_mean_m=2 footprint_m=0.4 --out out": "3 keys to sweep",
+    f"{ANGLES} escape.turn_angle_deg=10,30 --out out": "set the same value",
+    f"{ANGLES} --slip-mean-m nan --out out": "finite number above 0",
+    f"{ANGLES} --algorithm plegde --out out": "unknown algorithm 'plegde': did you mean pledge",
+    f"{ANGLES} --rover nobody --out out": "unknown rover 'nobody'",
+    ANGLES: "--out",
+    "faults --only 99": "nothing tries row 99",
+    "faults --only ' ,'": "--only is empty",
+    "faults --only board-falt": "did you mean board-fault",
+    "faults --scenario no.toml": "no.toml: no such file",
+    "faults --rover maxi": "unknown rover 'maxi'",
+    "faults --trials 3 --only 2": "--trials draws its own faults; leave out --only",
+    "faults --trials 3 --scenario a": "leave out --scenario",
+    "faults --trials 3 --list": "leave out --list",
+    "faults --seed 3": "--seed is for random faults; say how many trials with --trials N",
+    "faults --depth bus": "--depth is for random faults",
+    "faults --jobs 0": "--jobs",
+    "faults --physics mujoco": "--physics needs --detector; add that, or leave it out",
+    "faults --detector --friction 0.3": "--friction applies only to MuJoCo; add --physics mujoco, or drop it",
+    "faults --detector --only 37": "--detector has its own trials; leave out --only",
+    "logs export 1 --format xls": "wayfarer: Invalid value for '--format': 'xls' is not one of 'csv', ",
+    "demo --config minirover": "--config",
+    "run --config minirover --seed 3": "--depth and --seed are for the simulated rover",
+    "run --config minirover --depth bus": "--depth and --seed are for the simulated rover",
+    "run --sim --live-port 8088": "add --live",
+    "run --sim --foxglove-port 8088": "add --foxglove",
+    "run --sim --config forestrover --algorithm cv-pledge --logs logs": "needs a contact sensor",
+}
+
+
+@pytest.mark.usefixtures("own_folders")
+@pytest.mark.parametrize(("command", "says"), BAD_INPUT.items(), ids=BAD_INPUT)
+def test_bad_input_is_one_line_and_exit_code_2_and_leaves_no_folder(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run(*shlex.split(command))
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("wayfarer: ")
+    assert says in err
+    assert list(tmp_path.iterdir()) == []
