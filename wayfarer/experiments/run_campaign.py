@@ -18,7 +18,7 @@ from tempfile import TemporaryFile
 from typing import Any, NamedTuple
 
 from wayfarer.errors import WayfarerError
-from wayfarer.experiments.campaign import Plan, Task
+from wayfarer.experiments.campaign import Plan
 from wayfarer.experiments.executors import Done, MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
 from wayfarer.experiments.folder_settings import tasks_of
 from wayfarer.experiments.results_folder import ResultsFolder
@@ -113,11 +113,10 @@ def run(
         todo = kept.missing()
         jobs = max(1, min(jobs, len(todo)))
         keep = folder.append if folder else kept.append
-        with (
-            suppress(Stopped),
-            _worker_death_explained(kept, stop),
-            closing(stream(TrialRunner(plan, run_trial).run, todo, jobs, stop, executor, _cost)) as finished,
-        ):
+        finished = stream(
+            TrialRunner(plan, run_trial).run, todo, jobs, stop, executor, lambda task: relative_cost(task.algorithm)
+        )
+        with suppress(Stopped), _worker_death_explained(kept, stop), closing(finished):
             for done in finished:
                 keep(done.row)
                 ticks += done.row.ticks or 0
@@ -125,10 +124,6 @@ def run(
                     progress(done)
         effort = _effort(began, ticks, elsewhere=executor is not None)
         return _summed_up(plan, kept, folder, effort)
-
-
-def _cost(task: Task) -> float:
-    return relative_cost(task.algorithm)
 
 
 @contextmanager

@@ -40,7 +40,8 @@ class Sweep:
 
         ``now`` is what the campaign has for each key where it is not swept.
         """
-        axes = [{"key": a.key, "values": list(a.values), "now": current(self.base, a.key)} for a in self.axes]
+        now = current(self.base)
+        axes = [{"key": a.key, "values": list(a.values), "now": now.get(a.key)} for a in self.axes]
         return {"axes": axes, "campaign": self.base.settings()}
 
 
