@@ -9,10 +9,12 @@ from dataclasses import replace
 from itertools import count
 from math import nan
 from random import Random
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
+from tests.simhal.clearing import steady_world
 from tests.virtual import run_virtually
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import NotResponding
@@ -29,15 +31,11 @@ from wayfarer.hal import (
     MotionReading,
     MotorHealth,
     PositionFix,
-    Rover,
     Side,
     WheelCommand,
 )
 from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.simhal.world.physics import Physics
-from wayfarer.simhal.world.world import World
 from wayfarer.testing import (
     check_algorithm,
     check_compass,
@@ -71,68 +69,57 @@ def test_handler_that_does_not_forget_is_found() -> None:
         check_algorithm(unforgetting)
 
 
-class Spoilt:
-    """Forest-Pledge with one thing spoilt."""
+def spoilt(
+    spoil: Callable[[Decision, Observation], Any] = lambda decision, _: decision,
+    memory: Mapping[str, Any] | None = None,
+) -> Algorithm:
+    """Return Forest-Pledge with one thing spoilt."""
+    whole = CATALOGUE["forest-pledge"]
 
-    def __init__(self, spoil: Callable[[Decision, Observation], Any], memory: Mapping[str, Any] | None = None) -> None:
-        self.spoil, self._memory = spoil, memory
+    def make(settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> EscapeHandler:
+        inner = whole.make(settings, vehicle, rng)
+        handler: Any = SimpleNamespace(
+            decide=lambda seen: spoil(inner.decide(seen), seen),
+            reset=inner.reset,
+            memory=inner.memory if memory is None else lambda: memory,
+        )
+        return cast(EscapeHandler, handler)
 
-    def make(self, settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> EscapeHandler:
-        spoilt = Spoilt(self.spoil, self._memory)
-        spoilt.inner = CATALOGUE["forest-pledge"].make(settings, vehicle, rng)
-        return spoilt
-
-    inner: EscapeHandler
-
-    def decide(self, observation: Observation) -> Decision:
-        decision: Decision = self.spoil(self.inner.decide(observation), observation)
-        return decision
-
-    def reset(self) -> None:
-        self.inner.reset()
-
-    def memory(self) -> Mapping[str, float | str]:
-        return self.inner.memory() if self._memory is None else self._memory
-
-
-def algorithm(spoilt: Spoilt) -> Algorithm:
-    return replace(CATALOGUE["forest-pledge"], name="spoilt", make=spoilt.make)
-
-
-def by_true_north(decision: Decision, seen: Observation) -> Decision:
-    return decision._replace(wheels=STOP) if seen.heading_deg > 180.0 else decision
+    return replace(whole, name="spoilt", make=make)
 
 
 ticks = count()
 SPOILT = {
-    "not finite duties": Spoilt(lambda decision, _: decision._replace(wheels=WheelCommand(nan, 0.0))),
-    "not finite duties in -1..1": Spoilt(lambda decision, _: decision._replace(wheels=WheelCommand(0.0, 1.01))),
-    "is not a fixed name": Spoilt(lambda decision, seen: decision._replace(why=f"at {seen.heading_deg:.0f}")),
-    "is not a Phase": Spoilt(lambda decision, _: Decision(decision.wheels, cast(Phase, "follow"), decision.why)),
-    "not a Decision": Spoilt(lambda decision, _: tuple(decision)),
-    "raised ZeroDivisionError": Spoilt(lambda decision, seen: decision if seen.t_s < 1.0 else 1 / 0),
-    "take chance only from the Random": Spoilt(
+    "not finite duties": spoilt(lambda decision, _: decision._replace(wheels=WheelCommand(nan, 0.0))),
+    "not finite duties in -1..1": spoilt(lambda decision, _: decision._replace(wheels=WheelCommand(0.0, 1.01))),
+    "is not a fixed name": spoilt(lambda decision, seen: decision._replace(why=f"at {seen.heading_deg:.0f}")),
+    "is not a Phase": spoilt(lambda decision, _: Decision(decision.wheels, cast(Phase, "follow"), decision.why)),
+    "not a Decision": spoilt(lambda decision, _: tuple(decision)),
+    "raised ZeroDivisionError": spoilt(lambda decision, seen: decision if seen.t_s < 1.0 else 1 / 0),
+    "take chance only from the Random": spoilt(
         lambda decision, _: decision._replace(wheels=WheelCommand(random.uniform(0.0, 0.5), 0.0))
     ),
-    "the same seed and observations gave": Spoilt(
+    "the same seed and observations gave": spoilt(
         lambda decision, _: decision._replace(why="odd" if next(ticks) % 7 else "even")
     ),
-    "use headings only as differences": Spoilt(by_true_north),
-    "stride did not end": Spoilt(lambda decision, _: decision._replace(phase=Phase.STRIDE)),
-    "halt did not end": Spoilt(lambda decision, _: decision._replace(wheels=STOP, phase=Phase.HALT)),
-    "follow did not end": Spoilt(lambda decision, _: decision._replace(phase=Phase.FOLLOW)),
-    r"memory\(\) has level, n: these keys are the log's own": Spoilt(
-        lambda decision, _: decision, {"counter_deg": 0.0, "episodes": 0, "level": 2.0, "n": 1}
+    "use headings only as differences": spoilt(
+        lambda decision, seen: decision._replace(wheels=STOP) if seen.heading_deg > 180.0 else decision
     ),
-    r"memory\(\) has no 'episodes'": Spoilt(lambda decision, _: decision, {"counter_deg": 0.0}),
-    "not a finite number": Spoilt(lambda decision, _: decision, {"counter_deg": nan, "episodes": 0}),
+    "stride did not end": spoilt(lambda decision, _: decision._replace(phase=Phase.STRIDE)),
+    "halt did not end": spoilt(lambda decision, _: decision._replace(wheels=STOP, phase=Phase.HALT)),
+    "follow did not end": spoilt(lambda decision, _: decision._replace(phase=Phase.FOLLOW)),
+    r"memory\(\) has level, n: these keys are the log's own": spoilt(
+        memory={"counter_deg": 0.0, "episodes": 0, "level": 2.0, "n": 1}
+    ),
+    r"memory\(\) has no 'episodes'": spoilt(memory={"counter_deg": 0.0}),
+    "not a finite number": spoilt(memory={"counter_deg": nan, "episodes": 0}),
 }
 
 
-@pytest.mark.parametrize(("text", "spoilt"), SPOILT.items(), ids=SPOILT)
-def test_spoilt_algorithm_is_told_what_is_wrong(text: str, spoilt: Spoilt) -> None:
+@pytest.mark.parametrize(("text", "algorithm"), SPOILT.items(), ids=SPOILT)
+def test_spoilt_algorithm_is_told_what_is_wrong(text: str, algorithm: Algorithm) -> None:
     with pytest.raises(AssertionError, match=text):
-        check_algorithm(algorithm(spoilt))
+        check_algorithm(algorithm)
 
 
 def test_requirement_that_no_rover_can_meet_is_named() -> None:
@@ -141,19 +128,6 @@ def test_requirement_that_no_rover_can_meet_is_named() -> None:
 
 
 # -- parts -------------------------------------------------------------------------------------------------------
-
-
-def run(check: Coroutine[Any, Any, None]) -> None:
-    run_virtually(check)
-
-
-def sim_rover() -> Rover:
-    config, streams = load_rover("sim"), RandomStreams(1)
-    return device_depth(World(generate_forest(1, 0, 0), config.vehicle, Physics(), streams), streams, config)
-
-
-def part_of_sim_rover(name: str) -> Callable[[], Any]:
-    return lambda: getattr(sim_rover(), name)
 
 
 CHECKS: dict[str, Callable[..., Coroutine[Any, Any, None]]] = {
@@ -168,7 +142,10 @@ CHECKS: dict[str, Callable[..., Coroutine[Any, Any, None]]] = {
 
 @pytest.mark.parametrize("part", sorted(set(CHECKS) - {"position", "light"}))
 def test_simulated_parts_pass(part: str) -> None:
-    run(CHECKS[part](part_of_sim_rover(part)))
+    def made() -> Any:
+        return getattr(device_depth(steady_world(), RandomStreams(1), load_rover("sim")), part)
+
+    run_virtually(CHECKS[part](made))
 
 
 class Part:
@@ -216,8 +193,11 @@ async def refuse() -> None:
     raise NotResponding("bench part: no answer; check the cable")
 
 
-async def cheat(_: WheelCommand) -> WheelCommand:
-    return WheelCommand(0.3, 0.3)
+def returns(value: Any) -> Callable[..., Coroutine[Any, Any, Any]]:
+    async def method(*_: Any) -> Any:
+        return value
+
+    return method
 
 
 READINGS: dict[str, Callable[[float], Any]] = {
@@ -235,7 +215,7 @@ def part(kind: str, **changes: Any) -> Callable[[], Part]:
 
 @pytest.mark.parametrize("kind", CHECKS)
 def test_part_that_keeps_every_promise_passes(kind: str) -> None:
-    run(CHECKS[kind](part(kind), part(kind, open=refuse)))
+    run_virtually(CHECKS[kind](part(kind), part(kind, open=refuse)))
 
 
 @pytest.mark.parametrize("kind", CHECKS)
@@ -245,17 +225,7 @@ def test_part_that_keeps_every_promise_passes(kind: str) -> None:
 )
 def test_every_part_has_a_life_cycle(kind: str, text: str, changes: dict[str, Any]) -> None:
     with pytest.raises(AssertionError, match=text):
-        run(CHECKS[kind](part(kind, **changes)))
-
-
-class ClosesOnce(Part):
-    """Cannot be closed a second time."""
-
-    async def close(self) -> None:
-        if not hasattr(self, "handle"):
-            self.handle = None
-        else:
-            raise AttributeError("handle")
+        run_virtually(CHECKS[kind](part(kind, **changes)))
 
 
 @pytest.mark.parametrize("kind", CHECKS)
@@ -269,12 +239,18 @@ class ClosesOnce(Part):
 )
 def test_failed_open_is_an_error_of_a_part_and_can_be_closed(kind: str, text: str, changes: dict[str, Any]) -> None:
     with pytest.raises(AssertionError, match=text):
-        run(CHECKS[kind](part(kind), part(kind, **changes)))
+        run_virtually(CHECKS[kind](part(kind), part(kind, **changes)))
 
 
 def test_second_close_must_not_raise() -> None:
-    with pytest.raises(AssertionError, match=r"close\(\) raised AttributeError"):
-        run(check_motors(lambda: ClosesOnce()))
+    class ClosesOnce(Part):
+        handle: object
+
+        async def close(self) -> None:
+            del self.handle  # a second time there is none
+
+    with pytest.raises(AssertionError, match=r"^close\(\) raised AttributeError"):
+        run_virtually(check_motors(lambda: ClosesOnce(handle=1)))
 
 
 @pytest.mark.parametrize(
@@ -297,26 +273,18 @@ def test_second_close_must_not_raise() -> None:
 )
 def test_reading_that_cannot_be_true_is_told(kind: str, text: str, reading: Callable[[float], Any]) -> None:
     with pytest.raises(AssertionError, match=text):
-        run(CHECKS[kind](part(kind, reading=reading)))
-
-
-async def no_answer() -> MotorHealth:
-    return MotorHealth(-0.1, ())
-
-
-async def still_turning() -> WheelCommand:
-    return WheelCommand(0.2, 0.2)
+        run_virtually(CHECKS[kind](part(kind, reading=reading)))
 
 
 @pytest.mark.parametrize(
     ("text", "changes"),
     [
         (r"stop\(\) before open\(\) raised OSError", {"stop": fail}),
-        ("was applied as", {"drive": cheat}),
-        ("None means unknown", {"health": no_answer}),
-        ("after a stop", {"read_back": still_turning}),
+        ("was applied as", {"drive": returns(WheelCommand(0.3, 0.3))}),
+        ("None means unknown", {"health": returns(MotorHealth(-0.1, ()))}),
+        ("after a stop", {"read_back": returns(WheelCommand(0.2, 0.2))}),
     ],
 )
 def test_motors_that_cannot_be_trusted_are_told(text: str, changes: dict[str, Any]) -> None:
     with pytest.raises(AssertionError, match=text):
-        run(check_motors(part("motors", **changes)))
+        run_virtually(check_motors(part("motors", **changes)))
