@@ -114,9 +114,8 @@ async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
     await setup.supervisor.arm(spec.forest.heading_deg)
     end = await setup.supervisor.run()
     result = _result(spec, outcome_of(setup.outcome_monitor, counters, end), setup, counters)
-    if setup.intervention_counter:
-        flips, hangs = setup.intervention_counter.flips, setup.intervention_counter.hangs
-        result = result._replace(interventions=flips + hangs, overturned=flips, off_wheels=hangs)
+    if helped := setup.intervention_counter:
+        result = result._replace(interventions=helped.interventions, overturned=helped.flips, off_wheels=helped.hangs)
     return result._replace(**setup.terrain._asdict()) if setup.terrain else result
 
 
