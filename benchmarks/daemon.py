@@ -6,15 +6,15 @@ import json
 import os
 import socket
 import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from statistics import quantiles
 
+from benchmarks.command import WAYFARER
 from benchmarks.figures import Figure
 from wayfarer.daemon.socket.client import ask
 
@@ -26,7 +26,7 @@ STARTS = 5
 def figures(for_s: float) -> list[Figure]:
     """Measure several starts, and one drive of ``for_s`` seconds through a forest."""
     ready_s = [_time_to_ready() for _ in range(STARTS)]
-    with tempfile.TemporaryDirectory() as folder, _daemon(Path(folder)) as (process, _):
+    with tempfile.TemporaryDirectory() as folder, daemon(Path(folder)) as (process, _):
         path = Path(folder) / "control.sock"
         ask({"do": "arm", "heading_deg": 0.0}, path)
         cpu_before_s = _cpu_s(process.pid)
@@ -35,7 +35,7 @@ def figures(for_s: float) -> list[Figure]:
         memory_mb = _memory_mb(process.pid)
         ask({"do": "stop"}, path)
         process.wait()
-        late_ms = _lateness_ms(Path(folder))
+        late_ms = lateness_ms(tick_times_s(Path(folder)))
     percentiles = quantiles(late_ms, n=100)
     return [
         Figure("run --sim: ready after", "s", ready_s, 1.5),
@@ -48,26 +48,28 @@ def figures(for_s: float) -> list[Figure]:
 
 
 @contextmanager
-def _daemon(folder: Path) -> Iterator[tuple[subprocess.Popen[bytes], float]]:
+def daemon(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], float]]:
     """Start a daemon in a folder, wait until it says that it is ready, and give it with the seconds that took."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notified:
         notified.bind(str(folder / "notify"))
         notified.settimeout(30.0)
         environment = {**os.environ, "NOTIFY_SOCKET": str(folder / "notify"), "RUNTIME_DIRECTORY": str(folder)}
-        command = [str(Path(sys.executable).with_name("wayfarer")), "run", "--sim", "--logs", str(folder / "logs")]
+        command = [str(WAYFARER), "run", "--sim", "--logs", str(folder / "logs"), *options]
         began_s = time.monotonic()
-        process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(
+            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        )
         try:
             while b"READY=1" not in notified.recv(1000):
                 pass
             yield process, time.monotonic() - began_s
         finally:
             process.kill()
-            process.wait()
+            process.communicate()
 
 
 def _time_to_ready() -> float:
-    with tempfile.TemporaryDirectory() as folder, _daemon(Path(folder)) as (_, ready_s):
+    with tempfile.TemporaryDirectory() as folder, daemon(Path(folder)) as (_, ready_s):
         return ready_s
 
 
@@ -82,9 +84,13 @@ def _memory_mb(pid: int) -> float:
     return int(resident.split()[1]) / 1024
 
 
-def _lateness_ms(folder: Path) -> list[float]:
-    """Return by how much each tick missed a period since the one before, from the field log."""
+def tick_times_s(folder: Path) -> list[float]:
+    """Return when each tick of a daemon's drive was, from its field log; the last line may be cut short."""
     (log,) = folder.glob("logs/*/run.jsonl")
-    records = (json.loads(line) for line in log.read_text(encoding="utf-8").splitlines())
-    times_s = [record["t_s"] for record in records if record["record"] == "tick"]
+    lines = log.read_text(encoding="utf-8").rpartition("\n")[0].splitlines()
+    return [record["t_s"] for record in map(json.loads, lines) if record["record"] == "tick"]
+
+
+def lateness_ms(times_s: Sequence[float]) -> list[float]:
+    """Return by how much each tick missed a period since the one before."""
     return [abs(1e3 * (after_s - before_s) - PERIOD_MS) for before_s, after_s in pairwise(times_s)]

@@ -7,26 +7,22 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
 import re
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from itertools import pairwise
 from pathlib import Path
 from statistics import quantiles
 
 from aiohttp import ClientSession, ClientWebSocketResponse
 
+from benchmarks.daemon import daemon, lateness_ms, tick_times_s
 from benchmarks.figures import HEADER, Figure, print_table
 from wayfarer.daemon.socket.client import ask
 
 VIEWERS = 10
 SETTLE_S = 1.0  # ten snapshots are no steady state
-PERIOD_S = 0.05
 
 Spell = tuple[float, float]  # from and to, on the monotonic clock, which is also the daemon's
 
@@ -38,15 +34,10 @@ def figures(runs: int, for_s: float) -> list[Figure]:
     for _ in range(runs):
         with tempfile.TemporaryDirectory(prefix="wf-") as folder:
             spells = _drive(Path(folder), for_s)
-            (log,) = Path(folder).glob("logs/*/run.jsonl")
-            times_s = _tick_times_s(log)
+            times_s = tick_times_s(Path(folder))
         for spell, (begins_s, ends_s) in enumerate(spells):
-            lateness_ms = [
-                1e3 * abs(after_s - before_s - PERIOD_S)
-                for before_s, after_s in pairwise(times_s)
-                if begins_s <= before_s and after_s <= ends_s
-            ]
-            (watched if spell % 2 else alone).append(quantiles(lateness_ms, n=100))
+            late_ms = lateness_ms([time_s for time_s in times_s if begins_s <= time_s <= ends_s])
+            (watched if spell % 2 else alone).append(quantiles(late_ms, n=100))
     more_ms = [with_ms[98] - without_ms[98] for without_ms, with_ms in zip(alone, watched, strict=True)]
     return [
         Figure("tick off its period, p50, no viewer", "ms", [each[49] for each in alone]),
@@ -59,23 +50,12 @@ def figures(runs: int, for_s: float) -> list[Figure]:
 
 def _drive(folder: Path, for_s: float) -> list[Spell]:
     """Drive through a forest and return the spells, the first of them and every second without viewers."""
-    command = [str(Path(sys.executable).with_name("wayfarer")), "run", "--sim", "--live", "--live-port", "0"]
-    with subprocess.Popen(
-        [*command, "--logs", str(folder / "logs")],
-        env={**os.environ, "RUNTIME_DIRECTORY": str(folder)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    ) as process:
+    with daemon(folder, "--live", "--live-port", "0") as (process, _):
         assert process.stdout is not None
         found = re.search(r"http://\S+", process.stdout.readline())
         assert found is not None
-        try:
-            time.sleep(2.0)
-            ask({"do": "arm", "heading_deg": 0.0}, folder / "control.sock", timeout_s=10.0)
-            return asyncio.run(_alternate(found.group(), for_s))
-        finally:
-            process.kill()
+        ask({"do": "arm", "heading_deg": 0.0}, folder / "control.sock", timeout_s=10.0)
+        return asyncio.run(_alternate(found.group(), for_s))
 
 
 async def _alternate(url: str, for_s: float) -> list[Spell]:
@@ -107,14 +87,6 @@ async def _look(socket: ClientWebSocketResponse) -> None:
     async for _ in socket:
         seen += 1
         await socket.send_str(json.dumps({"seen": seen}))
-
-
-def _tick_times_s(log: Path) -> list[float]:
-    times_s = []
-    for line in log.read_text(encoding="utf-8").splitlines(keepends=True):
-        if line.endswith("\n") and (record := json.loads(line))["record"] == "tick":
-            times_s.append(record["t_s"])
-    return times_s
 
 
 if __name__ == "__main__":

@@ -8,15 +8,18 @@ from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import replace
 from itertools import count
 from math import nan
+from random import Random
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
+from tests.simhal.clearing import steady_world
 from tests.virtual import run_virtually
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import NotResponding
 from wayfarer.escape import policies
-from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
+from wayfarer.escape.api import Decision, EscapeHandler, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import CATALOGUE, Algorithm
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
 from wayfarer.escape.phases import PLEDGE
@@ -28,15 +31,11 @@ from wayfarer.hal import (
     MotionReading,
     MotorHealth,
     PositionFix,
-    Rover,
     Side,
     WheelCommand,
 )
 from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.simhal.world.physics import Physics
-from wayfarer.simhal.world.world import World
 from wayfarer.testing import (
     check_algorithm,
     check_compass,
@@ -46,8 +45,6 @@ from wayfarer.testing import (
     check_position_logger,
     check_status_light,
 )
-
-Spoil = Callable[[Decision, Observation], Any]
 
 # -- algorithms --------------------------------------------------------------------------------------------------
 
@@ -72,29 +69,23 @@ def test_handler_that_does_not_forget_is_found() -> None:
         check_algorithm(unforgetting)
 
 
-class Spoilt:
-    """A handler with one thing spoilt."""
+def spoilt(
+    spoil: Callable[[Decision, Observation], Any] = lambda decision, _: decision,
+    memory: Mapping[str, Any] | None = None,
+) -> Algorithm:
+    """Return Forest-Pledge with one thing spoilt."""
+    whole = CATALOGUE["forest-pledge"]
 
-    def __init__(self, inner: EscapeHandler, spoil: Spoil, memory: Mapping[str, Any] | None) -> None:
-        self._inner, self._spoil, self._memory = inner, spoil, memory
-        self.reset = inner.reset
+    def make(settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> EscapeHandler:
+        inner = whole.make(settings, vehicle, rng)
+        handler: Any = SimpleNamespace(
+            decide=lambda seen: spoil(inner.decide(seen), seen),
+            reset=inner.reset,
+            memory=inner.memory if memory is None else lambda: memory,
+        )
+        return cast(EscapeHandler, handler)
 
-    def decide(self, observation: Observation) -> Decision:
-        decision: Decision = self._spoil(self._inner.decide(observation), observation)
-        return decision
-
-    def memory(self) -> Mapping[str, float | str]:
-        return self._inner.memory() if self._memory is None else self._memory
-
-
-def spoilt(spoil: Spoil = lambda decision, _: decision, memory: Mapping[str, Any] | None = None) -> Algorithm:
-    """Forest-Pledge with one thing spoilt."""
-    honest = CATALOGUE["forest-pledge"]
-    return replace(honest, name="spoilt", make=lambda *parts: Spoilt(honest.make(*parts), spoil, memory))
-
-
-def by_true_north(decision: Decision, seen: Observation) -> Decision:
-    return decision._replace(wheels=STOP) if seen.heading_deg > 180.0 else decision
+    return replace(whole, name="spoilt", make=make)
 
 
 ticks = count()
@@ -102,7 +93,7 @@ SPOILT = {
     "not finite duties": spoilt(lambda decision, _: decision._replace(wheels=WheelCommand(nan, 0.0))),
     "not finite duties in -1..1": spoilt(lambda decision, _: decision._replace(wheels=WheelCommand(0.0, 1.01))),
     "is not a fixed name": spoilt(lambda decision, seen: decision._replace(why=f"at {seen.heading_deg:.0f}")),
-    "is not a Phase": spoilt(lambda decision, _: decision._replace(phase=cast(Phase, "follow"))),
+    "is not a Phase": spoilt(lambda decision, _: Decision(decision.wheels, cast(Phase, "follow"), decision.why)),
     "not a Decision": spoilt(lambda decision, _: tuple(decision)),
     "raised ZeroDivisionError": spoilt(lambda decision, seen: decision if seen.t_s < 1.0 else 1 / 0),
     "take chance only from the Random": spoilt(
@@ -111,7 +102,9 @@ SPOILT = {
     "the same seed and observations gave": spoilt(
         lambda decision, _: decision._replace(why="odd" if next(ticks) % 7 else "even")
     ),
-    "use headings only as differences": spoilt(by_true_north),
+    "use headings only as differences": spoilt(
+        lambda decision, seen: decision._replace(wheels=STOP) if seen.heading_deg > 180.0 else decision
+    ),
     "stride did not end": spoilt(lambda decision, _: decision._replace(phase=Phase.STRIDE)),
     "halt did not end": spoilt(lambda decision, _: decision._replace(wheels=STOP, phase=Phase.HALT)),
     "follow did not end": spoilt(lambda decision, _: decision._replace(phase=Phase.FOLLOW)),
@@ -120,7 +113,6 @@ SPOILT = {
     ),
     r"memory\(\) has no 'episodes'": spoilt(memory={"counter_deg": 0.0}),
     "not a finite number": spoilt(memory={"counter_deg": nan, "episodes": 0}),
-    "requires \\['lidar'\\]": replace(CATALOGUE["pledge"], requires=frozenset({"lidar"})),
 }
 
 
@@ -130,12 +122,12 @@ def test_spoilt_algorithm_is_told_what_is_wrong(text: str, algorithm: Algorithm)
         check_algorithm(algorithm)
 
 
+def test_requirement_that_no_rover_can_meet_is_named() -> None:
+    with pytest.raises(AssertionError, match="requires \\['lidar'\\]"):
+        check_algorithm(replace(CATALOGUE["pledge"], requires=frozenset({"lidar"})))
+
+
 # -- parts -------------------------------------------------------------------------------------------------------
-
-
-def sim_rover() -> Rover:
-    config, streams = load_rover("sim"), RandomStreams(1)
-    return device_depth(World(generate_forest(1, 0, 0), config.vehicle, Physics(), streams), streams, config)
 
 
 CHECKS: dict[str, Callable[..., Coroutine[Any, Any, None]]] = {
@@ -150,7 +142,10 @@ CHECKS: dict[str, Callable[..., Coroutine[Any, Any, None]]] = {
 
 @pytest.mark.parametrize("part", sorted(set(CHECKS) - {"position", "light"}))
 def test_simulated_parts_pass(part: str) -> None:
-    run_virtually(CHECKS[part](lambda: getattr(sim_rover(), part)))
+    def made() -> Any:
+        return getattr(device_depth(steady_world(), RandomStreams(1), load_rover("sim")), part)
+
+    run_virtually(CHECKS[part](made))
 
 
 class Part:
@@ -161,11 +156,15 @@ class Part:
     reading: Callable[[float], Any]
 
     def __init__(self, **changes: Any) -> None:
-        self.__dict__.update(changes)
+        self.opened = False
+        for name, change in changes.items():
+            setattr(self, name, change)
 
-    async def open(self) -> None: ...
+    async def open(self) -> None:
+        self.opened = True
 
-    async def close(self) -> None: ...
+    async def close(self) -> None:
+        self.opened = False
 
     async def read(self) -> Any:
         return self.reading(asyncio.get_running_loop().time())
@@ -177,7 +176,8 @@ class Part:
 
     def halt(self) -> None: ...
 
-    async def read_back(self) -> WheelCommand | None: ...
+    async def read_back(self) -> WheelCommand | None:
+        return None
 
     async def health(self) -> MotorHealth:
         return MotorHealth(None, ())
@@ -193,13 +193,11 @@ async def refuse() -> None:
     raise NotResponding("bench part: no answer; check the cable")
 
 
-def says(answer: Any) -> Callable[..., Any]:
-    """A method that answers this, whatever it is asked."""
+def returns(value: Any) -> Callable[..., Coroutine[Any, Any, Any]]:
+    async def method(*_: Any) -> Any:
+        return value
 
-    async def said(*_: Any) -> Any:
-        return answer
-
-    return said
+    return method
 
 
 READINGS: dict[str, Callable[[float], Any]] = {
@@ -230,16 +228,6 @@ def test_every_part_has_a_life_cycle(kind: str, text: str, changes: dict[str, An
         run_virtually(CHECKS[kind](part(kind, **changes)))
 
 
-class ClosesOnce(Part):
-    """Cannot be closed a second time."""
-
-    async def close(self) -> None:
-        if not hasattr(self, "handle"):
-            self.handle = None
-        else:
-            raise AttributeError("handle")
-
-
 @pytest.mark.parametrize("kind", CHECKS)
 @pytest.mark.parametrize(
     ("text", "changes"),
@@ -255,8 +243,14 @@ def test_failed_open_is_an_error_of_a_part_and_can_be_closed(kind: str, text: st
 
 
 def test_second_close_must_not_raise() -> None:
-    with pytest.raises(AssertionError, match=r"close\(\) raised AttributeError"):
-        run_virtually(check_motors(lambda: ClosesOnce()))
+    class ClosesOnce(Part):
+        handle: object
+
+        async def close(self) -> None:
+            del self.handle  # a second time there is none
+
+    with pytest.raises(AssertionError, match=r"^close\(\) raised AttributeError"):
+        run_virtually(check_motors(lambda: ClosesOnce(handle=1)))
 
 
 @pytest.mark.parametrize(
@@ -286,9 +280,9 @@ def test_reading_that_cannot_be_true_is_told(kind: str, text: str, reading: Call
     ("text", "changes"),
     [
         (r"stop\(\) before open\(\) raised OSError", {"stop": fail}),
-        ("was applied as", {"drive": says(WheelCommand(0.3, 0.3))}),
-        ("None means unknown", {"health": says(MotorHealth(-0.1, ()))}),
-        ("after a stop", {"read_back": says(WheelCommand(0.2, 0.2))}),
+        ("was applied as", {"drive": returns(WheelCommand(0.3, 0.3))}),
+        ("None means unknown", {"health": returns(MotorHealth(-0.1, ()))}),
+        ("after a stop", {"read_back": returns(WheelCommand(0.2, 0.2))}),
     ],
 )
 def test_motors_that_cannot_be_trusted_are_told(text: str, changes: dict[str, Any]) -> None:

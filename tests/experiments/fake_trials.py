@@ -7,6 +7,7 @@ Run as a module it is a campaign of slow trials, for tests with real processes a
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from pathlib import Path
 from threading import Event
@@ -32,44 +33,40 @@ def campaign_of(trials: int, *algorithms: str) -> Campaign:
 def quick(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
     """All that a result says follows from the seed and the algorithm."""
     path_m = 40.0 + spec.seed % 100_000 / 7 + len(spec.algorithm)
+    outcome = cast(Outcome, OUTCOMES[spec.seed % 4])
     return TrialResult(
-        spec.trial,
-        spec.algorithm,
-        spec.forest.forest,
-        spec.forest.noise,
-        spec.seed,
-        cast(Outcome, OUTCOMES[spec.seed % 4]),
-        path_m=path_m,
-        reverse_m=path_m / 20,
-        time_s=path_m * 1.2,
-        anomalies=spec.seed % 50,
-        episodes=spec.seed % 9,
-        shortest_path_m=37.5,
-        spl=37.5 / path_m,
-        ticks=100,
-    )
+        spec.trial, spec.algorithm, spec.forest.forest, spec.forest.noise, spec.seed, outcome,
+        path_m=path_m, reverse_m=path_m / 20, time_s=path_m * 1.2, anomalies=spec.seed % 50, episodes=spec.seed % 9,
+        shortest_path_m=37.5, spl=37.5 / path_m, ticks=100,
+    )  # fmt: skip
 
 
-def slow(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+def slow(spec: TrialSpec) -> TrialResult:
     Event().wait(SLOW_S)
     return quick(spec)
 
 
-def early_ones_last(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+def early_ones_last(spec: TrialSpec) -> TrialResult:
     Event().wait(0.02 if spec.trial % 8 == 0 else 0)
     return quick(spec)
 
 
-def third_fails(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+def third_fails(spec: TrialSpec) -> TrialResult:
     if spec.trial == 3:
         raise KeyError("no such\nphase")
     return quick(spec)
 
 
-def third_kills_its_worker(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
+def third_kills_its_worker(spec: TrialSpec) -> TrialResult:
     if spec.trial == 3:
         os._exit(9)
     return quick(spec)
+
+
+def started(out: Path, where: str) -> subprocess.Popen[str]:
+    """Start a campaign of slow trials in a process group; ``where`` says how many jobs, or on which cluster."""
+    command = [sys.executable, "-m", "tests.experiments.fake_trials", str(out), where]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
 def main(out: str, jobs: str) -> int:

@@ -3,79 +3,50 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import AsyncMock
 
 import pytest
 
-from tests.virtual import virtual
-from wayfarer.daemon.socket.protocol import Commands
+from tests.virtual import run_virtually
 from wayfarer.experiments.auto_arm import AutoArm
 from wayfarer.fieldlog.log import Record
 
-
-class Rover:
-    """Keeps what it is asked."""
-
-    def __init__(self) -> None:
-        self.armed: list[float | None] = []
-
-    async def arm(self, heading_deg: float | None = None) -> dict[str, Any]:
-        self.armed.append(heading_deg)
-        return {}
-
-
-class Page:
-    """A viewer that keeps what it is shown."""
-
-    def __init__(self) -> None:
-        self.shown: list[Record] = []
-        self.show = self.shown.append
-        self.watched = asyncio.Event()
-
-    @asynccontextmanager
-    async def serving(self, commands: Commands) -> AsyncIterator[None]:
-        yield
-
-
-async def armed_by(page: Page, *records: Record) -> list[float | None]:
-    """Show records to a page that is watched, and return how the rover was armed."""
-    viewer, rover = AutoArm(page, page.watched), Rover()
-    async with viewer.serving(rover):  # type: ignore[arg-type]
-        page.watched.set()
-        for record in records:
-            viewer.show(record)
-        await asyncio.sleep(1.0)
-    assert page.shown == list(records)
-    return rover.armed
-
-
 RUN: Record = {"record": "run", "simulated": True}
 HEADING: Record = {"record": "tick", "heading_deg": 0.0}
+WAITS = {
+    "no heading": ([RUN, {"record": "tick", "heading_deg": None}], True),
+    "nobody looks on": ([RUN, HEADING], False),
+    "real": ([{"record": "run", "simulated": False}, HEADING], True),
+    "does not say": ([{"record": "run"}, HEADING], True),
+    "no header": ([{"record": "event"}, HEADING], True),
+}
 
 
-@virtual
-async def test_rover_is_armed_once_when_it_is_watched_and_knows_its_heading() -> None:
-    assert await armed_by(Page(), RUN, HEADING, HEADING) == [0.0]
-
-
-@virtual
-async def test_rover_without_a_heading_or_without_anybody_who_looks_on_waits() -> None:
-    assert await armed_by(Page(), RUN, {"record": "tick", "heading_deg": None}) == []
-    page, rover = Page(), Rover()
-    viewer = AutoArm(page, page.watched)
-    async with viewer.serving(rover):  # type: ignore[arg-type]
-        viewer.show(RUN)
-        viewer.show(HEADING)
+async def armed(records: list[Record], watched: bool) -> list[float]:
+    """Show records on a page that is watched or not, and return how the rover was armed."""
+    shown: list[Record] = []
+    page: Any = SimpleNamespace(show=shown.append, serving=lambda commands: nullcontext())
+    looks_on, rover = asyncio.Event(), AsyncMock()
+    viewer = AutoArm(page, looks_on)
+    async with viewer.serving(rover):
+        if watched:
+            looks_on.set()
+        for record in records:
+            viewer.show(record)
         await asyncio.sleep(1000.0)
-    assert rover.armed == []
+    assert shown == records
+    return [call.args[0] for call in rover.arm.await_args_list]
 
 
-@pytest.mark.parametrize("header", [{"record": "run", "simulated": False}, {"record": "run"}, {"record": "event"}])
-def test_run_that_does_not_say_that_it_is_simulated_is_never_armed(header: Record) -> None:
-    @virtual
-    async def check() -> None:
-        assert await armed_by(Page(), header, HEADING) == []
+def test_rover_is_armed_once_when_it_is_watched_and_knows_its_heading() -> None:
+    assert run_virtually(armed([RUN, HEADING, HEADING], watched=True)) == [0.0]
 
-    check()
+
+@pytest.mark.parametrize(("records", "watched"), WAITS.values(), ids=WAITS)
+def test_rover_is_not_armed_otherwise_nor_where_the_run_does_not_say_that_it_is_simulated(
+    records: list[Record], watched: bool
+) -> None:
+    assert run_virtually(armed(records, watched)) == []

@@ -5,14 +5,13 @@ from __future__ import annotations
 import signal
 import socket
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.experiments.dask_processes import STRANGER, UP_S, DaskProcesses, eventually, kill
-from tests.experiments.fake_trials import MANY, campaign_of
+from tests.experiments.fake_trials import MANY, campaign_of, started
 from tests.experiments.test_run_campaign import lines_in, run_into
 from wayfarer import cli
 from wayfarer.errors import BadInput
@@ -25,11 +24,6 @@ def dask(tmp_path: Path) -> Iterator[DaskProcesses]:
     (tmp_path / "dask").mkdir()
     with DaskProcesses(tmp_path / "dask") as processes:
         yield processes
-
-
-def started(out: Path, where: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "tests.experiments.fake_trials", str(out), where]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def ended(process: subprocess.Popen[str]) -> tuple[int, list[str]]:
@@ -78,17 +72,18 @@ def test_interrupted_on_one_cluster_it_is_resumed_on_another_after_the_first_was
 @pytest.mark.long
 def test_workers_of_another_version_and_none_at_all_are_one_line(dask: DaskProcesses, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    with started(out, dask.address) as campaign:
-        code, said = ended(campaign)
-    assert (code, len(said)) == (2, 1)
-    assert said[0].startswith(f"wayfarer: no worker at the scheduler {dask.address}: start some")
+    assert f"no worker at the scheduler {dask.address}: start some" in refused_by(dask, out)
     dask.worker()
     dask.worker(STRANGER)
+    assert "runs wayfarer 0.0.1, and this is wayfarer" in refused_by(dask, out)
+
+
+def refused_by(dask: DaskProcesses, out: Path) -> str:
     with started(out, dask.address) as campaign:
-        code, said = ended(campaign)
-    assert (code, len(said)) == (2, 1)
-    assert "runs wayfarer 0.0.1, and this is wayfarer" in said[0]
+        code, (said,) = ended(campaign)
+    assert code == 2
     assert not out.exists()
+    return said
 
 
 def test_worker_that_came_later_with_another_version_runs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.simhal.clearing import CLEARING
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.entrapment import Cause, entrapment
@@ -20,7 +21,6 @@ from wayfarer.simhal.world.forest import Forest, Trunk
 from wayfarer.simhal.world.shortest_path import is_closed
 
 ROVER = load_rover("sim")
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 BOX = (  # four trunks around the start, end to end
     Trunk(22.0, 10.0, 22.0, 15.0, "right"),
     Trunk(28.0, 10.0, 28.0, 15.0, "right"),
@@ -71,12 +71,9 @@ def to_and_fro(turned_deg: float, *, touches: bool) -> Trace:
     return way(*points)
 
 
-def test_way_that_goes_round_again_and_again_is_orbiting() -> None:
-    assert cause(around(6.0)) is Cause.ORBITING
-
-
-def test_way_that_still_comes_to_new_ground_is_out_of_time() -> None:
-    assert cause(around(0.9)) is Cause.OUT_OF_TIME
+@pytest.mark.parametrize(("laps", "why"), [(6.0, Cause.ORBITING), (0.9, Cause.OUT_OF_TIME)])
+def test_way_that_comes_to_no_new_ground_is_orbiting(laps: float, why: Cause) -> None:
+    assert cause(around(laps)) is why
 
 
 @pytest.mark.parametrize(

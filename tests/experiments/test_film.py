@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import av
@@ -189,25 +186,20 @@ def test_what_cannot_be_filmed_is_one_line(run: Run, arguments: tuple[str, ...],
     assert says in err
 
 
-def test_missing_encoder_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wayfarer.cli.extras.find_spec", lambda name: None if name == "av" else object())
-    code, _, err = run(*SIM, "--video", "x.mp4")
-    assert (code, err.count("\n")) == (2, 1)
-    assert "--video needs av, which is not installed: pip install '.[physics]'" in err
+MISSING = {
+    "encoder": ("wayfarer.cli.extras.find_spec", "", "--video needs scipy, which is not installed: pip install '.[ph"),
+    "opengl": ("wayfarer.experiments.film.screen.find_library", "", "the system has no libEGL or libOSMesa: apt insta"),
+    "off screen": ("wayfarer.experiments.film.screen.find_library", "glfw", "MUJOCO_GL=glfw cannot: unset it, or set"),
+}
 
 
-def test_missing_opengl_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("MUJOCO_GL", raising=False)
-    monkeypatch.setattr(screen, "find_library", lambda name: None)
-    code, _, err = run(*SIM, "--video", "x.mp4")
-    assert (code, err.count("\n")) == (2, 1)
-    assert "the system has no libEGL or libOSMesa: apt install" in err
-
-
-@pytest.mark.process
-def test_opengl_that_cannot_draw_off_screen_is_one_line_and_leaves_no_file(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", "from wayfarer.cli import main; main()", *SIM, "--video", str(tmp_path / "x.mp4")]
-    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "MUJOCO_GL": "glfw"}, check=False)
-    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
-    assert "MUJOCO_GL=glfw cannot: unset it, or set egl or osmesa" in done.stderr
+@pytest.mark.parametrize(("finder", "backend", "says"), MISSING.values(), ids=MISSING)
+def test_what_cannot_be_drawn_is_one_line_and_leaves_no_file(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, finder: str, backend: str, says: str
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", backend)
+    monkeypatch.setattr(finder, lambda name: None if name in ("scipy", "EGL", "OSMesa") else object())
+    code, out, err = run(*SIM, "--video", tmp_path / "x.mp4")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert says in err
     assert not list(tmp_path.iterdir())

@@ -23,9 +23,8 @@ from wayfarer.simhal.world.world import World
 UPTIME_S = 86_400.0  # a desk computer's clock does not begin at 0
 
 
-def run_on_a_desk(
-    depth: Depth, seed: int, algorithm: str = "forest-pledge", for_s: float = 1e5
-) -> tuple[RunEnd, float]:
+@cache
+def run_on_a_desk(depth: Depth = Depth.DEVICE, seed: int = 1, for_s: float = 1e5) -> tuple[RunEnd, float]:
     """Run the daemon's supervisor until the simulated rover ends it; return how it ended and after how long."""
 
     async def main() -> tuple[RunEnd, float]:
@@ -34,9 +33,9 @@ def run_on_a_desk(
         config = load_rover("sim")
         supervisors: list[Supervisor] = []
         rover_setup = live_rover_setup(config, depth, seed, lambda reason, text: supervisors[0].finish(reason, text))
-        rover = rover_setup.rover
-        handler = CATALOGUE[algorithm].make(config.escape, config.vehicle, Random(seed))
-        supervisors.append(Supervisor(rover, config, CATALOGUE[algorithm], handler, Tee()))
+        algorithm = CATALOGUE["forest-pledge"]
+        handler = algorithm.make(config.escape, config.vehicle, Random(seed))
+        supervisors.append(Supervisor(rover_setup.rover, config, algorithm, handler, Tee()))
         await supervisors[0].arm(0.0)
         loop.call_later(for_s, supervisors[0].finish, "requested", "enough")
         return await supervisors[0].run(), loop.time() - UPTIME_S
@@ -44,14 +43,9 @@ def run_on_a_desk(
     return run_virtually(main())
 
 
-@cache
-def run_to_its_end(depth: Depth, seed: int) -> tuple[RunEnd, float]:
-    return run_on_a_desk(depth, seed)
-
-
 @pytest.mark.parametrize("depth", Depth)
 def test_rover_that_is_out_ends_the_run_and_says_how_far_it_went(depth: Depth) -> None:
-    end, took_s = run_to_its_end(depth, 1)
+    end, took_s = run_on_a_desk(depth)
     assert end.reason == "escaped"
     assert end.text.startswith("the simulated rover has escaped after ")
     path_m = float(end.text.split()[-2])
@@ -69,19 +63,15 @@ def test_world_begins_when_the_rover_is_made_and_not_when_the_computer_was_switc
         return worlds[0]
 
     monkeypatch.setattr("wayfarer.experiments.live_rover.World", remembered)
-    run_on_a_desk(Depth.DEVICE, 1, for_s=5.0)
+    end, took_s = run_on_a_desk(for_s=5.0)
+    assert end == RunEnd("requested", "enough")
+    assert took_s == pytest.approx(5.0, abs=0.1)
     assert worlds[0].steps == pytest.approx(5.0 / Physics().step_s, abs=2)
 
 
 def test_both_depths_give_the_same_drive() -> None:
-    assert run_to_its_end(Depth.DEVICE, 1)[0] == run_to_its_end(Depth.BUS, 1)[0]
+    assert run_on_a_desk(Depth.DEVICE)[0] == run_on_a_desk(Depth.BUS)[0]
 
 
 def test_seed_is_another_forest() -> None:
-    assert run_to_its_end(Depth.DEVICE, 1) != run_to_its_end(Depth.DEVICE, 2)
-
-
-def test_run_goes_on_until_it_is_ended() -> None:
-    end, took_s = run_on_a_desk(Depth.DEVICE, 1, for_s=5.0)
-    assert end == RunEnd("requested", "enough")
-    assert took_s == pytest.approx(5.0, abs=0.1)
+    assert run_on_a_desk(Depth.DEVICE) != run_on_a_desk(Depth.DEVICE, seed=2)

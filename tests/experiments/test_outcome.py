@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from wayfarer.escape.api import Vehicle
+from tests.simhal.clearing import CLEARING, steady_world
 from wayfarer.experiments.outcome import OutcomeMonitor
-from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 TIP_DEG = 60.0
 
 
 @pytest.fixture
 def world() -> World:
-    return World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(0))
+    return steady_world()
 
 
 @pytest.fixture
@@ -69,19 +65,13 @@ def test_first_call_stands_and_is_made_once(world: World, outcome_monitor: Outco
     assert (outcome_monitor.outcome, calls) == ("left_bounds", ["left_bounds"])
 
 
-def test_path_counts_reversing(world: World, outcome_monitor: OutcomeMonitor) -> None:
-    world.forward_m, world.reverse_m, world.y_m = 40.0, 2.5, 50.0
+@pytest.mark.parametrize(
+    ("truth", "path_m"), [({"y_m": 50.0}, 42.5), ({"x_m": 50.5, "y_m": 20.0}, 72.5), ({"t_s": 400.0}, 42.5)]
+)
+def test_path_counts_reversing_and_out_of_bounds_the_way_that_remains_north(
+    world: World, outcome_monitor: OutcomeMonitor, truth: dict[str, float], path_m: float
+) -> None:
+    for name, value in {"forward_m": 40.0, "reverse_m": 2.5, **truth}.items():
+        setattr(world, name, value)
     outcome_monitor.watch(world)
-    assert outcome_monitor.path_m(world) == 42.5
-
-
-def test_rover_that_left_bounds_still_has_the_way_north_to_go(world: World, outcome_monitor: OutcomeMonitor) -> None:
-    world.forward_m, world.reverse_m, world.x_m, world.y_m = 40.0, 2.5, 50.5, 20.0
-    outcome_monitor.watch(world)
-    assert outcome_monitor.path_m(world) == 72.5
-
-
-def test_entrapped_rover_has_only_the_path_that_it_drove(world: World, outcome_monitor: OutcomeMonitor) -> None:
-    world.forward_m = 101.0
-    outcome_monitor.watch(world)
-    assert (outcome_monitor.outcome, outcome_monitor.path_m(world)) == ("entrapped", 101.0)
+    assert outcome_monitor.path_m(world) == path_m

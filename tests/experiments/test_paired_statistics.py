@@ -19,27 +19,9 @@ def row(algorithm: str, forest: int, noise: int = 0, path_m: float = 80.0, outco
     return TrialRow(0, algorithm, forest, noise, 1, outcome, path_m, shortest_path_m=40.0, spl=spl)
 
 
-def chance(successes: range, trials: int, p: float) -> float:
-    """The chance of one of these numbers of successes, where each trial has the chance ``p``."""
-    return sum(math.comb(trials, k) * p**k * (1.0 - p) ** (trials - k) for k in successes)
-
-
-@pytest.mark.parametrize(("successes", "trials"), [(1, 2), (3, 10), (12, 500), (499, 500)])
-def test_at_the_ends_of_the_exact_interval_so_many_or_so_few_have_a_chance_of_2_5_percent(
-    successes: int, trials: int
-) -> None:
-    low, high = exact_interval(successes, trials)
-    assert chance(range(successes, trials + 1), trials, low) == pytest.approx(0.025)
-    assert chance(range(successes + 1), trials, high) == pytest.approx(0.025)
-
-
 def test_none_in_a_thousand_still_says_up_to_0_37_percent() -> None:
     assert exact_interval(0, 1000) == pytest.approx((0.0, 1 - 0.025 ** (1 / 1000)))
     assert exact_interval(1000, 1000) == pytest.approx((0.025 ** (1 / 1000), 1.0))
-
-
-def test_bootstrap_of_equal_values_is_certain() -> None:
-    assert cluster_bootstrap([[2.0, 2.0], [2.0]]).estimate == (2.0, 2.0, 2.0)
 
 
 def test_bootstrap_draws_layouts_not_trials() -> None:
@@ -73,7 +55,9 @@ def test_p_is_small_exactly_where_the_interval_has_no_zero() -> None:
         found = cluster_bootstrap([[chance.gauss(shift, 1.0)] for _ in range(60)])
         assert 0.0 < found.p <= 1.0
         assert (found.p < 0.05) is (found.estimate.low > 0.0 or found.estimate.high < 0.0), found
-    assert cluster_bootstrap([[1.0], [1.0]]).p == pytest.approx(2 / 4001)
+    certain = cluster_bootstrap([[2.0, 2.0], [2.0]])
+    assert certain.estimate == (2.0, 2.0, 2.0)
+    assert certain.p == pytest.approx(2 / 4001)
     assert cluster_bootstrap([[0.0], [0.0]]).p == 1.0
 
 

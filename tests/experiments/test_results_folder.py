@@ -116,10 +116,13 @@ def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
     assert json.loads((folder / SUMMARY).read_text()) == {"ticks": 27}
 
 
-def test_row_is_on_disk_as_soon_as_it_is_kept(tmp_path: Path) -> None:
+def test_row_is_on_disk_as_soon_as_it_is_kept_and_the_folder_in_use_until_it_is_left(tmp_path: Path) -> None:
     with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
         folder.append(ROWS[1])
         assert (tmp_path / PARTIAL).read_text() == csv_line(KEPT) + csv_line(KEPT, ROWS[1])
+        with pytest.raises(BadInput, match="in use"):
+            ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+    ResultsFolder(tmp_path, SETTINGS_HERE, resume=True).close()
 
 
 def test_resuming_after_a_cut_anywhere_keeps_exactly_the_whole_lines(tmp_path: Path) -> None:
@@ -141,27 +144,23 @@ def test_complete_folder_resumes_to_what_it_holds(tmp_path: Path) -> None:
         assert list(folder.kept) == [row._replace(ticks=None) for row in ROWS]
 
 
+HEADER = csv_line(COLUMNS).encode()
+
+
 @pytest.mark.parametrize(
-    ("damage", "said"),
+    ("content", "said"),
     [
-        (b"\0\0\0\n", ", line 3 is not a row"),
-        (b"\x80\n", r" is damaged: byte \d+ is no text"),
-        (b"\xff\xfe\n", r" is damaged: byte \d+ is no text"),
+        (HEADER + b"\0\0\0\n", ", line 2 is not a row"),
+        (HEADER + b"\x80\n", r" is damaged: byte \d+ is no text"),
+        (b"\xff\xfe\n", " is damaged: byte 0 is no text"),
+        (b"", " is damaged: its first line does not name its columns"),
+        (b"trial,algorithm\n", " is damaged: its first line does not name its columns"),
     ],
 )
-def test_damaged_row_is_named(tmp_path: Path, damage: bytes, said: str) -> None:
-    fill(tmp_path, ROWS[0])
-    with (tmp_path / PARTIAL).open("ab") as partial:
-        partial.write(damage)
-    with pytest.raises(BadInput, match=rf"trials\.partial\.csv{said}"):
-        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
-
-
-@pytest.mark.parametrize("content", [b"", b"trial,algorithm\n"])
-def test_table_without_its_columns_is_refused(tmp_path: Path, content: bytes) -> None:
+def test_damaged_table_is_named(tmp_path: Path, content: bytes, said: str) -> None:
     fill(tmp_path, *ROWS, finished=True)
     (tmp_path / TRIALS).write_bytes(content)
-    with pytest.raises(BadInput, match=r"trials\.csv is damaged: its first line does not name its columns"):
+    with pytest.raises(BadInput, match=rf"trials\.csv{said}"):
         ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
 
 
@@ -213,12 +212,6 @@ def test_campaign_that_reads_another_chassis_is_another_one(tmp_path: Path, besi
     ResultsFolder(tmp_path, settings_of("forestrover", {**NOW, key: 0.05}, **beside)).close()
     with pytest.raises(BadInput, match=rf"rover\.chassis\.{key} is 0\.05 there"):
         ResultsFolder(tmp_path, settings_of("forestrover", NOW, **beside), resume=True)
-
-
-def test_folder_that_is_in_use_is_refused(tmp_path: Path) -> None:
-    with ResultsFolder(tmp_path, SETTINGS_HERE), pytest.raises(BadInput, match="in use"):
-        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
-    ResultsFolder(tmp_path, SETTINGS_HERE, resume=True).close()
 
 
 @pytest.mark.parametrize(("resume", "said"), [(False, "not empty"), (True, "holds no campaign")])

@@ -4,12 +4,11 @@ import json
 import os
 import re
 import signal
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -27,15 +26,11 @@ from wayfarer.experiments.rows import TrialRow
 
 
 def run_into(
-    path: Path,
-    plan: Campaign,
-    run_trial: RunTrial = fake_trials.quick,
-    *,
-    resume: bool = False,
-    jobs: int = 1,
+    path: Path, plan: Campaign, run_trial: RunTrial = fake_trials.quick, *, resume: bool = False, **options: Any
 ) -> bytes:
+    """Run a campaign into a folder; return what its ``trials.csv`` holds."""
     with ResultsFolder(path, plan.settings(), resume=resume) as folder:
-        run_campaign.run(plan, folder, jobs=jobs, run_trial=run_trial)
+        run_campaign.run(plan, folder, run_trial=run_trial, **options)
     return (path / TRIALS).read_bytes()
 
 
@@ -67,16 +62,8 @@ def test_trial_seed_is_63_bits_and_the_same_for_every_algorithm(seed: int, trial
     plan = replace(campaign_of(1, "pledge"), seed=seed)
     assert 0 <= plan.trial_seed(trial) < 2**63
     assert plan.trial_seed(trial) == replace(plan, algorithms=("levy-walk",)).trial_seed(trial)
-    assert (
-        len(
-            {
-                plan.trial_seed(trial),
-                plan.trial_seed(trial + 1),
-                replace(plan, seed=seed + 1).trial_seed(trial),
-            }
-        )
-        == 3
-    )
+    others = plan.trial_seed(trial + 1), replace(plan, seed=seed + 1).trial_seed(trial)
+    assert len({plan.trial_seed(trial), *others}) == 3
 
 
 def test_trial_seed_never_changes() -> None:
@@ -116,10 +103,8 @@ def test_results_do_not_depend_on_workers_or_order_of_completion(tmp_path: Path)
     alone = run_into(tmp_path / "1", plan)
     assert run_into(tmp_path / "2", plan, fake_trials.early_ones_last, jobs=2) == alone
     seen: list[Done] = []
-    with ResultsFolder(tmp_path / "4", plan.settings()) as folder:
-        slowly, threads = fake_trials.early_ones_last, partial(ThreadPoolExecutor, 4)
-        run_campaign.run(plan, folder, jobs=4, executor=threads, progress=seen.append, run_trial=slowly)
-    assert (tmp_path / "4" / TRIALS).read_bytes() == alone
+    in_threads: dict[str, Any] = {"jobs": 4, "executor": partial(ThreadPoolExecutor, 4), "progress": seen.append}
+    assert run_into(tmp_path / "4", plan, fake_trials.early_ones_last, **in_threads) == alone
     assert [done.row.key for done in seen] != list(plan.tasks_by_forest())
 
 
@@ -127,9 +112,7 @@ def test_real_trials_do_not_mind_each_other_in_threads(tmp_path: Path) -> None:
     """A Dask worker may have several."""
     plan = replace(campaign_of(4, "pledge", "levy-walk"), budget_m=10.0)
     alone = run_into(tmp_path / "1", plan, field_trial)
-    with ResultsFolder(tmp_path / "3", plan.settings()) as folder:
-        run_campaign.run(plan, folder, jobs=3, executor=partial(ThreadPoolExecutor, 3))
-    assert (tmp_path / "3" / TRIALS).read_bytes() == alone
+    assert run_into(tmp_path / "3", plan, field_trial, jobs=3, executor=partial(ThreadPoolExecutor, 3)) == alone
     assert b"fault" not in alone
 
 
@@ -149,10 +132,8 @@ def test_resuming_runs_only_what_is_missing_and_ends_in_the_same_bytes(tmp_path:
         for trial in (4, 17, 2):
             folder.append(TrialRunner(plan, fake_trials.quick).run(Task("forest-pledge", trial)).row)
     seen: list[Done] = []
-    with ResultsFolder(tmp_path / "cut", plan.settings(), resume=True) as folder:
-        run_campaign.run(plan, folder, progress=seen.append, run_trial=fake_trials.quick)
+    assert run_into(tmp_path / "cut", plan, resume=True, progress=seen.append) == whole
     assert {done.row.trial for done in seen} == set(range(20)) - {4, 17, 2}
-    assert (tmp_path / "cut" / TRIALS).read_bytes() == whole
 
 
 def test_summary_says_all_that_was_asked_and_never_nan(tmp_path: Path) -> None:
@@ -227,10 +208,7 @@ def test_signal_keeps_finished_trials_and_resuming_ends_in_the_same_bytes(
     tmp_path: Path, number: signal.Signals, jobs: int
 ) -> None:
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "tests.experiments.fake_trials", str(out), str(jobs)]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    ) as process:
+    with fake_trials.started(out, str(jobs)) as process:
         assert eventually(lambda: lines_in(out / PARTIAL) > 4)
         os.killpg(process.pid, number)
         stdout, stderr = process.communicate(timeout=UP_S)
@@ -249,8 +227,7 @@ def test_signal_keeps_finished_trials_and_resuming_ends_in_the_same_bytes(
 @pytest.mark.process
 def test_workers_of_a_killed_campaign_end_too(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "tests.experiments.fake_trials", str(out), "2"]
-    with subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True) as process:
+    with fake_trials.started(out, "2") as process:
         assert eventually(lambda: lines_in(out / PARTIAL) > 1)
         process.kill()
     assert eventually(lambda: not running_in_group(process.pid))

@@ -23,14 +23,9 @@ def test_wilson_interval_agrees_with_scipy(count: tuple[int, int]) -> None:
     from scipy.stats import binomtest  # a second that each worker would need to collect this file
 
     expected = binomtest(*count).proportion_ci(0.95, method="wilson")
-    assert wilson_interval(*count) == pytest.approx((expected.low, expected.high), abs=1e-9)
-
-
-@given(counts)
-def test_wilson_interval_holds_the_share_and_stays_a_share(count: tuple[int, int]) -> None:
     low, high = wilson_interval(*count)
-    assert 0 <= low <= count[0] / count[1] + 1e-12
-    assert count[0] / count[1] - 1e-12 <= high <= 1
+    assert (low, high) == pytest.approx((expected.low, expected.high), abs=1e-9)
+    assert 0 <= low <= high <= 1
 
 
 @pytest.mark.parametrize("count", [(0, 0), (3, 2), (-1, 5)])
@@ -46,24 +41,14 @@ def test_spread_of_few_values_is_unknown_where_it_is() -> None:
 
 
 def test_spl_counts_failures_as_zero_and_leaves_out_what_has_no_shortest_path() -> None:
-    rows = [
-        row("escaped", 80, 40, 0.5),
-        row("entrapped", 1000, 40, 0.0),
-        row("fault", None, 40),
-        row("escaped", 9),
-    ]
+    rows = [row("escaped", 80, 40, 0.5), row("entrapped", 1000, 40, 0.0), row("fault", None, 40), row("escaped", 9)]
     assert summarise("pledge", rows).spl == pytest.approx(0.5 / 3)
     assert summarise("pledge", [row("escaped", 9)]).spl is None
 
 
 def test_summary_takes_paths_from_successes_alone() -> None:
-    rows = [
-        row("escaped", 60),
-        row("left_bounds", 100),
-        row("entrapped", 1000),
-        row("tipped", 5),
-        row("fault"),
-    ]
+    ended = {"escaped": 60, "left_bounds": 100, "entrapped": 1000, "tipped": 5, "fault": None}
+    rows = [row(outcome, path_m) for outcome, path_m in ended.items()]
     summary = summarise("pledge", rows)
     assert (summary.path_mean_m, summary.path_median_m) == (80, 80)
     assert summary.success_percent == pytest.approx(40)

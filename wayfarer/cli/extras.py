@@ -22,7 +22,7 @@ NEEDS = {
     "a cluster": OptionalExtra("cluster", {"distributed": "distributed"}),
     "sweeping": OptionalExtra("sim", {"numpy": "numpy", "skfmm": "scikit-fmm", "pyarrow": "pyarrow"}),
     "--physics mujoco": OptionalExtra("physics", {"mujoco": "mujoco"}),
-    "--video": OptionalExtra("physics", {"av": "av", "PIL": "pillow"}),
+    "--video": OptionalExtra("physics", {"av": "av", "PIL": "pillow", "scipy": "scipy"}),
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
     "Parquet": OptionalExtra("sim", {"pyarrow": "pyarrow"}),

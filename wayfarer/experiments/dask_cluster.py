@@ -15,15 +15,15 @@ import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, partial
 from hashlib import blake2b
 from pathlib import Path
 from types import TracebackType
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, NamedTuple, NoReturn, ParamSpec, TypeVar
 
 import wayfarer
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.experiments.executors import forget
+from wayfarer.experiments.executors import MakeExecutor, forget
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -50,27 +50,11 @@ def version() -> str:
     return f"wayfarer {wayfarer.__version__} (source {source.hexdigest()}, Python {python})"
 
 
-class Cluster:
-    """The workers of a scheduler, all of which run the same wayfarer as this process.
+class Cluster(NamedTuple):
+    """The workers of a scheduler: what makes an executor over them, and how many trials they run at a time."""
 
-    Raises:
-        BadInput: one runs another version, or there is none.
-    """
-
-    def __init__(self, client: Client, address: str) -> None:
-        self._client = client
-        with suppress(TimeoutError):
-            client.wait_for_workers(1, timeout=WORKERS_S)
-        said = client.run(version, on_error="return")
-        if not said:
-            raise BadInput(f"no worker at the scheduler {address}: start some, such as `dask worker {address}`")
-        for worker, theirs in said.items():
-            _refuse_another(worker, theirs)
-        self.jobs = sum(client.nthreads().values())
-
-    def executor(self, *, initializer: Callable[..., object], initargs: tuple[Any, ...]) -> Executor:
-        """Return an executor over the workers; a chunk whose worker is lost goes to another one."""
-        return ClusterExecutor(self._client, Installed(initializer, initargs))
+    executor: MakeExecutor
+    jobs: int
 
 
 class Installed(WorkerPlugin):
@@ -91,12 +75,15 @@ class Installed(WorkerPlugin):
 
 
 class ClusterExecutor(Executor):
-    """Runs what is submitted on workers that have been prepared; leaving it frees them."""
+    """Runs what is submitted on workers that have been prepared; leaving it frees them.
 
-    def __init__(self, client: Client, plugin: Installed) -> None:
+    What a lost worker had is run by another one.
+    """
+
+    def __init__(self, client: Client, *, initializer: Callable[..., object], initargs: tuple[Any, ...]) -> None:
         self._client = client
-        self._plugin = plugin
-        client.register_plugin(plugin)
+        self._plugin = Installed(initializer, initargs)
+        client.register_plugin(self._plugin)
         self._executor = client.get_executor(pure=False)
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
@@ -123,7 +110,8 @@ def connected(address: str) -> Iterator[Cluster]:
     _quieten()
     with _client(address) as client:
         try:
-            yield Cluster(client, address)
+            _check_workers(client, address)
+            yield Cluster(partial(ClusterExecutor, client), sum(client.nthreads().values()))
         except KilledWorker as error:
             raise WayfarerError(
                 f"a chunk of trials ended one worker of {address} after another, most likely for want of memory; "
@@ -172,19 +160,26 @@ def _no_scheduler(address: str, why: str) -> BadInput:
 def _run_checked(expected: str, fn: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
     """Run in a worker what another process submitted, if that runs the same wayfarer."""
     if version() != expected:
-        raise _other_version(get_worker().address, version(), expected)
+        _refuse(get_worker().address, version(), expected)
     return fn(*args, **kwargs)
 
 
-def _refuse_another(worker: str, theirs: object) -> None:
-    if isinstance(theirs, Exception):
-        theirs = f"none or another one ({type(theirs).__name__}: {theirs})"
-    if theirs != version():
-        raise _other_version(worker, str(theirs), version())
+def _check_workers(client: Client, address: str) -> None:
+    """Make sure that there are workers, and that all of them run the same wayfarer as this process."""
+    with suppress(TimeoutError):
+        client.wait_for_workers(1, timeout=WORKERS_S)
+    said = client.run(version, on_error="return")
+    if not said:
+        raise BadInput(f"no worker at the scheduler {address}: start some, such as `dask worker {address}`")
+    for worker, theirs in said.items():
+        if isinstance(theirs, Exception):
+            _refuse(worker, f"none or another one ({type(theirs).__name__}: {theirs})", version())
+        elif theirs != version():
+            _refuse(worker, theirs, version())
 
 
-def _other_version(worker: str, theirs: str, ours: str) -> BadInput:
-    return BadInput(
+def _refuse(worker: str, theirs: str, ours: str) -> NoReturn:
+    raise BadInput(
         f"worker {worker} runs {theirs}, and this is {ours}: install the same version there and restart the worker"
     )
 

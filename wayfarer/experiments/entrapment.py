@@ -71,11 +71,12 @@ def entrapment(forest: Forest, rover: RoverConfig, trace: Trace) -> Entrapment:
     vehicle, points = rover.vehicle, _driven(trace.points)
     halfway_s = (points[0].t_s + points[-1].t_s) / 2.0
     late = [point for point in points if point.t_s >= halfway_s]
-    west_m, east_m = _ends([point.x_m for point in late])
-    south_m, north_m = _ends([point.y_m for point in late])
+    xs_m, ys_m = [point.x_m for point in late], [point.y_m for point in late]
+    west_m, east_m, south_m, north_m = min(xs_m), max(xs_m), min(ys_m), max(ys_m)
     extent_m, touching = hypot(east_m - west_m, north_m - south_m), _touching(late)
     turned = _turned(late, rover.escape.turn_deg_s)
-    new = _new([point for point in points if point.t_s < halfway_s], late)
+    places, before = _places(late), _places([point for point in points if point.t_s < halfway_s])
+    new = len(places - before) / len(places)
     if is_closed(forest, vehicle.width_m):
         why = Cause.CLOSED
     elif turned is not None and turned < TURNS_BELOW_SHARE:
@@ -96,10 +97,6 @@ def _driven(points: Sequence[TrajectoryPoint]) -> Sequence[TrajectoryPoint]:
     return points[: last + 2]
 
 
-def _ends(values: Sequence[float]) -> tuple[float, float]:
-    return min(values), max(values)
-
-
 def _touching(points: Sequence[TrajectoryPoint]) -> float:
     """Return the share of the time that was spent against something."""
     lasted_s = points[-1].t_s - points[0].t_s
@@ -114,12 +111,6 @@ def _turned(points: Sequence[TrajectoryPoint], asked_deg_s: float) -> float | No
             asked_deg += asked_deg_s * (after.t_s - at.t_s)
             turned_deg += abs(after.heading_deg - at.heading_deg)
     return turned_deg / asked_deg if asked_deg >= ASKED_AT_LEAST_DEG else None
-
-
-def _new(early: Sequence[TrajectoryPoint], late: Sequence[TrajectoryPoint]) -> float:
-    """Return the share of the later places that are not among the earlier ones."""
-    places = _places(late)
-    return len(places - _places(early)) / len(places)
 
 
 def _places(points: Sequence[TrajectoryPoint]) -> set[tuple[int, int]]:

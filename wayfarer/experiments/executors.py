@@ -42,16 +42,11 @@ LAST_SINGLY = 16  # times the jobs: with it 200 trials of ten algorithms end wit
 CHUNKS_AHEAD = 2  # a worker: one that it runs and one that waits for it
 POLL_S = 0.1  # how soon a stop is noticed
 
+RunTrial = Callable[["TrialSpec"], "TrialResult"]
+
 
 class SizedIterable(Iterable[TaskT_co], Sized, Protocol[TaskT_co]):
     """Tasks that know how many they are; they may be made one by one."""
-
-
-class RunTrial(Protocol):
-    """How a trial is run; the second argument is where its field log goes."""
-
-    def __call__(self, spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
-        """Run one trial."""
 
 
 class TrialError(NamedTuple):
@@ -74,13 +69,13 @@ class Stopped(Exception):  # a request that was heard, not an error
 
 
 def field_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
-    """Run the real trial; the simulator is imported only where trials run."""
+    """Run the real trial, its field log in ``log_dir``; the simulator is imported only where trials run."""
     from wayfarer.experiments.trial import run_trial
 
     return run_trial(spec, log_dir)
 
 
-def logged_trial(logs: Path, spec: TrialSpec, _log_dir: Path | None = None) -> TrialResult:
+def logged_trial(logs: Path, spec: TrialSpec) -> TrialResult:
     """Run the real trial with its field log in a separate folder, such as ``logs/forest-pledge-00017``."""
     return field_trial(spec, logs / f"{spec.algorithm.replace(':', '-')}-{spec.trial:05d}")
 
@@ -93,12 +88,12 @@ class TrialRunner:
         self._run_trial = run_trial
         self._latest: tuple[list[int], Forest] | None = None
 
-    def run(self, task: Task, log_dir: Path | None = None) -> Done:
+    def run(self, task: Task) -> Done:
         """Run one trial; whatever it raises becomes its row's ``fault`` and goes no further."""
         began_s = perf_counter()
         try:
             spec = self._points[task.point].spec(task, self._forest(task))
-            row, fault = row_of(self._run_trial(spec, log_dir))._replace(point=task.point), None
+            row, fault = row_of(self._run_trial(spec))._replace(point=task.point), None
         except Exception as error:
             row, fault = self._fault_row(task), _fault(error)
         return Done(row, perf_counter() - began_s, fault)

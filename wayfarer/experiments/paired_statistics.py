@@ -89,15 +89,11 @@ def _compared(name: str, own: dict[PairKey, TrialRow], base: dict[PairKey, Trial
         len({row.forest for row in rows}),
         spread_of([spl for row in rows if (spl := row.counted_spl) is not None]).mean,
         _gain(pairs, attrgetter("counted_spl")),
-        _gain(pairs, _path_m),
+        _gain(pairs, attrgetter("escape_path_m")),
         _share(rows, "entrapped"),
         _share(rows, "left_bounds"),
         max(rows, key=lambda row: (row.outcome not in SUCCESSES, row.path_m or 0.0)),
     )
-
-
-def _path_m(row: TrialRow) -> float | None:
-    return row.path_m if row.outcome in SUCCESSES else None
 
 
 def _gain(pairs: Sequence[tuple[TrialRow, TrialRow]], value: Callable[[TrialRow], float | None]) -> Difference | None:

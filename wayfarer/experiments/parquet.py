@@ -23,16 +23,12 @@ def copy_as_parquet(table: Path, copy: Path, swept: Sequence[Mapping[str, Any]])
     Raises:
         OSError: the file cannot be written.
     """
-    types = {name: ARROW[_type(name)] for name in TrialRow._fields}
-    types |= {key: ARROW[_common_type({type(values[key]) for values in swept})] for key in swept[0]}
-    options = csv.ConvertOptions(column_types=types, null_values=[""])
+    own = {name: str if name in TEXT_COLUMNS else float if name in DECIMALS else int for name in TrialRow._fields}
+    types = own | {key: _common_type({type(values[key]) for values in swept}) for key in swept[0]}
+    options = csv.ConvertOptions(column_types={name: ARROW[kind] for name, kind in types.items()}, null_values=[""])
     with csv.open_csv(table, convert_options=options) as rows, parquet.ParquetWriter(copy, rows.schema) as file:
         for batch in rows:
             file.write_batch(batch)
-
-
-def _type(name: str) -> type:
-    return str if name in TEXT_COLUMNS else float if name in DECIMALS else int
 
 
 def _common_type(kinds: set[type]) -> type:

@@ -67,6 +67,16 @@ class TrialRow(NamedTuple):
         """SPL as it counts in a mean: 0 for a failure; None where the shortest path is not known."""
         return None if self.shortest_path_m is None else self.spl or 0.0
 
+    @property
+    def escape_path_m(self) -> float | None:
+        """Path as it counts in a mean: that of a success; None for a failure."""
+        return self.path_m if self.outcome in SUCCESSES else None
+
+    @property
+    def escape_s(self) -> float | None:
+        """Time as it counts in a mean of escapes: that of a success; None for a failure."""
+        return self.time_s if self.outcome in SUCCESSES else None
+
 
 TERRAIN = ("friction", "roughness_m", "torque_scale")
 COLUMNS = tuple(name for name in TrialRow._fields if name not in (*TERRAIN, "ticks", "point"))

@@ -18,9 +18,9 @@ from tempfile import TemporaryFile
 from typing import Any, NamedTuple
 
 from wayfarer.errors import WayfarerError
-from wayfarer.experiments.campaign import Plan, Task
+from wayfarer.experiments.campaign import Plan
 from wayfarer.experiments.executors import Done, MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
-from wayfarer.experiments.folder_settings import tasks_of
+from wayfarer.experiments.folder_settings import swept_values, tasks_of
 from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
@@ -80,11 +80,17 @@ class CampaignResult:
         """Tell whether trials are missing."""
         return self.trials < self.total
 
+    @property
+    def points(self) -> list[dict[str, Any]]:
+        """The swept values of each summary, by their keys; none in a campaign."""
+        return [point for point in swept_values(self.plan.settings()) for _ in self.plan.points[0].algorithms]
+
     def as_json(self) -> dict[str, Any]:
         """Return what ``summary.json`` holds; ``last_run`` is this run, without what was kept before."""
+        lines = zip(self.points, self.summaries, strict=True)
         return {
             **self.plan.settings(),
-            "table": [_rounded(asdict(summary)) for summary in self.summaries],
+            "table": [({"point": at} if at else {}) | _rounded(asdict(summary)) for at, summary in lines],
             "simulated_s": round(self.totals.simulated_s, 3),
             "ticks": self.totals.ticks,
             "last_run": _rounded({**self.effort._asdict(), "cpu_us_per_tick": self.effort.cpu_us_per_tick}),
@@ -113,11 +119,10 @@ def run(
         todo = kept.missing()
         jobs = max(1, min(jobs, len(todo)))
         keep = folder.append if folder else kept.append
-        with (
-            suppress(Stopped),
-            _worker_death_explained(kept, stop),
-            closing(stream(TrialRunner(plan, run_trial).run, todo, jobs, stop, executor, _cost)) as finished,
-        ):
+        finished = stream(
+            TrialRunner(plan, run_trial).run, todo, jobs, stop, executor, lambda task: relative_cost(task.algorithm)
+        )
+        with suppress(Stopped), _worker_death_explained(kept, stop), closing(finished):
             for done in finished:
                 keep(done.row)
                 ticks += done.row.ticks or 0
@@ -125,10 +130,6 @@ def run(
                     progress(done)
         effort = _effort(began, ticks, elsewhere=executor is not None)
         return _summed_up(plan, kept, folder, effort)
-
-
-def _cost(task: Task) -> float:
-    return relative_cost(task.algorithm)
 
 
 @contextmanager

@@ -115,11 +115,11 @@ def run_shown(
 
 
 def run_alone(
-    campaign: Campaign, trial: int, log: Path | None, run_trial: RunTrial = field_trial, *, as_json: bool = False
+    campaign: Campaign, trial: int, log: Path | None, run_trial: RunTrial | None = None, *, as_json: bool = False
 ) -> int:
     """Run one trial, print its row as in ``trials.csv`` or as JSON, and return the exit code: 1 after a fault.
 
-    With ``log`` the full field log goes there, and after a fault the traceback.
+    With ``log`` the full field log goes there (a ``run_trial`` sees to that itself), and after a fault the traceback.
 
     Raises:
         BadInput: the campaign has no such trial or several algorithms, or ``log`` is not new or empty.
@@ -130,7 +130,8 @@ def run_alone(
         raise BadInput(f"--trial runs one trial of one algorithm; choose one of {', '.join(campaign.algorithms)}")
     if log:
         make_empty_folder(log, "the log")
-    done = TrialRunner(campaign, run_trial).run(Task(campaign.algorithms[0], trial), log)
+    runner = TrialRunner(campaign, run_trial or partial(field_trial, log_dir=log))
+    done = runner.run(Task(campaign.algorithms[0], trial))
     columns = columns_of(campaign.settings())
     if as_json:
         print_json({name: getattr(done.row, name) for name in columns})
@@ -160,7 +161,7 @@ def film_alone(
     from wayfarer.experiments.film.footage import Recorder
     from wayfarer.experiments.film.video import film
 
-    aside, recorder = Console(stderr=True), Recorder()
+    aside, recorder = Console(stderr=True), Recorder(log)
     with film(video) as shown:
         code = run_alone(campaign, trial, log, recorder, as_json=as_json)
         if recorder.footage is None:

@@ -100,17 +100,16 @@ def spread_of(values: Sequence[float]) -> SampleSpread:
 
 
 class Mean:
-    """A mean over the known ones of what is added."""
+    """A mean that keeps none of its values."""
 
     def __init__(self) -> None:
         self._sum = 0.0
         self._count = 0
 
-    def add(self, value: float | None) -> None:
-        """Take a value; None does not count."""
-        if value is not None:
-            self._sum += value
-            self._count += 1
+    def append(self, value: float) -> None:
+        """Take a value."""
+        self._sum += value
+        self._count += 1
 
     @property
     def value(self) -> float | None:
@@ -124,18 +123,17 @@ def summarise(algorithm: str, rows: Iterable[TrialRow]) -> AlgorithmSummary:
     No row is kept. SPL is success weighted by path length, 0..1 (Anderson et al., arXiv:1807.06757).
     """
     outcomes: Counter[str] = Counter()
-    paths_m, escapes_s = array("d"), array("d")  # a median needs all of them, 8 bytes each
+    spreads = {name: array("d") for name in ("escape_path_m", "escape_s")}  # a median needs all, 8 bytes each
     means = {name: Mean() for name in AVERAGED}
+    takers = spreads | means
     for row in rows:
         outcomes[row.outcome] += 1
-        if row.outcome in SUCCESSES:
-            paths_m.extend([row.path_m] if row.path_m is not None else [])
-            escapes_s.extend([row.time_s] if row.time_s is not None else [])
-        for name, mean in means.items():
-            mean.add(getattr(row, name))
+        for name, taker in takers.items():
+            if (value := getattr(row, name)) is not None:
+                taker.append(value)
     trials, successes = outcomes.total(), sum(outcomes[outcome] for outcome in SUCCESSES)
     low, high = wilson_interval(successes, trials)
-    path_m, escape_s = spread_of(paths_m), spread_of(escapes_s)
+    path_m, escape_s = map(spread_of, spreads.values())
     return AlgorithmSummary(
         algorithm,
         trials,

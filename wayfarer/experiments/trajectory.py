@@ -58,23 +58,20 @@ class TraceLog(PartialLog):
         if world.slipping and not self._slipping:
             self.trace.slips_m.append((world.x_m, world.y_m))
         self._slipping = world.slipping
-        phase = record.decision.phase
-        if not points or self._changes(phase, points[-1]) or self._gone_m() >= KEPT_EVERY_M:
-            points.append(self._point(phase))
-
-    def _changes(self, phase: Phase, last: TrajectoryPoint) -> bool:
-        return phase is not last.phase or (self._world.touch is not None) is not last.touches
+        here = self._point(record.decision.phase)
+        last = points[-1] if points else None
+        if (
+            last is None
+            or (here.phase, here.touches) != (last.phase, last.touches)
+            or hypot(here.x_m - last.x_m, here.y_m - last.y_m) >= KEPT_EVERY_M
+        ):
+            points.append(here)
 
     def _point(self, phase: Phase) -> TrajectoryPoint:
         world = self._world
         return TrajectoryPoint(
             world.x_m, world.y_m, phase, world.t_s, degrees(world.heading_rad), world.touch is not None
         )
-
-    def _gone_m(self) -> float:
-        """Return the distance from the last point that was kept."""
-        last = self.trace.points[-1]
-        return hypot(self._world.x_m - last.x_m, self._world.y_m - last.y_m)
 
     def close(self, reason: str, text: str) -> None:  # noqa: ARG002
         """Keep where it ended."""

@@ -112,14 +112,13 @@ async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
     setup = TrialSetup(spec, lambda *seen: counters if make_log is None else Tee(counters, make_log(*seen)))
     await setup.supervisor.arm(spec.forest.heading_deg)
     end = await setup.supervisor.run()
-    result = _result(spec, _outcome(setup.outcome_monitor, counters, end), setup.outcome_monitor, setup.world, counters)
-    if setup.intervention_counter:
-        flips, hangs = setup.intervention_counter.flips, setup.intervention_counter.hangs
-        result = result._replace(interventions=flips + hangs, overturned=flips, off_wheels=hangs)
+    result = _result(spec, outcome_of(setup.outcome_monitor, counters, end), setup, counters)
+    if helped := setup.intervention_counter:
+        result = result._replace(interventions=helped.interventions, overturned=helped.flips, off_wheels=helped.hangs)
     return result._replace(**setup.terrain._asdict()) if setup.terrain else result
 
 
-def _outcome(outcome_monitor: OutcomeMonitor, counters: TrialCounters, end: RunEnd) -> Outcome:
+def outcome_of(outcome_monitor: OutcomeMonitor, counters: TrialCounters, end: RunEnd) -> Outcome:
     """Return how a trial ended; a rover that gave up, or used up its own mission's limits, did not get out either."""
     if counters.why_disarmed is not None:
         return "entrapped" if counters.why_disarmed == GAVE_UP else "fault"
@@ -160,11 +159,9 @@ def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover
     return log, GroundTruthLog(log, world)
 
 
-def _result(
-    spec: TrialSpec, outcome: Outcome, outcome_monitor: OutcomeMonitor, world: SimulatedWorld, counters: TrialCounters
-) -> TrialResult:
-    forest = spec.forest
-    path_m = outcome_monitor.path_m(world)
+def _result(spec: TrialSpec, outcome: Outcome, setup: TrialSetup, counters: TrialCounters) -> TrialResult:
+    forest, world = spec.forest, setup.world
+    path_m = setup.outcome_monitor.path_m(world)
     shortest_m = forest.shortest_path_m
     succeeded = outcome in ("escaped", "left_bounds")
     spl = None if shortest_m is None else shortest_m / max(shortest_m, path_m) if succeeded else 0.0

@@ -17,9 +17,8 @@ AHEAD = WheelCommand(0.7, 0.7)
 
 
 class Episode(NamedTuple):
-    """What an agent went through: all observations, all rewards, and how it ended."""
+    """What an agent went through: all rewards, and how it ended."""
 
-    seen: list[Array]
     rewards: list[float]
     terminated: bool
     truncated: bool
@@ -36,12 +35,11 @@ def ahead(_: Observation) -> WheelCommand:
 
 def play(env: ForestEnv, agent: Agent, steps_max: int = 100_000, **reset: Any) -> Episode:
     """Let an agent play one episode to its end."""
-    vector, info = env.reset(**reset)
-    seen, rewards = [vector], []
+    _, info = env.reset(**reset)
+    rewards = []
     for _ in range(steps_max):
-        vector, reward, terminated, truncated, info = env.step(duties(agent(info["observation"])))
-        seen.append(vector)
+        _, reward, terminated, truncated, info = env.step(duties(agent(info["observation"])))
         rewards.append(reward)
         if terminated or truncated:
-            return Episode(seen, rewards, terminated, truncated, info["ending"])
+            return Episode(rewards, terminated, truncated, info["ending"])
     raise AssertionError(f"still on its way after {steps_max} steps")

@@ -7,9 +7,10 @@ import pytest
 from tests.experiments.fake_trials import campaign_of
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.experiments.campaign import Campaign, ForestFile, Task
+from wayfarer.experiments.folder_settings import swept_values
 from wayfarer.experiments.sweep.axes import Axis, Value
 from wayfarer.experiments.sweep.grid import Sweep, make_sweep
-from wayfarer.experiments.sweep.keys import current, known_keys, laid_over_campaign
+from wayfarer.experiments.sweep.keys import current, laid_over_campaign
 from wayfarer.simhal.world.grounds import GroundName
 
 BASE = campaign_of(4)
@@ -20,8 +21,7 @@ def sweep_of(**values: tuple[Value, ...]) -> Sweep:
 
 
 def test_every_known_key_can_be_swept_over_what_it_is_now() -> None:
-    for key in known_keys(BASE):
-        now = current(BASE, key)
+    for key, now in current(BASE).items():
         if now is not None and not isinstance(now, list):
             assert laid_over_campaign(BASE, {key: now}) == BASE, key
 
@@ -44,7 +44,9 @@ def test_each_kind_of_key_reaches_what_a_trial_is_made_of() -> None:
 
 def test_all_points_meet_the_same_forests_and_seeds() -> None:
     sweep = sweep_of(escape__turn_angle_deg=(10, 30), slip_mean_m=(2, 10))
-    assert sweep.values == [(10, 2), (10, 10), (30, 2), (30, 10)]
+    values = swept_values(sweep.settings())
+    assert [tuple(each.values()) for each in values] == [(10, 2), (10, 10), (30, 2), (30, 10)]
+    assert [(p.rover.escape.turn_angle_deg, p.slip_mean_m) for p in sweep.points] == [tuple(v.values()) for v in values]
     for trial in range(BASE.trials):
         met = {(p.trial_seed(trial), p.make_forest(trial)) for p in sweep.points}
         assert met == {(BASE.trial_seed(trial), BASE.make_forest(trial))}

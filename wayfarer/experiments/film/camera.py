@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from wayfarer.simhal.world.collision import Obstacle
 
@@ -58,7 +59,7 @@ def views(joints: Array, obstacles: list[Obstacle], length_m: float, frames_s: f
         if trunk.axis_deg is not None:
             np.maximum(wanted_deg, _to_see_over_deg(trunk, joints, azimuth), out=wanted_deg)
     around = round(2.0 * RISES_S * frames_s)
-    highest = np.lib.stride_tricks.sliding_window_view(np.pad(wanted_deg, around, "edge"), 2 * around + 1).max(axis=1)
+    highest = maximum_filter1d(wanted_deg, 2 * around + 1, mode="nearest")
     elevation_deg = smooth(np.minimum(highest, STEEPEST_DEG), RISES_S * frames_s)
     away_m = max(LENGTHS_AWAY * length_m, LEAST_AWAY_M)
     return [View(*view, away_m) for view in zip(at_m, np.degrees(azimuth), elevation_deg, strict=True)]
@@ -66,9 +67,7 @@ def views(joints: Array, obstacles: list[Obstacle], length_m: float, frames_s: f
 
 def smooth(values: Array, frames: float) -> Array:
     """Return values averaged with a bell curve of this standard deviation; its ends are held."""
-    reach = round(3.0 * frames)
-    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(frames, 1e-6)) ** 2)
-    return np.convolve(np.pad(values, reach, "edge"), bell / bell.sum(), "valid")
+    return np.asarray(gaussian_filter1d(values, frames, mode="nearest", truncate=3.0))
 
 
 def _yaw(joints: Array) -> Array:

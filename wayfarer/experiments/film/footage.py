@@ -76,9 +76,10 @@ def _between(one: NDArray[np.float64], other: NDArray[np.float64], share: float)
 
 
 class Recorder:
-    """Runs one trial and keeps its footage; an ``executors.RunTrial``."""
+    """Runs one trial, its field log in ``log_dir``, and keeps its footage; an ``executors.RunTrial``."""
 
-    def __init__(self) -> None:
+    def __init__(self, log_dir: Path | None) -> None:
+        self._log_dir = log_dir
         self._taken: Footage | None = None
 
     @property
@@ -86,8 +87,9 @@ class Recorder:
         """What was filmed; None where the trial ended before its first control tick."""
         return self._taken if self._taken and self._taken.shots else None
 
-    def __call__(self, spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
-        """Run the trial; its result, and its field log in ``log_dir``, are the same as without a film."""
+    def __call__(self, spec: TrialSpec) -> TrialResult:
+        """Run the trial; its result and its field log are the same as without a film."""
+        log_dir = self._log_dir
 
         def make_log(world: SimulatedWorld, rover: Rover) -> Tee:
             if not isinstance(world, MujocoWorld):

@@ -29,7 +29,6 @@ SHADOWS_WITHIN_M = 7.0  # of the rover
 SUN = np.array((0.72, 0.28, -0.635))  # its rays: low from the west, so that trunks throw long shadows
 SUN_AWAY_M = 8.0
 TUFTS = 2500
-GRASS_FREE_M = 0.4
 TREE_KINDS = 3
 # Beyond the map's edges stand trees that no rover meets, so that the forest does not end there.
 OUTSIDE_M = 18.0

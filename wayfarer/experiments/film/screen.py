@@ -11,16 +11,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from ctypes.util import find_library
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.errors import BadInput, in_one_line
 from wayfarer.experiments.film.camera import View
-
-if TYPE_CHECKING:
-    from wayfarer.experiments.film.scenery import Scenery
+from wayfarer.experiments.film.scenery import Scenery
 
 # How MuJoCo can draw off screen, the first the better, and the system library that each needs.
 BACKENDS = {"egl": "EGL", "osmesa": "OSMesa"}
@@ -71,9 +69,6 @@ class Screen:
     """Draws a scenery; OpenGL must be there until it is closed."""
 
     def __init__(self, scenery: Scenery, width: int, height: int) -> None:
-        import mujoco
-
-        self._mujoco: Any = mujoco
         self._scenery = scenery
         self._model = scenery.model
         self.data = mujoco.MjData(self._model)
@@ -89,7 +84,6 @@ class Screen:
 
     def place(self, joints: NDArray[np.float64], view: View) -> None:
         """Put the rover and the camera where they are; what else is to be drawn is then added to ``scene``."""
-        mujoco = self._mujoco
         self.data.qpos[:] = joints
         mujoco.mj_kinematics(self._model, self.data)
         mujoco.mj_camlight(self._model, self.data)
@@ -105,7 +99,6 @@ class Screen:
 
     def draw(self) -> Image:
         """Return the picture; good until the next one."""
-        mujoco = self._mujoco
         mujoco.mjr_render(self._rectangle, self.scene, self._context)
         mujoco.mjr_readPixels(self._pixels, None, self._rectangle, self._context)
         return self._pixels[::-1]
@@ -118,7 +111,7 @@ class Screen:
         """Let the rover be seen through trees."""
         if not trees:
             return
-        kind = self._mujoco.mjtObj.mjOBJ_GEOM
+        kind = mujoco.mjtObj.mjOBJ_GEOM
         for geom in self.scene.geoms[: self.scene.ngeom]:
             if geom.objtype == kind and geom.objid in trees:
                 geom.rgba[3] = FADED

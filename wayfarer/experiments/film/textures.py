@@ -11,6 +11,7 @@ from math import cos, pi, sin
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
+from scipy.ndimage import fourier_gaussian
 
 Picture = NDArray[np.float64]  # rows, columns, red green blue in 0..1
 
@@ -42,9 +43,7 @@ WOOD = np.array((0.66, 0.52, 0.34))
 def clouds(chance: Generator, size: int, rows_px: float, columns_px: float) -> NDArray[np.float64]:
     """Return smooth noise with features of these sizes, mean 0.5, nearly all of it within 0..1."""
     noise = chance.standard_normal((size, size))
-    rows, columns = np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)
-    keep = np.exp(-2.0 * ((pi * rows * rows_px / 2.0) ** 2 + (pi * columns * columns_px / 2.0) ** 2))
-    smooth = np.fft.irfft2(np.fft.rfft2(noise) * keep, (size, size))
+    smooth = np.fft.irfft2(fourier_gaussian(np.fft.rfft2(noise), (rows_px / 2.0, columns_px / 2.0), size), (size, size))
     return np.asarray(np.clip(0.5 + smooth / (4.0 * smooth.std()), 0.0, 1.0))
 
 

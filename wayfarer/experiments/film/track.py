@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from wayfarer.experiments.film.footage import FilmedTick
 from wayfarer.simhal.world.wheeled_body import WheeledBody
@@ -36,7 +37,7 @@ class TyreMarks(NamedTuple):
 def bars_of(shots: list[FilmedTick], body: WheeledBody) -> TyreMarks:
     """Return the bars that four wheels leave."""
     joints = np.array([shot.joints for shot in shots])
-    turns = _turns(joints[:, 3:7])
+    turns = Rotation.from_quat(np.roll(joints[:, 3:7], -1, axis=1)).as_matrix()
     half_base_m, half_track_m, radius_m = body.wheels
     times_s, places_m, lie = [], [], []
     for ahead, left in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
@@ -64,11 +65,3 @@ def add_bars(scene: Any, bars: TyreMarks, numbers: NDArray[np.intp], body: Wheel
             EARTH,
         )
         scene.ngeom += 1
-
-
-def _turns(quaternions: Array) -> Array:
-    """Return rotation matrices."""
-    turns = np.empty((len(quaternions), 9))
-    for turn, quaternion in zip(turns, quaternions, strict=True):
-        mujoco.mju_quat2Mat(turn, quaternion)
-    return turns.reshape(-1, 3, 3)

@@ -20,7 +20,7 @@ from wayfarer.control.supervisor import first_cause
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.experiments.outcome import Outcome
-from wayfarer.experiments.trial import GAVE_UP, TrialCounters
+from wayfarer.experiments.trial import TrialCounters, outcome_of
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
@@ -109,8 +109,11 @@ class AgentBridge:
         self.world = setup.world
         self._finish = log.finish = setup.supervisor.finish
         await setup.supervisor.arm(self._spec.forest.heading_deg)
-        await setup.supervisor.run()
-        return _ending(setup, log)
+        end = await setup.supervisor.run()
+        monitor = setup.outcome_monitor
+        outcome = outcome_of(monitor, log, end)
+        in_time = log.why_disarmed is not None or outcome != "entrapped"
+        return Ending(outcome, in_time, monitor.path_m(setup.world), setup.world.t_s, log.ticks)
 
 
 class _EndingCounters(TrialCounters):
@@ -122,17 +125,6 @@ class _EndingCounters(TrialCounters):
         super().event(name, t_s, **details)
         if name == "disarmed":
             self.finish(name, str(details["reason"]))
-
-
-def _ending(setup: TrialSetup, log: TrialCounters) -> Ending:
-    """Return how it ended: by the outcome monitor, by the rover itself, or else at a limit of the rover's mission."""
-    judged = setup.outcome_monitor.outcome
-    if log.why_disarmed is not None:
-        outcome: Outcome = "entrapped" if log.why_disarmed == GAVE_UP else "fault"
-    else:
-        outcome = judged or "entrapped"
-    in_time = log.why_disarmed is not None or outcome != "entrapped"
-    return Ending(outcome, in_time, setup.outcome_monitor.path_m(setup.world), setup.world.t_s, log.ticks)
 
 
 _BRIDGE: ContextVar[AgentBridge] = ContextVar("seat")

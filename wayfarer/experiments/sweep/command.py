@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from functools import partial
-from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,7 +28,7 @@ the report has the 95 % intervals"""
 class _Cell(NamedTuple):
     """What one algorithm did at one point."""
 
-    values: Sequence[Value]
+    values: Mapping[str, Value]
     summary: AlgorithmSummary
 
 
@@ -52,17 +51,12 @@ def run_all(
         finished = run_shown(sweep, folder, jobs=jobs, run_trial=run_trial)
     if finished.interrupted:
         return INTERRUPTED
-    console, names = Console(), sweep.base.algorithms
-    values = [values for values, _ in product(sweep.values, names)]
     if as_json:
-        document, keys = finished.as_json(), [axis.key for axis in sweep.axes]
-        points = (dict(zip(keys, each, strict=True)) for each in values)
-        print_json(
-            document | {"table": [{"point": at} | line for at, line in zip(points, document["table"], strict=True)]}
-        )
+        print_json(finished.as_json())
         return 0
-    cells = list(map(_Cell, values, finished.summaries))
-    cells.sort(key=lambda cell: names.index(cell.summary.algorithm))
+    console = Console()
+    cells = list(map(_Cell, finished.points, finished.summaries))
+    cells.sort(key=lambda cell: sweep.base.algorithms.index(cell.summary.algorithm))
     console.print(table(list(_columns(sweep)), cells))
     say(console, LEGEND)
     say(Console(stderr=True), f"the results are in {out}")
@@ -72,14 +66,14 @@ def run_all(
 
 def _columns(sweep: Sweep) -> Iterator[Column[_Cell]]:
     yield Column("algorithm", lambda cell: cell.summary.algorithm, left=True)
-    for index, axis in enumerate(sweep.axes):
+    for axis in sweep.axes:
         title = axis.key.rpartition(".")[2].replace("_", "\n")  # a word a line: two long keys must fit 80 columns
-        yield Column(title, partial(_value, index))
+        yield Column(title, partial(_value, axis.key))
     yield Column("success\n%", lambda cell: number(cell.summary.success_percent))
     yield Column("SPL", lambda cell: number(cell.summary.spl, 3))
     yield Column("path\nm", lambda cell: number(cell.summary.path_mean_m))
     yield Column("left the\nmap %", lambda cell: number(100 * cell.summary.left_bounds / cell.summary.trials))
 
 
-def _value(index: int, cell: _Cell) -> str:
-    return str(cell.values[index])
+def _value(key: str, cell: _Cell) -> str:
+    return str(cell.values[key])

@@ -13,7 +13,7 @@ from typing import Any
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.sweep.axes import MOST_AXES, Axis, Value
+from wayfarer.experiments.sweep.axes import MOST_AXES, Axis
 from wayfarer.experiments.sweep.keys import check_keys, current, laid_over_campaign
 
 MOST_TRIALS = 1_000_000
@@ -30,17 +30,13 @@ class Sweep:
     axes: tuple[Axis, ...]
     points: tuple[Campaign, ...]
 
-    @property
-    def values(self) -> list[tuple[Value, ...]]:
-        """The swept values at each point."""
-        return list(product(*(axis.values for axis in self.axes)))
-
     def settings(self) -> dict[str, Any]:
         """Return the settings as JSON can hold them: what makes two sweeps the same one.
 
         ``now`` is what the campaign has for each key where it is not swept.
         """
-        axes = [{"key": a.key, "values": list(a.values), "now": current(self.base, a.key)} for a in self.axes]
+        now = current(self.base)
+        axes = [{"key": a.key, "values": list(a.values), "now": now.get(a.key)} for a in self.axes]
         return {"axes": axes, "campaign": self.base.settings()}
 
 

@@ -51,24 +51,17 @@ FOREST = tuple(field.name for field in fields(ForestKeys))
 PHYSICS = tuple(field.name for field in fields(Physics) if field.name not in OWN)
 
 
-def known_keys(campaign: Campaign) -> list[str]:
-    """Return every key that can be swept, but for those of parts that have their default."""
+def current(campaign: Campaign) -> dict[str, Any]:
+    """Return each key that can be swept with its value now: None where it has none; keys of parts only if set."""
     rover = flat(campaign.rover.model_dump(mode="json"))
-    return [FOOTPRINT, *OWN, *(WORLD + name for name in (*FOREST, *PHYSICS)), *rover]
-
-
-def current(campaign: Campaign, key: str) -> Any:
-    """Return the value that a campaign has for a known key now; None where it has none, as with a key of a part."""
-    name = key.removeprefix(WORLD)
-    if key in OWN or (name in FOREST and name != key):
-        return getattr(campaign, name)
-    if name != key:
-        return getattr(campaign.physics, name)
-    rover = flat(campaign.rover.model_dump(mode="json"))
-    if key == FOOTPRINT:
-        length_m, width_m = (rover[each] for each in BODY)
-        return length_m if length_m == width_m else None
-    return rover.get(key)
+    length_m, width_m = (rover[each] for each in BODY)
+    return {
+        FOOTPRINT: length_m if length_m == width_m else None,
+        **{name: getattr(campaign, name) for name in OWN},
+        **{WORLD + name: getattr(campaign, name) for name in FOREST},
+        **{WORLD + name: getattr(campaign.physics, name) for name in PHYSICS},
+        **rover,
+    }
 
 
 def check_keys(campaign: Campaign, keys: list[str]) -> None:
@@ -78,7 +71,7 @@ def check_keys(campaign: Campaign, keys: list[str]) -> None:
         UnknownName: no such key; the text offers the nearest ones.
         BadInput: two keys set the same, or one that nothing here depends on.
     """
-    known = known_keys(campaign)
+    known = current(campaign)
     for key in keys:
         if key not in known and not key.startswith(PARTS):
             raise UnknownName("key", key, known)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
@@ -18,21 +18,14 @@ def share(rows: Sequence[TrialRow], outcomes: Sequence[str]) -> Estimate:
     return Estimate(100.0 * count / len(rows), 100.0 * low, 100.0 * high)
 
 
-def mean(values: Sequence[float]) -> Estimate | None:
-    """Return the mean with 1.96 standard errors on both sides; None of fewer than two values."""
-    if len(values) < 2:
+def mean(values: Iterable[float | None]) -> Estimate | None:
+    """Return the mean of the known values with 1.96 standard errors on both sides; None of fewer than two."""
+    known = [value for value in values if value is not None]
+    if len(known) < 2:
         return None
-    centre = statistics.fmean(values)
-    half = Z_95 * statistics.stdev(values) / math.sqrt(len(values))
+    centre = statistics.fmean(known)
+    half = Z_95 * statistics.stdev(known) / math.sqrt(len(known))
     return Estimate(centre, centre - half, centre + half)
-
-
-def _path_m(rows: Sequence[TrialRow]) -> Estimate | None:
-    return mean([row.path_m for row in rows if row.outcome in SUCCESSES and row.path_m is not None])
-
-
-def _spl(rows: Sequence[TrialRow]) -> Estimate | None:
-    return mean([spl for row in rows if (spl := row.counted_spl) is not None])
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +40,8 @@ class Measure:
 
 MEASURES = (
     Measure("success", "success, %", 1, lambda rows: share(rows, SUCCESSES)),
-    Measure("spl", "SPL", 3, _spl),
-    Measure("path", "path, m", 1, _path_m),
+    Measure("spl", "SPL", 3, lambda rows: mean(row.counted_spl for row in rows)),
+    Measure("path", "path, m", 1, lambda rows: mean(row.escape_path_m for row in rows)),
     Measure("left_bounds", "left the map, %", 1, lambda rows: share(rows, ("left_bounds",))),
 )
 
