@@ -16,12 +16,11 @@ from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, plot
 
-PANEL_PX = 340
+PANEL_PX, LEGEND_ROW_PX = 330, 18  # the legend is below: anywhere else a curve could run through it
 DASHES: tuple[tuple[int, ...], ...] = ((), (7, 2), (2, 2), (8, 2, 2, 2))  # not as many as colours: 20 looks
 
 
 LEGEND: Mapping[str, Any] = {
-    "location": "bottom_right",  # no curve falls, so this is the place that is free the longest
     "click_policy": "hide",
     "background_fill_color": None,
     "border_line_color": None,
@@ -91,7 +90,7 @@ def _figure(
 ) -> Figure:
     made = plot(
         f"escape, {title}",
-        PANEL_PX,
+        PANEL_PX + LEGEND_ROW_PX * len(algorithms),
         "both",
         x_axis_type="log",
         x_range=x_range,
@@ -104,7 +103,7 @@ def _figure(
     for name in [name for name in drawn if name not in algorithms]:
         made.line("x", "y", source=drawn[name], line_color=palette.GREY, line_alpha=0.35, line_width=0.8)
     items = [_curve(made, place, name, curves[name], drawn[name]) for place, name in enumerate(algorithms)]
-    made.add_layout(Legend(items=items, **LEGEND))
+    made.add_layout(Legend(items=items, **LEGEND), "below")
     return made
 
 

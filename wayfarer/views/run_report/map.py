@@ -90,7 +90,7 @@ def _draw_fixes(map_: Figure, track: Track) -> None:
 
 def _draw_ways(map_: Figure, track: Track, colours: Mapping[str, str]) -> None:
     if track.reckoned is not None:
-        _line(map_, _thinned(track.reckoned)[1:3], palette.GREY, "reckoned", line_dash=[6, 3])
+        _line(map_, _thinned(track.reckoned)[1:3], palette.RECKONED, "reckoned", line_dash=[6, 3])
     way = _thinned(track.way)
     for phase, colour in colours.items():
         inside = way.phase == PHASES.index(phase)

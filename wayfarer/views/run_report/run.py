@@ -88,9 +88,9 @@ def _map(tracks: Sequence[Track], names: Sequence[str], plots: Plots) -> Iterato
         yield html.key("", zip(names, palette.RUNS, strict=True))
     yield html.figure(plots.place(map_plot(tracks)), words.track_caption(tracks))
     for track, name in zip(tracks, names, strict=True):
-        yield html.paragraph(words.fitted(track, "" if len(tracks) == 1 else f"Run {name}: "))
-        if track.end_deg:
-            yield words.where_link(track.end_deg, "" if len(tracks) == 1 else name)
+        run = "" if len(tracks) == 1 else f"Run {name}: "
+        yield html.paragraph(words.fitted(track, run))
+        yield words.where_link(track, run)
     if len(tracks) == 1 and tracks[0].data.summary.simulated and tracks[0].forest is None:
         yield html.paragraph(words.NO_FOREST)
 
@@ -101,7 +101,7 @@ def _layers(tracks: Sequence[Track]) -> Iterator[html.Layer]:
         for phase, colour in palette.PHASES.items():
             yield html.Layer(phase, vocabulary.PHASES[phase], colour)
     if any(track.reckoned for track in tracks):
-        yield html.Layer("reckoned", "dead reckoning", palette.GREY, shown=len(tracks) == 1)
+        yield html.Layer("reckoned", "dead reckoning", palette.RECKONED, shown=len(tracks) == 1)
     if any(track.fixes for track in tracks):
         yield html.Layer("fixes", "receiver", palette.RECEIVER, shown=len(tracks) == 1)
     yield from LAYERS

@@ -108,10 +108,13 @@ def fitted(track: Track, run: str) -> str:
     return run + " ".join(parts) if parts else ""
 
 
-def where_link(end_deg: tuple[float, float], name: str) -> str:
-    """Return where a run ended, with links that the map of a telephone, or a browser, opens."""
-    latitude, longitude = (f"{degrees:.6f}" for degrees in end_deg)
+def where_link(track: Track, run: str) -> str:
+    """Return where a run ended, and who says so, with links that the map of a telephone, or a browser, opens."""
+    if track.end_deg is None:
+        return ""
+    latitude, longitude = (f"{degrees:.6f}" for degrees in track.end_deg)
+    whose = "End of the fitted way (the last fix is above, under “where”)" if track.fit else "The last fix"
     at = f"{latitude},{longitude}"
     osm = f"https://www.openstreetmap.org/?mlat={latitude}&mlon={longitude}#map=18/{latitude}/{longitude}"
     links = f"{html.link(f'geo:{at}?q={at}', 'open in a map')}, {html.link(osm, 'OpenStreetMap')}"
-    return f"<p>{escape(f'Run {name} ended' if name else 'Ended')} at {latitude}°, {longitude}°: {links}.</p>"
+    return f"<p>{escape(run + whose)}: {latitude}°, {longitude}°: {links}.</p>"
