@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 from collections.abc import AsyncIterator
 from typing import Any
@@ -10,7 +11,7 @@ import aiohttp
 import pytest
 
 from tests.views.live.records import run_log
-from tests.views.live.test_server import TOKEN, Rover, Site, first, nobody_is_local, pieces, serving  # noqa: F401
+from tests.views.live.test_server import TOKEN, Rover, Site, first, nobody_is_local, serving  # noqa: F401
 from wayfarer.views.live.broadcaster import LIMITS
 from wayfarer.views.live.demo_controls import VERBS, DemoState
 from wayfarer.views.live.server import LivePage
@@ -112,20 +113,20 @@ async def test_buttons_are_not_limited_as_marks_are_because_nothing_is_written()
 
 
 async def test_demo_is_told_that_it_is_seen_and_the_page_how_it_is() -> None:
-    async with demonstrated() as (site, demo), site.connect() as connection:
-        assert not demo.is_seen
-        states = [state["demo"] async for state in _first_two(connection)]
-        assert states[0] == {"seed": 22, "speed": 6.0, "paused": True, "log": "logs/1"}
-        assert demo.is_seen
-
-
-async def _first_two(connection: Any) -> AsyncIterator[dict[str, Any]]:
-    count = 0
-    async for state in pieces(connection, "state"):
-        yield state
-        count += 1
-        if count == 2:
-            return
+    async with demonstrated() as (site, demo):
+        async with site.connect() as connection:
+            assert not demo.is_seen
+            assert (await first(connection, "state"))["demo"] == {
+                "seed": 22,
+                "speed": 6.0,
+                "paused": True,
+                "log": "logs/1",
+            }
+            await first(connection, "state")
+            assert demo.is_seen
+            assert site.page.is_watched
+        await asyncio.sleep(0.1)
+        assert not site.page.is_watched
 
 
 async def test_state_of_a_rover_says_nothing_of_a_demo() -> None:

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
-from wayfarer.fieldlog.fields import name
+from wayfarer.fieldlog.run_events import Marked, Noted
 from wayfarer.fieldlog.vocabulary import ANOMALIES
 from wayfarer.fieldlog.wording import Tone, event_text, event_tone
 from wayfarer.views import palette
 from wayfarer.views.page.html import Layer
-from wayfarer.views.run_report.data import GAP_S, LoggedEvent, RunData
+from wayfarer.views.run_report.data import GAP_S, RunData
 
 LAYERS = (
     Layer("anomaly", "anomalies", palette.ANOMALY),
@@ -40,17 +40,17 @@ def happenings(data: RunData) -> list[Happening]:
 def _anomalies(data: RunData) -> Iterator[Happening]:
     for onset in data.onsets:
         shape, turned_deg = palette.ANOMALY_MARKERS[onset.kind]
-        yield Happening(onset.t_s, "anomaly", ANOMALIES[onset.kind], shape, turned_deg)
+        yield Happening(onset.elapsed_s, "anomaly", ANOMALIES[onset.kind], shape, turned_deg)
 
 
 def _events(data: RunData) -> Iterator[Happening]:
     for event in data.events:
-        if event.mark:
-            yield Happening(event.t_s, "mark", mark_text(event), "hex")
+        if isinstance(event, Marked):
+            yield Happening(event.elapsed_s, "mark", told(event), "hex")
         else:
             by_hand = event_tone(event.record) is Tone.PERSON
             layer = "trouble" if is_trouble(event) else "person" if by_hand else "other"
-            yield Happening(event.t_s, layer, event_text(event.record))
+            yield Happening(event.elapsed_s, layer, told(event))
 
 
 def _silences(data: RunData) -> Iterator[Happening]:
@@ -60,12 +60,14 @@ def _silences(data: RunData) -> Iterator[Happening]:
             yield Happening(before_s, "trouble", f"no ticks for {t_s - before_s:.0f} s")
 
 
-def mark_text(event: LoggedEvent) -> str:
-    """Return the number and the text of a person's mark."""
-    return f"mark {event.mark}: {name(event.record, 'text') or ''}".rstrip(": ")
+def told(event: Noted) -> str:
+    """Return an event in words; a person's mark with its number."""
+    if isinstance(event, Marked):
+        return f"mark {event.number}: {event.text}".rstrip(": ")
+    return event_text(event.record)
 
 
-def is_trouble(event: LoggedEvent) -> bool:
+def is_trouble(event: Noted) -> bool:
     """Return whether an event tells of something that went wrong; a hold that somebody asked for did not."""
     tone = event_tone(event.record)
     return tone in (Tone.WARNING, Tone.FAULT) and event.record.get("cause") != "operator_hold"

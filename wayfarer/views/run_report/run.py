@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -15,13 +14,19 @@ from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Plots
 from wayfarer.views.run_report import words
-from wayfarer.views.run_report.comparison import facts_table, settings_table
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.events import LAYERS
 from wayfarer.views.run_report.map import map_plot
 from wayfarer.views.run_report.panels import draw_panels
 from wayfarer.views.run_report.reading import read_run
-from wayfarer.views.run_report.tables import anomalies_table, episodes_table, events_list, sensors_table
+from wayfarer.views.run_report.tables import (
+    anomalies_table,
+    episodes_table,
+    events_list,
+    facts_table,
+    sensors_table,
+    settings_table,
+)
 from wayfarer.views.run_report.track import Track, tracks_of
 
 BUTTONS = (
@@ -124,6 +129,5 @@ def _cursor(runs: Sequence[RunData], names: Sequence[str]) -> str:
     )
 
 
-@cache
 def _cursor_js() -> str:
     return (files("wayfarer.views.run_report") / "cursor.js").read_text(encoding="utf-8")

@@ -19,8 +19,6 @@ from wayfarer.views.text.summary_text import summary_facts
 NO_WAY = "The log has no heading, so the path of the rover is unknown."
 NO_TICKS = "No time lines: the log has no control ticks, or they hold no values."
 NO_FOREST = "The log is of a simulated run, but its forest or its true path is missing or cannot be read."
-NO_EPISODE = "There was no escape episode: the rover followed its goal all the time."
-NO_EVENT = "No events."
 LAST_GOALS = 5  # as many stand in the header
 BANDS = "Colours behind the lines: what the rover did; none: it stood."
 PANELS = (
@@ -42,8 +40,6 @@ GAPS = (
     "broke off."
 )
 SAME_SETTINGS = "Nothing: both runs had the same rover file."
-SETTINGS = "Keys of the rover file with another value."
-NO_SENSOR = "The log has no sensor readings."
 
 
 def title(data: RunData) -> str:
@@ -67,9 +63,6 @@ def _goal(data: RunData) -> str:
     whole_deg = np.round(goals_deg[~np.isnan(goals_deg)]) % 360.0
     changes_deg = whole_deg[np.append(True, np.diff(whole_deg) != 0)[: whole_deg.size]]
     return ", then ".join(f"{goal_deg:.0f}°" for goal_deg in changes_deg[-LAST_GOALS:]) or "none"
-
-
-# -- figures -----------------------------------------------------------------------------------------------------
 
 
 def number_of(run: Path) -> str:
