@@ -152,20 +152,15 @@ def test_worst_trials_are_clicked_through(report: str, browser_page: OpenPage, v
         name = links.nth(number).inner_text().partition(":")[0]
         assert texts.nth(number).inner_text().startswith(f"{name} (forest ")
         assert links.nth(number).get_attribute("aria-current") == "true"
+        page.wait_for_function(
+            f"[...Bokeh.index.find_one({MODEL.format(name='end')}).all_indices].join() === '{number}'"
+        )
     page.get_by_role("button", name="previous").click()
     page.wait_for_function(f"{MODEL.format(name='shown')}.group === 1")
     page.go_back()
     page.wait_for_function(f"{MODEL.format(name='shown')}.group === 2")
     assert page.get_by_role("button", name="next").is_disabled()
     assert opened.overflow_px() == 0
-
-
-def test_map_draws_the_chosen_trial_alone(report: str, browser_page: OpenPage) -> None:
-    opened = shown(browser_page, report)
-    drawn = f"[...Bokeh.index.find_one({MODEL.format(name='end')}).all_indices]"
-    for number in range(GALLERY):
-        opened.page.evaluate(f"location.hash = '#trial-{number}'")
-        opened.page.wait_for_function(f"{drawn}.join() === '{number}'", timeout=10_000)
 
 
 def test_close_up_shows_the_ground_that_the_rover_kept_to(report: str, browser_page: OpenPage) -> None:

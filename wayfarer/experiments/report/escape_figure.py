@@ -10,11 +10,11 @@ from bokeh.models import Range1d
 from bokeh.models.annotations import Legend, LegendItem
 from bokeh.plotting import ColumnDataSource
 
-from wayfarer.experiments.report.algorithm_rows import SVG, plain_numbers, source, span_of
+from wayfarer.experiments.report.algorithm_rows import SVG, plain_numbers, span_of
 from wayfarer.experiments.report.groups import Group, grouped, short
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover, plot
+from wayfarer.views.page.plots import Figure, hover, plot, source
 
 CURVES_PX, LEGEND_ROW_PX = 270, 18  # the legend stands below zero, where no curve runs
 AXIS_PX = 70

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from math import radians
+from typing import Any, NamedTuple
 
 from wayfarer.fieldlog.run_events import Marked, Noted
 from wayfarer.fieldlog.vocabulary import ANOMALIES
@@ -22,6 +23,10 @@ LAYERS = (
 )
 
 
+EDGE: Mapping[str, Any] = {"line_color": palette.EDGE, "line_width": 0.8}
+LOOK: Mapping[str, Any] = {"marker": "shape", "angle": "turned", **EDGE}
+
+
 class Happening(NamedTuple):
     """Something at a time: its layer, what a pointer is told of it, and the shape and the turn of its mark."""
 
@@ -30,6 +35,14 @@ class Happening(NamedTuple):
     text: str
     shape: str = "diamond"
     turned_deg: float = 0.0
+
+
+def columns(found: Sequence[Happening]) -> dict[str, Any]:
+    """Return what marks show, by column of Bokeh's; ``LOOK`` reads them."""
+    return {
+        "t": [each.t_s for each in found], "what": [each.text for each in found],
+        "shape": [each.shape for each in found], "turned": [radians(each.turned_deg) for each in found],
+    }  # fmt: skip
 
 
 def happenings(data: RunData) -> list[Happening]:
