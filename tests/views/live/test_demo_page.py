@@ -136,9 +136,9 @@ def test_restart_begins_the_same_forest_and_another_forest_is_another(browser_pa
     opened = watch(browser_page, demo)
     page = opened.page
     seed = int(page.locator("#seed").inner_text().removeprefix("forest "))
-    poll(lambda: metres(opened) > 8.0, within_s=30.0)
+    poll(lambda: metres(opened) > 4.0, within_s=30.0)
     page.locator("#restart").click()
-    poll(lambda: metres(opened) < 5.0)
+    poll(lambda: metres(opened) < 3.0)
     poll(lambda: metres(opened) > 1.0)  # it arms itself again
     page.locator("#forest").click()
     page.locator("#seed", has_text=f"forest {seed + 1}").wait_for()

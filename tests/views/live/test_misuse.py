@@ -19,12 +19,12 @@ ENDS = {aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSING, aiohttp.WSMsgType.CL
 @pytest.mark.parametrize(
     ("shown", "why"),
     [
-        *[(age_s, "not held") for age_s in (0.0, 0.5)],  # of now: it reaches the rover
-        *[(age_s, "look again") for age_s in (1.1, 3600.0, -1.1)],  # it waited, or its page is of another run
-        *[(nonsense, "look again") for nonsense in (None, "now", [], {})],
+        (0.0, "not held"), (0.5, "not held"),  # seconds ago: it reaches the rover
+        (1.1, "look again"), (3600.0, "look again"), (-1.1, "look again"),  # it waited, or its page is of another run
+        (None, "look again"), ("now", "look again"), ([], "look again"), ({}, "look again"),
     ],
     ids=str,
-)
+)  # fmt: skip
 async def test_resume_reaches_the_rover_from_a_page_of_now_alone(shown: object, why: str) -> None:
     now_s = asyncio.get_running_loop().time()
     state_t_s = now_s - shown if isinstance(shown, float) else shown
