@@ -110,6 +110,15 @@ def test_trouble_stands_out_and_an_operators_hold_does_not(tmp_path: Path) -> No
     assert re.findall(r"<strong>(.*?)</strong>", page) == ["Wheels held until this clears: the compass is silent"]
 
 
+def test_held_wheels_and_the_battery_are_in_the_time_lines(tmp_path: Path) -> None:
+    ticks, boards = drive(), [record("board", at_s, battery_v=12.0 - at_s) for at_s in (1.01, 2.01)]
+    for held in ticks[20:40]:
+        held["level"] = "hold"
+    page = page_of(tmp_path, HEADER, *sorted([*ticks, *boards], key=lambda each: float(each["t_s"])), OUTCOME)
+    assert '"Wheels held until this clears, for 1.0 s"' in drawn(page)
+    assert "battery, V" in titles(page)
+
+
 def test_sensors_are_told_by_rate_gap_and_failures(tmp_path: Path) -> None:
     ticks = drive()
     for deaf in ticks[20:40]:
