@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
+from urllib.error import URLError
+from urllib.request import urlopen
 
 import pytest
 
@@ -44,10 +46,9 @@ class Page:
     def __init__(self) -> None:
         self.shown: list[Any] = []
         self.is_watched = False
-        self.page = self
         self.begin_run = self.show = self.shown.append
 
-    def call(self, function: Any, *arguments: Any) -> None:
+    def call_soon_threadsafe(self, function: Any, *arguments: Any) -> None:
         function(*arguments)
 
 
@@ -61,7 +62,7 @@ def demo(page: Page, monkeypatch: pytest.MonkeyPatch) -> Demo:
     monkeypatch.setattr(module, "LOOK_S", 0.01)
     monkeypatch.setattr(module, "LEFT_S", 0.03)
     found = Demo(seed=5, speed=50.0)
-    found._page = page  # type: ignore[assignment]
+    found._page = found._page_loop = page  # type: ignore[assignment]
     return found
 
 
@@ -204,3 +205,15 @@ def test_wall_clock_of_the_log_does_not_count_a_pause(demo: Demo) -> None:
     clock_s, wall_s = (after_s - before_s for before_s, after_s in zip(*looks_s, strict=True))
     assert 0.25 <= demo.pace.stood_s <= clock_s
     assert 0.0 <= wall_s <= clock_s - 0.25
+
+
+def test_page_is_served_in_another_thread_until_the_demo_ends(demo: Demo) -> None:
+    from wayfarer.views.live.server import LivePage  # needs aiohttp
+
+    page = LivePage("127.0.0.1", 0, "token", demo=demo)
+    with demo.serve_page(page):
+        demo.show(RUN)
+        with urlopen(page.url, timeout=5.0) as answer:
+            assert answer.status == 200
+    with pytest.raises(URLError):
+        urlopen(page.url, timeout=5.0)

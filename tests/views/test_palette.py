@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from importlib.resources import files
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +13,8 @@ from numpy.typing import NDArray
 
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.views import palette
+from wayfarer.views.live.document import document
+from wayfarer.views.page.frame import write_page
 
 CONTRAST = 3.0  # WCAG 2.1, success criterion 1.4.11
 APART = 0.06  # of OKLab: three times the difference that is just noticeable, 0.02
@@ -58,20 +63,16 @@ def seen(colour: str, eye: Triple) -> Triple:
 @pytest.mark.parametrize("ground", [palette.PAPER, palette.NIGHT])
 def test_colours_stand_out_from_the_ground(ground: str) -> None:
     lines = {
-        *palette.PHASES.values(),
-        *palette.RUNS,
-        *palette.SERIES,
-        palette.RECEIVER,
-        palette.TRUNK,
-        palette.TREE,
-        palette.GOAL_LINE,
-    }
+        *palette.PHASES.values(), *palette.RUNS, *palette.SERIES, palette.RECKONED, palette.RECEIVER, palette.TRUNK,
+        palette.TREE, palette.GOAL_LINE,
+    }  # fmt: skip
     assert {colour: contrast(colour, ground) for colour in lines if contrast(colour, ground) < CONTRAST} == {}
 
 
 @pytest.mark.parametrize("eye", EYES)
-def test_phases_are_told_apart_by_every_eye(eye: str) -> None:
-    colours = {name: seen(colour, EYES[eye]) for name, colour in palette.PHASES.items()}
+def test_phases_and_dead_reckoning_are_told_apart_by_every_eye(eye: str) -> None:
+    drawn = {**palette.PHASES, "reckoned": palette.RECKONED}
+    colours = {name: seen(colour, EYES[eye]) for name, colour in drawn.items()}
     near = {(one, two): float(np.linalg.norm(colours[one] - colours[two])) for one, two in combinations(colours, 2)}
     assert {pair: apart for pair, apart in near.items() if apart < APART} == {}
 
@@ -86,3 +87,21 @@ def test_every_phase_that_moves_and_every_anomaly_has_a_look() -> None:
     assert set(palette.PHASES) == {phase.value for phase in Phase} - {Phase.HALT.value}
     assert set(palette.ANOMALY_MARKERS) == {anomaly.value for anomaly in Anomaly}
     assert len(set(palette.ANOMALY_MARKERS.values())) == len(palette.ANOMALY_MARKERS)
+
+
+def test_no_other_file_has_a_colour_but_the_interface_of_the_pages() -> None:
+    """What the palette names is written nowhere else, so that every page shows a phase in the same colour."""
+    package, ours = files("wayfarer"), set(re.findall(r"--([\w-]+):", palette.css()))
+    assert {phase.value for phase in Phase} <= ours
+    for path in Path(str(package)).rglob("*.*"):
+        if path.suffix not in {".py", ".css", ".js", ".html"} or path.name == "palette.py":
+            continue
+        text = path.read_text(encoding="utf-8")
+        interface = re.sub(r":root \{[^}]*\}", "", text) if path.suffix == ".css" else text
+        assert re.findall(r"#[0-9A-Fa-f]{6}\b|: *#[0-9A-Fa-f]{3}\b|\brgba?\(", interface) == [], path
+        assert ours & set(re.findall(r"--([\w-]+):", text)) == set(), path
+
+
+def test_pages_take_the_phases_from_the_palette(tmp_path: Path) -> None:
+    live, report = document().html.decode(), write_page(tmp_path / "page.html", "A page", []).read_text()
+    assert all(palette.css() in page for page in (live, report))

@@ -8,16 +8,16 @@ safety code sees what it always does: a time that goes on from tick to tick.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Coroutine, Iterator
 from concurrent.futures import Future
-from contextlib import asynccontextmanager, suppress
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
 from functools import partial
 from queue import SimpleQueue
+from threading import Thread
 from time import sleep  # noqa: TID251 - of the person who looks on
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from wayfarer.daemon.socket.protocol import Commands, Details, Refused
-from wayfarer.experiments.page_thread import PageThread
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.log import Record
 from wayfarer.simhal.clock.scaled_loop import FastLoop, Pace
@@ -60,10 +60,23 @@ class Demo:
         self._log = ""
         self._run: _Run | None = None
 
-    def serve_page(self, page: LivePage) -> PageThread:
-        """Return what serves the page of all runs while it is entered."""
-        self._page = PageThread(page, cast(Commands, ForwardedCommands(self)))
-        return self._page
+    @contextmanager
+    def serve_page(self, page: LivePage) -> Iterator[None]:
+        """Serve the page of all runs while entered, in another thread; the last news are sent at the end."""
+        self._page, self._page_loop, stack = page, asyncio.new_event_loop(), AsyncExitStack()
+        thread = Thread(target=self._page_loop.run_forever, name="live page", daemon=True)
+        thread.start()
+        try:
+            self._in_page_thread(stack.enter_async_context(page.serving(cast(Commands, ForwardedCommands(self)))))
+            yield
+        finally:
+            self._in_page_thread(stack.aclose())
+            self._page_loop.call_soon_threadsafe(self._page_loop.stop)
+            thread.join()
+            self._page_loop.close()
+
+    def _in_page_thread(self, coroutine: Coroutine[Any, Any, object]) -> None:
+        asyncio.run_coroutine_threadsafe(coroutine, self._page_loop).result()
 
     def seeds(self) -> Iterator[int]:
         """Give the seed of each run, once it is asked for, until nobody has the page open any more."""
@@ -90,7 +103,7 @@ class Demo:
         unwatched_s = 0.0
         while not self.goes_on and unwatched_s < LEFT_S:
             sleep(LOOK_S)
-            unwatched_s = 0.0 if self._page.page.is_watched else unwatched_s + LOOK_S
+            unwatched_s = 0.0 if self._page.is_watched else unwatched_s + LOOK_S
         return self.goes_on
 
     # -- a viewer of the run, in its thread --------------------------------------------------------------------------
@@ -99,9 +112,9 @@ class Demo:
         """Hand a record to the page; see ``Viewer``."""
         if record["record"] == "run" and record["part"] == 1:
             self._log = record["log"]
-            self._page.call(self._page.page.begin_run, record)
+            self._page_loop.call_soon_threadsafe(self._page.begin_run, record)
         elif record["record"] != "outcome" or not self.goes_on:  # else the next run begins at once
-            self._page.call(self._page.page.show, record)
+            self._page_loop.call_soon_threadsafe(self._page.show, record)
 
     @asynccontextmanager
     async def serving(self, commands: Commands) -> AsyncIterator[None]:

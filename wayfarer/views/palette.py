@@ -1,9 +1,9 @@
 """The colours of everything that shows a run: the same on light and on dark ground. Pure.
 
-M. Okabe, K. Ito, "Color Universal Design", 2008, without their light hues, which white paper swallows. Each colour has
-a contrast of 3 or more to ``PAPER`` and to ``NIGHT`` (WCAG 2.1, 1.4.11), and those of two phases can be told apart by
-colour-blind people (G. Machado, 2009; ``tests/views/test_palette.py`` computes both). ORANGE is for marks with a dark
-edge only.
+M. Okabe, K. Ito, "Color Universal Design", 2008, without their light hues, which white paper swallows. VIOLET is ours:
+of all colours it is the farthest from the others for every eye. Each colour has a contrast of 3 or more to ``PAPER``
+and to ``NIGHT`` (WCAG 2.1, 1.4.11), and those of two phases can be told apart by colour-blind people (G. Machado, 2009;
+``tests/views/test_palette.py`` computes both). ORANGE is for marks with a dark edge only.
 """
 
 from __future__ import annotations
@@ -15,15 +15,16 @@ from wayfarer.safety.conditions import Level
 
 PAPER, NIGHT = "#ffffff", "#121412"  # the ground of a light and of a dark page
 BLUE, VERMILION, GREEN, PURPLE, ORANGE = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
-GREY, EDGE = "#6E6E6E", "#4A4A4A"
+VIOLET, GREY, EDGE = "#9C6CFC", "#6E6E6E", "#4A4A4A"
 
 PHASES: Mapping[str, str] = {
     Phase.FOLLOW.value: BLUE,
     Phase.PROBE.value: VERMILION,
     Phase.STRIDE.value: GREEN,
     Phase.TURN_AWAY.value: PURPLE,
-    Phase.BACK_OFF.value: GREY,
-}  # a rover that stands draws no way, and has none
+    Phase.BACK_OFF.value: VIOLET,
+}  # a rover that stands draws no way
+STANDS = RECKONED = GREY  # no phase that moves, and the way as dead reckoning has it
 
 # Told apart by shape: Bokeh's name, and by how many degrees it is turned to the left. The triangles point to where the
 # body tips.
@@ -42,7 +43,16 @@ LEVELS: Mapping[str, str] = {
     Level.FAULT.name.lower(): PURPLE,
 }
 RUNS = (BLUE, VERMILION)  # two runs in one page
-SERIES = (BLUE, VERMILION, GREEN, PURPLE, GREY)  # curves beside each other; with dashes for more
+SERIES = (BLUE, VERMILION, GREEN, PURPLE, VIOLET)  # curves beside each other; with dashes for more
 MEASURED, LIMIT = BLUE, VERMILION
 RECEIVER = "#2489BC"
 TRUNK, TREE, GOAL_LINE = "#9C7A54", "#63926B", "#00804F"
+
+
+def css() -> str:
+    """Return the colours that the style and the scripts of a page use, as variables: a phase's by its name in a log."""
+    named = {
+        **PHASES, Phase.HALT.value: STANDS, "trunk": TRUNK, "tree": TREE, "goal-line": GOAL_LINE, "anomaly": ANOMALY,
+        "mark-edge": EDGE, "paper": PAPER, "night": NIGHT,
+    }  # fmt: skip
+    return f":root {{ {' '.join(f'--{name}: {colour};' for name, colour in named.items())} }}\n"

@@ -7,16 +7,14 @@ import re
 import shutil
 import subprocess
 import sys
-from collections import Counter
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
 from tests.experiments import fake_trials
 from tests.experiments.report.campaigns import ALGORITHMS, TRIALS, run_campaign
+from tests.views.page.outline import Outline
 from wayfarer.cli import report as command
-from wayfarer.errors import BadInput
 from wayfarer.experiments.entrapment import Cause
 from wayfarer.experiments.report.campaign import write_report
 from wayfarer.experiments.report.groups import grouped
@@ -27,36 +25,6 @@ from wayfarer.views.page.frame import PAGE
 
 GALLERY = 2
 ENTRAPPED = 2  # of them
-VOID = {"meta", "br", "input"}
-URL_ATTRIBUTES = {"href", "src", "srcset", "action", "data"}
-
-
-class Page(HTMLParser):
-    """Reads a page strictly: what is opened is closed, in order."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.tags: Counter[str] = Counter()
-        self.ids: list[str] = []
-        self.links: list[str] = []
-        self.labels: list[str] = []
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        names = [name for name, _ in attrs]
-        assert len(names) == len(set(names)), f"{tag} has an attribute twice"
-        values = dict(attrs)
-        self.tags[tag] += 1
-        self.ids += [value for name, value in attrs if name == "id" and value]
-        self.links += [value for name, value in attrs if name in URL_ATTRIBUTES and value]
-        self.labels += [values["aria-label"] or ""] if tag == "figure" and "aria-label" in values else []
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
 
 
 @pytest.fixture(scope="module")
@@ -73,22 +41,21 @@ def text(folder: Path) -> str:
 
 
 def test_page_is_well_formed_and_its_ids_are_unique(text: str) -> None:
-    page = Page(text)
-    assert page.open == []
+    page = Outline(text)
     assert page.tags["h1"] == page.tags["main"] == page.tags["title"] == 1
     assert len(page.ids) == len(set(page.ids))
     assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids)
 
 
 def test_page_links_to_nothing_elsewhere(text: str) -> None:
-    page = Page(text)
+    page = Outline(text)
     assert not {"link", "img", "iframe", "object"} & page.tags.keys()
     assert page.links == [f"#trial-{number}" for number in range(GALLERY)]
     assert not re.search(r"@import|url\(", text.partition("</style>")[0])
 
 
 def test_every_figure_has_its_place_and_is_described(text: str) -> None:
-    page = Page(text)
+    page = Outline(text)
     groups = len({group.title for group in grouped(ALGORITHMS)})
     assert page.tags["figure"] == 2 + groups + 1 + 1  # paths and failures, escapes, ratios, the map
     assert sum(name.startswith("plot-") for name in page.ids) == page.tags["figure"]
@@ -102,7 +69,7 @@ def test_table_stands_beside_the_papers_numbers(text: str) -> None:
     assert [kind for kind, _ in rows].count("ours") == len(ALGORITHMS)
     papers = [row for kind, row in rows if kind == "paper"]
     assert ["81.3 ± 29.3" in papers[0], "99.7" in papers[0], "247.5 ± 223.7" in papers[1]] == [True] * 3
-    assert all(row.count("<td>") == rows[0][1].count("<td>") for _, row in rows)
+    assert all(row.count("<td ") == rows[0][1].count("<td ") for _, row in rows)
 
 
 def test_header_says_what_ran(text: str) -> None:
@@ -112,11 +79,6 @@ def test_header_says_what_ran(text: str) -> None:
     assert facts["rover"] == "sim"
     assert facts["forests"].startswith("given.jsonl, BLAKE2b ")
     assert facts["algorithms"] == ", ".join(ALGORITHMS)
-
-
-def test_terms_are_explained(text: str) -> None:
-    for term in ("Success: ", "SPL, success weighted by path length: "):
-        assert f"<p>{term}" in text
 
 
 def test_texts_name_the_trials(text: str, folder: Path) -> None:
@@ -132,25 +94,16 @@ def test_texts_name_the_trials(text: str, folder: Path) -> None:
         assert f"{float(row.split(',')[6]):.1f}" == path_m
 
 
-def test_same_folder_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
-    again = Path(shutil.copytree(folder, tmp_path / "elsewhere"))
-    write_report(again, gallery=GALLERY, jobs=1)
-    assert (again / PAGE).read_bytes() == (folder / PAGE).read_bytes()
-
-
 def test_another_process_writes_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     """Python's hashes of strings, and with them the order of sets, differ from process to process."""
     code = (
         "import pathlib, sys; from wayfarer.experiments.report.campaign import write_report;"
-        "write_report(pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2]), gallery=0, jobs=1)"
+        f"write_report(pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2]), gallery={GALLERY}, jobs=1)"
     )
-    pages = []
-    for seed in ("1", "2"):
-        out = tmp_path / f"{seed}.html"
-        environment = {**os.environ, "PYTHONHASHSEED": seed}
-        subprocess.run([sys.executable, "-c", code, str(folder), str(out)], env=environment, check=True)
-        pages.append(out.read_bytes())
-    assert pages[0] == pages[1]
+    out = tmp_path / "again.html"
+    environment = {**os.environ, "PYTHONHASHSEED": "1"}
+    subprocess.run([sys.executable, "-c", code, str(folder), str(out)], env=environment, check=True)
+    assert out.read_bytes() == (folder / PAGE).read_bytes()
 
 
 def test_page_says_why_trials_were_entrapped(finished: Path, text: str) -> None:
@@ -162,14 +115,14 @@ def test_page_says_why_trials_were_entrapped(finished: Path, text: str) -> None:
         assert re.search(rf"<p>{name}.*?</p>\n?<p>({'|'.join(Cause).capitalize()})\. It kept to", text, re.IGNORECASE)
     counts = re.search(r"<tbody>.*?</tbody>", text.partition("Why trials were entrapped")[2], re.DOTALL)
     assert counts is not None
-    assert sum(map(int, re.findall(r"<td>(\d+)</td>", counts.group()))) == len(entrapped)
+    assert sum(map(int, re.findall(r"<td [^>]*>(\d+)</td>", counts.group()))) == len(entrapped)
 
 
 def test_without_shortest_paths_the_page_says_how_to_get_them(tmp_path: Path) -> None:
     run_campaign(tmp_path / "out", algorithms=["pledge"])
     text = write_report(tmp_path / "out", gallery=0, jobs=1).read_text()
     assert "--spl" in text
-    assert Page(text).tags["figure"] == 3
+    assert Outline(text).tags["figure"] == 3
     assert "No trial is drawn." in text
 
 
@@ -187,14 +140,8 @@ def test_names_cannot_break_out_of_the_page(tmp_path: Path, finished: Path) -> N
         path = folder / name
         path.write_text(path.read_text().replace("cv-react", "<b>&$x$"))
     text = write_report(folder, gallery=1, jobs=1).read_text()
-    assert Page(text).open == []
-    assert Page(text).tags["b"] == 0
+    assert Outline(text).tags["b"] == 0
     assert "&lt;b&gt;&amp;$x$" in text
-
-
-def test_folder_that_cannot_be_written_is_refused(finished: Path) -> None:
-    with pytest.raises(BadInput, match=r"the report cannot be written there: .*; name another file with --out"):
-        write_report(finished, finished / TABLE / PAGE, gallery=0, jobs=1)
 
 
 def test_page_can_go_elsewhere(finished: Path, tmp_path: Path) -> None:

@@ -9,11 +9,13 @@ from hypothesis import strategies as st
 from tests.experiments.report.campaigns import row
 from tests.experiments.report.reading_plots import columns, legend
 from wayfarer.experiments.report.escape_figure import escape_curve, escape_figures
-from wayfarer.experiments.rows import OUTCOMES, TrialRow
+from wayfarer.experiments.rows import OUTCOMES, SUCCESSES, TrialRow
 from wayfarer.experiments.statistics import summarise
 
 # Few different values, so that many are equal; a multiple of 0.25 is exact.
-ENDS = st.tuples(st.sampled_from(OUTCOMES), st.integers(1, 40).map(lambda quarter: quarter / 4))
+PATHS_M = st.integers(1, 40).map(lambda quarter: quarter / 4)
+SUCCESS, FAILURE = st.sampled_from(sorted(SUCCESSES)), st.sampled_from(sorted(set(OUTCOMES) - set(SUCCESSES)))
+ENDS = st.tuples(SUCCESS, PATHS_M) | st.tuples(FAILURE, PATHS_M | st.none())
 TRIALS = st.lists(ENDS, min_size=1, max_size=60).map(
     lambda ends: [row("levy-walk", trial, outcome, path_m) for trial, (outcome, path_m) in enumerate(ends)]
 )
@@ -23,6 +25,7 @@ TRIALS = st.lists(ENDS, min_size=1, max_size=60).map(
 def test_curve_is_the_share_of_all_trials_that_has_escaped(rows: list[TrialRow]) -> None:
     escaped_m = [each.path_m for each in rows if each.outcome in ("escaped", "left_bounds")]
     steps = dict(zip(*escape_curve(rows).steps(0.1), strict=True))  # of equal paths the last, highest one
+    assert max(steps) == max([0.1, *(each.path_m for each in rows if each.path_m)])
     for reached_m, percent in steps.items():
         escaped = sum(path_m <= reached_m for path_m in escaped_m if path_m)
         assert percent == pytest.approx(100 * escaped / len(rows))
@@ -42,22 +45,3 @@ def test_curve_is_drawn_as_stairs() -> None:
     drawn = columns(figure, "pledge")
     assert drawn["x"][1:] == [50, 50, 80, 80, 400, 400]
     assert drawn["y"] == pytest.approx([0, 0, 100 / 3, 100 / 3, 200 / 3, 200 / 3, 200 / 3])
-
-
-def test_failure_counts_wherever_it_ended() -> None:
-    escaped = [row("pledge", trial, "escaped", path_m) for trial, path_m in enumerate((50.0, 1020.0))]
-    for failed_m in (10.0, 1000.0, 2000.0):
-        curve = escape_curve([*escaped, row("pledge", 2, "entrapped", failed_m), row("pledge", 3, "tipped", failed_m)])
-        assert curve.steps(1.0) == ([1.0, 50.0, 1020.0, max(1020.0, failed_m)], [0.0, 25.0, 50.0, 50.0])
-
-
-def test_trials_are_sorted_by_outcome_and_one_of_unknown_path_has_failed() -> None:
-    rows = [row("pledge", n, outcome, 10.0 * (n + 1)) for n, outcome in enumerate(OUTCOMES)]
-    curve = escape_curve([*rows, row("pledge", 9, "fault", None)])
-    assert (curve.escaped_m, curve.failed_m) == ([10.0, 20.0], [30.0, 40.0, 50.0])
-    assert curve.escaped_percent == pytest.approx(200 / 6)
-
-
-def test_nobody_escaped() -> None:
-    curve = escape_curve([row("levy-walk", 0, "entrapped", 1000.0)])
-    assert curve.steps(5.0) == ([5.0, 1000.0], [0.0, 0.0])

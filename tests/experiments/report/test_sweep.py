@@ -13,7 +13,7 @@ from bokeh.models.annotations import Span
 from tests.experiments import fake_trials
 from tests.experiments.report.campaigns import STRANGERS
 from tests.experiments.report.reading_plots import columns
-from tests.experiments.report.test_campaign import Page
+from tests.views.page.outline import Outline
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
 from wayfarer.experiments.folder_settings import tasks_of
@@ -122,8 +122,7 @@ def test_page_is_whole_and_the_same_each_time(
     run_all(sweep, tmp_path, run_trial=fake_trials.quick)
     command.report(str(tmp_path), gallery=0, jobs=1)
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    page = Page(text)
-    assert page.open == []
+    page = Outline(text)
     assert page.tags["figure"] == (len(MEASURES) - 1) * len(axes), "two algorithms on two keys; no SPL"
     assert page.tags["tr"] == 1 + 2 * (1 + len(sweep.points))
     assert page.links == []

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from tests.views.test_palette import contrast
+
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
@@ -33,23 +35,11 @@ def weak_texts(page: Page) -> list[str]:
     """Return the texts whose contrast is below AAA, each with its ratio."""
     weak = []
     for text, ink, ground in texts(page):
-        if (found := ratio(_rgb(ink), _rgb(ground))) < AAA:
+        if (found := contrast(_hex(ink), _hex(ground))) < AAA:
             weak.append(f"{text}: {found:.1f} ({ink} on {ground})")
     return weak
 
 
-def ratio(one: tuple[float, ...], other: tuple[float, ...]) -> float:
-    """Return the contrast ratio of two sRGB colours, each part in 0..255."""
-    low, high = sorted((_luminance(one), _luminance(other)))
-    return (high + 0.05) / (low + 0.05)
-
-
-def _luminance(colour: tuple[float, ...]) -> float:
-    linear = [
-        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in (c / 255 for c in colour)
-    ]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
-def _rgb(css: str) -> tuple[float, ...]:
-    return tuple(float(part) for part in css[css.index("(") + 1 : -1].split(",")[:3])
+def _hex(css: str) -> str:
+    """Return ``rgb(1, 2, 3)`` as ``#010203``."""
+    return "#" + "".join(f"{round(float(part)):02x}" for part in css[css.index("(") + 1 : -1].split(",")[:3])

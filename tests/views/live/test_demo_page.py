@@ -3,13 +3,11 @@
 To start a demo takes seconds of CPU, so what does not end one shares it: each test begins with a press of Restart.
 """
 
-# ruff: noqa: TID251 - a person's clock
 from __future__ import annotations
 
 import json
 import re
 import signal
-import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from itertools import pairwise
@@ -35,14 +33,7 @@ SMALL = """() => [...document.querySelectorAll("button, input, a, select")].filt
 
 @pytest.fixture(scope="module")
 def demo() -> Iterator[Daemon]:
-    """A demo for all tests that leave it running; they stand together, because it ends once it is left alone."""
-    with running_demo() as found:
-        yield found
-
-
-@pytest.fixture
-def own_demo() -> Iterator[Daemon]:
-    """A demo for a test that ends it."""
+    """A demo for all tests but the last one; they stand together, because it ends once it is left alone."""
     with running_demo() as found:
         yield found
 
@@ -70,11 +61,6 @@ def metres(opened: Opened) -> float:
     return float(opened.page.locator("#mission-m").inner_text().split()[0])
 
 
-def mission_s(opened: Opened) -> float:
-    minutes, seconds = opened.page.locator("#mission-time").inner_text().split(":")
-    return 60.0 * int(minutes) + int(seconds)
-
-
 def logs(demo: Daemon) -> list[Path]:
     return sorted((demo.folder / "logs").glob("*/run.jsonl"))
 
@@ -98,8 +84,10 @@ def test_demo_says_what_is_seen_and_everything_fits_a_finger(browser_page: OpenP
     page.locator("#pause").click()
     page.locator("#pace", has_text="Paused").wait_for()
     assert_readable(opened)
-    page.locator("#stop").click()
+    page.locator("#stop").click()  # in a pause, too
+    page.locator("#banner", has_text="requested by a person").wait_for(timeout=3000)
     page.locator("#next", has_text="wayfarer sim --trials 1000").wait_for()
+    assert records(logs(demo)[-1])[-1]["reason"] == "requested"
     assert_readable(opened)
     assert opened.trouble == []
 
@@ -135,41 +123,22 @@ def test_pause_stops_the_time_and_the_page_stays_alive(browser_page: OpenPage, d
     assert opened.trouble == []
 
 
-def test_stop_works_in_a_pause(browser_page: OpenPage, demo: Daemon) -> None:
-    opened = watch(browser_page, demo)
-    opened.page.locator("#pause").click()
-    opened.page.locator("#age", has_text="paused").wait_for()
-    opened.page.locator("#stop").click()
-    opened.page.locator("#banner", has_text="requested by a person").wait_for(timeout=3000)
-    (last,) = [record for record in records(logs(demo)[-1]) if record["record"] == "outcome"]
-    assert last["reason"] == "requested"
-
-
 def test_speed_is_that_of_the_button(browser_page: OpenPage, demo: Daemon) -> None:
-    opened = watch(browser_page, demo)
-    page = opened.page
-    passed_s = {}
-    for speed in ("1", "6"):
-        button = page.locator(f"#speeds [data-times='{speed}']")
-        button.click()
+    page = watch(browser_page, demo).page
+    for speed, shown in (("1", "Shown in real time."), ("6", "Shown 6 times as fast.")):
+        page.locator(f"#speeds [data-times='{speed}']").click()
         page.locator(f"#speeds [data-times='{speed}'][aria-pressed=true]").wait_for()
         assert page.locator("#speeds [aria-pressed=true]").count() == 1
-        began_s, clock_s = mission_s(opened), time.monotonic()
-        page.wait_for_timeout(3000)
-        passed_s[speed] = (mission_s(opened) - began_s) / (time.monotonic() - clock_s)
-    print(f"seconds of the run in one of the clock: {passed_s}")
-    assert passed_s["1"] < 1.5, "a whole second of three may be one of four"
-    assert passed_s["6"] > 2.0 * passed_s["1"], "a busy computer falls behind"
-    assert page.locator("#pace").inner_text() == "Shown 6 times as fast."
+        assert page.locator("#pace").inner_text() == shown
 
 
 def test_restart_begins_the_same_forest_and_another_forest_is_another(browser_page: OpenPage, demo: Daemon) -> None:
     opened = watch(browser_page, demo)
     page = opened.page
     seed = int(page.locator("#seed").inner_text().removeprefix("forest "))
-    poll(lambda: metres(opened) > 8.0, within_s=30.0)
+    poll(lambda: metres(opened) > 4.0, within_s=30.0)
     page.locator("#restart").click()
-    poll(lambda: metres(opened) < 5.0)
+    poll(lambda: metres(opened) < 3.0)
     poll(lambda: metres(opened) > 1.0)  # it arms itself again
     page.locator("#forest").click()
     page.locator("#seed", has_text=f"forest {seed + 1}").wait_for()
@@ -184,43 +153,33 @@ def test_restart_begins_the_same_forest_and_another_forest_is_another(browser_pa
     assert opened.trouble == []
 
 
-def test_ctrl_c_works_in_a_pause(browser_page: OpenPage, own_demo: Daemon) -> None:
-    opened = watch(browser_page, own_demo)
-    opened.page.locator("#pause").click()
-    opened.page.locator("#age", has_text="paused").wait_for()
-    own_demo.process.send_signal(signal.SIGINT)
-    assert own_demo.process.wait(timeout=10) == 0
-    opened.page.locator("#banner", has_text="ended by SIGINT. The demo is closed").wait_for()
-    assert opened.page.locator("#restart").is_disabled()
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: str(number.name))
-def test_signal_after_the_run_ends_the_demo_well(
-    browser_page: OpenPage, own_demo: Daemon, number: signal.Signals
-) -> None:
-    opened = watch(browser_page, own_demo)
+def test_sigterm_after_the_run_ends_the_demo_well(browser_page: OpenPage, demo: Daemon) -> None:
+    opened = watch(browser_page, demo)
     opened.page.locator("#stop").click()
     opened.page.locator("#next").wait_for()
-    assert own_demo.process.stdout is not None
-    assert any("the page stays" in line for line in iter(own_demo.process.stdout.readline, ""))
+    assert demo.process.stdout is not None
+    assert any("the page stays" in line for line in iter(demo.process.stdout.readline, ""))
     opened.page.wait_for_timeout(200)  # between the daemon's handlers and the demo's a signal would kill
-    own_demo.process.send_signal(number)
-    assert own_demo.process.wait(timeout=10) == 0
-    assert "Traceback" not in (own_demo.folder / "stderr").read_text(encoding="utf-8")
+    demo.process.send_signal(signal.SIGTERM)
+    assert demo.process.wait(timeout=10) == 0
+    assert "Traceback" not in (demo.folder / "stderr").read_text(encoding="utf-8")
 
 
-def test_end_says_what_to_do_next_and_the_demo_goes_on_until_its_page_is_closed(browser_page: OpenPage) -> None:
+def test_end_says_what_to_do_next_and_ctrl_c_ends_the_next_run_in_a_pause(browser_page: OpenPage) -> None:
     with running_demo(speed="60") as demo:
         opened = browser_page(PHONE)
         page = opened.page
+        asked: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("websocket", lambda socket: asked.append(socket.url))
         page.goto(demo.url)
         page.locator("#seed", has_text="forest 22").wait_for()
         page.locator("#banner.good", has_text="escaped after").wait_for(timeout=60_000)
         told = page.locator("#next dt").all_inner_texts()
         folder = logs(demo)[0].parent
-        assert "wayfarer sim --trials 1000" in told
-        assert f"wayfarer report {folder}" in told
-        assert f"wayfarer logs show {folder}" in told
+        assert {"wayfarer sim --trials 1000", f"wayfarer report {folder}", f"wayfarer logs show {folder}"} <= set(told)
+        assert int(page.locator("#episodes").inner_text()) > 3
+        assert page.locator("#lines li").count() > 20
         assert page.locator("#pause").is_hidden(), "there is nothing to pause"
         assert page.locator("#again").is_hidden()
         page.locator("#forest").click()
@@ -228,17 +187,11 @@ def test_end_says_what_to_do_next_and_the_demo_goes_on_until_its_page_is_closed(
         page.locator("#seed", has_text="forest 23").wait_for()
         page.locator("#mode", has_text=re.compile("^Armed")).wait_for()
         assert page.locator("#next").is_hidden()
-        assert demo.process.poll() is None
-        page.locator("#stop").click()
-        page.locator("#next").wait_for()
-        page.close()
-        assert demo.process.wait(timeout=30) == 0
-
-
-def test_page_of_any_other_run_has_no_such_buttons(browser_page: OpenPage) -> None:
-    with running("run", "--sim", "--live", "--live-port", "0") as daemon:
-        page = browser_page().page
-        page.goto(daemon.url)
-        page.locator("#age", has_text="live").wait_for()
-        assert page.locator("#demo").is_hidden()
-        assert page.locator("#next").is_hidden()
+        assert opened.trouble == []
+        assert [url for url in asked if not url.startswith("data:")] == [demo.url, f"ws://127.0.0.1:{demo.port}/ws"]
+        page.locator("#pause").click()
+        page.locator("#age", has_text="paused").wait_for()
+        demo.process.send_signal(signal.SIGINT)
+        assert demo.process.wait(timeout=10) == 0
+        page.locator("#banner", has_text="ended by SIGINT. The demo is closed").wait_for()
+        assert page.locator("#restart").is_disabled()

@@ -16,27 +16,21 @@ from wayfarer.views.live.broadcaster import LIMITS
 ENDS = {aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSING, aiohttp.WSMsgType.CLOSED}
 
 
-async def resumed_from(state_t_s: object) -> str:
-    """Return why a press on Resume was refused."""
+@pytest.mark.parametrize(
+    ("shown", "why"),
+    [
+        (0.0, "not held"), (0.5, "not held"),  # seconds ago: it reaches the rover
+        (1.1, "look again"), (3600.0, "look again"), (-1.1, "look again"),  # it waited, or its page is of another run
+        (None, "look again"), ("now", "look again"), ([], "look again"), ({}, "look again"),
+    ],
+    ids=str,
+)  # fmt: skip
+async def test_resume_reaches_the_rover_from_a_page_of_now_alone(shown: object, why: str) -> None:
+    now_s = asyncio.get_running_loop().time()
+    state_t_s = now_s - shown if isinstance(shown, float) else shown
     async with serving() as site, site.connect() as connection:
         await connection.send_json({"do": "resume", "state_t_s": state_t_s})
-        return str((await first(connection, "reply"))["why"])
-
-
-@pytest.mark.parametrize("age_s", [0.0, 0.5])
-async def test_resume_from_a_page_of_now_reaches_the_rover(age_s: float) -> None:
-    assert "not held" in await resumed_from(asyncio.get_running_loop().time() - age_s)
-
-
-@pytest.mark.parametrize("age_s", [1.1, 3600.0, -1.1])
-async def test_resume_that_was_pressed_on_an_old_page_is_refused(age_s: float) -> None:
-    """As one that waited while the daemon was stopped, or the network away."""
-    assert "look again" in await resumed_from(asyncio.get_running_loop().time() - age_s)
-
-
-@pytest.mark.parametrize("nonsense", [None, "now", [], {}])
-async def test_resume_that_does_not_say_what_its_page_shows_is_refused(nonsense: object) -> None:
-    assert "look again" in await resumed_from(nonsense)
+        assert why in (await first(connection, "reply"))["why"]
 
 
 async def test_marks_are_limited_and_stopping_is_not() -> None:

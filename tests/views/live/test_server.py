@@ -8,7 +8,6 @@ import json
 import re
 import socket
 from collections.abc import AsyncIterator, Iterator
-from html.parser import HTMLParser
 from typing import Any
 
 import aiohttp
@@ -126,23 +125,10 @@ async def first(connection: Any, kind: str) -> Any:
 # -- the page ----------------------------------------------------------------------------------------------------
 
 
-class Links(HTMLParser):
-    """Collects what a page would load."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.found: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.found += [value or "" for name, value in attrs if name in {"src", "href", "srcset", "action"}]
-
-
 async def test_page_is_one_file_that_may_load_nothing_and_run_nothing_else(site: Site) -> None:
     async with site.client.get(site.url) as response:
         html, headers = await response.text(), response.headers
-    links = Links()
-    links.feed(html)
-    assert links.found == ["data:,"]
+    assert re.findall(r'(?:src|href|srcset|action)="([^"]*)"', html.partition("<script")[0]) == ["data:,"]
     assert (
         re.findall(r"(?:https?:)?//(?!www\.w3\.org/2000/svg)\w[\w.]+", re.sub(r"(?m)^\s*//.*$|// .*$", "", html)) == []
     )

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.film.footage import FilmedTick
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
+from wayfarer.views import palette
 
 Colour = tuple[int, int, int, int]
 
@@ -18,14 +19,7 @@ QUIET: Colour = (205, 205, 192, 255)
 WOOD: Colour = (188, 160, 120, 255)
 LEAF: Colour = (120, 150, 92, 255)
 WAY: Colour = (255, 138, 36, 255)
-PHASES: dict[Phase, Colour] = {
-    Phase.FOLLOW: (96, 190, 255, 255),
-    Phase.BACK_OFF: (255, 96, 84, 255),
-    Phase.TURN_AWAY: (255, 196, 64, 255),
-    Phase.PROBE: (120, 220, 120, 255),
-    Phase.STRIDE: (206, 150, 255, 255),
-    Phase.HALT: QUIET,
-}
+PHASES = {Phase(phase): ImageColor.getrgb(colour) for phase, colour in palette.PHASES.items()} | {Phase.HALT: QUIET}
 FINER = 3  # the map is drawn so many times larger, for smooth lines
 MAP_PER_HEIGHT = 0.31
 MARGIN_PER_HEIGHT = 0.03

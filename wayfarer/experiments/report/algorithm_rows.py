@@ -6,10 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 from bokeh.models import CustomJSTicker, FixedTicker, NumeralTickFormatter
 from bokeh.models.annotations import Label, Span
-from bokeh.plotting import ColumnDataSource
 
 from wayfarer.experiments.report.groups import Group, short
 from wayfarer.views import palette
@@ -86,13 +84,3 @@ def plain_numbers(made: Figure) -> None:
     """Label a logarithmic x with 10, 20, 50, ... instead of powers."""
     made.xaxis.ticker = made.xgrid.ticker = CustomJSTicker(major_code=ROUND_TICKS)
     made.xaxis.formatter = NumeralTickFormatter(format="0.[00]")
-
-
-def source(**columns: Any) -> ColumnDataSource:
-    """Return columns as Bokeh keeps them; numbers in single precision, which halves the page."""
-    return ColumnDataSource({name: _compact(values) for name, values in columns.items()})
-
-
-def _compact(values: Any) -> Any:
-    array = np.asarray(values)
-    return array.astype(np.float32) if array.dtype.kind in "fiu" else list(values)

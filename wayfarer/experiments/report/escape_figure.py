@@ -10,18 +10,19 @@ from bokeh.models import Range1d
 from bokeh.models.annotations import Legend, LegendItem
 from bokeh.plotting import ColumnDataSource
 
-from wayfarer.experiments.report.algorithm_rows import SVG, plain_numbers, source, span_of
-from wayfarer.experiments.report.groups import grouped, short
+from wayfarer.experiments.report.algorithm_rows import SVG, plain_numbers, span_of
+from wayfarer.experiments.report.groups import Group, grouped, short
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover, plot
+from wayfarer.views.page.plots import Figure, hover, plot, source
 
-PANEL_PX = 340
+CURVES_PX, LEGEND_ROW_PX = 270, 18  # the legend stands below zero, where no curve runs
+AXIS_PX = 70
 DASHES: tuple[tuple[int, ...], ...] = ((), (7, 2), (2, 2), (8, 2, 2, 2))  # not as many as colours: 20 looks
 
 
 LEGEND: Mapping[str, Any] = {
-    "location": "bottom_right",  # no curve falls, so this is the place that is free the longest
+    "location": "bottom_right",
     "click_policy": "hide",
     "background_fill_color": None,
     "border_line_color": None,
@@ -71,8 +72,12 @@ def escape_figures(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> list[Figur
     escaped_m = [path_m for curve in curves.values() for path_m in curve.escaped_m]
     span_m = span_of(escaped_m or [path_m for curve in curves.values() for path_m in curve.failed_m])
     drawn = {name: _stairs(curve, span_m[0]) for name, curve in curves.items()}
-    x_range, y_range = Range1d(start=span_m[0], end=span_m[1]), Range1d(start=0.0, end=102.0)
-    return [_figure(group.title, group.algorithms, curves, drawn, x_range, y_range) for group in grouped(by_algorithm)]
+    groups = grouped(by_algorithm)
+    legend_px = LEGEND_ROW_PX * (1 + max(len(group.algorithms) for group in groups))
+    y_range = Range1d(start=-102.0 * legend_px / CURVES_PX, end=102.0)
+    settings = {"x_range": Range1d(start=span_m[0], end=span_m[1]), "y_range": y_range}
+    height_px = CURVES_PX + legend_px + AXIS_PX
+    return [_figure(group, curves, drawn, height_px, settings) for group in groups]
 
 
 def _stairs(curve: Curve, first_m: float) -> ColumnDataSource:
@@ -82,23 +87,15 @@ def _stairs(curve: Curve, first_m: float) -> ColumnDataSource:
 
 
 def _figure(
-    title: str,
-    algorithms: Sequence[str],
+    group: Group,
     curves: Mapping[str, Curve],
     drawn: Mapping[str, ColumnDataSource],
-    x_range: Range1d,
-    y_range: Range1d,
+    height_px: int,
+    settings: Mapping[str, Any],
 ) -> Figure:
-    made = plot(
-        f"escape, {title}",
-        PANEL_PX,
-        "both",
-        x_axis_type="log",
-        x_range=x_range,
-        y_range=y_range,
-        output_backend=SVG,
-        title=title,
-    )
+    title, algorithms = group
+    made = plot(f"escape, {title}", height_px, "both", x_axis_type="log", output_backend=SVG, title=title, **settings)
+    made.yaxis.bounds = made.ygrid.bounds = (0.0, 100.0)
     plain_numbers(made)
     made.xaxis.axis_label, made.yaxis.axis_label = "path driven, m (logarithmic)", "escaped, % of all trials"
     for name in [name for name in drawn if name not in algorithms]:
@@ -111,24 +108,10 @@ def _figure(
 def _curve(made: Figure, place: int, name: str, curve: Curve, corners: ColumnDataSource) -> LegendItem:
     """Draw a curve, with a mark where its longest failure ended, and return its line of the legend."""
     colour = palette.SERIES[place % len(palette.SERIES)]
-    line: Any = made.line(
-        "x",
-        "y",
-        source=corners,
-        name=name,
-        line_color=colour,
-        line_dash=list(DASHES[place % len(DASHES)]),
-        line_width=2,
-    )
+    look: Any = {"line_color": colour, "line_width": 2, "line_dash": list(DASHES[place % len(DASHES)])}
+    line: Any = made.line("x", "y", source=corners, name=name, **look)
     last_m = curve.failed_m[-1:]
-    mark: Any = made.scatter(
-        last_m,
-        [curve.escaped_percent] * len(last_m),
-        marker="dash",
-        angle=np.pi / 2,
-        size=11,
-        line_width=2,
-        color=colour,
-    )
+    ended: Any = {"marker": "dash", "angle": np.pi / 2, "size": 11, "line_width": 2, "color": colour}
+    mark: Any = made.scatter(last_m, [curve.escaped_percent] * len(last_m), **ended)
     made.add_tools(hover([line], ("algorithm", "$name"), ("by", "@x{0.0} m"), ("escaped", "@y{0.0} %")))
     return LegendItem(label=f"{short(name)}, {curve.escaped_percent:.1f} %", renderers=[line, mark])

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from bokeh.models.annotations import Span
 
-from wayfarer.experiments.report.algorithm_rows import Rows, lay_out, plain_numbers, rows_plot, source, span_of
+from wayfarer.experiments.report.algorithm_rows import Rows, lay_out, plain_numbers, rows_plot, span_of
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.tables import PAPER, mean_and_sd, number
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover
+from wayfarer.views.page.plots import Figure, hover, source
 
 PATHS_ROW_PX, FAILURES_ROW_PX = 52, 28
 BINS = 48  # of all paths, of equal width on the logarithmic axis

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from bokeh.models import FixedTicker, NumeralTickFormatter
 
-from wayfarer.experiments.report.algorithm_rows import EDGE, lay_out, rows_plot, source
+from wayfarer.experiments.report.algorithm_rows import EDGE, lay_out, rows_plot
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover
+from wayfarer.views.page.plots import Figure, hover, source
 
 ROW_PX = 28
 TIMES = "\N{MULTIPLICATION SIGN}"

@@ -9,13 +9,13 @@ from typing import Any
 from bokeh.models.annotations import Span
 from bokeh.plotting import ColumnDataSource
 
-from wayfarer.experiments.report.algorithm_rows import SVG, source
+from wayfarer.experiments.report.algorithm_rows import SVG
 from wayfarer.experiments.report.escape_figure import DASHES
 from wayfarer.experiments.report.reading import SweepResults
 from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.sweep.measures import MEASURES, Measure
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover, layer, plot
+from wayfarer.views.page.plots import Figure, hover, layer, plot, source
 
 PANEL_PX = 240
 UNKNOWN = Estimate(math.nan, math.nan, math.nan)

@@ -10,12 +10,12 @@ from bokeh.models import BasicTicker, LinearColorMapper
 from bokeh.models.annotations import ColorBar
 from bokeh.palettes import Cividis256
 
-from wayfarer.experiments.report.algorithm_rows import SVG, source
+from wayfarer.experiments.report.algorithm_rows import SVG
 from wayfarer.experiments.report.reading import SweepResults, SweptAxis
 from wayfarer.experiments.report.sweep_curves import known_measures
 from wayfarer.experiments.sweep.measures import Measure
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover, plot
+from wayfarer.views.page.plots import Figure, hover, plot, source
 
 PANEL_PX = 300
 MOST_NAMES = 8  # along an axis; of more values every so manieth is named

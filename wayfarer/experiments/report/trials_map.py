@@ -12,13 +12,12 @@ from bokeh.models import CDSView, GroupFilter
 
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.entrapment import Entrapment
-from wayfarer.experiments.report.algorithm_rows import source
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
 from wayfarer.fieldlog.vocabulary import PHASES
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover, layer, plot
+from wayfarer.views.page.plots import Figure, hover, layer, plot, source
 from wayfarer.views.run_report.forest import draw_forests
 
 MARGIN_M = 1.5  # around the map: a rover may leave it

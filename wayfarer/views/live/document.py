@@ -9,6 +9,7 @@ from importlib.resources import files
 from typing import NamedTuple
 
 from wayfarer.fieldlog.vocabulary import PHASES
+from wayfarer.views import palette
 
 # In this order they make one script; each is about one thing.
 SCRIPTS = ("words.js", "map.js", "dial.js", "panel.js", "legend.js", "demo.js", "connection.js", "main.js")
@@ -24,7 +25,7 @@ class Document(NamedTuple):
 def document() -> Document:
     """Put the page together. Its own style and script are all that a browser may run, this server all it may ask."""
     folder = files("wayfarer.views.live") / "page"
-    style = (folder / "page.css").read_text(encoding="utf-8")
+    style = palette.css() + (folder / "page.css").read_text(encoding="utf-8")
     scripts = ((folder / name).read_text(encoding="utf-8") for name in SCRIPTS)
     script = "\n".join([f"const PHASES = {json.dumps(PHASES)};", *scripts])
     html = (folder / "page.html").read_text(encoding="utf-8").replace("/* style */", style)

@@ -12,6 +12,7 @@ from bokeh.resources import Resources
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.atomic_file import whole_file
+from wayfarer.views import palette
 from wayfarer.views.page.plots import Plots
 
 PAGE = "report.html"
@@ -51,7 +52,7 @@ def _document(title: str, body: str, plots: Plots | None, script: str) -> Iterat
         '<meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<title>{escape(title)}</title>",
-        f"<style>\n{_own('page.css')}</style>",
+        f"<style>\n{palette.css()}{_own('page.css')}</style>",
         "</head>",
         "<body>",
         "<main>",

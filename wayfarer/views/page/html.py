@@ -73,7 +73,10 @@ def panels(figures: Iterable[str]) -> str:
 
 
 def table(caption: str, head: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]]) -> str:
-    """Return a table; each row has a class and its cells, the first of which names it. A line feed parts lines."""
+    """Return a table; each row has a class and its cells, the first of which names it. A line feed parts lines.
+
+    On a telephone a row is a list under its name, so each cell says its column.
+    """
     lines = [
         '<div class="table" tabindex="0">',
         "<table>",
@@ -82,7 +85,8 @@ def table(caption: str, head: Sequence[str], rows: Iterable[tuple[str, Sequence[
         "<tbody>",
     ]
     for kind, (name, *cells) in rows:
-        data = "".join(f"<td>{_lines(cell)}</td>" for cell in cells)
+        columns = zip((column.replace("\n", " ") for column in head[1:]), cells, strict=True)
+        data = "".join(f'<td data-column="{escape(column)}">{_lines(cell)}</td>' for column, cell in columns)
         lines.append(f'<tr class="{kind}"><th scope="row">{_lines(name)}</th>{data}</tr>')
     return "\n".join([*lines, "</tbody>", "</table>", "</div>"])
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from math import radians
+from typing import Any, NamedTuple
 
-from wayfarer.fieldlog.fields import name
+from wayfarer.fieldlog.run_events import Marked, Noted
 from wayfarer.fieldlog.vocabulary import ANOMALIES
 from wayfarer.fieldlog.wording import Tone, event_text, event_tone
 from wayfarer.views import palette
 from wayfarer.views.page.html import Layer
-from wayfarer.views.run_report.data import GAP_S, LoggedEvent, RunData
+from wayfarer.views.run_report.data import GAP_S, RunData
 
 LAYERS = (
     Layer("anomaly", "anomalies", palette.ANOMALY),
@@ -20,6 +21,10 @@ LAYERS = (
     Layer("person", "by hand", palette.PERSON),
     Layer("other", "other", palette.GREY, shown=False),
 )
+
+
+EDGE: Mapping[str, Any] = {"line_color": palette.EDGE, "line_width": 0.8}
+LOOK: Mapping[str, Any] = {"marker": "shape", "angle": "turned", **EDGE}
 
 
 class Happening(NamedTuple):
@@ -32,6 +37,14 @@ class Happening(NamedTuple):
     turned_deg: float = 0.0
 
 
+def columns(found: Sequence[Happening]) -> dict[str, Any]:
+    """Return what marks show, by column of Bokeh's; ``LOOK`` reads them."""
+    return {
+        "t": [each.t_s for each in found], "what": [each.text for each in found],
+        "shape": [each.shape for each in found], "turned": [radians(each.turned_deg) for each in found],
+    }  # fmt: skip
+
+
 def happenings(data: RunData) -> list[Happening]:
     """Return all that a run's panels mark, by time."""
     return sorted([*_anomalies(data), *_events(data), *_silences(data)])
@@ -40,17 +53,17 @@ def happenings(data: RunData) -> list[Happening]:
 def _anomalies(data: RunData) -> Iterator[Happening]:
     for onset in data.onsets:
         shape, turned_deg = palette.ANOMALY_MARKERS[onset.kind]
-        yield Happening(onset.t_s, "anomaly", ANOMALIES[onset.kind], shape, turned_deg)
+        yield Happening(onset.elapsed_s, "anomaly", ANOMALIES[onset.kind], shape, turned_deg)
 
 
 def _events(data: RunData) -> Iterator[Happening]:
     for event in data.events:
-        if event.mark:
-            yield Happening(event.t_s, "mark", mark_text(event), "hex")
+        if isinstance(event, Marked):
+            yield Happening(event.elapsed_s, "mark", told(event), "hex")
         else:
             by_hand = event_tone(event.record) is Tone.PERSON
             layer = "trouble" if is_trouble(event) else "person" if by_hand else "other"
-            yield Happening(event.t_s, layer, event_text(event.record))
+            yield Happening(event.elapsed_s, layer, told(event))
 
 
 def _silences(data: RunData) -> Iterator[Happening]:
@@ -60,12 +73,14 @@ def _silences(data: RunData) -> Iterator[Happening]:
             yield Happening(before_s, "trouble", f"no ticks for {t_s - before_s:.0f} s")
 
 
-def mark_text(event: LoggedEvent) -> str:
-    """Return the number and the text of a person's mark."""
-    return f"mark {event.mark}: {name(event.record, 'text') or ''}".rstrip(": ")
+def told(event: Noted) -> str:
+    """Return an event in words; a person's mark with its number."""
+    if isinstance(event, Marked):
+        return f"mark {event.number}: {event.text}".rstrip(": ")
+    return event_text(event.record)
 
 
-def is_trouble(event: LoggedEvent) -> bool:
+def is_trouble(event: Noted) -> bool:
     """Return whether an event tells of something that went wrong; a hold that somebody asked for did not."""
     tone = event_tone(event.record)
     return tone in (Tone.WARNING, Tone.FAULT) and event.record.get("cause") != "operator_hold"

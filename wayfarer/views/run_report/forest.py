@@ -11,7 +11,7 @@ from bokeh.plotting import ColumnDataSource
 
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure
+from wayfarer.views.page.plots import Figure, source
 
 Row = tuple[float, ...]
 
@@ -24,8 +24,8 @@ def draw_forests(map_: Figure, forests: Sequence[Forest]) -> None:
 
     def columns(rows_of: Callable[[Forest], Iterable[Row]], *names: str) -> ColumnDataSource:
         rows = [(number, *row) for number, forest in enumerate(forests) for row in rows_of(forest)]
-        table = np.array(rows, dtype=np.float32).reshape(-1, 1 + len(names))
-        return ColumnDataSource(dict(zip(("number", *names), table.T.copy(), strict=True)))
+        table = np.array(rows, dtype=np.float64).reshape(-1, 1 + len(names))
+        return source(**dict(zip(("number", *names), table.T, strict=True)))
 
     trunk: Any = {"color": palette.TRUNK, "line_color": None}
     map_.rect(

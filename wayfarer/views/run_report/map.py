@@ -8,23 +8,18 @@ from typing import Any
 
 import numpy as np
 from bokeh.models.annotations import Arrow, NormalHead
-from bokeh.plotting import ColumnDataSource
 
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover, layer, plot
+from wayfarer.views.page.plots import Figure, hover, layer, plot, source
 from wayfarer.views.run_report.data import PHASES, Floats
-from wayfarer.views.run_report.events import happenings
+from wayfarer.views.run_report.events import EDGE, LOOK, columns, happenings
 from wayfarer.views.run_report.forest import draw_forests
 from wayfarer.views.run_report.series import pieces
 from wayfarer.views.run_report.track import Track, Way
 
 POINTS = 8000  # of a way: an hour at 0.2 m/s has one for each 9 cm
 SMALLEST_M = 4.0
-GOAL: Mapping[str, Any] = {
-    "line_color": palette.GOAL_LINE,
-    "line_width": 2,
-}  # as in Bokeh; its stubs say "body_line_..."
-EDGE: Mapping[str, Any] = {"line_color": palette.EDGE, "line_width": 0.8}
+GOAL: Mapping[str, Any] = {"line_color": palette.GOAL_LINE, "line_width": 2}  # Bokeh's stubs say "body_line_..."
 NUMBER: Mapping[str, Any] = {"text_align": "center", "text_baseline": "middle", "text_font_size": "9px"}
 ARROW = 0.12  # of the map's side: length of an arrow to the goal
 CIRCLES = 200  # of the receiver's error, at most
@@ -43,7 +38,9 @@ def map_plot(tracks: Sequence[Track]) -> Figure:
         colours = palette.PHASES if len(tracks) == 1 else dict.fromkeys(PHASES, palette.RUNS[at])
         _draw_fixes(map_, track)
         _draw_ways(map_, track, colours)
-        _draw_places(map_, track, at, side_m)
+        _draw_goals(map_, track, side_m)
+        _draw_happenings(map_, track)
+        _draw_ends(map_, track, palette.RUNS[at])
     _draw_cursors(map_, tracks)
     return map_
 
@@ -66,22 +63,15 @@ def _draw_fixes(map_: Figure, track: Track) -> None:
     if not track.fixes:
         return
     fixes, places_m = track.fixes, track.fixes_m
-    told = ColumnDataSource(
-        {
-            "x": _small(places_m.real), "y": _small(places_m.imag),
-            "latitude": [f"{fix.latitude_deg:.6f}" for fix in fixes],
-            "longitude": [f"{fix.longitude_deg:.6f}" for fix in fixes],
-            "error": ["unknown" if isnan(fix.error_m) else f"{fix.error_m:.1f} m" for fix in fixes],
-            "t": _small([fix.t_s for fix in fixes]),
-        }
+    told = source(
+        x=places_m.real, y=places_m.imag, t=[fix.t_s for fix in fixes],
+        latitude=[f"{fix.latitude_deg:.6f}" for fix in fixes], longitude=[f"{fix.longitude_deg:.6f}" for fix in fixes],
+        error=["unknown" if isnan(fix.error_m) else f"{fix.error_m:.1f} m" for fix in fixes],
     )  # fmt: skip
     every = -(-len(fixes) // CIRCLES)
-    circles = ColumnDataSource(
-        {name: told.data[name][::every] for name in ("x", "y")} | {"r": _small([fix.error_m for fix in fixes][::every])}
-    )
-    rings = map_.circle(
-        "x", "y", radius="r", source=circles, fill_color=None, line_color=palette.RECEIVER, line_alpha=0.25
-    )
+    circles = source(x=places_m.real[::every], y=places_m.imag[::every], r=[fix.error_m for fix in fixes[::every]])
+    thin: Any = {"fill_color": None, "line_color": palette.RECEIVER, "line_alpha": 0.25}
+    rings = map_.circle("x", "y", radius="r", source=circles, **thin)
     dots = map_.scatter("x", "y", source=told, marker="cross", size=6, color=palette.RECEIVER)
     layer("fixes", rings, dots)
     rows = (("fix", "@latitude @longitude"), ("error", "@error"), ("time", "@t{0.0} s"))
@@ -90,7 +80,7 @@ def _draw_fixes(map_: Figure, track: Track) -> None:
 
 def _draw_ways(map_: Figure, track: Track, colours: Mapping[str, str]) -> None:
     if track.reckoned is not None:
-        _line(map_, _thinned(track.reckoned)[1:3], palette.GREY, "reckoned", line_dash=[6, 3])
+        _line(map_, _thinned(track.reckoned)[1:3], palette.RECKONED, "reckoned", line_dash=[6, 3])
     way = _thinned(track.way)
     for phase, colour in colours.items():
         inside = way.phase == PHASES.index(phase)
@@ -100,55 +90,49 @@ def _draw_ways(map_: Figure, track: Track, colours: Mapping[str, str]) -> None:
         _line(map_, (way.east_m, way.north_m), palette.GREY, "unknown")
 
 
-def _draw_places(map_: Figure, track: Track, run: int, side_m: float) -> None:
-    """Mark start and end, goals, gaps, anomalies and marks."""
-    way = track.way
+def _draw_goals(map_: Figure, track: Track, side_m: float) -> None:
     for (east_m, north_m), heading_deg in track.goals():
         along, length_m = radians(heading_deg), ARROW * side_m
-        tip_m = east_m + length_m * sin(along), north_m + length_m * cos(along)
         head = NormalHead(size=9, fill_color=palette.GOAL_LINE, line_color=palette.GOAL_LINE)
-        ends_m: dict[str, Any] = {"x_start": east_m, "y_start": north_m, "x_end": tip_m[0], "y_end": tip_m[1]}
-        map_.add_layout(Arrow(end=head, **ends_m, **GOAL))
-    told = [
-        (place_m, each) for each in happenings(track.data) for place_m in [way.at(each.t_s)]
-        if each.layer in ("anomaly", "mark") and not isnan(sum(place_m))
-    ]  # fmt: skip
+        tip: dict[str, Any] = {"x_end": east_m + length_m * sin(along), "y_end": north_m + length_m * cos(along)}
+        map_.add_layout(Arrow(end=head, x_start=east_m, y_start=north_m, **tip, **GOAL))
+
+
+def _draw_happenings(map_: Figure, track: Track) -> None:
+    """Draw anomalies and marks, as far as it is known where they were."""
+    told = [(track.way.at(each.t_s), each) for each in happenings(track.data)]
     for name, colour, size in (("anomaly", palette.ANOMALY, 9), ("mark", palette.PAPER, 16)):
-        found = [each for each in told if each[1].layer == name]
-        source = ColumnDataSource(
-            {
-                "x": _small([place_m[0] for place_m, _ in found]), "y": _small([place_m[1] for place_m, _ in found]),
-                "what": [each.text for _, each in found], "t": _small([each.t_s for _, each in found]),
-                "shape": [each.shape for _, each in found],
-                "turned": _small([radians(each.turned_deg) for _, each in found]),
-            }
-        )  # fmt: skip
-        drawn = map_.scatter(
-            "x", "y", source=source, marker="shape", angle="turned", size=size, fill_color=colour, **EDGE
-        )
+        places_m = [place_m for place_m, each in told if each.layer == name and not isnan(sum(place_m))]
+        found = [each for place_m, each in told if each.layer == name and not isnan(sum(place_m))]
+        x_m, y_m = zip(*places_m, strict=True) if places_m else ((), ())
+        numbers = [f"{number}" for number, _ in enumerate(found, start=1)]
+        marks = source(x=x_m, y=y_m, number=numbers, **columns(found))
+        drawn = map_.scatter("x", "y", source=marks, size=size, fill_color=colour, **LOOK)
         layer(name, drawn)
         if name == "mark":
-            source.data["number"] = [f"{number}" for number, _ in enumerate(found, start=1)]
-            layer(name, map_.text("x", "y", text="number", source=source, **NUMBER))
+            layer(name, map_.text("x", "y", text="number", source=marks, **NUMBER))
         map_.add_tools(hover([drawn], ("what", "@what"), ("time", "@t{0.0} s")))
+
+
+def _draw_ends(map_: Figure, track: Track, colour: str) -> None:
+    """Mark where the way begins again after a gap, its start if the log has it, and its end."""
+    way = track.way
     behind = np.flatnonzero(np.isnan(way.east_m)) + 1
     map_.scatter(way.east_m[behind], way.north_m[behind], marker="diamond", size=9, fill_color=palette.PAPER, **EDGE)
     if way.t_s.size:
         ends = [(START, 0)] if track.data.summary.where.from_start else []
         for style, at in [*ends, (END, -1)]:
-            map_.scatter(way.east_m[[at]], way.north_m[[at]], color=palette.RUNS[run], **style)
+            map_.scatter(way.east_m[[at]], way.north_m[[at]], color=colour, **style)
 
 
 def _draw_cursors(map_: Figure, tracks: Sequence[Track]) -> None:
     """Put in what the cursor needs: the ways over time, unseen, and a ring on each at the time of the cursor."""
     for at, track in enumerate(tracks):
         way = _thinned(track.way)
-        source = ColumnDataSource({name: _small(each) for name, each in zip("txy", way, strict=False)})
-        map_.line("x", "y", source=source, line_alpha=0.0, name=f"way-{at}")
-        here = ColumnDataSource({"x": [], "y": []})
-        map_.scatter(
-            "x", "y", source=here, name=f"here-{at}", size=16, fill_color=None, line_width=3, color=palette.RUNS[1 - at]
-        )
+        over_time = source(t=way.t_s, x=way.east_m, y=way.north_m)
+        map_.line("x", "y", source=over_time, line_alpha=0.0, name=f"way-{at}")
+        ring: Any = {"size": 16, "fill_color": None, "line_width": 3, "color": palette.RUNS[1 - at]}
+        map_.scatter("x", "y", source=source(x=[], y=[]), name=f"here-{at}", **ring)
 
 
 def _thinned(way: Way) -> Way:
@@ -160,9 +144,5 @@ def _thinned(way: Way) -> Way:
 
 
 def _line(map_: Figure, places_m: Sequence[Floats], colour: str, name: str, **look: Any) -> None:
-    source = ColumnDataSource({name: _small(each) for name, each in zip("xy", places_m, strict=True)})
-    layer(name, map_.line("x", "y", source=source, line_color=colour, **look))
-
-
-def _small(values: Any) -> np.ndarray[Any, np.dtype[np.float32]]:
-    return np.asarray(values, dtype=np.float32)
+    east_m, north_m = places_m
+    layer(name, map_.line("x", "y", source=source(x=east_m, y=north_m), line_color=colour, **look))

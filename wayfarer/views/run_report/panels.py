@@ -9,11 +9,10 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from bokeh.models import CustomJSTickFormatter, DataRange1d, Range1d
 from bokeh.models.annotations import Span
-from bokeh.plotting import ColumnDataSource
 
 from wayfarer.views import palette
 from wayfarer.views.page import html
-from wayfarer.views.page.plots import Figure, Plots, hover
+from wayfarer.views.page.plots import Figure, Plots, hover, source
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.quantities import PANELS, Panel
 from wayfarer.views.run_report.series import Line, around, thinned
@@ -70,11 +69,11 @@ def _draw(
     renderers = []
     for run, name, line, look in lines:
         t_s, values = thinned(line if centre is None else around(line, centre))
-        columns = {"x": t_s.astype(np.float32), "y": values.astype(np.float32)}
+        drawn = source(x=t_s, y=values)
         if centre is not None:
             whole_deg = np.round(values + centre, panel.decimals) % 360.0  # rounded first: 359.7 is 0, not 360
-            columns["value"] = whole_deg.astype(np.float32)
-        renderers.append(made.line("x", "y", source=ColumnDataSource(columns), name=name, **look))
+            drawn = source(x=t_s, y=values, value=whole_deg)
+        renderers.append(made.line("x", "y", source=drawn, name=name, **look))
         renderers[-1].tags = [{"run": run, "name": name, "unit": panel.unit, "decimals": panel.decimals}]
     decimals = f"0.{'0' * panel.decimals}" if panel.decimals else "0"
     value = f"@{'y' if centre is None else 'value'}{{{decimals}}} {panel.unit}"

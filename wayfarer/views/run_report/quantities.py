@@ -46,9 +46,15 @@ def _tick(name: str, factor: float = 1.0) -> Callable[[RunData], Line | None]:
     return line
 
 
+def _commanded(data: RunData) -> Line | None:
+    speed_m_s = data.setting("vehicle", "max_speed_m_s") * (data.ticks["left"] + data.ticks["right"]) / 2.0
+    return None if np.isnan(speed_m_s).all() else at_ticks(data.ticks, speed_m_s)
+
+
 def _duty(data: RunData) -> Line | None:
     """Return the duty of a rover that drove at all: where a tick does not have it, it is taken to be none."""
-    return _tick("duty")(data) if data.ticks["duty"].any() else None
+    duty = (np.abs(data.ticks["left"]) + np.abs(data.ticks["right"])) / 2.0
+    return at_ticks(data.ticks, duty) if duty.any() else None
 
 
 def _measured(data: RunData) -> Line | None:
@@ -99,7 +105,7 @@ PANELS = (
     ),
     Panel(
         "speed", "m/s", 2,
-        (Quantity("commanded", _tick("commanded_m_s"), palette.GREY, {"line_width": 3, "line_alpha": 0.6}),
+        (Quantity("commanded", _commanded, palette.GREY, {"line_width": 3, "line_alpha": 0.6}),
          Quantity("measured", _measured)),
     ),
     Panel("duty", "", 2, (Quantity("duty", _duty),)),

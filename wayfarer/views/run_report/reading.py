@@ -3,32 +3,42 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Callable, Mapping, Sequence
 from math import nan
 from pathlib import Path
 
+import numpy as np
+
+from wayfarer.escape.api import Anomaly
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.episodes import EpisodeBegan
-from wayfarer.fieldlog.reader import Damage, Record, RunReader
-from wayfarer.fieldlog.run_events import AnomalyBegan, Marked, Noted, RunBegan
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.run_events import AnomalyBegan, Noted
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Truth, or_nan
-from wayfarer.fieldlog.typed import Tick as LoggedTick
-from wayfarer.views.run_report.data import (
-    ANOMALIES,
-    LEVELS,
-    PHASES,
-    LoggedEvent,
-    MapFix,
-    Onset,
-    RunData,
-    Tick,
-    TruePose,
-    columns,
-)
+from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick, Truth, or_nan
+from wayfarer.views.run_report.data import LEVELS, PHASES, Columns, MapFix, RunData
 from wayfarer.views.text.run_summariser import RunSummariser
 from wayfarer.views.text.verdict import readable
 
+ANOMALIES = frozenset(anomaly.value for anomaly in Anomaly)
 PHASE_INDEX = {phase: float(index) for index, phase in enumerate(PHASES)}
+TICK: Mapping[str, Callable[[Tick], float | None]] = {
+    "t_s": lambda tick: tick.elapsed_s,
+    "phase": lambda tick: PHASE_INDEX.get(tick.phase or ""),
+    "level": lambda tick: LEVELS.get(tick.level or ""),
+    "heading_deg": lambda tick: tick.heading_deg,
+    "goal_heading_deg": lambda tick: tick.goal_heading_deg,
+    "counter_deg": lambda tick: tick.counter_deg,
+    "pitch_deg": lambda tick: tick.pitch_deg,
+    "roll_deg": lambda tick: tick.roll_deg,
+    "left": lambda tick: tick.applied_left or 0.0,
+    "right": lambda tick: tick.applied_right or 0.0,
+    "measured_m_s": lambda tick: tick.measured_m_s,
+    "period_s": lambda tick: tick.period_s,
+    "north_m": lambda tick: tick.place.north_m if tick.place else nan,
+    "east_m": lambda tick: tick.place.east_m if tick.place else nan,
+}
+TRUTH = ("t_s", "x_m", "y_m", "phase", "stretch")
 
 
 def read_run(run: Path) -> RunData:
@@ -37,84 +47,46 @@ def read_run(run: Path) -> RunData:
     Raises:
         BadInput: there is no log in it, or nothing of it can be read.
     """
-    reader, reading = RunReader(run), _Reading()
+    reader, fold, summariser = RunReader(run), RunFold(), RunSummariser()
+    data, ticks, truths = RunData(), array("d"), array("d")
     for record in readable(reader):
-        reading.take(record)
-    return reading.finish(reader.damage)
-
-
-class _Reading:
-    """Takes the records in their order, and lays what the fold makes of them out for drawing."""
-
-    def __init__(self) -> None:
-        self.data = RunData()
-        self._fold = RunFold()
-        self._summariser = RunSummariser()
-        self._ticks, self._truths = array("d"), array("d")
-        self._phase = self._max_speed_m_s = nan
-
-    def take(self, record: Record) -> None:
-        """Take the next record."""
-        events = self._fold.take(record)
-        self._summariser.take(events)
+        events = fold.take(record)
+        summariser.take(events)
         for event in events:
-            self._take(event)
-
-    def finish(self, damage: Damage) -> RunData:
-        """Return what was read."""
-        data, state = self.data, self._fold.state
-        data.summary, data.damage = self._summariser.summary(state), damage
-        data.ticks, data.truth = columns(Tick, self._ticks), columns(TruePose, self._truths)
-        data.sensors = {name: each for name, each in sorted(state.sensors.items()) if each.readings or each.failures}
-        for sensor in data.sensors.values():
-            sensor.fell_silent(state.t_s)
-        return data
-
-    def _take(self, event: RunEvent) -> None:
-        data, stretch = self.data, float(self._fold.state.gaps)
-        match event:
-            case LoggedTick():
-                self._ticks.extend(self._drawn(event, stretch))
-            case Truth():
-                self._truths.extend(TruePose(event.elapsed_s, event.x_m, event.y_m, self._phase, stretch))
-            case Board(battery_v=battery_v) if battery_v is not None:
-                data.batteries.append((event.elapsed_s, battery_v))
-            case AnomalyBegan(kind=kind) if kind in ANOMALIES:
-                data.onsets.append(Onset(event.elapsed_s, kind))
-            case Noted(name=name):
-                mark = event.number if isinstance(event, Marked) else 0
-                data.events.append(LoggedEvent(event.elapsed_s, name, event.record, mark))
-            case Fix():
-                error_m, here_m = or_nan(event.error_m), _metres(self._fold.state.place)
-                data.fixes.append(MapFix(event.elapsed_s, event.latitude_deg, event.longitude_deg, error_m, *here_m))
-            case EpisodeBegan():
-                data.episodes.append(event.episode)
-            case RunBegan(header=header):
-                data.header = header.record
-                self._max_speed_m_s = or_nan(header.setting("vehicle", "max_speed_m_s"))
-
-    def _drawn(self, tick: LoggedTick, stretch: float) -> Tick:
-        left, right = tick.applied_left or 0.0, tick.applied_right or 0.0
-        north_m, east_m = _metres(tick.place)
-        self._phase = PHASE_INDEX.get(tick.phase or "", nan)
-        return Tick(
-            t_s=tick.elapsed_s,
-            phase=self._phase,
-            level=LEVELS.get(tick.level or "", nan),
-            heading_deg=or_nan(tick.heading_deg),
-            goal_heading_deg=or_nan(tick.goal_heading_deg),
-            counter_deg=or_nan(tick.counter_deg),
-            pitch_deg=or_nan(tick.pitch_deg),
-            roll_deg=or_nan(tick.roll_deg),
-            commanded_m_s=(left + right) / 2.0 * self._max_speed_m_s,
-            measured_m_s=tick.measured_m_s,
-            duty=(abs(left) + abs(right)) / 2.0,
-            period_s=tick.period_s,
-            north_m=north_m,
-            east_m=east_m,
-            stretch=stretch,
-        )
+            match event:
+                case Tick():
+                    ticks.extend(or_nan(column(event)) for column in TICK.values())
+                    ticks.append(fold.state.gaps)
+                case Truth():
+                    phase = or_nan(PHASE_INDEX.get(fold.state.tick.phase or ""))
+                    truths.extend((event.elapsed_s, event.x_m, event.y_m, phase, fold.state.gaps))
+                case _:
+                    _keep(event, fold.state.place, data)
+    state = fold.state
+    data.header, data.summary, data.damage = state.header.record, summariser.summary(state), reader.damage
+    data.ticks, data.truth = _columns([*TICK, "stretch"], ticks), _columns(TRUTH, truths)
+    data.sensors = {name: each for name, each in sorted(state.sensors.items()) if each.readings or each.failures}
+    for sensor in data.sensors.values():
+        sensor.fell_silent(state.t_s)
+    return data
 
 
-def _metres(place: ReckonedPose | None) -> tuple[float, float]:
-    return (place.north_m, place.east_m) if place else (nan, nan)
+def _keep(event: RunEvent, place: ReckonedPose | None, data: RunData) -> None:
+    match event:
+        case Board(battery_v=battery_v) if battery_v is not None:
+            data.batteries.append((event.elapsed_s, battery_v))
+        case AnomalyBegan(kind=kind) if kind in ANOMALIES:
+            data.onsets.append(event)
+        case Noted():
+            data.events.append(event)
+        case Fix():
+            here_m = (place.north_m, place.east_m) if place else (nan, nan)
+            where = event.latitude_deg, event.longitude_deg, or_nan(event.error_m)
+            data.fixes.append(MapFix(event.elapsed_s, *where, *here_m))
+        case EpisodeBegan():
+            data.episodes.append(event.episode)
+
+
+def _columns(names: Sequence[str], flat: array[float]) -> Columns:
+    """Return the columns of rows that stand one after the other."""
+    return dict(zip(names, np.array(flat).reshape(-1, len(names)).T, strict=True))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -15,13 +14,19 @@ from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Plots
 from wayfarer.views.run_report import words
-from wayfarer.views.run_report.comparison import facts_table, settings_table
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.events import LAYERS
 from wayfarer.views.run_report.map import map_plot
 from wayfarer.views.run_report.panels import draw_panels
 from wayfarer.views.run_report.reading import read_run
-from wayfarer.views.run_report.tables import anomalies_table, episodes_table, events_list, sensors_table
+from wayfarer.views.run_report.tables import (
+    anomalies_table,
+    episodes_table,
+    events_list,
+    facts_table,
+    sensors_table,
+    settings_table,
+)
 from wayfarer.views.run_report.track import Track, tracks_of
 
 BUTTONS = (
@@ -88,9 +93,9 @@ def _map(tracks: Sequence[Track], names: Sequence[str], plots: Plots) -> Iterato
         yield html.key("", zip(names, palette.RUNS, strict=True))
     yield html.figure(plots.place(map_plot(tracks)), words.track_caption(tracks))
     for track, name in zip(tracks, names, strict=True):
-        yield html.paragraph(words.fitted(track, "" if len(tracks) == 1 else f"Run {name}: "))
-        if track.end_deg:
-            yield words.where_link(track.end_deg, "" if len(tracks) == 1 else name)
+        run = "" if len(tracks) == 1 else f"Run {name}: "
+        yield html.paragraph(words.fitted(track, run))
+        yield words.where_link(track, run)
     if len(tracks) == 1 and tracks[0].data.summary.simulated and tracks[0].forest is None:
         yield html.paragraph(words.NO_FOREST)
 
@@ -101,7 +106,7 @@ def _layers(tracks: Sequence[Track]) -> Iterator[html.Layer]:
         for phase, colour in palette.PHASES.items():
             yield html.Layer(phase, vocabulary.PHASES[phase], colour)
     if any(track.reckoned for track in tracks):
-        yield html.Layer("reckoned", "dead reckoning", palette.GREY, shown=len(tracks) == 1)
+        yield html.Layer("reckoned", "dead reckoning", palette.RECKONED, shown=len(tracks) == 1)
     if any(track.fixes for track in tracks):
         yield html.Layer("fixes", "receiver", palette.RECEIVER, shown=len(tracks) == 1)
     yield from LAYERS
@@ -124,6 +129,5 @@ def _cursor(runs: Sequence[RunData], names: Sequence[str]) -> str:
     )
 
 
-@cache
 def _cursor_js() -> str:
     return (files("wayfarer.views.run_report") / "cursor.js").read_text(encoding="utf-8")

@@ -1,19 +1,19 @@
-"""Tables of one run's report."""
+"""Tables of the report of one run, and of two beside each other."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
 from math import isnan
 
+from wayfarer.fieldlog.episodes import Episode
 from wayfarer.fieldlog.fields import span
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.vocabulary import ANOMALIES, because
-from wayfarer.fieldlog.wording import event_text
 from wayfarer.views.page import html
 from wayfarer.views.run_report import words
-from wayfarer.views.run_report.data import LoggedEvent, RunData
-from wayfarer.views.run_report.events import is_trouble, mark_text
+from wayfarer.views.run_report.data import RunData
+from wayfarer.views.run_report.events import is_trouble, told
 
 ROWS = 500  # of a table; the log has all of them
 
@@ -24,18 +24,10 @@ def anomalies_table(data: RunData) -> str:
     if not counts:
         return html.paragraph("There were no anomalies.")
     total, hundred_m = sum(counts.values()), data.summary.reckoned_m / 100.0
-    rows = [
-        (
-            "",
-            (
-                ANOMALIES.get(kind, kind),
-                f"{count}",
-                f"{count / total:.0%}",
-                f"{count / hundred_m:.1f}" if hundred_m > 0.0 else "",
-            ),
-        )
-        for kind, count in sorted(counts.items(), key=lambda item: -item[1])
-    ]
+    rows = []
+    for kind, count in sorted(counts.items(), key=lambda item: -item[1]):
+        often = f"{count / hundred_m:.1f}" if hundred_m > 0.0 else ""
+        rows.append(("", (ANOMALIES.get(kind, kind), f"{count}", f"{count / total:.0%}", often)))
     caption = "Anomalies by cause. Each is counted when it begins."
     return html.table(caption, ("cause", "times", "share", "in 100 m"), rows)
 
@@ -43,62 +35,43 @@ def anomalies_table(data: RunData) -> str:
 def episodes_table(data: RunData) -> str:
     """Return the episodes, in their order."""
     if not data.episodes:
-        return html.paragraph(words.NO_EPISODE)
-    rows = [
-        (
-            "",
-            (
-                f"{number}",
-                span(episode.start_s, 1),
-                episode.side,
-                f"{episode.turns}",
-                f"{episode.end_s - episode.start_s:.1f}",
-                f"{episode.metres:.1f}",
-                because(episode.ended_by or "the end of the log", ()).replace("_", " "),
-            ),
-        )
-        for number, episode in enumerate(data.episodes, start=1)
-    ]
+        return html.paragraph("There was no escape episode: the rover followed its goal all the time.")
+    rows = [("", _episode(number, each)) for number, each in enumerate(data.episodes[:ROWS], start=1)]
     caption = "Episodes: from an anomaly until the goal was followed again."
     head = ("no.", "began", "first turn", "turns", "lasted, s", "way, m", "how it ended")
-    return "\n".join([html.table(caption, head, rows[:ROWS]), *_rest(rows)])
+    return html.table(caption, head, rows) + _rest(data.episodes)
+
+
+def _episode(number: int, episode: Episode) -> Sequence[str]:
+    ended = because(episode.ended_by or "the end of the log", ()).replace("_", " ")
+    lasted_s = episode.end_s - episode.start_s
+    began = span(episode.start_s, 1)
+    return f"{number}", began, episode.side, f"{episode.turns}", f"{lasted_s:.1f}", f"{episode.metres:.1f}", ended
 
 
 def events_list(data: RunData) -> str:
     """Return everything that was reported, in its order; trouble is set in bold."""
     if not data.events:
-        return html.paragraph(words.NO_EVENT)
-    items = [f"<li>{escape(span(event.t_s, 1))} {_event(event)}</li>" for event in data.events[:ROWS]]
-    return "\n".join(
-        [
-            html.paragraph("What people asked for, and what the rover reported."),
-            "<ul>",
-            *items,
-            "</ul>",
-            *_rest(data.events),
-        ]
-    )
-
-
-def _event(event: LoggedEvent) -> str:
-    if event.mark:
-        return escape(mark_text(event))
-    text = escape(event_text(event.record))
-    return f"<strong>{text}</strong>" if is_trouble(event) else text
+        return html.paragraph("No events.")
+    lines = [html.paragraph("What people asked for, and what the rover reported."), "<ul>"]
+    for event in data.events[:ROWS]:
+        text = escape(told(event))
+        text = f"<strong>{text}</strong>" if is_trouble(event) else text
+        lines.append(f"<li>{span(event.elapsed_s, 1)} {text}</li>")
+    return "\n".join([*lines, "</ul>", _rest(data.events)])
 
 
 def sensors_table(data: RunData) -> str:
     """Return how well each sensor spoke."""
     if not data.sensors:
-        return html.paragraph(words.NO_SENSOR)
+        return html.paragraph("The log has no sensor readings.")
     rows = [("", (sensor, *_health(data, sensor, health))) for sensor, health in data.sensors.items()]
     caption = (
         "Sensors, as the control loop saw them: it looks at each once a tick. Unsure: readings of motion whose quality "
         "is too low to be used."
     )
-    return html.table(
-        caption, ("sensor", "readings", "rate, Hz", "set, Hz", "longest gap, s", "unsure", "failures"), rows
-    )
+    head = ("sensor", "readings", "rate, Hz", "set, Hz", "longest gap, s", "unsure", "failures")
+    return html.table(caption, head, rows)
 
 
 def _health(data: RunData, sensor: str, health: SensorStatus) -> Sequence[str]:
@@ -114,6 +87,41 @@ def _health(data: RunData, sensor: str, health: SensorStatus) -> Sequence[str]:
     )
 
 
-def _rest(rows: Sequence[object]) -> list[str]:
+def _rest(rows: Sequence[object]) -> str:
     """Say how many rows are left out, if any."""
-    return [html.paragraph(f"{len(rows) - ROWS} more are in the log: wayfarer logs show.")] if len(rows) > ROWS else []
+    return html.paragraph(f"{len(rows) - ROWS} more are in the log: wayfarer logs show.") if len(rows) > ROWS else ""
+
+
+# -- two runs ----------------------------------------------------------------------------------------------------
+
+
+def facts_table(runs: Sequence[RunData], names: Sequence[str]) -> str:
+    """Return the facts of all runs, one column each; rows that differ are set in bold."""
+    facts = [dict(words.facts(data, name)) for data, name in zip(runs, names, strict=True)]
+    keys = dict.fromkeys(key for each in facts for key in each)
+    rows = (_compared(key, [each.get(key) for each in facts]) for key in keys)
+    return html.table("What differs is bold.", ["", *names], rows)
+
+
+def settings_table(runs: Sequence[RunData], names: Sequence[str]) -> str:
+    """Return the keys of the rover file that have another value, or are in one of the runs only."""
+    flat = [dict(_flat(data.header.get("config"))) for data in runs]
+    changed = sorted(key for key in flat[0].keys() | flat[1].keys() if flat[0].get(key) != flat[1].get(key))
+    if not changed:
+        return html.paragraph(words.SAME_SETTINGS)
+    rows = (_compared(key, [each.get(key) for each in flat]) for key in changed)
+    return html.table("Keys of the rover file with another value.", ["key", *names], rows)
+
+
+def _compared(key: str, values: Sequence[str | None]) -> tuple[str, list[str]]:
+    kind = "same" if len(set(values)) == 1 else "differs"
+    return kind, [key, *("not there" if value is None else value for value in values)]
+
+
+def _flat(part: object, key: str = "") -> Iterator[tuple[str, str]]:
+    """Yield each value of a rover file under its whole key, as ``detector.tilt_deg``."""
+    if isinstance(part, dict):
+        for name, value in part.items():
+            yield from _flat(value, f"{key}.{name}" if key else str(name))
+    elif key:
+        yield key, f"{part}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import radians
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,9 +13,9 @@ from bokeh.plotting import ColumnDataSource
 
 from wayfarer.fieldlog import vocabulary
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover, layer, plot
+from wayfarer.views.page.plots import Figure, hover, layer, plot, source
 from wayfarer.views.run_report.data import LEVELS, PHASES, RunData
-from wayfarer.views.run_report.events import LAYERS, happenings
+from wayfarer.views.run_report.events import LAYERS, LOOK, columns, happenings
 from wayfarer.views.run_report.series import spans
 
 SHADE = 0.16  # of a phase's colour, behind the lines
@@ -57,25 +56,13 @@ class Shared(NamedTuple):
 def shared_by_panels(data: RunData) -> Shared:
     """Return what all panels of a run show behind their lines."""
     bands = spans(data.ticks["t_s"], data.ticks["phase"])
-    phases = {}
-    for phase in palette.PHASES:
-        times_s = [(band.start_s, band.end_s) for band in bands if PHASES[int(band.value)] == phase]
-        from_s, to_s = np.array(times_s, dtype=np.float32).reshape(-1, 2).T
-        phases[phase] = ColumnDataSource({"x0": from_s, "x1": to_s})
+    inside = {phase: [each for each in bands if PHASES[int(each.value)] == phase] for phase in palette.PHASES}
     told = happenings(data)
-    events = {layer.name: [each for each in told if each.layer == layer.name] for layer in LAYERS}
+    found = {layer.name: [each for each in told if each.layer == layer.name] for layer in LAYERS}
     return Shared(
-        {phase: source for phase, source in phases.items() if len(source.data["x0"])},
-        {
-            layer: ColumnDataSource(
-                {
-                    "x": np.array([each.t_s for each in found], dtype=np.float32),
-                    "what": [each.text for each in found],
-                    "shape": [each.shape for each in found], "turned": [radians(each.turned_deg) for each in found],
-                }
-            )
-            for layer, found in events.items() if found
-        },
+        {phase: source(x0=[each.start_s for each in spans_], x1=[each.end_s for each in spans_])
+         for phase, spans_ in inside.items() if spans_},
+        {layer: source(**columns(each)) for layer, each in found.items() if each},
     )  # fmt: skip
 
 
@@ -83,14 +70,13 @@ def background(made: Figure, shared: Sequence[Shared]) -> None:
     """Draw the phases of a single run, and its events but anomalies, behind a panel."""
     if len(shared) > 1:
         return
-    for phase, source in shared[0].phases.items():
+    for phase, bands in shared[0].phases.items():
         colour = palette.PHASES[phase]
-        layer(phase, made.vstrip("x0", "x1", source=source, fill_color=colour, fill_alpha=SHADE, line_color=None))
+        layer(phase, made.vstrip("x0", "x1", source=bands, fill_color=colour, fill_alpha=SHADE, line_color=None))
     for each in LAYERS:
         if each.name != "anomaly" and each.name in shared[0].events:
-            source = shared[0].events[each.name]
-            lines = made.vspan("x", source=source, line_color=each.colour, line_alpha=0.6, line_dash=[3, 3])
-            layer(each.name, lines)
+            look: Any = {"line_color": each.colour, "line_alpha": 0.6, "line_dash": [3, 3]}
+            layer(each.name, made.vspan("t", source=shared[0].events[each.name], **look))
 
 
 def events_panel(runs: Sequence[RunData], time: Range1d, shared: Sequence[Shared]) -> Figure:
@@ -113,14 +99,9 @@ def events_panel(runs: Sequence[RunData], time: Range1d, shared: Sequence[Shared
             drawn += _held(made, runs[run], at)
             continue
         colour = palette.RUNS[run] if len(runs) > 1 else next(each.colour for each in LAYERS if each.name == name)
-        drawn.append(
-            made.scatter(
-                "x", at, source=shared[run].events[name], marker="shape", angle="turned", size=9,
-                fill_color=colour, line_color=palette.EDGE, line_width=0.8,
-            )
-        )  # fmt: skip
+        drawn.append(made.scatter("t", at, source=shared[run].events[name], size=9, fill_color=colour, **LOOK))
         layer(name, drawn[-1])
-    made.add_tools(hover(drawn, ("what", "@what"), ("time", "@x{0.0} s")))
+    made.add_tools(hover(drawn, ("what", "@what"), ("time", "@t{0.0} s")))
     for run, data in enumerate(runs):
         _states(made, run, data)
     return made
@@ -136,14 +117,10 @@ def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]
     for level, colour in palette.LEVELS.items():
         bars = [each for each in held if each.value == LEVELS[level]]
         if bars:
-            columns = {
-                "left": [each.start_s for each in bars], "right": [each.end_s for each in bars],
-                "what": [f"{vocabulary.LEVELS[level]}, for {each.end_s - each.start_s:.1f} s" for each in bars],
-                "x": [each.start_s for each in bars],
-            }  # fmt: skip
-            yield made.hbar(
-                y=row, left="left", right="right", height=0.6, source=ColumnDataSource(columns), color=colour
-            )
+            words = [f"{vocabulary.LEVELS[level]}, for {each.end_s - each.start_s:.1f} s" for each in bars]
+            begins_s = [each.start_s for each in bars]
+            times = source(t=begins_s, right=[each.end_s for each in bars], what=words)
+            yield made.hbar(y=row, left="t", right="right", height=0.6, source=times, color=colour)
 
 
 def _states(made: Figure, run: int, data: RunData) -> None:
@@ -152,9 +129,6 @@ def _states(made: Figure, run: int, data: RunData) -> None:
     levels = {int(value): vocabulary.LEVELS[level] for level, value in LEVELS.items()}
     for name, words in (("phase", phases), ("level", levels)):
         bands = spans(data.ticks["t_s"], data.ticks[name])
-        columns = {
-            "x": np.array([band.start_s for band in bands], dtype=np.float32),
-            "value": [words[int(band.value)] for band in bands],
-        }
+        changes = source(x=[band.start_s for band in bands], value=[words[int(band.value)] for band in bands])
         read = {"run": run, "name": name, "unit": "", "decimals": 0}
-        made.scatter("x", 0, source=ColumnDataSource(columns), alpha=0.0).tags = [read]
+        made.scatter("x", 0, source=changes, alpha=0.0).tags = [read]

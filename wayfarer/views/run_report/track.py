@@ -98,7 +98,7 @@ class Track:
         turned_deg = self.fit.turned_deg if self.fit and self.reckoned is None else 0.0
         told = [event for event in self.data.events if event.name in ("armed", "goal")]
         for event in told:
-            goal_deg, place_m = number(event.record, "goal_heading_deg"), self.way.at(event.t_s)
+            goal_deg, place_m = number(event.record, "goal_heading_deg"), self.way.at(event.elapsed_s)
             if goal_deg is not None and not isnan(sum(place_m)):
                 yield place_m, goal_deg + turned_deg
         goals_deg = self.data.ticks["goal_heading_deg"]

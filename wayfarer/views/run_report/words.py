@@ -19,8 +19,6 @@ from wayfarer.views.text.summary_text import summary_facts
 NO_WAY = "The log has no heading, so the path of the rover is unknown."
 NO_TICKS = "No time lines: the log has no control ticks, or they hold no values."
 NO_FOREST = "The log is of a simulated run, but its forest or its true path is missing or cannot be read."
-NO_EPISODE = "There was no escape episode: the rover followed its goal all the time."
-NO_EVENT = "No events."
 LAST_GOALS = 5  # as many stand in the header
 BANDS = "Colours behind the lines: what the rover did; none: it stood."
 PANELS = (
@@ -42,8 +40,6 @@ GAPS = (
     "broke off."
 )
 SAME_SETTINGS = "Nothing: both runs had the same rover file."
-SETTINGS = "Keys of the rover file with another value."
-NO_SENSOR = "The log has no sensor readings."
 
 
 def title(data: RunData) -> str:
@@ -67,9 +63,6 @@ def _goal(data: RunData) -> str:
     whole_deg = np.round(goals_deg[~np.isnan(goals_deg)]) % 360.0
     changes_deg = whole_deg[np.append(True, np.diff(whole_deg) != 0)[: whole_deg.size]]
     return ", then ".join(f"{goal_deg:.0f}°" for goal_deg in changes_deg[-LAST_GOALS:]) or "none"
-
-
-# -- figures -----------------------------------------------------------------------------------------------------
 
 
 def number_of(run: Path) -> str:
@@ -108,10 +101,13 @@ def fitted(track: Track, run: str) -> str:
     return run + " ".join(parts) if parts else ""
 
 
-def where_link(end_deg: tuple[float, float], name: str) -> str:
-    """Return where a run ended, with links that the map of a telephone, or a browser, opens."""
-    latitude, longitude = (f"{degrees:.6f}" for degrees in end_deg)
+def where_link(track: Track, run: str) -> str:
+    """Return where a run ended, and who says so, with links that the map of a telephone, or a browser, opens."""
+    if track.end_deg is None:
+        return ""
+    latitude, longitude = (f"{degrees:.6f}" for degrees in track.end_deg)
+    whose = "End of the fitted way (the last fix is above, under “where”)" if track.fit else "The last fix"
     at = f"{latitude},{longitude}"
     osm = f"https://www.openstreetmap.org/?mlat={latitude}&mlon={longitude}#map=18/{latitude}/{longitude}"
     links = f"{html.link(f'geo:{at}?q={at}', 'open in a map')}, {html.link(osm, 'OpenStreetMap')}"
-    return f"<p>{escape(f'Run {name} ended' if name else 'Ended')} at {latitude}°, {longitude}°: {links}.</p>"
+    return f"<p>{escape(run + whose)}: {latitude}°, {longitude}°: {links}.</p>"

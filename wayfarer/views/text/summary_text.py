@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
+from wayfarer.escape.phases import PhaseEvent
 from wayfarer.fieldlog.fields import local_time, span
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES
+from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, because
 from wayfarer.fieldlog.wording import records_text, whole_deg
 from wayfarer.views.text.last_position import LastPosition, RangeBearing
 from wayfarer.views.text.summary import RunSummary
@@ -104,9 +105,8 @@ def counted(counts: Mapping[str, int]) -> str:
 def _escapes(summary: RunSummary) -> str:
     if not summary.ticks:
         return ""
-    ran_out = counted(summary.exhausted)
-    ended = f"; ran out: {ran_out}" if ran_out else ""
-    return f"episodes {summary.episodes}, backed off {summary.recoveries}{ended}"
+    ended = {because(f"{phase}.{PhaseEvent.EXHAUSTED.value}", ()): count for phase, count in summary.exhausted.items()}
+    return "; ".join(filter(None, [f"episodes {summary.episodes}, backed off {summary.recoveries}", counted(ended)]))
 
 
 def _battery(summary: RunSummary) -> str:

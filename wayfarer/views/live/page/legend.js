@@ -4,11 +4,11 @@ const line = (dash) => `fill="none" stroke-width="3" ${dash ? 'stroke-dasharray=
 const FOREST = [
   ["trunk", "M3 6 H21", 'fill="none" stroke-width="6" stroke-linecap="round"', "fallen trunk"],
   ["tree", "M12 1 A5 5 0 1 1 11.99 1 Z", 'stroke="none" class="filled"', "standing tree"],
-  ["goal", "M0 6 H24", line(true), "edge of the forest: it is out"],
+  ["goal-line", "M0 6 H24", line(true), "edge of the forest: it is out"],
   ["ink", "M8 2 H16 V10 H8 Z", 'fill="none" stroke-width="1.5"', "start"],
 ];
-const CROSS = ["mark", "M8 2 L16 10 M8 10 L16 2", 'fill="none" stroke-width="2"', "something stopped it"];
-const ROVER = ["rover", "M8 12 V5 L12 0 L16 5 V12 Z", 'stroke="none" class="filled"', "the rover, with its nose ahead"];
+const MARK = ["anomaly", "M12 2 A4 4 0 1 1 11.99 2 Z", 'stroke="var(--mark-edge)" class="filled"', "something stopped it"];
+const ROVER = ["ink", "M8 12 V5 L12 0 L16 5 V12 Z", 'stroke="none" class="filled"', "the rover, with its nose ahead"];
 
 function writeLegend({ track, phases: strip, forest, state }) {
   const drawn = new Set([...track.slice(1).map((point) => point[2]), ...strip.map(([, phase]) => phase)]);
@@ -17,7 +17,7 @@ function writeLegend({ track, phases: strip, forest, state }) {
   if (list.dataset.shown === shown) return;
   list.dataset.shown = shown;
   const ways = phases.map((phase) => [phase, "M0 6 H24", line(false), PHASES[phase]]);
-  list.replaceChildren(...[...(state.place ? [ROVER] : []), ...ways, CROSS, ...(forest ? FOREST : [])].map(key));
+  list.replaceChildren(...[...(state.place ? [ROVER] : []), ...ways, MARK, ...(forest ? FOREST : [])].map(key));
 }
 
 function key([name, shape, style, text]) {

@@ -78,7 +78,7 @@ function drawForest(pen, view, forest, width) {
     pen.fill();
   }
   const [, goalY] = view.at(0, forest.goal_y_m);
-  pen.strokeStyle = pen.fillStyle = colour("goal");
+  pen.strokeStyle = colour("goal-line");
   pen.lineWidth = 2;
   pen.setLineDash([8, 5]);
   pen.beginPath();
@@ -110,17 +110,15 @@ function drawTrack(pen, view, track) {
 
 function drawMarks(pen, view, marks) {
   const r = view.scale < 10 ? 3 : 4;
-  pen.strokeStyle = colour("mark");
-  pen.lineWidth = 1.5;
-  pen.beginPath();
+  pen.fillStyle = colour("anomaly");
+  pen.strokeStyle = colour("mark-edge");
+  pen.lineWidth = 1;
   for (const [east, north] of marks) {
-    const [x, y] = view.at(east, north);
-    pen.moveTo(x - r, y - r);
-    pen.lineTo(x + r, y + r);
-    pen.moveTo(x - r, y + r);
-    pen.lineTo(x + r, y - r);
+    pen.beginPath();
+    pen.arc(...view.at(east, north), r, 0, 2 * Math.PI);
+    pen.fill();
+    pen.stroke();
   }
-  pen.stroke();
 }
 
 // The outline of the body with its nose ahead; drawn larger than life where it would be too small to see.
@@ -137,7 +135,7 @@ function drawRover(pen, view, [east, north, headingDeg], about) {
   pen.lineTo(half, -length / 4);
   pen.lineTo(half, length / 2);
   pen.closePath();
-  pen.fillStyle = colour("rover");
+  pen.fillStyle = colour("ink");
   pen.strokeStyle = colour("ground");
   pen.lineWidth = 2;
   pen.fill();
@@ -150,7 +148,7 @@ function drawScale(pen, scale, width, height) {
   const power = 10 ** Math.floor(Math.log10(most));
   const metres = power * [5, 2, 1].find((factor) => factor * power <= most);
   const right = width - 10, left = right - metres * scale, bottom = height - 8;
-  pen.strokeStyle = pen.fillStyle = colour("ink");
+  pen.strokeStyle = colour("ink");
   pen.lineWidth = 2;
   pen.beginPath();
   pen.moveTo(left, bottom - 5);
@@ -166,6 +164,7 @@ function drawScale(pen, scale, width, height) {
   pen.lineTo(right - 10, top + 12);
   pen.lineTo(right - 5, top + 16);
   pen.closePath();
+  pen.fillStyle = colour("ink");
   pen.fill();
   label(pen, "N", right - 10, top - 3, "center");
 }
@@ -175,9 +174,8 @@ function label(pen, text, x, y, align) {
   pen.font = "700 13px system-ui, sans-serif";
   pen.textAlign = align;
   pen.lineWidth = 4;
-  const stroke = pen.strokeStyle;
-  pen.strokeStyle = colour("card");
+  pen.strokeStyle = colour("ground");
   pen.strokeText(text, x, y);
-  pen.strokeStyle = stroke;
+  pen.fillStyle = colour("ink");
   pen.fillText(text, x, y);
 }
