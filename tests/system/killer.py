@@ -37,7 +37,7 @@ STOPPING_S = 0.25  # from SIGTERM to the end of the process, about
 MARGIN_S = 0.02  # between the two writes of one drive command
 BUSY_S = 0.3  # how late a thread may be on a computer that does other things
 SYNC_S = WRITE_S * WRITES_A_SYNC
-KILLS_A_SITE = 10  # then another forest: a rover that lies in a thicket drives no more
+KILLS_A_SITE = 10  # then the other rover
 
 
 class Life(StrEnum):
@@ -214,7 +214,7 @@ def sweep(kills: int, seed: int) -> Iterator[Kill]:
 
 
 def _at_one_site(rover: str, numbers: Iterable[int], rng: Random) -> Iterator[Kill]:
-    with hil_site(rover, seed=rng.randrange(2**31)) as where:
+    with hil_site(rover) as where:
         killer, last = Killer(where, rng), None
         for number in numbers:
             if last is not None:
