@@ -1,12 +1,8 @@
 """A bench and a daemon over it, each a process of its own: where a fault of the process happens for real.
 
-The bench (``simhal.hil_server``) holds the chips of one rover in a clearing, where the rover drives ahead until the test
-does something to it, and writes down what its wheels were told and when. All processes of a machine share one monotonic
-clock, so its times compare with those in the daemon's log: a busy machine delays what is seen here, not what is judged.
-
-The bench stands for hardware, which never waits for a core, and what is tested is the daemon, not how busy the machine
-is: one transfer that takes more than 0.1 s stops a rover for good. So both come before all other processes. That takes
-the rights of root; without them a busy machine can fail these tests.
+The bench (``simhal.hil_server``) holds the chips of one rover in a clearing, where the rover drives ahead until the
+test does something to it, and writes down what its wheels were told and when. All processes of a machine share one
+monotonic clock, so its times compare with those in the daemon's log.
 """
 
 # ruff: noqa: TID251 - real processes need real time
@@ -20,26 +16,26 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
-from tests.system.subprocesses import WAYFARER, command
+from tests.system.subprocesses import HARDWARE_PRIORITY, WAYFARER, WAYFARER_PRIORITY, command, never_late
 from tests.system.wheel_history import Commands, stop_after
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import SOCKET_NAME
+from wayfarer.drivers.sabertooth import packet
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.reader import Record, RunReader
-from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, HilConnection
+from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, HilConnection, HilI2C, HilSerial
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 DEADMAN_S = {"minirover": 0.25, "forestrover": 0.3}  # ThunderBorg, and what forestrover.toml sets its Sabertooth to
 PATIENCE_S = 60.0  # costs time in a failure only
 POLL_S = 0.02
 LOOKED_S = 0.4  # longer than any deadman
-DAEMON_PRIORITY, HARDWARE_PRIORITY = 1, 2  # of real-time processes, which come before all others
 MARGIN_S = 0.02  # between the two writes of one drive command
 STARTS = 3
 BUSY = re.compile("no end of a transfer within|an earlier transfer still hangs")  # what a late transfer is told as
@@ -66,12 +62,6 @@ def wait_for(what: str, holds: Callable[[], T | None], patience_s: float = PATIE
             raise HilSetupError(f"after {patience_s:g} s not yet: {what}")
         time.sleep(POLL_S)
     return found
-
-
-def never_late(pid: int, priority: int) -> None:
-    """Have a process, or this thread (0), come before all others where the user may do that."""
-    with suppress(PermissionError):
-        os.sched_setscheduler(pid, os.SCHED_RR, os.sched_param(priority))
 
 
 def rover_toml(rover: str) -> str:
@@ -112,17 +102,16 @@ class Site:
         }
         self.processes: list[subprocess.Popen[bytes]] = []
         server = (sys.executable, "-m", "wayfarer.simhal.hil_server")
-        bench = self.start(*server, "--rover", self.config, "--socket", folder / "bench")
+        self.start(*server, "--rover", self.config, "--socket", folder / "bench", priority=HARDWARE_PRIORITY)
         try:
             self._line = wait_for("the bench listens", self._connect)
-            never_late(bench.pid, HARDWARE_PRIORITY)
         except HilSetupError:
             self._end_processes()
             raise
 
-    def start(self, *command: str | Path) -> subprocess.Popen[bytes]:
+    def start(self, *command: str | Path, priority: int = WAYFARER_PRIORITY) -> subprocess.Popen[bytes]:
         """Start a process of this site."""
-        with (self.folder / "output.txt").open("ab") as output:
+        with (self.folder / "output.txt").open("ab") as output, never_late(priority):
             process: subprocess.Popen[bytes] = subprocess.Popen(
                 command, env=self.environment, stdout=output, stderr=output, cwd=self.folder
             )
@@ -205,9 +194,7 @@ class Site:
             options: of ``wayfarer run``.
             program: what stands for ``wayfarer``.
         """
-        process = self.start(*program, "run", "--config", self.config, "--logs", self.logs, *options)
-        never_late(process.pid, DAEMON_PRIORITY)
-        return process
+        return self.start(*program, "run", "--config", self.config, "--logs", self.logs, *options)
 
     def daemon(self, *options: str, program: Sequence[str] = WAYFARER) -> subprocess.Popen[bytes]:
         """Return a daemon that sees; arguments as ``launch``.
@@ -283,9 +270,25 @@ class Site:
             f"the event '{name}'", lambda: next((record for record in self.log() if record.get("name") == name), None)
         )
 
-    def run(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        """Run a wayfarer command at this site to its end."""
-        return command(*arguments, env=self.environment, cwd=self.folder)
+    def turn_wheels(self) -> None:
+        """Do what another program might: no deadman, and wheels that turn for ever.
+
+        To a ThunderBorg: failsafe off, both sides ahead (its commands 19, 8 and 11); to a Sabertooth: both ahead.
+        """
+        path = str(self.folder / "bench")
+        if self.rover == "minirover":
+            bus = HilI2C(path, "/dev/i2c-1")
+            for command in ((19, 0), (8, 100), (11, 100)):
+                bus.write(0x15, bytes(command))
+            bus.close()
+        else:
+            port = HilSerial(path, "/dev/ttyAMA0")
+            port.write(packet(128, 0, 60) + packet(128, 4, 60))
+            port.close()
+
+    def run(self, *arguments: str | Path, program: Sequence[str] = WAYFARER) -> subprocess.CompletedProcess[str]:
+        """Run a wayfarer command at this site to its end; arguments as ``command``."""
+        return command(*arguments, program=program, env=self.environment, cwd=self.folder)
 
 
 @contextmanager
