@@ -64,6 +64,17 @@ async def test_deadman_acts_at_its_own_time_and_the_record_says_so() -> None:
     assert last == (pytest.approx(told_s + FAILSAFE_S), 0.0, 0.0)
 
 
+def test_without_a_seed_the_rover_drives_on_for_ever() -> None:
+    """In the forest of a seed it would meet a tree or slip within a few metres."""
+    clock = Clock()
+    made = HilServer(minirover(), None, clock)
+    made.world.command(0.5, 0.5)
+    clock.t_s += 200.0
+    made.step()
+    assert min(made.world.wheels_m_s) > 0.0
+    assert made.world.forward_m == pytest.approx(200.0 * sum(made.world.wheels_m_s) / 2.0, rel=0.01)
+
+
 async def test_board_forgets_its_deadman_with_its_power() -> None:
     made, _ = bench()
     await i2c(made, 0x15, 19, 1)
