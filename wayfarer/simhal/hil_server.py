@@ -8,6 +8,7 @@
 with ``buses = "wayfarer.simhal.hil_buses:buses"`` as the first line of ``rover.toml``. The daemon then runs its real
 drivers over its real bus threads, and may be killed, suspended or disconnected: nothing here notices but the motor
 boards' own deadmen. ``WAYFARER_BENCH`` names the socket; it exists to try the daemon without hardware, and for tests.
+``--seed`` puts the rover into a forest; without it nothing is in its way.
 
 Both ends speak one JSON object a line. Transfers name a bus and give their bytes in hex, a list of pieces; on I2C no
 piece means a read alone. Beside them
