@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 
 from tests.simhal.chips.bench import Clock
+from tests.system.subprocesses import never_late
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.drivers.buses import Buses
@@ -30,6 +31,13 @@ from wayfarer.simhal.hil_server import HilServer, serve
 I2C = "/dev/i2c-1"
 FLOW = {"driver": "pmw3901", "bus": "/dev/spidev0.1"}
 AHEAD = WheelCommand(0.5, 0.5)
+
+
+@pytest.fixture(autouse=True)
+def on_a_free_computer() -> Iterator[None]:
+    """A transfer has 0.1 s."""
+    with never_late():
+        yield
 
 
 def minirover() -> RoverConfig:
