@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tests.drivers.private_dev import NoMounts, compiled_shim, why_not
-from tests.drivers.real_site import NoRegistry, RealSite, install, real_site
+from tests.drivers.real_site import NoRegistry, RealSite, install_oldest, real_site
 
 
 @pytest.fixture(scope="module")
@@ -41,20 +41,23 @@ def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return compiled_shim(tmp_path_factory.mktemp("shim"))
 
 
-@pytest.fixture(scope="session", params=("oldest", "newest"))
-def version(request: pytest.FixtureRequest) -> str:
-    """Which version of the libraries."""
-    wanted: str = request.param
-    return wanted
+@pytest.fixture(scope="session")
+def oldest(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the libraries at the oldest versions that are allowed."""
+    try:
+        return install_oldest(tmp_path_factory.mktemp("oldest"))
+    except NoRegistry as error:
+        pytest.skip(f"the oldest libraries cannot be installed here: {error}")
 
 
 @pytest.fixture(scope="session")
-def libraries(version: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of smbus2, spidev, pyserial and gpiozero."""
-    try:
-        return install(version, tmp_path_factory.mktemp(version))
-    except NoRegistry as error:
-        pytest.skip(f"the {version} libraries cannot be installed here: {error}")
+def libraries(version: str, request: pytest.FixtureRequest) -> Path:
+    """The folder of smbus2, spidev, pyserial and gpiozero: the oldest, or those of this Python, new where it is new."""
+    if version == "oldest":
+        folder: Path = request.getfixturevalue("oldest")
+        return folder
+    spidev = pytest.importorskip("spidev", reason="pip install 'wayfarer[pi]' brings the parts' libraries")
+    return Path(spidev.__file__).parent  # a module by itself, beside the others
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,11 +15,14 @@ import pytest
 
 from tests.drivers.private_dev import PrivateDev, SerialLine
 from tests.system.hil_setup import Site
-from tests.system.subprocesses import COMMAND_S, WAYFARER
+from tests.system.subprocesses import WAYFARER, WAYFARER_PRIORITY
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-BOTH = pytest.mark.parametrize("rover", ["forestrover", "minirover"], scope="module")
-FORESTROVER = pytest.mark.parametrize("rover", ["forestrover"], scope="module")  # it alone has a serial line
+# The ForestRover has all three buses, and alone a serial line; the MiniRover has its motors and its compass on one.
+FORESTROVER = [("oldest", "forestrover"), ("installed", "forestrover")]
+SITES = [*FORESTROVER, ("installed", "minirover")]
+each_site = pytest.mark.parametrize(("version", "rover"), SITES, scope="session")
+each_forestrover = pytest.mark.parametrize(("version", "rover"), FORESTROVER, scope="session")
 I2C, SPI, SERIAL = "/dev/i2c-1", "/dev/spidev0.1", "/dev/ttyAMA0"
 
 
@@ -27,23 +30,20 @@ class NoRegistry(Exception):
     """The libraries cannot be had."""
 
 
-def requirements(version: str) -> list[str]:
-    """Return the libraries of a rover's parts, as pyproject.toml has them: each at its lower bound, or the newest."""
+def oldest_versions() -> list[str]:
+    """Return the libraries of a rover's parts, as pyproject.toml has them, each at its lower bound."""
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    allowed: list[str] = project["optional-dependencies"]["pi"]
-    return [each.replace(">=", "==") for each in allowed] if version == "oldest" else allowed
+    return [each.replace(">=", "==") for each in project["optional-dependencies"]["pi"]]
 
 
-def install(version: str, folder: Path) -> Path:
-    """Install the libraries into a folder and return it.
+def install_oldest(folder: Path) -> Path:
+    """Install the oldest libraries into a folder and return it.
 
     Raises:
         NoRegistry: they cannot be had.
     """
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps"]
-    done = subprocess.run(
-        [*pip, "--target", folder, *requirements(version)], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([*pip, "--target", folder, *oldest_versions()], capture_output=True, text=True, check=False)
     if re.search("No matching distribution|No module named pip", done.stderr):
         raise NoRegistry(done.stderr.strip().splitlines()[-1])
     assert done.returncode == 0, done.stderr
@@ -81,20 +81,17 @@ class RealSite(Site):
         self.dev.unplug(SERIAL)
         self.line.unplug()
 
-    def start(self, *command: str | Path) -> subprocess.Popen[bytes]:
+    def start(self, *command: str | Path, priority: int = WAYFARER_PRIORITY) -> subprocess.Popen[bytes]:
         """Start a process that sees the private /dev."""
-        return super().start(*self.dev.enter, *command)
+        return super().start(*self.dev.enter, *command, priority=priority)
 
-    def run(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    def run(self, *arguments: str | Path, program: Sequence[str] = WAYFARER) -> subprocess.CompletedProcess[str]:
         """Run a wayfarer command to its end."""
-        return self.run_python(*WAYFARER[1:], *arguments)
+        return super().run(*arguments, program=(*self.dev.enter, *program))
 
     def run_python(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
         """Run Python to its end."""
-        return subprocess.run(
-            [*self.dev.enter, sys.executable, *arguments],
-            env=self.environment, capture_output=True, text=True, check=False, timeout=COMMAND_S,
-        )  # fmt: skip
+        return self.run(*arguments, program=(sys.executable,))
 
     def end(self) -> None:
         """End all processes."""

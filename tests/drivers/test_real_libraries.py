@@ -1,4 +1,4 @@
-"""smbus2, spidev, pyserial and gpiozero themselves, at their oldest allowed and at their newest versions.
+"""smbus2, spidev, pyserial and gpiozero themselves, at their oldest allowed versions and at those of this Python.
 
 Below the first three are device files of a private /dev, and simulated chips; gpiozero has a mock of the pins itself.
 """
@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from tests.drivers.private_dev import Recorder
-from tests.drivers.real_site import BOTH, FORESTROVER, I2C, SPI, RealSite, requirements
+from tests.drivers.real_site import I2C, SPI, RealSite, each_forestrover, each_site, oldest_versions
 from wayfarer.simhal.hil_buses import SOCKET_VARIABLE
 
 pytestmark = pytest.mark.process
@@ -86,15 +86,15 @@ def said_by(done: subprocess.CompletedProcess[str]) -> Any:
     return json.loads(done.stdout)
 
 
-@FORESTROVER
+@each_forestrover
 def test_libraries_are_those_that_were_asked_for(site: RealSite, version: str, libraries: Path) -> None:
     found = said_by(site.run_python("-c", WHICH))
     assert all(Path(file).is_relative_to(libraries) for _, file in found.values())
     if version == "oldest":
-        assert [f"{name}=={number}" for name, (number, _) in found.items()] == requirements("oldest")
+        assert [f"{name}=={number}" for name, (number, _) in found.items()] == oldest_versions()
 
 
-@BOTH
+@each_site
 def test_each_part_of_a_shipped_rover_works(site: RealSite) -> None:
     found = said_by(site.run_python("-c", EACH_PART, site.config))
     assert abs((found["heading_deg"] + 180.0) % 360.0 - 180.0) < 10.0, "the rover stands facing north"
@@ -103,7 +103,7 @@ def test_each_part_of_a_shipped_rover_works(site: RealSite) -> None:
     assert found["driven"] in [[pytest.approx(left), pytest.approx(right)] for _, left, right in site.commands()]
 
 
-@FORESTROVER
+@each_forestrover
 def test_transfers_go_out_as_the_parts_need_them(site: RealSite) -> None:
     """A repeated start or a stop between write and read, and chip select low for each piece by itself."""
     with Recorder(site.folder / "recorder") as recorder:
@@ -122,7 +122,7 @@ def test_transfers_go_out_as_the_parts_need_them(site: RealSite) -> None:
     ]
 
 
-@FORESTROVER
+@each_forestrover
 @pytest.mark.parametrize("device", [SPI, "/dev/flow"])
 def test_spi_device_gets_its_mode_and_speed_by_its_own_name_or_that_of_a_link(site: RealSite, device: str) -> None:
     if device != SPI:
@@ -130,14 +130,13 @@ def test_spi_device_gets_its_mode_and_speed_by_its_own_name_or_that_of_a_link(si
     assert said_by(site.run_python("-c", SPI_SETTINGS, device)) == [3, 400_000, 8]
 
 
-@pytest.mark.parametrize("version", ["oldest"], scope="session")
-def test_parts_at_gpio_pins_work(libraries: Path) -> None:
-    """Their own tests, which are over gpiozero's mock of the pins, run with the newest anyway."""
+def test_parts_at_gpio_pins_work(oldest: Path) -> None:
+    """Their own tests, which are over gpiozero's mock of the pins, run with this Python's anyway."""
     folder = Path(__file__).parent
     modules = [folder / f"test_{name}.py" for name in ("gpio", "gpio_motors", "gpio_light", "bumper")]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-n0", *modules],
-        env=os.environ | {"PYTHONPATH": str(libraries)}, cwd=folder, capture_output=True, text=True, check=False,
+        env=os.environ | {"PYTHONPATH": str(oldest)}, cwd=folder, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
     assert "skipped" not in done.stdout, "gpiozero is there"

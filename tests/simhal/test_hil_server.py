@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 
 from tests.simhal.chips.bench import Clock
+from tests.system.subprocesses import never_late
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.drivers.buses import Buses
@@ -30,6 +31,13 @@ from wayfarer.simhal.hil_server import HilServer, serve
 I2C = "/dev/i2c-1"
 FLOW = {"driver": "pmw3901", "bus": "/dev/spidev0.1"}
 AHEAD = WheelCommand(0.5, 0.5)
+
+
+@pytest.fixture(autouse=True)
+def on_a_free_computer() -> Iterator[None]:
+    """A transfer has 0.1 s."""
+    with never_late():
+        yield
 
 
 def minirover() -> RoverConfig:
@@ -62,6 +70,17 @@ async def test_deadman_acts_at_its_own_time_and_the_record_says_so() -> None:
     made.step()
     last = (await made.answer({"do": "look"}))["commands"][-1]
     assert last == (pytest.approx(told_s + FAILSAFE_S), 0.0, 0.0)
+
+
+def test_without_a_seed_the_rover_drives_on_for_ever() -> None:
+    """In the forest of a seed it would meet a tree or slip within a few metres."""
+    clock = Clock()
+    made = HilServer(minirover(), None, clock)
+    made.world.command(0.5, 0.5)
+    clock.t_s += 200.0
+    made.step()
+    assert min(made.world.wheels_m_s) > 0.0
+    assert made.world.forward_m == pytest.approx(200.0 * sum(made.world.wheels_m_s) / 2.0, rel=0.01)
 
 
 async def test_board_forgets_its_deadman_with_its_power() -> None:

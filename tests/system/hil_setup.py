@@ -1,8 +1,8 @@
 """A bench and a daemon over it, each a process of its own: where a fault of the process happens for real.
 
-The bench (``simhal.hil_server``) holds the chips of one rover and writes down what its wheels were told and when. All
-processes of a machine share one monotonic clock, so its times compare with those in the daemon's log: a busy machine
-delays what is seen here, not what is judged.
+The bench (``simhal.hil_server``) holds the chips of one rover in a clearing, where the rover drives ahead until the
+test does something to it, and writes down what its wheels were told and when. All processes of a machine share one
+monotonic clock, so its times compare with those in the daemon's log.
 """
 
 # ruff: noqa: TID251 - real processes need real time
@@ -21,23 +21,24 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
-from tests.system.subprocesses import WAYFARER, command
+from tests.system.subprocesses import HARDWARE_PRIORITY, WAYFARER, WAYFARER_PRIORITY, command, never_late
 from tests.system.wheel_history import Commands, stop_after
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import SOCKET_NAME
+from wayfarer.drivers.sabertooth import packet
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.reader import Record, RunReader
-from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, HilConnection
+from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, HilConnection, HilI2C, HilSerial
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 DEADMAN_S = {"minirover": 0.25, "forestrover": 0.3}  # ThunderBorg, and what forestrover.toml sets its Sabertooth to
-PATIENCE_S = 15.0
+PATIENCE_S = 60.0  # costs time in a failure only
 POLL_S = 0.02
 LOOKED_S = 0.4  # longer than any deadman
 MARGIN_S = 0.02  # between the two writes of one drive command
 STARTS = 3
-BUSY = "no end of a transfer within"  # what a daemon says whose bus has no time for it
+BUSY = re.compile("no end of a transfer within|an earlier transfer still hangs")  # what a late transfer is told as
 DRIVES_M_S = 0.05
 UNPROVED = 'deadman_unproved_because = "its board is simulated"'
 FLOW = '[parts.motion]\ndriver = "pmw3901"\nbus = "/dev/spidev0.1"\n\n'
@@ -80,13 +81,12 @@ class Site:
     Args:
         folder: of its own, and short: a socket's path has 107 bytes at most.
         rover: ``forestrover`` or ``minirover``.
-        seed: which forest, and which luck.
 
     Raises:
         HilSetupError: the bench does not start.
     """
 
-    def __init__(self, folder: Path, rover: str, seed: int = 0) -> None:
+    def __init__(self, folder: Path, rover: str) -> None:
         self.folder, self.rover = folder, rover
         self.deadman_s = DEADMAN_S[rover]
         self.logs, self.socket = folder / "logs", folder / SOCKET_NAME
@@ -101,25 +101,17 @@ class Site:
             "XDG_STATE_HOME": str(folder),
         }
         self.processes: list[subprocess.Popen[bytes]] = []
-        bench = (
-            sys.executable,
-            "-m",
-            "wayfarer.simhal.hil_server",
-            "--rover",
-            self.config,
-            "--socket",
-            folder / "bench",
-        )
-        self.start(*bench, "--seed", str(seed))
+        server = (sys.executable, "-m", "wayfarer.simhal.hil_server")
+        self.start(*server, "--rover", self.config, "--socket", folder / "bench", priority=HARDWARE_PRIORITY)
         try:
             self._line = wait_for("the bench listens", self._connect)
         except HilSetupError:
             self._end_processes()
             raise
 
-    def start(self, *command: str | Path) -> subprocess.Popen[bytes]:
+    def start(self, *command: str | Path, priority: int = WAYFARER_PRIORITY) -> subprocess.Popen[bytes]:
         """Start a process of this site."""
-        with (self.folder / "output.txt").open("ab") as output:
+        with (self.folder / "output.txt").open("ab") as output, never_late(priority):
             process: subprocess.Popen[bytes] = subprocess.Popen(
                 command, env=self.environment, stdout=output, stderr=output, cwd=self.folder
             )
@@ -158,6 +150,12 @@ class Site:
         """Whether the wheels of both sides turn ahead."""
         left_m_s, right_m_s = self.bench("look", since_s=time.monotonic())["wheels_m_s"]
         return bool(min(left_m_s, right_m_s) > DRIVES_M_S)
+
+    def drives_on(self) -> None:
+        """Assert that the rover is still armed, and drives as soon as no hold keeps it."""
+        wait_for("the rover drives on", lambda: self.drives or self.status()["mode"] == "disarmed")
+        status = self.status()
+        assert status["mode"] == "armed", status
 
     def commands(self, since_s: float = 0.0) -> Commands:
         """Return what the wheels were told since then."""
@@ -211,7 +209,7 @@ class Site:
             wait_for("the daemon sees, or has ended", lambda: self.sees() or self.processes[-1].poll() is not None)
             if process.poll() is None:
                 return process
-            if BUSY not in self.said():
+            if not BUSY.search(self.said()):
                 break
         raise HilSetupError(f"the daemon ended: {self.said()}")
 
@@ -272,13 +270,29 @@ class Site:
             f"the event '{name}'", lambda: next((record for record in self.log() if record.get("name") == name), None)
         )
 
-    def run(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        """Run a wayfarer command at this site to its end."""
-        return command(*arguments, env=self.environment, cwd=self.folder)
+    def turn_wheels(self) -> None:
+        """Do what another program might: no deadman, and wheels that turn for ever.
+
+        To a ThunderBorg: failsafe off, both sides ahead (its commands 19, 8 and 11); to a Sabertooth: both ahead.
+        """
+        path = str(self.folder / "bench")
+        if self.rover == "minirover":
+            bus = HilI2C(path, "/dev/i2c-1")
+            for command in ((19, 0), (8, 100), (11, 100)):
+                bus.write(0x15, bytes(command))
+            bus.close()
+        else:
+            port = HilSerial(path, "/dev/ttyAMA0")
+            port.write(packet(128, 0, 60) + packet(128, 4, 60))
+            port.close()
+
+    def run(self, *arguments: str | Path, program: Sequence[str] = WAYFARER) -> subprocess.CompletedProcess[str]:
+        """Run a wayfarer command at this site to its end; arguments as ``command``."""
+        return command(*arguments, program=program, env=self.environment, cwd=self.folder)
 
 
 @contextmanager
-def hil_site(rover: str = "forestrover", seed: int = 0) -> Iterator[Site]:
+def hil_site(rover: str = "forestrover") -> Iterator[Site]:
     """Give a site in a folder of its own, and clear it away.
 
     Raises:
@@ -286,7 +300,7 @@ def hil_site(rover: str = "forestrover", seed: int = 0) -> Iterator[Site]:
     """
     folder = Path(tempfile.mkdtemp(prefix="wf-"))
     try:
-        made = Site(folder, rover, seed)
+        made = Site(folder, rover)
         try:
             yield made
         finally:

@@ -18,33 +18,31 @@ class ReadBack(NamedTuple):
     """What can be read of a log.
 
     ``last_tick_s`` is the time of its last control tick, None where there is none; ``armed`` and ``ended`` whether it
-    tells of arming and of an outcome; ``torn`` whether a line of it is cut. ``problems`` is empty where everything else
-    is whole and nothing is missing between the first record and the last.
+    tells of arming and of an outcome; ``torn`` whether a line of it is cut.
     """
 
     last_tick_s: float | None = None
     armed: bool = False
     ended: bool = False
     torn: bool = False
-    problems: tuple[str, ...] = ()
 
 
 def read_back(run: Path) -> ReadBack:
-    """Read the log of a run that was killed."""
+    """Read the log of a run that was killed; but for its last line it is whole, and no record is missing."""
     try:
         reader = RunReader(run)
     except BadInput:  # killed between the folder and its file
         return ReadBack()
     records = list(reader)
     damage = reader.damage
-    others = damage.lines - damage.torn + damage.unreadable + damage.missing
+    assert damage.lines == damage.torn <= 1, damage
+    assert damage.unreadable == damage.missing == 0, damage
     ticks = [record["t_s"] for record in records if record["record"] == "tick"]
     return ReadBack(
         ticks[-1] if ticks else None,
         any(record.get("name") == "armed" for record in records),
         any(record["record"] == "outcome" for record in records),
         bool(damage.torn),
-        (f"the log of {run.name}: {damage}",) if others or damage.torn > 1 else (),
     )
 
 

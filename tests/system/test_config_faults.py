@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.hil_setup import Site, rover_toml, wait_for
-from tests.system.subprocesses import command
+from tests.conftest import Run
+from tests.system.hil_setup import Site, rover_toml
 
 BAD_INPUT = 2
 CRUISE = "cruise_m_s = 0.42"
@@ -30,14 +30,16 @@ BAD_LINES = {
 
 
 @pytest.mark.parametrize(("instead", "wanted"), BAD_LINES.values(), ids=BAD_LINES)
-def test_daemon_refuses_a_bad_rover_file_in_one_line(tmp_path: Path, instead: str, wanted: tuple[str, ...]) -> None:
+def test_daemon_refuses_a_bad_rover_file_in_one_line(
+    run: Run, tmp_path: Path, instead: str, wanted: tuple[str, ...]
+) -> None:
     text = rover_toml("forestrover")
     line = text[: text.index(CRUISE)].count("\n") + 1
     config = tmp_path / "rover.toml"
     config.write_text(text.replace(CRUISE, instead), encoding="utf-8")
-    done = command("run", "--config", config, "--logs", tmp_path)
-    said = done.stderr.strip()
-    assert done.returncode == BAD_INPUT
+    code, _, err = run("run", "--config", config, "--logs", tmp_path)
+    said = err.strip()
+    assert code == BAD_INPUT
     assert said.count("\n") == 0, said[:200]
     assert [part for part in wanted if part not in said] == [], said[:200]
     assert [int(number) for number in re.findall(r"line (\d+)", said)] in ([line], [line + 1])
@@ -49,8 +51,7 @@ def test_rover_file_that_is_changed_counts_from_the_next_start_on(site: Site) ->
     time.sleep(1.0)
     before = site.log()[0]
     assert before["config"]["escape"]["cruise_m_s"] == 0.42
-    assert site.status()["mode"] == "armed"
-    wait_for("it drives on", lambda: site.drives, patience_s=3.0)  # between two manoeuvres it stands for a moment
+    site.drives_on()
     daemon.terminate()
     daemon.wait()
     site.daemon()

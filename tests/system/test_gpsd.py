@@ -3,37 +3,23 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import shutil
 import signal
 import socket
 import subprocess
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import reduce
 from operator import xor
 from pathlib import Path
-from random import Random
 from typing import NamedTuple
 
 import pytest
 
-from wayfarer.config.rover_file import load_rover
-from wayfarer.control.controller import Mode
-from wayfarer.control.supervisor import Supervisor
 from wayfarer.drivers.gpsd import Gpsd, GpsdSettings
 from wayfarer.errors import NotResponding
-from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.fieldlog.log import FieldLog
-from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import PositionFix
-from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.physics import Physics
-from wayfarer.simhal.world.world import World
 
 START_S = 20.0  # a busy machine takes seconds to start both
 
@@ -127,33 +113,3 @@ async def test_fixes_come_while_gpsd_runs_and_its_death_is_noticed(daemon: Daemo
             await daemon.client.open()
     finally:
         await daemon.client.close()
-
-
-async def test_fixes_are_in_the_log_of_a_run_and_losing_them_changes_nothing_else(
-    daemon: Daemon, tmp_path: Path
-) -> None:
-    await opened(daemon)
-    config, loop = load_rover("sim"), asyncio.get_running_loop()
-    forest = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
-    world = World(forest, config.vehicle, Physics(), RandomStreams(0), starts_s=loop.time())
-    rover = replace(device_depth(world, RandomStreams(0), config), position=daemon.client)
-    algorithm = CATALOGUE["forest-pledge"]
-    handler = algorithm.make(config.escape, config.vehicle, Random(0))
-    log = FieldLog(RunFiles(tmp_path / "run"), {})
-    supervisor = Supervisor(rover, config, algorithm, handler, log)
-    running = asyncio.create_task(supervisor.run())
-    await asyncio.sleep(0.5)
-    await supervisor.arm(0.0)
-    await asyncio.sleep(4.0)
-    await asyncio.to_thread(daemon.kill)
-    await asyncio.sleep(3.0)
-    assert supervisor.mode is Mode.ARMED
-    supervisor.finish("requested", "enough")
-    await running
-    records = [json.loads(line) for line in (tmp_path / "run/run.jsonl").read_text(encoding="utf-8").splitlines()]
-    fixes = [record for record in records if record["record"] == "position"]
-    (lost_s, *_) = [record["t_s"] for record in records if record.get("name") == "sensor_failed"]
-    driven = [record for record in records if record["record"] == "tick" and record["t_s"] > lost_s + 1.0]
-    assert fixes[0]["latitude_deg"] == pytest.approx(51.5016667, abs=1e-6)
-    assert all(tick["level"] == "well" for tick in driven)
-    assert any(tick["applied_left"] > 0.0 for tick in driven)

@@ -14,12 +14,11 @@ import pytest
 
 from tests.system.hil_setup import PATIENCE_S, Site, rover_toml, wait_for
 from tests.system.subprocesses import WAYFARER
-from tests.system.test_stop_owners import turn_wheels
 
 NOBODY = 65534
 OTHER = {"forestrover": "minirover", "minirover": "forestrover"}
 
-pytestmark = pytest.mark.parametrize("site", sorted(OTHER), indirect=True)
+BOTH = pytest.mark.parametrize("site", sorted(OTHER), indirect=True)
 
 
 def as_nobody(site: Site) -> tuple[str, ...]:
@@ -38,14 +37,7 @@ def as_nobody(site: Site) -> tuple[str, ...]:
     pytest.skip(f"user {NOBODY} cannot run wayfarer here")
 
 
-def stop_motors(site: Site, program: tuple[str, ...] = WAYFARER) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*program, "stop-motors", "--config", str(site.config)],
-        env=site.environment, cwd=site.folder, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize("how", ["closed", "gone"])
+@pytest.mark.parametrize(("site", "how"), [("forestrover", "closed"), ("minirover", "gone")], indirect=["site"])
 def test_rover_file_that_may_not_be_read_any_more_keeps_no_wheels_turning(site: Site, how: str) -> None:
     program = as_nobody(site)
     site.armed(program=program)
@@ -53,23 +45,24 @@ def test_rover_file_that_may_not_be_read_any_more_keeps_no_wheels_turning(site: 
         site.config.unlink()
     else:
         site.config.chmod(0o600 if os.geteuid() == 0 else 0)
-    done = stop_motors(site, program)
+    done = site.run("stop-motors", "--config", site.config, program=program)
     assert done.returncode == 0, done.stderr
     assert not site.turning
     assert done.stdout.startswith(f"the daemon's {site.folder}/motors.json: ")
     assert f"; {site.config}: cannot be read: " in done.stdout
 
 
+@BOTH
 def test_board_that_a_killed_daemon_drove_is_stopped_though_the_file_names_another(site: Site) -> None:
     site.armed().kill()
     site.stopped()
     site.bench("power_cycle")  # the board has forgotten its deadman
-    turn_wheels(site)
+    site.turn_wheels()
     time.sleep(2 * site.deadman_s)
     assert site.turning
     site.config.write_text(rover_toml(OTHER[site.rover]), encoding="utf-8")
     began_s = time.monotonic()
-    done = stop_motors(site)
+    done = site.run("stop-motors", "--config", site.config)
     assert not site.turning
     print(f"{site.rover}: {time.monotonic() - began_s:.2f} s: {done.returncode} {done.stdout}{done.stderr}")
     driven, named = (done.stdout + done.stderr).split("; ", maxsplit=1)
@@ -78,10 +71,11 @@ def test_board_that_a_killed_daemon_drove_is_stopped_though_the_file_names_anoth
     assert str(site.config) in named
 
 
+@BOTH
 def test_board_that_a_suspended_daemon_drives_is_stopped_and_the_daemon_told_of(site: Site) -> None:
     site.armed().send_signal(signal.SIGSTOP)
     site.config.write_text(rover_toml(OTHER[site.rover]), encoding="utf-8")
-    done = stop_motors(site)
+    done = site.run("stop-motors", "--config", site.config)
     assert done.returncode == 1
     assert (
         f"motors.json: stop was sent, but a wayfarer daemon at {site.socket} still commands these wheels" in done.stderr

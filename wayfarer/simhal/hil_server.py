@@ -8,6 +8,7 @@
 with ``buses = "wayfarer.simhal.hil_buses:buses"`` as the first line of ``rover.toml``. The daemon then runs its real
 drivers over its real bus threads, and may be killed, suspended or disconnected: nothing here notices but the motor
 boards' own deadmen. ``WAYFARER_BENCH`` names the socket; it exists to try the daemon without hardware, and for tests.
+``--seed`` puts the rover into a forest; without it nothing is in its way.
 
 Both ends speak one JSON object a line. Transfers name a bus and give their bytes in hex, a list of pieces; on I2C no
 piece means a read alone. Beside them
@@ -45,7 +46,7 @@ from wayfarer.simhal.faults.kinds import KINDS, Fault
 from wayfarer.simhal.faults.wires import TamperedBuses
 from wayfarer.simhal.hil_buses import from_hex
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.forest import CLEARING, Forest
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
@@ -81,22 +82,27 @@ class RecordedWorld(World):
 
 
 class HilServer:
-    """All chips of one rover, in a generated forest, and what can be done to them.
+    """All chips of one rover, in a clearing or a generated forest, and what can be done to them.
 
     What has no chip (a bumper, a receiver, a light at a GPIO pin) is left out.
 
     Args:
         config: the rover file.
-        seed: the random seed, for forest and noise.
+        seed: the random seed of a forest, its noise and its slips; None for a clearing without slips, in which the
+            rover drives ahead until something is done to it.
         clock: seconds; the world's time.
 
     Raises:
         BadConfig: the file has a camera, which is too much for this wire.
     """
 
-    def __init__(self, config: RoverConfig, seed: int, clock: Callable[[], float]) -> None:
-        streams = RandomStreams(seed)
-        self.world = RecordedWorld(generate_forest(seed, 0, seed), config.vehicle, Physics(), streams, clock())
+    def __init__(self, config: RoverConfig, seed: int | None, clock: Callable[[], float]) -> None:
+        streams = RandomStreams(seed or 0)
+        if seed is None:
+            forest, physics = CLEARING, Physics(slip_free_m=inf)
+        else:
+            forest, physics = generate_forest(seed, 0, seed), Physics()
+        self.world = RecordedWorld(forest, config.vehicle, physics, streams, clock())
         self._wires = TamperedBuses()
         self._wiring = ChipWiring(self.world, streams, clock, self._wires)
         self._clock = clock
@@ -199,7 +205,7 @@ class HilServer:
         return {"t_s": t_s}
 
 
-async def serve(config: RoverConfig, path: Path, seed: int) -> None:
+async def serve(config: RoverConfig, path: Path, seed: int | None) -> None:
     """Serve a rover's chips at a socket for ever.
 
     Raises:
@@ -232,7 +238,7 @@ def main() -> None:
     )
     parser.add_argument("--rover", required=True, help="a shipped rover or a TOML file")
     parser.add_argument("--socket", required=True, type=Path, help="where to serve its chips")
-    parser.add_argument("--seed", type=int, default=0, help="random seed: forest and noise")
+    parser.add_argument("--seed", type=int, help="random seed of a forest and its noise; without it, a clearing")
     options = parser.parse_args()
     try:
         config = load_rover(options.rover)

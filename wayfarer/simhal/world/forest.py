@@ -81,6 +81,10 @@ class Forest:
         return list(zip(self.trunks, self.diameters_m or (self.trunk_diameter_m,) * len(self.trunks), strict=True))
 
 
+CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
+"""Nothing in it, and a goal line; it has no edge."""
+
+
 def check_forest(forest: Forest) -> None:
     """Refuse a forest in which no trial can be run; numbers are taken to be finite.
 
