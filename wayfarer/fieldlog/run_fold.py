@@ -17,24 +17,17 @@ from wayfarer.fieldlog.fields import name, seconds_since, table, whole
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
-    Armed,
-    Arming,
     BatteryChanged,
     BoardFaults,
-    Disarmed,
     Ended,
     FaultInjected,
     Gap,
-    GoalSet,
-    Held,
     Marked,
     Noted,
     PhaseChanged,
     PowerChanged,
-    Released,
     RunBegan,
     SensorFailed,
-    noted,
 )
 from wayfarer.fieldlog.run_state import LowBattery, RunState
 from wayfarer.fieldlog.schema import Record
@@ -120,15 +113,22 @@ class RunFold:
                 tick.fresh += (sensor,)
         self._reckon(tick)
         self._count_time(tick, before)
-        self._count_mission(tick, before)
+        self._count_mission(tick)
         told: Events = [tick]
         if tick.phase != before.phase:
-            told.append(self._change_phase(tick))
+            state.recoveries += tick.phase == BACK_OFF
+            told.append(PhaseChanged(elapsed_s, tick.t_s, tick.phase))
         if tick.anomalies != before.anomalies:
-            told += self._compare_anomalies(tick, before)
+            new = sorted(set(tick.anomalies) - set(before.anomalies))
+            state.anomalies.update(new)
+            told += [AnomalyBegan(elapsed_s, tick.t_s, kind, tick.phase, tick.place) for kind in new]
         if tick.why != tick.phase:
-            self._count_exhausted(tick.why or "")
-        return told + self._episodes.take(tick, before)
+            phase, _, event = (tick.why or "").partition(".")
+            if event == PhaseEvent.EXHAUSTED.value:
+                state.exhausted[phase] += 1
+        begun = self._episodes.take(tick, before)
+        state.episodes += len(begun)
+        return told + begun
 
     def _reckon(self, tick: Tick) -> None:
         state, reckoning = self.state, self._reckoning
@@ -151,41 +151,25 @@ class RunFold:
             if tick.level in HELD:
                 state.held_s[tick.cause or "unknown"] += passed_s
 
-    def _count_mission(self, tick: Tick, before: Tick) -> None:
+    def _count_mission(self, tick: Tick) -> None:
         state = self.state
         if tick.travelled_m is not None:
             state.commanded_m = tick.travelled_m
         if self._mission_t_s is not None:
             state.mission_s = tick.t_s - self._mission_t_s
             state.mission_m = (tick.travelled_m or self._mission_from_m) - self._mission_from_m
-        if tick.episodes != before.episodes:  # it falls back to zero with each mission
-            state.episodes += max(0, int((tick.episodes or 0.0) - (before.episodes or 0.0)))
-
-    def _count_exhausted(self, why: str) -> None:
-        phase, _, event = why.partition(".")
-        if event == PhaseEvent.EXHAUSTED.value:
-            self.state.exhausted[phase] += 1
-
-    def _change_phase(self, tick: Tick) -> PhaseChanged:
-        self.state.recoveries += tick.phase == BACK_OFF
-        return PhaseChanged(tick.elapsed_s, tick.t_s, tick.phase)
-
-    def _compare_anomalies(self, tick: Tick, before: Tick) -> Events:
-        new = sorted(set(tick.anomalies) - set(before.anomalies))
-        self.state.anomalies.update(new)
-        return [AnomalyBegan(tick.elapsed_s, tick.t_s, kind, tick.phase, tick.place) for kind in new]
 
     # -- events --------------------------------------------------------------------------------------------------
 
     def _event(self, elapsed_s: float, record: Record) -> Events:
-        state, event = self.state, noted(elapsed_s, record)
+        state, event = self.state, Noted.of(elapsed_s, record)
         state.events[event.name] += 1
         match event:
-            case Arming() | Armed() | Disarmed():
+            case Noted(name="arming" | "armed" | "disarmed"):
                 self._change_mode(event)
-            case Held() | Released():
-                state.operator_hold = isinstance(event, Held)
-            case GoalSet():
+            case Noted(name="hold" | "resume"):
+                state.operator_hold = event.name == "hold"
+            case Noted(name="goal"):
                 state.goal_heading_deg = record.get("goal_heading_deg")
             case SensorFailed():
                 self._sensor(event.sensor).failures += 1
@@ -199,10 +183,10 @@ class RunFold:
     def _change_mode(self, event: Noted) -> None:
         state = self.state
         state.mode = event.name
-        if isinstance(event, Arming):
+        if event.name == "arming":
             state.operator_hold = False
             return
-        if isinstance(event, Disarmed):
+        if event.name == "disarmed":
             state.why_disarmed = name(event.record, "reason") or ""
             self._mission_t_s = None
         else:

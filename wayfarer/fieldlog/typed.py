@@ -83,7 +83,6 @@ class Tick(RunEvent):
     applied_right: float | None
     level: str | None
     cause: str | None
-    episodes: float | None
     period_s: float = nan
     place: ReckonedPose | None = None
     before: ReckonedPose | None = None
@@ -102,6 +101,7 @@ class Tick(RunEvent):
     counter_deg = Remembered()
     side = Remembered()
     turn_deg = Remembered()
+    episodes = Remembered()
     blocked_turns = Remembered()
     turn_from_duty = Remembered()
 
@@ -112,7 +112,7 @@ class Tick(RunEvent):
         return cls(
             elapsed_s, record["t_s"], record, _motion(get("motion")), get("heading_deg"), names(record, "anomalies"),
             get("travelled_m"), name(record, "phase"), name(record, "why"), get("applied_left"), get("applied_right"),
-            name(record, "level"), name(record, "cause"), number(record, "episodes"),
+            name(record, "level"), name(record, "cause"),
         )  # fmt: skip
 
     @property
@@ -188,12 +188,8 @@ def _motion(said: Mapping[str, Any] | None) -> MotionReading | None:
     """Return what the motion sensor said; JSON has no NaN, so that a number which was none is null in the log."""
     if not said:
         return None
-    forward_m, right_m, quality = (
-        or_nan(said.get("forward_m")),
-        or_nan(said.get("right_m")),
-        or_nan(said.get("quality")),
-    )
-    return MotionReading(or_nan(said.get("t_s")), forward_m, right_m, quality, said.get("signed") is not False)
+    t_s, forward_m, right_m, quality = (or_nan(said.get(key)) for key in ("t_s", "forward_m", "right_m", "quality"))
+    return MotionReading(t_s, forward_m, right_m, quality, said.get("signed") is not False)
 
 
 def or_nan(value: float | None) -> float:

@@ -230,13 +230,3 @@ def test_what_is_there_is_never_replaced(tmp_path: Path, there: str) -> None:
         export(write(tmp_path / "run", [HEADER, tick(0.0)]), ExportFormat.rosbag2, out, overwrite=True)
     assert {each.name for each in tmp_path.iterdir()} == {"run", "out"}
     assert not list(tmp_path.glob("out/*"))
-
-
-def test_log_that_lost_its_first_header_goes_on_from_where_it_was(tmp_path: Path) -> None:
-    moved = {"t_s": 101.0, "forward_m": 0.02, "right_m": 0.0, "quality": 1.0, "signed": True}
-    ticks = drive(0.0, 1.0, motion=moved)
-    header = HEADER | {"t_s": 100.5, "part": 2, "config": {"vehicle": VEHICLE}}
-    run, bag = write(tmp_path / "run", [*ticks[:10], header, *ticks[10:]]), tmp_path / "17.rosbag2"
-    assert export(run, ExportFormat.rosbag2, bag, overwrite=False) == Damage(headless=1)
-    north_m = [message.pose.pose.position.y for _, message in by_mcap(bag)["/odom"]]
-    assert north_m == pytest.approx([0.02 * count for count in range(2, 21)])

@@ -14,7 +14,7 @@ loop, and none while it reversed, turned or probed, there is one for each tick.
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TextIO
@@ -27,7 +27,6 @@ from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
-from wayfarer.views.text.verdict import readable
 
 # Always there and in this order, so that the tables of two runs can be put below each other.
 COLUMNS = (
@@ -58,7 +57,7 @@ def write_csv(run: Path, file: TextIO) -> Damage:
         BadInput: the run cannot be read.
     """
     reader = RunReader(run)
-    further = further_columns(readable(reader))
+    further = further_columns(reader)
     csv.writer(file, lineterminator="\n").writerows(csv_rows(RunReader(run), further))
     return reader.damage
 
@@ -70,7 +69,7 @@ def write_tsv(run: Path, file: TextIO) -> Damage:
         BadInput: the run cannot be read.
     """
     reader = RunReader(run)
-    csv.writer(file, delimiter="\t", lineterminator="\n").writerows(tsv_rows(readable(reader)))
+    csv.writer(file, delimiter="\t", lineterminator="\n").writerows(tsv_rows(reader))
     return reader.damage
 
 
@@ -82,17 +81,14 @@ def csv_rows(records: Iterable[Record], further: Iterable[str] = ()) -> Iterator
         yield [cell(row.get(column)) for column in columns]
 
 
-def further_columns(records: Iterable[Record]) -> list[str]:
-    """Return the columns that a log needs beyond those that all have, such as another algorithm's memory."""
-    found = dict.fromkeys(COLUMNS)
-    shapes: set[tuple[str, ...]] = set()  # nearly all records have the same few
+def further_columns(records: Iterable[Record], known: Container[str] = frozenset(COLUMNS)) -> dict[str, set[type]]:
+    """Return columns that are not known, as those of another algorithm's memory, with the types of their values."""
+    found: dict[str, set[type]] = {}
     for record in records:
-        inner = (each for key, value in record.items() if isinstance(value, dict) for each in (key, *value))
-        shape = (record["record"], *record, *inner)
-        if shape not in shapes:
-            shapes.add(shape)
-            found |= dict.fromkeys(_told(record))
-    return list(found)[len(COLUMNS) :]
+        for column, value in _told(record).items():
+            if column not in known:
+                found.setdefault(column, set()).add(type(value))
+    return found
 
 
 def tsv_rows(records: Iterable[Record]) -> Iterator[list[str]]:

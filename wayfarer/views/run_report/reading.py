@@ -26,7 +26,6 @@ from wayfarer.views.run_report.data import (
     columns,
 )
 from wayfarer.views.text.run_summariser import RunSummariser
-from wayfarer.views.text.verdict import readable
 
 PHASE_INDEX = {phase: float(index) for index, phase in enumerate(PHASES)}
 
@@ -38,7 +37,7 @@ def read_run(run: Path) -> RunData:
         BadInput: there is no log in it, or nothing of it can be read.
     """
     reader, reading = RunReader(run), _Reading()
-    for record in readable(reader):
+    for record in reader:
         reading.take(record)
     return reading.finish(reader.damage)
 

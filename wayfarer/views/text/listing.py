@@ -22,7 +22,8 @@ class RunRow(NamedTuple):
 
     ``run`` is the name of the folder and ``number`` the number in it. ``trial`` is the number of a simulated trial,
     which has virtual time and no ``began_wall_s``, seconds since 1970. ``outcome`` is the reason why it ended, or
-    ``goes on``, ``cut off`` or ``unreadable``. ``episodes`` are those of the last mission.
+    ``goes on``, ``cut off`` or ``unreadable``. ``episodes`` are those of the last mission, as the
+    algorithm counted them.
     """
 
     run: str
