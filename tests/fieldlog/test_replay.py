@@ -340,11 +340,9 @@ def test_drive_that_went_unheard_is_part_of_what_is_replayed(tmp_path: Path) -> 
     assert (found.key, found.logged, found.today) == ("level", "hold", "well")
 
 
-def test_what_the_board_and_the_supply_said_is_part_of_what_is_replayed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("other", [{"says_left": 0.0, "says_right": 0.0}, {"flags": "0x0"}])
+def test_what_the_board_and_the_supply_said_is_part_of_what_is_replayed(tmp_path: Path, other: dict[str, Any]) -> None:
     """The test above can fail: with another word from outside, today's rover concludes otherwise."""
     eventful_run(tmp_path, SIM)
-    whole = (tmp_path / "run.jsonl").read_bytes()
-    for other in ({"says_left": 0.0, "says_right": 0.0}, {"flags": "0x0"}):
-        (tmp_path / "run.jsonl").write_bytes(whole)
-        rewrite(tmp_path, lambda record, other=other: record | other if other.keys() <= record.keys() else record)
-        assert replay(tmp_path).difference is not None
+    rewrite(tmp_path, lambda record: record | other if other.keys() <= record.keys() else record)
+    assert replay(tmp_path).difference is not None

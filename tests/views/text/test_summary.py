@@ -36,11 +36,6 @@ def test_it_says_what_ran_and_how_it_ended() -> None:
     assert text(outcome(3.0))["outcome"] == ["requested: enough"]
 
 
-def test_run_without_an_outcome_is_told_as_such() -> None:
-    assert summary(tick(1.0)).reason is None
-    assert "cut off" in text(tick(1.0))["outcome"][0]
-
-
 def test_time_is_total_armed_and_held_by_cause() -> None:
     found = summary(
         *drive(0.0, 2.0),
