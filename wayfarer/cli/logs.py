@@ -109,7 +109,7 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
     with suppress(KeyboardInterrupt):
         for path, record in follow_records(folder, chosen, wait):
             if path != told:
-                told, fold, narrator = path, RunFold(), RunNarrator(Telling.STATUS)
+                told, fold, narrator = path, RunFold(reckons=False), RunNarrator(Telling.STATUS)
                 print(run_title(path), flush=True)
             _tell(narrator.tell(fold.take(record)), flush=True)
         if chosen is not None:
@@ -134,7 +134,7 @@ def show(
     from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.verdict import NO_OUTCOME
 
-    fold, narrator = RunFold(), RunNarrator(Telling.TICKS if ticks else Telling.STATUS)
+    fold, narrator = RunFold(reckons=False), RunNarrator(Telling.TICKS if ticks else Telling.STATUS)
     notes = sys.stderr if as_json else sys.stdout
     reader = RunReader(find_run(run, log_folder(logs)))
     for record in reader:
