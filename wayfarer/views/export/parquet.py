@@ -15,8 +15,8 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.fieldlog.schema import ANY_NUMBER, KEYS, READINGS, STAMP, TEXT, Values
-from wayfarer.views.export.tables import COLUMNS, cell, further_columns, table_rows
+from wayfarer.fieldlog.schema import ANY_NUMBER, KEYS, STAMP, TEXT, Values
+from wayfarer.views.export.tables import COLUMNS, PARTS, cell, further_columns, table_rows
 
 BLOCK_ROWS = 10_000  # that are in memory at once: 500 s of ticks at 20 Hz
 INT64 = range(-(2**63), 2**63)
@@ -96,9 +96,7 @@ def _known() -> Iterator[tuple[str, Values]]:
     yield "event", TEXT
     yield from ((name, ANY_NUMBER) for name in ("elapsed_s", "reckoned_north_m", "reckoned_east_m"))
     yield from KEYS["tick"].items()
-    tables = {**KEYS, **READINGS}
-    for kind in ("compass", "motion", "contact", "board", "position", "computer", "truth"):
-        yield from ((f"{kind}_{key}", values) for key, values in tables[kind].items())
+    yield from PARTS.items()
 
 
 KNOWN = {name: _of(values) for name, values in _known() if name in COLUMNS}
