@@ -77,8 +77,8 @@ def test_detail_of_another_type_is_told_as_it_is() -> None:
 
 
 def test_event_that_is_not_known_is_told_as_it_is() -> None:
-    assert event_text(event("moon_rose", 1.0, moon_rose_deg=2.0, phase="full", seen=None)) == (
-        "moon rose: deg 2, phase full"
+    assert event_text(event("moon_rose", 1.0, moon_rose_deg=2.0, phase="full", seen=None, craters=1234.4)) == (
+        "moon rose: deg 2, phase full, craters 1234"
     )
     assert event_text(event("moon_rose", 1.0)) == "moon rose"
 

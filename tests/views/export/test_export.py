@@ -80,6 +80,12 @@ def test_place_that_cannot_be_is_told_in_one_line(run: Path, tmp_path: Path, pla
             export(run, form, tmp_path / place, overwrite=True)
 
 
+def test_log_without_a_wall_time_is_refused_where_a_message_needs_one(tmp_path: Path) -> None:
+    timeless = [{key: value for key, value in each.items() if key != "t_wall"} for each in (HEADER, tick(0.0))]
+    with pytest.raises(BadInput, match="no record of this log has a wall time"):
+        export(write(tmp_path / "run", timeless), ExportFormat.mcap, tmp_path / "out", overwrite=False)
+
+
 @pytest.mark.parametrize("form", ExportFormat)
 def test_every_format_has_its_writer_and_what_it_needs(form: ExportFormat) -> None:
     assert callable(resolve_name(f"wayfarer.views.{form.writer}"))
