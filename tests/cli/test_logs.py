@@ -16,12 +16,13 @@ from threading import Event, Timer
 
 import pytest
 
-from tests.views.text.records import HEADER, drive, event, numbered, outcome, tick, write
+from tests.views.text.records import HEADER, SAMPLE_LOGS, drive, event, numbered, outcome, tick, write
 from wayfarer import cli
 from wayfarer.views.text.verdict import NO_OUTCOME
 
 FIRST, SECOND = "00001-20261121T061405Z", "00002-20261121T071405Z"
 LONG_S = 20.0
+(SAMPLE,) = SAMPLE_LOGS.glob("0*")
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -223,7 +224,7 @@ def test_terminal_gets_colours_unless_its_owner_wants_none(logs: Path) -> None:
 
 
 @pytest.mark.process
-def test_reader_that_has_enough_is_no_error(logs: Path) -> None:
+def test_reader_that_has_enough_ends_a_command_without_a_message(logs: Path) -> None:
     write(logs / SECOND, drive(3.0, 600.0))  # more than a pipe holds
     with subprocess.Popen(
         wayfarer("show", "--ticks", "--logs", logs), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -233,21 +234,38 @@ def test_reader_that_has_enough_is_no_error(logs: Path) -> None:
         assert process.stdout.readline()
         process.stdout.close()
         assert process.stderr.read() == ""
-        assert process.wait(LONG_S) == 0
+        assert process.wait(LONG_S) == cli.READER_GONE
 
 
 @pytest.mark.process
-@pytest.mark.parametrize(("command", "code"), [(["summary", "1"], 0), (["check", "1", "2"], 3)])
-def test_answer_that_nobody_reads_keeps_its_exit_code(logs: Path, command: list[str], code: int) -> None:
+@pytest.mark.parametrize(
+    "command",
+    [
+        "logs list --logs logs",
+        "logs check 1 2 --logs logs",
+        f"replay {SAMPLE}",
+        "faults --list",
+        "sim --help",
+        "--version",
+    ],
+)
+def test_command_whose_output_nobody_reads_ends_without_a_message_and_with_one_exit_code(
+    logs: Path, command: str
+) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     try:
         done = subprocess.run(
-            wayfarer(*command, "--logs", logs), stdout=writer, stderr=subprocess.PIPE, text=True, check=False
+            [sys.executable, "-c", "from wayfarer.cli import main; main()", *command.split()],
+            cwd=logs.parent,
+            stdout=writer,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
         )
     finally:
         os.close(writer)
-    assert (done.returncode, done.stderr) == (code, "")
+    assert (done.returncode, done.stderr) == (cli.READER_GONE, "")
 
 
 @pytest.mark.process

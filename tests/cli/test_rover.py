@@ -45,7 +45,8 @@ CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 STATUS: dict[str, Any] = {
     "rover": "minirover", "algorithm": "forest-pledge", "log": "logs/1", "simulated": False, "dry_run": True,
     "mode": "armed", "why_disarmed": None, "held": False, "conditions": [], "motor_faults": [], "battery_v": 12.04,
-    "heading_deg": 359.7, "pitch_deg": 2.0, "roll_deg": -1.0, "goal_heading_deg": 20.0, "why": "probe.unwound",
+    "heading_deg": 359.7, "pitch_deg": 2.0, "roll_deg": -1.0, "goal_heading_deg": 20.0,
+    "phase": "stride", "why": "probe.unwound",
     "anomalies": ["immobilised"], "counter_deg": 30.2, "mission_s": 61.0, "travelled_m": 12.34,
 }  # fmt: skip
 
@@ -140,7 +141,8 @@ def test_status_says_the_most_important_first() -> None:
     assert status_text(STATUS).splitlines() == [
         "minirover armed (dry run)",
         "health    well",
-        "doing     probe.unwound (forest-pledge), counter 30, stalled",
+        "doing     Drives straight ahead (forest-pledge), counter 30, stalled",
+        "because   the turn counter C is back at zero",
         "heading   0, goal 20, pitch +2, roll -1",
         "mission   61 s, 12.3 m commanded",
         "battery   12.0 V",

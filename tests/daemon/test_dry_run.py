@@ -8,7 +8,7 @@ from unittest.mock import call, create_autospec
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.drivers.benches import steady_world
+from tests.simhal.clearing import steady_world
 from tests.virtual import run_virtually
 from wayfarer.daemon.dry_run import DryMotors
 from wayfarer.hal import STOP, DriveMotors, WheelCommand, troubles_of

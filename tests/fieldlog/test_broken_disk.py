@@ -52,28 +52,26 @@ def test_renamed_folder_keeps_what_it_has_and_the_log_goes_on_in_a_new_one(tmp_p
     assert read_header(log.folder)["part"] == 2
 
 
-def test_file_that_an_editor_replaced_is_noticed_though_it_has_the_same_length(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("editor", "there"), [("replaces", [1, 2, 3]), ("appends", [1, 3])])
+def test_file_that_another_program_changed_is_noticed_and_a_new_one_begun(
+    tmp_path: Path, editor: str, there: list[int]
+) -> None:
+    """A copy in its place has the same length; what was appended leaves its line open, and the next one is lost."""
     log = Log(tmp_path)
     log.files.urgent(event(1))
-    shutil.copy(tmp_path / "run.jsonl", tmp_path / "saved")
-    (tmp_path / "saved").rename(tmp_path / "run.jsonl")
-    log.files.sync()
-    log.files.urgent(event(2))
-    log.files.close()
-    assert (numbers(tmp_path), log.files.dropped) == ([1, 2], 0)
-    assert "File was changed by another program: a new one is begun" in log.told[0]
-
-
-def test_file_that_another_program_changed_is_put_away_whole(tmp_path: Path) -> None:
-    log = Log(tmp_path)
-    log.files.urgent(event(1))
-    with (tmp_path / "run.jsonl").open("ab") as other:
-        other.write(b"an editor was here")
+    if editor == "replaces":
+        shutil.copy(tmp_path / "run.jsonl", tmp_path / "saved")
+        (tmp_path / "saved").rename(tmp_path / "run.jsonl")
+        log.files.sync()
+    else:
+        with (tmp_path / "run.jsonl").open("ab") as other:
+            other.write(b"an editor was here")
     log.files.urgent(event(2))
     log.files.urgent(event(3))
     log.files.close()
-    assert numbers(tmp_path) == [1, 3]
+    assert (numbers(tmp_path), log.files.dropped) == (there, 3 - len(there))
     assert log.parts() == ["run.00001.jsonl", "run.jsonl"]
+    assert "File was changed by another program: a new one is begun" in log.told[0]
 
 
 def test_logs_folder_that_vanishes_for_a_while_is_tried_again(tmp_path: Path) -> None:

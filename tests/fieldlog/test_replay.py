@@ -36,6 +36,7 @@ from wayfarer.hal import MotorHealth, Rover, WheelCommand
 from wayfarer.safety.settings import BoardSettings
 from wayfarer.safety.supply import DIPS_S
 from wayfarer.simhal.build_rover import Depth
+from wayfarer.views.text.run_summariser import summarise
 
 SIM = load_rover("sim")
 
@@ -78,6 +79,7 @@ def test_every_algorithm_agrees_also_those_that_draw_lots(tmp_path: Path, algori
     run = log_trial(tmp_path / "run", 3, algorithm, rover=SIM.with_anomaly_source("contact"), budget_m=25.0)
     assert replay(run) == Replay(len(ticks(run)), None)
     assert len(ticks(run)) > 100
+    assert summarise(RunReader(run)).episodes == ticks(run)[-1]["episodes"] > 0, "by the phases and by the algorithm"
 
 
 def test_run_that_was_recorded_in_real_time_agrees() -> None:
@@ -119,9 +121,10 @@ def test_changed_manoeuvre_is_caught_in_its_wheels(tmp_path: Path) -> None:
     [
         *((key, "else") for key in ("level", "phase", "why", "counter_deg", "episodes")),
         *((key, -1.25) for key in ("heading_deg", "travelled_m")),
+        ("why", None),
     ],
 )
-def test_whatever_a_tick_concluded_is_compared(tmp_path: Path, key: str, logged: str | float) -> None:
+def test_whatever_a_tick_concluded_is_compared(tmp_path: Path, key: str, logged: str | float | None) -> None:
     run = log_trial(tmp_path / "run", 3, budget_m=10.0)
     changed = ticks(run)[50]["n"]
     rewrite(run, lambda record: record | {key: logged} if record.get("n") == changed else record)
@@ -163,14 +166,6 @@ def test_replay_goes_as_far_as_a_record_that_no_rover_wrote(tmp_path: Path, chan
     assert found.cut_elapsed_s is not None
     began_t_s = next(iter(RunReader(run)))["t_s"]
     assert found.cut_elapsed_s >= garbled["t_s"] - began_t_s  # or the record after it, where the reader drops it
-
-
-def test_conclusion_that_the_log_does_not_have_is_a_difference(tmp_path: Path) -> None:
-    run = log_trial(tmp_path / "run", 3, budget_m=5.0)
-    rewrite(run, lambda record: {key: value for key, value in record.items() if key != "why"})
-    found = replay(run).difference
-    assert found is not None
-    assert (found.key, found.logged) == ("why", None)
 
 
 def test_command_tells_each_run_and_ends_with_the_worst(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -345,17 +340,9 @@ def test_drive_that_went_unheard_is_part_of_what_is_replayed(tmp_path: Path) -> 
     assert (found.key, found.logged, found.today) == ("level", "hold", "well")
 
 
-@pytest.mark.parametrize(("kind", "key"), [("board", "says_left"), ("event", "flags")])
-def test_what_the_board_and_the_supply_said_is_part_of_what_is_replayed(tmp_path: Path, kind: str, key: str) -> None:
+@pytest.mark.parametrize("other", [{"says_left": 0.0, "says_right": 0.0}, {"flags": "0x0"}])
+def test_what_the_board_and_the_supply_said_is_part_of_what_is_replayed(tmp_path: Path, other: dict[str, Any]) -> None:
     """The test above can fail: with another word from outside, today's rover concludes otherwise."""
-    other = {"says_left": 0.0, "says_right": 0.0, "flags": "0x0"}
     eventful_run(tmp_path, SIM)
-    rewrite(
-        tmp_path,
-        lambda record: (
-            record | {name: other[name] for name in other if name in record}
-            if record["record"] == kind and key in record
-            else record
-        ),
-    )
+    rewrite(tmp_path, lambda record: record | other if other.keys() <= record.keys() else record)
     assert replay(tmp_path).difference is not None

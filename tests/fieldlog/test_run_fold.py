@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-import io
 from math import isnan
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.views.text.records import HEADER, drive, event, narrated, numbered, outcome, record, tick, write
+from tests.views.text.records import HEADER, drive, event, numbered, outcome, record, tick
 from wayfarer.fieldlog.episodes import EpisodeBegan
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
-    Armed,
     Gap,
     Marked,
-    Noted,
     PhaseChanged,
     RunBegan,
 )
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import KINDS
 from wayfarer.fieldlog.typed import RunEvent, Tick
-from wayfarer.views.export.formats import ExportFormat
-from wayfarer.views.foxglove.notes import note
-from wayfarer.views.live.page_model import PageModel
 
 
 def folded(*records: Record) -> tuple[list[RunEvent], RunFold]:
@@ -71,9 +64,6 @@ def test_missing_records_are_told_once_and_break_what_they_are_between() -> None
     told, fold = folded(*whole[:5], *whole[9:12])
     assert told[1:] == [Gap(pytest.approx(0.45), pytest.approx(100.45), 4, announced=False)]  # type: ignore[arg-type]
     assert (fold.state.gaps, fold.state.missing) == (1, 4)
-    announced = event("log_gap", 0.4, dropped=4)
-    gap = next(each for each in folded(*whole[:5], announced, *whole[9:12])[0] if isinstance(each, Gap))
-    assert gap.announced
 
 
 def test_period_is_unknown_for_the_first_tick_and_behind_missing_records() -> None:
@@ -144,20 +134,6 @@ WORLD: Record = {
 def test_forest_that_cannot_be_drawn_is_none(changed: Record) -> None:
     assert Header.of(HEADER | {"world": WORLD}).world == WORLD
     assert Header.of(HEADER | {"world": WORLD | changed}).world is None
-
-
-def test_new_key_of_an_event_is_shown_everywhere_without_an_edit(tmp_path: Path) -> None:
-    new = event("wet", 1.0, water_m=0.25)
-    (told,) = RunFold().take(new)
-    assert isinstance(told, Noted) and not isinstance(told, Armed)
-    (line,) = narrated([new])
-    model, table = PageModel(), io.StringIO()
-    model.take(new)
-    ExportFormat.csv.write(write(tmp_path / "run", [HEADER, new, tick(1.0)]), table)
-    message = note(told)
-    assert message is not None
-    for text in (line.text, model.snapshot()["lines"][0][1], table.getvalue(), message.text):
-        assert "wet: water m 0.25" in text
 
 
 @pytest.mark.parametrize("kind", KINDS)

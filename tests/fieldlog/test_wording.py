@@ -9,7 +9,6 @@ import pytest
 from tests.views.text.records import event
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.wording import SENTENCES, event_text, run_text
-from wayfarer.safety.conditions import Condition
 
 RUN_BEFORE: dict[str, Any] = {"run": "00016-x", "last_t_s": 9.0, "last_t_wall": None, "mode": "armed", "error": None}
 EVENTS: list[tuple[str, dict[str, Any], str]] = [
@@ -50,7 +49,8 @@ EVENTS: list[tuple[str, dict[str, Any], str]] = [
     ("viewer_failed", {"error": "KeyError()"}, "An error inside wayfarer, in a viewer: KeyError()"),
     ("unclean_shutdown", RUN_BEFORE, "The run before (00016-x) was cut off while armed: killed, or without power"),
     ("unclean_shutdown", {}, "The run before (not known) was cut off: killed, or without power"),
-    ("unclean_shutdown", RUN_BEFORE | {"error": "no entry"}, "The run before (00016-x) cannot be read: no entry"),
+    ("unclean_shutdown", {"run": "00016-x", "mode": None, "error": "no entry"},
+     "The run before (00016-x) cannot be read: no entry"),
     ("wheels_stopped", {"reason": "mission_time"}, "The wheels are stopped: mission time"),
 ]  # fmt: skip
 
@@ -65,11 +65,6 @@ def test_every_sentence_is_shown_here() -> None:
     assert {name for name, _, _ in EVENTS} == set(SENTENCES)
 
 
-def test_health_has_words_for_every_condition() -> None:
-    for condition in Condition:
-        assert "_" not in event_text(event("health", 1.0, level="hold", cause=condition.value))
-
-
 @pytest.mark.parametrize("name", SENTENCES)
 def test_event_without_its_details_is_told_and_a_new_detail_comes_after_it(name: str) -> None:
     said = event_text(event(name, 1.0))
@@ -78,15 +73,12 @@ def test_event_without_its_details_is_told_and_a_new_detail_comes_after_it(name:
 
 
 def test_detail_of_another_type_is_told_as_it_is() -> None:
-    assert event_text(event("mark", 1.0, text={"a": [1]})) == "Mark: not known, {'a': [1]}"
-    assert event_text(event("goal", 1.0, goal_heading_deg="north")) == (
-        "A new goal: drives straight ahead, goal heading north degrees"
-    )
+    assert event_text(event("opened", 1.0, parts={"a": [1]})) == "The parts are open: {'a': [1]}"
 
 
 def test_event_that_is_not_known_is_told_as_it_is() -> None:
-    assert event_text(event("moon_rose", 1.0, moon_rose_deg=2.0, phase="full", seen=None)) == (
-        "moon rose: deg 2, phase full"
+    assert event_text(event("moon_rose", 1.0, moon_rose_deg=2.0, phase="full", seen=None, craters=1234.4)) == (
+        "moon rose: deg 2, phase full, craters 1234"
     )
     assert event_text(event("moon_rose", 1.0)) == "moon rose"
 

@@ -158,7 +158,7 @@ EXPORT = Target(
     ["wayfarer.views.export.tables", "wayfarer.views.export.gps_places", "wayfarer.views.export.gpx",
      "wayfarer.views.export.parquet",
      "wayfarer.views.export.geojson", "wayfarer.views.foxglove.mcap_file",
-     "wayfarer.views.foxglove.channels", "wayfarer.views.foxglove.notes", "wayfarer.views.foxglove.places",
+     "wayfarer.views.foxglove.channels", "wayfarer.views.foxglove.notes", "wayfarer.views.foxglove.path",
      "wayfarer.views.foxglove.plots", "wayfarer.views.foxglove.scene",
      "wayfarer.views.trail"],
     lambda kept: logs_of(KINDS, kept),

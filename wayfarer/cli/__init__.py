@@ -1,12 +1,14 @@
 """The ``wayfarer`` command.
 
-A mistake of the user gives one line on stderr and exit code 2. Each command imports what it needs when it runs, so that
-the light ones are quick on a rover's small computer.
+A mistake of the user gives one line on stderr and exit code 2. A command whose output nobody reads any more, as before
+``| head -1``, ends without a message and with exit code 141, like other Unix tools. Each command imports what it needs
+when it runs, so that the light ones are quick on a rover's small computer.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Iterable
 from functools import cache, partial
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 BAD_INPUT = 2
+PIPE_CLOSED = 1  # how Typer and rich exit where they meet a BrokenPipeError; nothing else in a command exits
+READER_GONE = 128 + signal.SIGPIPE  # what a shell reports of a program that SIGPIPE has ended
 
 ROVER = "On the rover"
 CONTROL = "To a running rover"
@@ -76,12 +80,26 @@ def main() -> None:
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit code."""
     try:
-        return int(_command()(arguments, prog_name="wayfarer", standalone_mode=False) or 0)
+        return _run(arguments)
+    except (BrokenPipeError, SystemExit) as gone:
+        if isinstance(gone, SystemExit) and gone.code != PIPE_CLOSED:  # as after completing a word for the shell
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter flushes once more
+        return READER_GONE
+
+
+def _run(arguments: list[str]) -> int:
+    try:
+        code = int(_command()(arguments, prog_name="wayfarer", standalone_mode=False) or 0)
+        sys.stdout.flush()
+        return code
     except WayfarerError as error:
         return _fail(str(error), error.exit_code)
     except typer.TyperException as error:
         return _fail(error.format_message().replace("Value error, ", "", 1), BAD_INPUT)  # the name of a class
-    except (OSError, UnicodeError) as error:  # a terminal, a pipe or a disk that takes no output
+    except BrokenPipeError:
+        raise
+    except (OSError, UnicodeError) as error:  # a terminal or a disk that takes no output
         return _fail(f"the system refused: {error}", 1)
 
 

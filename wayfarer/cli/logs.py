@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -75,14 +74,13 @@ def list_runs(*, logs: Logs = None, as_json: AsJson = False) -> None:
     if not found:
         raise BadInput(f"{folder} holds no run; say where runs are logged with --logs DIR")
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    with _until_closed():
-        if as_json:
-            print_json({"runs": found})
-            return
-        titles, *shown = lines(found, width)
-        print(titles)
-        for line, row in zip(shown, found, strict=True):
-            print(painted(line, TONES.get(row.outcome, "")))
+    if as_json:
+        print_json({"runs": found})
+        return
+    titles, *shown = lines(found, width)
+    print(titles)
+    for line, row in zip(shown, found, strict=True):
+        print(painted(line, TONES.get(row.outcome, "")))
 
 
 @command()
@@ -108,10 +106,10 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
             waits_for = ""
         Event().wait(POLL_S)  # there is no event loop that sleeping could hold up
 
-    with suppress(KeyboardInterrupt), _until_closed():
+    with suppress(KeyboardInterrupt):
         for path, record in follow_records(folder, chosen, wait):
             if path != told:
-                told, fold, narrator = path, RunFold(), RunNarrator(Telling.STATUS)
+                told, fold, narrator = path, RunFold(reckons=False), RunNarrator(Telling.STATUS)
                 print(run_title(path), flush=True)
             _tell(narrator.tell(fold.take(record)), flush=True)
         if chosen is not None:
@@ -130,27 +128,26 @@ def show(
 ) -> None:
     """Show all events of a run, from its beginning."""
     from wayfarer.fieldlog.folders import find_run
-    from wayfarer.fieldlog.reader import Damage, RunReader
+    from wayfarer.fieldlog.reader import RunReader
     from wayfarer.fieldlog.run_fold import RunFold
     from wayfarer.views.text.run_narrator import RunNarrator, Telling
     from wayfarer.views.text.scripting import print_json
-    from wayfarer.views.text.verdict import NO_OUTCOME, readable
+    from wayfarer.views.text.verdict import NO_OUTCOME
 
-    fold, narrator = RunFold(), RunNarrator(Telling.TICKS if ticks else Telling.STATUS)
+    fold, narrator = RunFold(reckons=False), RunNarrator(Telling.TICKS if ticks else Telling.STATUS)
     notes = sys.stderr if as_json else sys.stdout
     reader = RunReader(find_run(run, log_folder(logs)))
-    with _until_closed():
-        for record in readable(reader):
-            lines = narrator.tell(fold.take(record))
-            if as_json:
-                for line in lines:
-                    print_json({"elapsed_s": line.elapsed_s, "tone": line.tone, "text": line.text, "record": record})
-            else:
-                _tell(lines)
-        if fold.state.ended is None:
-            print(NO_OUTCOME, file=notes)
-        if reader.damage != Damage():
-            print(reader.damage, file=notes)
+    for record in reader:
+        lines = narrator.tell(fold.take(record))
+        if as_json:
+            for line in lines:
+                print_json({"elapsed_s": line.elapsed_s, "tone": line.tone, "text": line.text, "record": record})
+        else:
+            _tell(lines)
+    if fold.state.ended is None:
+        print(NO_OUTCOME, file=notes)
+    if reader.damage:
+        print(reader.damage, file=notes)
 
 
 @command()
@@ -166,16 +163,14 @@ def summary(
     from wayfarer.views.text.run_summariser import summarise
     from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.summary_text import summary_text
-    from wayfarer.views.text.verdict import readable
 
     reader = RunReader(find_run(run, log_folder(logs)))
-    found = summarise(readable(reader))
+    found = summarise(reader)
     title = run_title(reader.run)
-    with _until_closed():
-        if as_json:
-            print_json({"run": title, **asdict(found), "damage": reader.damage})
-        else:
-            print(summary_text(title, found, reader.damage))
+    if as_json:
+        print_json({"run": title, **asdict(found), "damage": reader.damage})
+    else:
+        print(summary_text(title, found, reader.damage))
 
 
 @command(epilog="Exit code: 0 if every log is complete, 3 if records of one are lost, 1 if one cannot be read at all.")
@@ -203,11 +198,9 @@ def check(
     for run in found:
         verdicts.append(judge(run))
         if not as_json:
-            with _until_closed():
-                print(f"{run_title(run)}: {painted(str(verdicts[-1]), TONES[verdicts[-1].integrity.name])}")
+            print(f"{run_title(run)}: {painted(str(verdicts[-1]), TONES[verdicts[-1].integrity.name])}")
     if as_json:
-        with _until_closed():
-            print_json({"logs": [_as_object(run, verdict) for run, verdict in zip(found, verdicts, strict=True)]})
+        print_json({"logs": [_as_object(run, verdict) for run, verdict in zip(found, verdicts, strict=True)]})
     raise typer.Exit(max(verdict.integrity for verdict in verdicts).exit_code)
 
 
@@ -237,8 +230,7 @@ def export(
     if form.needs:
         require(form.needs)
     if out == STDOUT:
-        with _until_closed():
-            _tell_damage(form.write(found, sys.stdout))
+        _tell_damage(form.write(found, sys.stdout))
         return
     file = out or Path(f"{run_title(found)}.{form}")
     damage = export_run(found, form, file, overwrite=force)
@@ -278,22 +270,10 @@ def _damage_of(run: Path) -> Damage:
 
 def _tell_damage(damage: Damage) -> None:
     """Say what of a log could not be read, where that is anything; stdout is for the run itself."""
-    from wayfarer.fieldlog.reader import Damage
-
-    if damage != Damage():
+    if damage:
         print(damage, file=sys.stderr)
 
 
 def _tell(lines: Iterable[Line], *, flush: bool = False) -> None:
     for line in lines:
         print(painted(str(line), line.tone.value), flush=flush)
-
-
-@contextmanager
-def _until_closed() -> Iterator[None]:
-    """End without an error when the output is closed, as by ``head``."""
-    try:
-        yield
-        sys.stdout.flush()
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter flushes once more

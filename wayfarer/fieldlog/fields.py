@@ -46,7 +46,9 @@ def name(record: Mapping[str, Any], key: str) -> str | None:
 def names(record: Mapping[str, Any], key: str) -> tuple[str, ...]:
     """Return the texts of a list; none where there is no list."""
     value = record.get(key)
-    return tuple(clean(each) for each in value if isinstance(each, str)) if isinstance(value, list | tuple) else ()
+    if not value or not isinstance(value, list | tuple):  # mostly there are no anomalies
+        return ()
+    return tuple(clean(each) for each in value if isinstance(each, str))
 
 
 def table(record: Mapping[str, Any], key: str) -> dict[str, Any]:

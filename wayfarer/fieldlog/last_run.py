@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import run_folders
-from wayfarer.fieldlog.order import in_order
+from wayfarer.fieldlog.order import Order
 from wayfarer.fieldlog.reader import log_segments, parse
 from wayfarer.fieldlog.schema import Record
 
@@ -61,7 +61,7 @@ def end_of_log(segments: Sequence[Path]) -> list[Record]:
         tail = _tail(segment) + tail
         if any(record["record"] == "tick" for record in tail):
             break
-    return list(in_order(tail))
+    return list(Order().all_of(tail))
 
 
 def _tail(segment: Path) -> list[Record]:

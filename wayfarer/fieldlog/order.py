@@ -61,9 +61,15 @@ class Order:
         return [] if len(self._window) < WINDOW else [*self._decide(WINDOW // 2), *self._settle()]
 
     def rest(self) -> list[Record]:
-        """Return what is left when there are no more records."""
+        """Return what is left of the records that are not decided yet; more may come behind it."""
         self._ahead = None
         return self._decide(len(self._window))
+
+    def all_of(self, records: Iterable[Record]) -> Iterator[Record]:
+        """Take all of some records and give those that are in order, without waiting for more."""
+        for record in records:
+            yield from self.take(record)
+        yield from self.rest()
 
     def _decide(self, count: int) -> list[Record]:
         """Decide on the first records of the window."""
@@ -87,14 +93,6 @@ class Order:
         *decided, last = self._window
         self._window = [last]
         return decided
-
-
-def in_order(records: Iterable[Record]) -> Iterator[Record]:
-    """Give those of some records that are in order."""
-    order = Order()
-    for record in records:
-        yield from order.take(record)
-    yield from order.rest()
 
 
 def after(record: Record, seen: Seen) -> Seen | None:

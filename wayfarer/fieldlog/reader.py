@@ -55,6 +55,9 @@ class Damage:
         """How many lines were skipped."""
         return self.torn + self.nul + self.oversized + self.garbled + self.wrong + self.disordered
 
+    def __bool__(self) -> bool:
+        return self != Damage()
+
     def __str__(self) -> str:
         counts = [(getattr(self, field.name), SAID[field.name]) for field in fields(self)]
         told = (one if count == 1 else f"{count} {many}" for count, (one, many) in counts if count)
@@ -83,42 +86,37 @@ class RunReader:
         run: a run's folder.
 
     Raises:
-        BadInput: the folder cannot be read, or there is no log in it; while iterating, nothing of it can be read, or a
-            newer wayfarer has written it.
+        BadInput: the folder cannot be read, or there is no log in it; at the end of iterating, no record of it can be
+            read; while iterating, a newer wayfarer has written it.
     """
 
     def __init__(self, run: Path) -> None:
         self.run = run
         self.damage = Damage()
         self.segments = log_segments(run)
-        self._highest = 0
         self._knows_schema = False
 
     def __iter__(self) -> Iterator[Record]:
-        records = self._ordered()
-        first = next(records, None)
-        if first is not None:
-            self.damage.headless = max(self.damage.headless, int(first["record"] != "run"))
-            yield first
-            yield from records
+        empty = True
+        for record in self._ordered():
+            if empty:
+                self.damage.headless = max(self.damage.headless, int(record["record"] != "run"))
+                empty = False
+            yield record
+        if empty:
+            lost = self.damage if self.damage else "it is empty"
+            raise BadInput(f"{self.run}: nothing in this log can be read ({lost})")
 
     def _ordered(self) -> Iterator[Record]:
         """Give the records that are in order."""
         order = Order()
-        for whole in self._whole():
-            for record in order.take(whole):
-                self._count_missing(record)
-                yield record
-        for record in order.rest():
-            self._count_missing(record)
+        highest = 0
+        for record in order.all_of(self._whole()):
+            if (number := record.get("n")) is not None:  # they begin at 1 and grow; headers have none
+                self.damage.missing += number - highest - 1
+                highest = number
             yield record
         self.damage.disordered = order.dropped
-
-    def _count_missing(self, record: Record) -> None:
-        """Find the gaps in the numbers, which begin at 1 and grow; headers have none."""
-        if (number := record.get("n")) is not None:
-            self.damage.missing += number - self._highest - 1
-            self._highest = number
 
     def _whole(self) -> Iterator[Record]:
         """Give the records of all segments that are whole, in whatever order they stand."""

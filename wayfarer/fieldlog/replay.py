@@ -9,7 +9,7 @@ what would the rover have done with another threshold?
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isnan, nan
+from math import nan
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
@@ -25,7 +25,6 @@ from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.supervisor import make_detector, needs_of
 from wayfarer.errors import BadInput, DriverError
-from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.fields import seconds_since
 from wayfarer.fieldlog.log import tick_fields
 from wayfarer.fieldlog.reader import Record, RunReader
@@ -71,16 +70,11 @@ def replay(run: Path, config: RoverConfig | None = None) -> Replay:
     """
     reader = RunReader(run)
     records = iter(reader)
-    first = next(records, None)
-    if first is None or first["record"] != "run":
-        raise BadInput(f"{run} cannot be replayed: its log does not begin with what ran")
-    if first.get("schema") != SCHEMA:
-        raise BadInput(
-            f"{run} cannot be replayed: its log has schema {first.get('schema')}, this wayfarer knows {SCHEMA}"
-        )
-    if first.get("part", 1) != 1:
-        raise BadInput(f"{run} cannot be replayed: its log begins with part {first['part']}, what was before is gone")
-    rerun = Rerun(run, first, config)
+    first = next(records)
+    try:
+        rerun = Rerun(first, config)
+    except BadInput as error:
+        raise BadInput(f"{run} cannot be replayed: {error}") from None
     ticks = 0
     for record in records:
         if reader.damage.missing or not rerun.take(record):
@@ -97,13 +91,20 @@ def replay(run: Path, config: RoverConfig | None = None) -> Replay:
 class Rerun:
     """The controller of a run, made again as the log's first record says, and fed from the log."""
 
-    def __init__(self, run: Path, header: Record, config: RoverConfig | None) -> None:
+    def __init__(self, header: Record, config: RoverConfig | None) -> None:
+        if header["record"] != "run":
+            raise BadInput("its log does not begin with what ran")
+        if header["schema"] != SCHEMA:
+            raise BadInput(f"its log has schema {header['schema']}, this wayfarer knows {SCHEMA}")
+        if header.get("part", 1) != 1:
+            raise BadInput(f"its log begins with part {header['part']}, what was before is gone")
         try:
-            self._make(header, _algorithm_of(run, header), config or _config_of(run, header))
+            self._make(header, config or _config_of(header))
         except (KeyError, TypeError, AttributeError):
-            raise BadInput(f"{run} cannot be replayed: its first record does not say all that ran") from None
+            raise BadInput("its first record does not say all that ran") from None
 
-    def _make(self, header: Record, algorithm: Algorithm, config: RoverConfig) -> None:
+    def _make(self, header: Record, config: RoverConfig) -> None:
+        algorithm = find_algorithm(header["algorithm"])
         handler = algorithm.make(config.escape, config.vehicle, Random(header["algorithm_seed"]))
         detector = make_detector(config, needs_of(algorithm, config), watches_motion="motion" in header["parts"])
         self._motors = LoggedMotors()
@@ -117,8 +118,10 @@ class Rerun:
             if record["record"] == "tick":
                 self._sense(record)
             elif record["record"] == "board":
-                health = MotorHealth(_number(record["battery_v"]), tuple(record["faults"]))
-                self._controller.power_reports.board_said(record["t_s"], health, _duties(record))
+                health = MotorHealth(record["battery_v"], tuple(record["faults"]))
+                left, right = record.get("says_left"), record.get("says_right")  # an old log has none
+                duties = None if left is None or right is None else WheelCommand(left, right)
+                self._controller.power_reports.board_said(record["t_s"], health, duties)
             elif record["record"] == "event":
                 self._event(record["name"], record)
         except (LookupError, TypeError, ValueError, AttributeError):
@@ -136,13 +139,13 @@ class Rerun:
         self._buffers.compass.reading = self._compass_of(record["compass"])
         self._buffers.contact.reading = _contact_of(record["contact"])
         if record["motion"] is not None:
-            self._buffers.motion.write(MotionReading(**_numbers(record["motion"])))
+            self._buffers.motion.write(MotionReading(**_with_nan(record["motion"])))
         self._motors.applied = WheelCommand(float(record["applied_left"]), float(record["applied_right"]))
 
     def _event(self, name: str, record: Record) -> None:
         controller, t_s = self._controller, record["t_s"]
         if name == "arming":
-            controller.arm(t_s, _number(record.get("goal_heading_deg")))
+            controller.arm(t_s, record.get("goal_heading_deg"))
         elif name == "disarmed" and controller.mode is not Mode.DISARMED:
             controller.disarm(t_s, record["reason"])
         elif name in {"hold", "resume"}:
@@ -159,7 +162,7 @@ class Rerun:
     def _compass_of(self, fields: Mapping[str, Any] | None) -> CompassReading | None:
         """Return the reading; the same one as before where the sensor had not spoken again, as in its cell."""
         if fields != self._compass[0]:
-            self._compass = fields, None if fields is None else CompassReading(**_numbers(fields))
+            self._compass = fields, None if fields is None else CompassReading(**_with_nan(fields))
         return self._compass[1]
 
 
@@ -190,20 +193,13 @@ def compare(logged: Record, today: Mapping[str, Any], elapsed_s: float) -> Decis
     return None
 
 
-def _algorithm_of(run: Path, header: Record) -> Algorithm:
-    try:
-        return find_algorithm(header["algorithm"])
-    except BadInput as error:
-        raise BadInput(f"{run} cannot be replayed: {error}") from None
-
-
-def _config_of(run: Path, header: Record) -> RoverConfig:
+def _config_of(header: Record) -> RoverConfig:
     """Return the rover's settings; its parts are not needed, nor their drivers."""
     try:
         return RoverConfig.model_validate_json(orjson.dumps({**header["config"], "parts": {}}), strict=True)
     except ValidationError as error:
         said = explain(most_telling(error), RoverConfig)
-        raise BadInput(f"{run} cannot be replayed with its own settings: {said}; give others with --config") from None
+        raise BadInput(f"its own settings are not valid: {said}; give others with --config") from None
 
 
 def _contact_of(fields: Mapping[str, Any] | None) -> ContactReading | None:
@@ -212,34 +208,8 @@ def _contact_of(fields: Mapping[str, Any] | None) -> ContactReading | None:
     return ContactReading(fields["t_s"], tuple(map(Side, fields["sides"])), fields["obstacle_bearing_deg"])
 
 
-def _duties(board: Record) -> WheelCommand | None:
-    """Return what a board said that it applies; null, and nothing in an old log, where it could not be asked.
-
-    Raises:
-        ValueError: a duty is no number.
-    """
-    said = _numbers({key: board.get(key) for key in ("says_left", "says_right")})
-    duties = WheelCommand(said["says_left"], said["says_right"])
-    return None if all(map(isnan, duties)) else duties
-
-
-def _number(value: Any) -> float | None:
-    """Return a number that may not be known.
-
-    Raises:
-        ValueError, TypeError: it is something else.
-    """
-    return None if value is None else float(value)
-
-
-def _numbers(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a reading; JSON has no NaN, so that a number which was none is null in the log.
-
-    Raises:
-        ValueError: a field is no number.
-    """
-    if not all(value is None or isinstance(value, int | float) for value in fields.values()):
-        raise ValueError("not a reading")
+def _with_nan(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a reading; JSON has no NaN, so that a number which was none is null in the log."""
     return {key: nan if value is None and key != "calibration" else value for key, value in fields.items()}
 
 

@@ -106,29 +106,11 @@ class Noted(RunEvent):
     name: str
     record: Record
 
-
-class Arming(Noted):
-    """Somebody asked for it."""
-
-
-class Armed(Noted):
-    """The mission begins."""
-
-
-class Disarmed(Noted):
-    """The wheels are stopped until re-armed."""
-
-
-class Held(Noted):
-    """An operator asked to hold the wheels."""
-
-
-class Released(Noted):
-    """An operator asked to drive on."""
-
-
-class GoalSet(Noted):
-    """Another goal was asked for."""
+    @staticmethod
+    def of(elapsed_s: float, record: Record) -> Noted:
+        """Return what an ``event`` record tells."""
+        what = event_name(record)
+        return BY_NAME.get(what, Noted)(elapsed_s, record["t_s"], what, record)
 
 
 class SensorFailed(Noted):
@@ -161,18 +143,9 @@ class Marked(Noted):
         return name(self.record, "text") or ""
 
 
-BY_NAME: Mapping[str, type[Noted]] = {
-    "arming": Arming, "armed": Armed, "disarmed": Disarmed, "hold": Held, "resume": Released, "goal": GoalSet,
-    "sensor_failed": SensorFailed, "clock_step": ClockStep, "mark": Marked,
-}  # fmt: skip
+BY_NAME: Mapping[str, type[Noted]] = {"sensor_failed": SensorFailed, "clock_step": ClockStep, "mark": Marked}
 
 
 def event_name(event: Record) -> str:
     """Return the name of an event, whatever has become of it."""
     return name(event, "name") or "event"
-
-
-def noted(elapsed_s: float, record: Record) -> Noted:
-    """Return what an ``event`` record tells."""
-    what = event_name(record)
-    return BY_NAME.get(what, Noted)(elapsed_s, record["t_s"], what, record)

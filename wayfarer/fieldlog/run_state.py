@@ -38,7 +38,7 @@ class RunState:
 
     ``armed_s`` is the time armed, ``held_s`` the part of it with the wheels held, by cause. ``anomalies`` counts
     beginnings by kind, ``recoveries`` how often the rover backed off, ``exhausted`` the phases that reached their
-    bound, ``events`` the events by name. ``episodes`` counts those that the algorithm remembers, of all missions.
+    bound, ``events`` the events by name. ``episodes`` counts those of all missions, by the phases (``episodes.py``).
     ``gaps`` counts the places where records are missing between two others, and ``missing`` those records; ``dropped``
     are the records that could not be written.
     """

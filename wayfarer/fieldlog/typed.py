@@ -9,7 +9,6 @@ Each view has ``elapsed_s``, the seconds since the first record of its log, and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan
 from typing import Any, Generic, TypeVar
@@ -64,16 +63,17 @@ class RunEvent:
 
 @dataclass(slots=True)
 class Tick(RunEvent):
-    """One control tick, under the names of its keys; ``motion`` is NaN where the motion sensor could not tell.
+    """One control tick, under the names of its keys.
 
-    The fold adds the last six fields: ``period_s`` since the tick before, NaN where records are missing between the
-    two; ``place``, where dead reckoning has the rover, None without a heading; ``before``, that of the tick before or
-    None, where records are missing between the two; ``path_m``, how far it went; ``measured_m_s``, the speed that the
-    motion sensor measured, NaN where it could not; and ``fresh``, the sensors that have spoken since the tick before.
+    The fold adds the last seven fields: ``motion``, NaN where the motion sensor could not tell; ``period_s`` since the
+    tick before, NaN where records are missing between the two; ``place``, where dead reckoning has the rover, None
+    without a heading; ``before``, that of the tick before or None, where records are missing between the two;
+    ``path_m``, how far it went; ``measured_m_s``, the speed that the motion sensor measured, NaN where it could not;
+    and ``fresh``, the sensors that have spoken since the tick before. A fold that does not reckon gives no motion and
+    no places.
     """
 
     record: Record
-    motion: MotionReading | None
     heading_deg: float | None
     anomalies: tuple[str, ...]
     travelled_m: float | None
@@ -83,7 +83,7 @@ class Tick(RunEvent):
     applied_right: float | None
     level: str | None
     cause: str | None
-    episodes: float | None
+    motion: MotionReading | None = None
     period_s: float = nan
     place: ReckonedPose | None = None
     before: ReckonedPose | None = None
@@ -102,6 +102,7 @@ class Tick(RunEvent):
     counter_deg = Remembered()
     side = Remembered()
     turn_deg = Remembered()
+    episodes = Remembered()
     blocked_turns = Remembered()
     turn_from_duty = Remembered()
 
@@ -110,9 +111,9 @@ class Tick(RunEvent):
         """Return the view of a ``tick`` record."""
         get = record.get
         return cls(
-            elapsed_s, record["t_s"], record, _motion(get("motion")), get("heading_deg"), names(record, "anomalies"),
+            elapsed_s, record["t_s"], record, get("heading_deg"), names(record, "anomalies"),
             get("travelled_m"), name(record, "phase"), name(record, "why"), get("applied_left"), get("applied_right"),
-            name(record, "level"), name(record, "cause"), number(record, "episodes"),
+            name(record, "level"), name(record, "cause"),
         )  # fmt: skip
 
     @property
@@ -184,16 +185,13 @@ class Truth(RunEvent):
     touching = Key[bool | None](None)
 
 
-def _motion(said: Mapping[str, Any] | None) -> MotionReading | None:
+def motion_reading(tick: Record) -> MotionReading | None:
     """Return what the motion sensor said; JSON has no NaN, so that a number which was none is null in the log."""
+    said = tick.get("motion")
     if not said:
         return None
-    forward_m, right_m, quality = (
-        or_nan(said.get("forward_m")),
-        or_nan(said.get("right_m")),
-        or_nan(said.get("quality")),
-    )
-    return MotionReading(or_nan(said.get("t_s")), forward_m, right_m, quality, said.get("signed") is not False)
+    t_s, forward_m, right_m, quality = (or_nan(said.get(key)) for key in ("t_s", "forward_m", "right_m", "quality"))
+    return MotionReading(t_s, forward_m, right_m, quality, said.get("signed") is not False)
 
 
 def or_nan(value: float | None) -> float:

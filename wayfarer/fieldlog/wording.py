@@ -6,19 +6,19 @@ control ticks are in ``tick_wording``.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import Any, TypeVar
+from itertools import starmap
+from typing import Any
 
-from wayfarer.fieldlog.fields import ABSURD, local_time, name, names, number, table
+from wayfarer.fieldlog.fields import ABSURD, local_time
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, event_name
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix
 from wayfarer.fieldlog.vocabulary import CAUSES, PARTS, disarmed_text, level_text
-
-T = TypeVar("T")
 
 
 class Tone(Enum):
@@ -41,7 +41,8 @@ WARNINGS = {
 FAULTS = {"motors_failed", "loop_stalled", "stop_not_confirmed", "control_error"}
 LEVEL_TONES = {"degrade": Tone.WARNING, "hold": Tone.WARNING, "fault": Tone.FAULT}
 
-STAMP = {"record", "n", "t_s", "t_wall", "name"}  # what every event has
+STAMP = {"record", "n", "t_s", "t_wall", "name", "last_t_s"}  # what every event has, and a clock's time since boot
+NOTHING: tuple[object, ...] = (None, "", [], {})
 BARE = {"text", "reason", "error", "level", "cause"}  # details that say what they are by themselves
 UNKNOWN = "not known"
 UNITS = {"deg": "degrees", "s": "s"}
@@ -65,11 +66,12 @@ def event_text(event: Record) -> str:
 
     So a detail that is new in the log is told without a change here, and so is an event that is not known.
     """
-    what, details = event_name(event), Details(event)
-    say = SENTENCES.get(what)
-    if say is not None:
-        return ", ".join([say(details), *details.told()])
-    told = details.told(drop_prefix=f"{what}_")
+    what = event_name(event)
+    details = {key: value for key, value in event.items() if key not in STAMP and value not in NOTHING}
+    if what in SENTENCES:
+        template = UNREADABLE_RUN if what == "unclean_shutdown" and "error" in details else SENTENCES[what]
+        return ", ".join([_filled(template, details), *starmap(_detail, details.items())])
+    told = [_detail(key.removeprefix(f"{what}_"), value) for key, value in details.items()]
     return f"{what.replace('_', ' ')}{': ' if told else ''}{', '.join(told)}"
 
 
@@ -145,133 +147,68 @@ def _degrees(value: object) -> str:
 
 # -- sentences for events --------------------------------------------------------------------------------------------
 
-
-class Details:
-    """The details of an event: a sentence takes those that it uses, ``told`` returns the others.
-
-    A value of another type than is asked for is not taken.
-    """
-
-    def __init__(self, event: Record) -> None:
-        self._left = {key: value for key, value in event.items() if key not in STAMP}
-
-    def text(self, key: str) -> str:
-        """Take a text."""
-        return self._take(name, key) or UNKNOWN
-
-    def part(self, key: str = "part") -> str:
-        """Take the name of a part of the rover."""
-        part = self.text(key)
-        return PARTS.get(part, part)
-
-    def number(self, key: str) -> float | None:
-        """Take a number."""
-        return self._take(number, key)
-
-    def texts(self, key: str) -> str:
-        """Take a list of texts."""
-        return ", ".join(self._take(names, key)) or UNKNOWN
-
-    def counts(self, key: str) -> str:
-        """Take numbers by name."""
-        return _value(self._take(table, key)).replace("_", " ") or UNKNOWN
-
-    def told(self, drop_prefix: str = "") -> list[str]:
-        """Return what nobody has taken, as key and value; nothing for what is empty."""
-        left = self._left.items()
-        return [_detail(key.removeprefix(drop_prefix), value) for key, value in left if value not in (None, [])]
-
-    def _take(self, read: Callable[[Mapping[str, Any], str], T], key: str) -> T:
-        value = read(self._left, key)
-        if value not in (None, (), {}):
-            del self._left[key]
-        return value
-
-
-def _arming(details: Details) -> str:
-    delay_s, towards = details.number("start_delay_s"), _towards(details)
-    return f"Arming: in {delay_s:.0f} s it drives {towards}" if delay_s else f"Arming: it drives {towards}"
-
-
-def _towards(details: Details) -> str:
-    goal_deg = details.number("goal_heading_deg")
-    return "straight ahead" if goal_deg is None else f"towards {whole_deg(goal_deg)} degrees"
-
-
-def _health(details: Details) -> str:
-    level, cause = details.text("level"), details.text("cause")
-    told = level_text(level, cause)
-    return told if cause == UNKNOWN else f"{told}: {CAUSES.get(cause, cause)}"
-
-
-def _disarmed(details: Details) -> str:
-    return f"Disarmed: {disarmed_text(details.text('reason'))}"
-
-
-def _sensor_failed(details: Details) -> str:
-    sensor, error, retry_s = details.part("sensor"), details.text("error"), details.number("retry_in_s")
-    return f"The {sensor} failed: {error}" + ("" if retry_s is None else f" (tried again in {retry_s:.1f} s)")
-
-
-def _clock_step(details: Details) -> str:
-    by_s = details.number("by_s")
-    return "The computer's clock was set" + ("" if by_s is None else f" by {by_s:+.0f} s")
-
-
-def _log_gap(details: Details) -> str:
-    dropped = details.number("dropped")
-    return f"{'Some records' if dropped is None else records_text(int(dropped))} could not be written into the log"
-
-
-def _loop_stalled(details: Details) -> str:
-    stall_s, where = details.number("stall_s"), details.text("where")
-    lasted = "" if stall_s is None else f" for {stall_s:.1f} s"
-    return f"The control loop stood still{lasted}" + ("" if where == UNKNOWN else f" in {where}")
-
-
-def _unclean_shutdown(details: Details) -> str:
-    run, error, mode, wall_s = (
-        details.text("run"), details.text("error"), details.text("mode"), details.number("last_t_wall")
-    )  # fmt: skip
-    details.number("last_t_s")  # of a clock that says nothing to a person
-    if error != UNKNOWN:
-        return f"The run before ({run}) cannot be read: {error}"
-    doing = "" if mode == UNKNOWN else f" while {mode}"
-    at = local_time(wall_s, " at %Y-%m-%d %H:%M:%S") if wall_s else ""
-    return f"The run before ({run}) was cut off{doing}{at}: killed, or without power"
-
-
-def _wheels_stopped(details: Details) -> str:
-    reason = details.text("reason")
-    return "The wheels are stopped" + ("" if reason == UNKNOWN else f": {reason.replace('_', ' ')}")
-
-
-SENTENCES: Mapping[str, Callable[[Details], str]] = {
-    "opened": lambda details: f"The parts are open: {details.texts('parts')}",
-    "arming": _arming,
-    "arming_refused": lambda details: f"Not armed, because these checks failed: {details.texts('failed')}",
-    "refused": lambda details: f"Refused: {details.texts('failed')}",
-    "armed": lambda details: f"Armed: drives {_towards(details)}",
-    "disarmed": _disarmed,
-    "hold": lambda _: "Held by an operator",
-    "resume": lambda _: "Resumed by an operator",
-    "goal": lambda details: f"A new goal: drives {_towards(details)}",
-    "mark": lambda details: f"Mark: {details.text('text')}",
-    "health": _health,
-    "sensor_failed": _sensor_failed,
-    "part_failed": lambda details: f"The {details.part()} did not open: {details.text('error')}",
-    "part_troubles": lambda details: f"The {details.part()} carried on after {details.counts('counts')}",
-    "board_silent": lambda details: f"The motor board did not answer: {details.text('error')}",
-    "motors_failed": lambda details: f"The motors did not answer: {details.text('error')}",
-    "light_failed": lambda details: f"The status light did not answer: {details.text('error')}",
-    "power": lambda details: f"The computer's supply: {details.text('text')}",
-    "clock_step": _clock_step,
-    "log_gap": _log_gap,
-    "loop_stalled": _loop_stalled,
-    "stop_not_confirmed": lambda details: f"The {details.part()} did not confirm the stop: {details.text('error')}",
-    "close_hangs": lambda details: f"The {details.part()} did not close in time",
-    "control_error": lambda details: f"An error inside wayfarer, in a command: {details.text('error')}",
-    "viewer_failed": lambda details: f"An error inside wayfarer, in a viewer: {details.text('error')}",
-    "unclean_shutdown": _unclean_shutdown,
-    "wheels_stopped": _wheels_stopped,
+# Details of an event are in braces. A piece in brackets is told only where its details are known, and not zero.
+SENTENCES: Mapping[str, str] = {
+    "opened": "The parts are open: {parts}",
+    "arming": "Arming:[ in {start_delay_s:.0f} s] it drives {goal_heading_deg}",
+    "arming_refused": "Not armed, because these checks failed: {failed}",
+    "refused": "Refused: {failed}",
+    "armed": "Armed: drives {goal_heading_deg}",
+    "disarmed": "Disarmed: {reason}",
+    "hold": "Held by an operator",
+    "resume": "Resumed by an operator",
+    "goal": "A new goal: drives {goal_heading_deg}",
+    "mark": "Mark: {text}",
+    "health": "{level}[: {cause}]",
+    "sensor_failed": "The {sensor} failed: {error}[ (tried again in {retry_in_s:.1f} s)]",
+    "part_failed": "The {part} did not open: {error}",
+    "part_troubles": "The {part} carried on after {counts}",
+    "board_silent": "The motor board did not answer: {error}",
+    "motors_failed": "The motors did not answer: {error}",
+    "light_failed": "The status light did not answer: {error}",
+    "power": "The computer's supply: {text}",
+    "clock_step": "The computer's clock was set[ by {by_s:+.0f} s]",
+    "log_gap": "{dropped} could not be written into the log",
+    "loop_stalled": "The control loop stood still[ for {stall_s:.1f} s][ in {where}]",
+    "stop_not_confirmed": "The {part} did not confirm the stop: {error}",
+    "close_hangs": "The {part} did not close in time",
+    "control_error": "An error inside wayfarer, in a command: {error}",
+    "viewer_failed": "An error inside wayfarer, in a viewer: {error}",
+    "unclean_shutdown": "The run before ({run}) was cut off[ while {mode}][{last_t_wall}]: killed, or without power",
+    "wheels_stopped": "The wheels are stopped[: {reason}]",
 }
+UNREADABLE_RUN = "The run before ({run}) cannot be read: {error}"
+DETAIL = re.compile(r"{(\w+)")
+OPTIONAL = re.compile(r"\[(.*?)\]")
+MISSING = {"goal_heading_deg": "straight ahead", "dropped": "Some records"}  # else ``UNKNOWN``
+WORDS: Mapping[str, Callable[[Any], str]] = {
+    "goal_heading_deg": lambda angle_deg: f"towards {whole_deg(angle_deg)} degrees",
+    "part": lambda part: PARTS.get(part, clean(part)),
+    "sensor": lambda sensor: PARTS.get(sensor, clean(sensor)),
+    "cause": lambda cause: CAUSES.get(cause, clean(cause)),
+    "reason": lambda reason: clean(disarmed_text(reason).replace("_", " ")),
+    "counts": lambda counts: _value(counts).replace("_", " "),
+    "dropped": records_text,
+    "last_t_wall": lambda wall_s: local_time(wall_s, " at %Y-%m-%d %H:%M:%S"),
+}
+
+
+def _filled(template: str, details: dict[str, Any]) -> str:
+    """Return a sentence with its details, and take them from the others."""
+    words = {key: _word(key, details) for key in DETAIL.findall(template)}
+    text = OPTIONAL.sub(lambda piece: piece[1] if all(map(details.get, DETAIL.findall(piece[1]))) else "", template)
+    for key in words:
+        details.pop(key, None)
+    return text.format_map(words)
+
+
+def _word(key: str, details: Mapping[str, Any]) -> Any:
+    """Return a detail as a sentence has it; a number as it is, because the sentence says how many digits."""
+    if key not in details:
+        return MISSING.get(key, UNKNOWN)
+    value = details[key]
+    if key == "level":
+        return clean(level_text(value, details.get("cause")))
+    if key in WORDS:
+        return WORDS[key](value)
+    return value if isinstance(value, int | float) else _value(value)

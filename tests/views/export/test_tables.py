@@ -73,6 +73,8 @@ def test_time_since_the_first_record_is_in_the_table(tmp_path: Path) -> None:
 def test_path_is_in_the_table(tmp_path: Path) -> None:
     last = rows(table(tmp_path, *drive(0.0, 4.05, heading_deg=90.0)))[-1]
     assert (last["reckoned_north_m"], last["reckoned_east_m"]) == ("0.0", "2.0")
+    (lost,) = rows(table(tmp_path / "2", tick(0.0, heading_deg=None)))
+    assert (lost["reckoned_north_m"], lost["reckoned_east_m"]) == ("", "")
 
 
 def test_tsv_has_the_columns_of_the_released_code(tmp_path: Path) -> None:

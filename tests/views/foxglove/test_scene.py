@@ -1,22 +1,17 @@
-"""From a compass to the map of the 3D panel."""
+"""The scene of the 3D panel; ``tests/views/test_enu.py`` has its orientations."""
 
 from __future__ import annotations
 
-from math import cos, radians, sin
 from typing import Any
 
 import pytest
-from foxglove.messages import FrameTransform, Quaternion, SceneUpdate, Timestamp
-from hypothesis import given
-from hypothesis import strategies as st
+from foxglove.messages import FrameTransform, SceneUpdate, Timestamp
 
 from tests.views.foxglove.protobuf import Descriptors
+from tests.views.test_enu import AHEAD, Vector, body_axis
 from wayfarer.views.foxglove.scene import body_scene, forest_scene, orientation, transform
 
-Vector = tuple[float, float, float]
-AHEAD, LEFT, UP = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-EAST, NORTH = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-WEST, SOUTH, DOWN = (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
+UP = (0.0, 0.0, 1.0)
 TIME = Timestamp(1, 2)
 WORLD: dict[str, Any] = {
     "start_m": [25.0, 12.5],
@@ -28,52 +23,13 @@ WORLD: dict[str, Any] = {
 }
 
 
-def decoded(message: FrameTransform | SceneUpdate | Quaternion) -> dict[str, Any]:
+def decoded(message: FrameTransform | SceneUpdate) -> dict[str, Any]:
     schema = message.get_schema()
     return Descriptors(schema.data).decode(f".{schema.name}", message.encode())
 
 
 def turned(rotation: dict[str, float], vector: Vector) -> Vector:
-    """A vector of the body in the map, by the quaternion's rotation matrix."""
-    x, y, z, w = (rotation[axis] for axis in "xyzw")
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-    )
-    a, b, c = (sum(m * v for m, v in zip(row, vector, strict=True)) for row in rows)
-    return a, b, c
-
-
-@pytest.mark.parametrize(
-    ("heading_deg", "ahead", "left"),
-    [(0.0, NORTH, WEST), (90.0, EAST, NORTH), (180.0, SOUTH, EAST), (270.0, WEST, SOUTH), (360.0, NORTH, WEST)],
-)
-def test_compass_heading_points_the_body_the_right_way(heading_deg: float, ahead: Vector, left: Vector) -> None:
-    rotation = decoded(orientation(heading_deg))
-    assert turned(rotation, AHEAD) == pytest.approx(ahead, abs=1e-12)
-    assert turned(rotation, LEFT) == pytest.approx(left, abs=1e-12)
-
-
-def test_nose_up_lifts_the_nose_and_right_side_down_lowers_the_right_side() -> None:
-    nose_up = decoded(orientation(90.0, pitch_deg=30.0))
-    assert turned(nose_up, AHEAD) == pytest.approx((cos(radians(30.0)), 0.0, 0.5))
-    right_down = decoded(orientation(90.0, roll_deg=30.0))
-    assert turned(right_down, (0.0, -1.0, 0.0)) == pytest.approx((0.0, -cos(radians(30.0)), -0.5))
-    assert turned(right_down, AHEAD) == pytest.approx(EAST)
-
-
-ANGLES = st.floats(-180.0, 180.0)
-
-
-@given(st.floats(0.0, 360.0), st.floats(-89.0, 89.0), ANGLES)
-def test_tilt_leaves_the_heading_and_each_other_alone(heading_deg: float, pitch_deg: float, roll_deg: float) -> None:
-    rotation = decoded(orientation(heading_deg, pitch_deg, roll_deg))
-    assert sum(part * part for part in rotation.values()) == pytest.approx(1.0)
-    level = cos(radians(pitch_deg))
-    ahead = (level * sin(radians(heading_deg)), level * cos(radians(heading_deg)), sin(radians(pitch_deg)))
-    assert turned(rotation, AHEAD) == pytest.approx(ahead, abs=1e-9)
-    assert turned(rotation, LEFT)[2] == pytest.approx(level * sin(radians(roll_deg)), abs=1e-9)
+    return body_axis([rotation[axis] for axis in "xyzw"], vector)
 
 
 def test_transform_says_where_the_rover_is_in_the_map() -> None:

@@ -65,7 +65,7 @@ def write(run: Path, records: Iterable[Record | bytes], name: str = "run.jsonl")
 
 def narrated(records: Iterable[Record], telling: Telling = Telling.STATUS) -> list[Line]:
     """Return what is told of a run in lines."""
-    fold, narrator = RunFold(), RunNarrator(telling)
+    fold, narrator = RunFold(reckons=False), RunNarrator(telling)
     return [line for each in records for line in narrator.tell(fold.take(each))]
 
 

@@ -83,19 +83,6 @@ def test_folders_without_a_number_are_listed_by_their_names(tmp_path: Path) -> N
     ]  # fmt: skip
 
 
-def test_demo_began_when_its_first_record_says(tmp_path: Path) -> None:
-    """Its clock goes six times as fast: 180 s of the run were half a minute."""
-    ended = outcome(180.0) | {"t_wall": BEGAN_WALL_S + 30.0}
-    write(tmp_path / RUN, [HEADER | {"time_scale": 6.0, "simulated": True}, ended])
-    began = time.strftime("%Y-%m-%d %H:%M", time.localtime(BEGAN_WALL_S))
-    assert cells(tmp_path)[1:3] == (began, "0:03:00")
-
-
-def test_times_that_cannot_be_are_left_out(tmp_path: Path) -> None:
-    write(tmp_path / RUN, [HEADER, tick(1.0), tick(1.7e308)])
-    assert row(tmp_path).lasted_s == 1.0
-
-
 def test_narrow_terminal_goes_without_the_less_important() -> None:
     table = [
         RunRow(

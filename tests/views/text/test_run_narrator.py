@@ -20,9 +20,10 @@ def tone(each: Record) -> Tone:
     return line.tone
 
 
-def test_first_line_says_what_runs() -> None:
-    (line,) = narrated([HEADER | {"dry_run": True}])
-    assert str(line) == "0:00:00.00  run of minirover, forest-pledge, dry run, wayfarer 9.9"
+def test_first_line_says_what_runs_and_whether_the_beginning_is_gone() -> None:
+    first, second = narrated([HEADER | {"dry_run": True, "part": 3}])
+    assert str(first) == "0:00:00.00  run of minirover, forest-pledge, dry run, wayfarer 9.9"
+    assert (second.text, second.tone) == ("the log begins with part 3: what came before is gone", Tone.WARNING)
 
 
 def test_change_of_phase_is_a_line_with_what_was_felt() -> None:
@@ -157,16 +158,6 @@ def test_what_the_log_says_of_missing_records_is_not_said_again() -> None:
 def test_header_that_only_a_later_part_has_says_what_runs() -> None:
     lines = [str(line) for line in narrated([event("armed", 1.0) | {"n": 1}, HEADER | {"part": 2}])]
     assert lines[1:] == ["-0:00:01.00  run of minirover, forest-pledge, wayfarer 9.9"]
-
-
-def test_log_whose_beginning_is_gone_says_so() -> None:
-    first, second = narrated([HEADER | {"part": 3}])
-    assert "part 3" in second.text
-    assert first.tone is Tone.PLAIN
-
-
-def test_header_of_a_further_part_is_no_news() -> None:
-    assert told(numbered([event("hold", 1.0)])[0], HEADER | {"part": 2}) == ["0:00:01.00  Held by an operator"]
 
 
 def test_every_tick_is_told_when_asked_for() -> None:

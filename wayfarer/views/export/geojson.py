@@ -14,7 +14,7 @@ from typing import Any, TextIO
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.typed import Fix
 from wayfarer.views.export.gps_places import Waypoint, read_places
-from wayfarer.views.export.utc import utc_text
+from wayfarer.views.export.wall_time import utc_text
 
 
 def write_geojson(run: Path, file: TextIO) -> Damage:

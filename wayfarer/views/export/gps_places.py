@@ -21,13 +21,12 @@ from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.fields import name, span
 from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, Marked, Noted, RunBegan
+from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, Marked, Noted
 from wayfarer.fieldlog.run_fold import HELD, RunFold
 from wayfarer.fieldlog.typed import Fix, RunEvent, Tick
 from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES
 from wayfarer.fieldlog.wording import event_text, outcome_text, run_text, whole_deg
-from wayfarer.views.export.clock_zero import ClockZero
-from wayfarer.views.text.verdict import readable
+from wayfarer.views.export.wall_time import read_clock_zero_s
 
 GAP_S = 10.0  # without a fix, and a track has a gap: ten readings at the usual ``rates.position_hz`` of 1
 NEAR_M = 0.05  # what is told as 0.0 m
@@ -86,30 +85,28 @@ def read_places(run: Path, form: str) -> Places:
         BadInput: the run cannot be read, or has no position; the text names the format that was wanted.
     """
     reader = RunReader(run)
-    clock, fold, about = ClockZero(), RunFold(), ""
+    zero_s, fold = read_clock_zero_s(reader), RunFold()
     fixes: list[Fix] = []
     poses: list[ReckonedPose] = []
     happenings: list[Happening] = []
-    for record in readable(reader):
-        clock.take(record)
+    for record in RunReader(run):
         events = fold.take(record)
         happenings += _happened(events)
         for event in events:
             match event:
-                case RunBegan(header=header):
-                    about = run_text(header)
                 case Tick(place=place) if place is not None:
                     poses.append(place)
                 case Fix():
                     fixes.append(_on_globe(event))
-    if not fixes or clock.zero_s is None:
+    if not fixes:
         raise BadInput(
             f"{run} has no GPS position, so there is no {form}: dead reckoning has no latitude. Take csv, parquet or "
             f"mcap; for the next run give the rover a receiver (parts.position in its file)"
         )
     fixes.sort(key=attrgetter("t_s"))
     waypoints = [_placed(each, fixes, poses) for each in happenings]
-    return Places(clean(run.resolve().name), about, clock.zero_s, list(_segments(fixes)), waypoints, reader.damage)
+    title, about = clean(run.resolve().name), run_text(fold.state.header)
+    return Places(title, about, zero_s, list(_segments(fixes)), waypoints, reader.damage)
 
 
 def _happened(events: Sequence[RunEvent]) -> Iterator[Happening]:

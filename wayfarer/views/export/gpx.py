@@ -14,7 +14,7 @@ from wayfarer import __version__
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.typed import Fix
 from wayfarer.views.export.gps_places import DECIMALS, Places, Waypoint, read_places
-from wayfarer.views.export.utc import utc_text
+from wayfarer.views.export.wall_time import utc_text
 
 GPX = "http://www.topografix.com/GPX/1/1"
 OURS = "urn:wayfarer:gpx"  # what makes the names of extensions unique; nothing is to be found there

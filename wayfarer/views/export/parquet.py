@@ -6,7 +6,7 @@ every run, so that runs can be read together. What an algorithm remembers are nu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -15,9 +15,8 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.fieldlog.schema import ANY_NUMBER, KEYS, READINGS, STAMP, TEXT, Values
-from wayfarer.views.export.tables import COLUMNS, Row, cell, table_rows
-from wayfarer.views.text.verdict import readable
+from wayfarer.fieldlog.schema import ANY_NUMBER, KEYS, STAMP, TEXT, Values
+from wayfarer.views.export.tables import COLUMNS, PARTS, cell, further_columns, table_rows
 
 BLOCK_ROWS = 10_000  # that are in memory at once: 500 s of ticks at 20 Hz
 INT64 = range(-(2**63), 2**63)
@@ -60,7 +59,7 @@ def write_parquet(run: Path, file: BinaryIO) -> Damage:
         OSError: the file takes no more.
     """
     reader = RunReader(run)
-    columns = _columns(table_rows(readable(reader)))
+    columns = _columns(further_columns(reader, KNOWN))
     schema = pa.schema([(name, column.arrow) for name, column in columns.items()])
     rows = table_rows(RunReader(run))
     with parquet.ParquetWriter(file, schema) as table:
@@ -70,17 +69,14 @@ def write_parquet(run: Path, file: BinaryIO) -> Damage:
     return reader.damage
 
 
-def _columns(rows: Iterator[Row]) -> dict[str, ColumnType]:
-    """Return the columns of a table with their types: those of the log's schema, or what stands in the rows."""
-    found: dict[str, set[type]] = {name: set() for name in COLUMNS}
-    for row in rows:
-        for name, value in row.items():
-            if name not in KNOWN:
-                found.setdefault(name, set()).add(type(value))
-    return {name: KNOWN.get(name) or _holding(kinds - {type(None)}) for name, kinds in found.items()}
+def _columns(further: Mapping[str, set[type]]) -> dict[str, ColumnType]:
+    """Return the columns of a table with their types: those of the log's schema, or what stands in the log."""
+    names = dict.fromkeys([*COLUMNS, *further])
+    return {name: KNOWN.get(name) or _holding(further.get(name, set())) for name in names}
 
 
-def _holding(kinds: set[type]) -> ColumnType:
+def _holding(types: set[type]) -> ColumnType:
+    kinds = types - {type(None)}
     if kinds <= {int, float}:
         return REAL
     return FLAG if kinds == {bool} else WORDS
@@ -100,9 +96,7 @@ def _known() -> Iterator[tuple[str, Values]]:
     yield "event", TEXT
     yield from ((name, ANY_NUMBER) for name in ("elapsed_s", "reckoned_north_m", "reckoned_east_m"))
     yield from KEYS["tick"].items()
-    tables = {**KEYS, **READINGS}
-    for kind in ("compass", "motion", "contact", "board", "position", "computer", "truth"):
-        yield from ((f"{kind}_{key}", values) for key, values in tables[kind].items())
+    yield from PARTS.items()
 
 
 KNOWN = {name: _of(values) for name, values in _known() if name in COLUMNS}

@@ -14,7 +14,7 @@ loop, and none while it reversed, turned or probed, there is one for each tick.
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TextIO
@@ -24,11 +24,16 @@ from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Noted
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.schema import KEYS, READINGS, Record, Values
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
-from wayfarer.views.text.verdict import readable
 
+# What readings and other records say, under their names.
+PARTS: Mapping[str, Values] = {
+    f"{kind}_{key}": values
+    for kind in ("compass", "motion", "contact", "board", "position", "computer", "truth")
+    for key, values in {**KEYS, **READINGS}[kind].items()
+}
 # Always there and in this order, so that the tables of two runs can be put below each other.
 COLUMNS = (
     "elapsed_s", "t_s", "t_wall", "n", "event",
@@ -36,18 +41,10 @@ COLUMNS = (
     "covered_m", "reckoned_north_m", "reckoned_east_m",
     "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
     "counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty", "decision_t_s",
-    "compass_t_s", "compass_heading_deg", "compass_pitch_deg", "compass_roll_deg", "compass_calibration",
-    "motion_t_s", "motion_forward_m", "motion_right_m", "motion_quality", "motion_signed",
-    "contact_t_s", "contact_sides", "contact_obstacle_bearing_deg",
-    "board_battery_v", "board_faults", "board_says_left", "board_says_right",
-    "position_latitude_deg", "position_longitude_deg", "position_error_m",
-    "computer_cpu_c", "computer_throttled", "computer_load_1min", "computer_disk_free_mb", "computer_log_dropped",
-    "truth_x_m", "truth_y_m", "truth_heading_deg", "truth_pitch_deg", "truth_roll_deg", "truth_slipping",
-    "truth_touching",
+    *PARTS,
 )  # fmt: skip
 STAMP = ("t_s", "t_wall", "n")
 WORDS = {"run", "event", "fault", "outcome"}  # what is told in words, or is in every part of a log
-READINGS = {"compass", "motion", "contact"}  # a tick has them by name; null where a sensor has not spoken
 Row = dict[str, Any]  # by column: a number, a flag, a text, a list of these, or None
 
 
@@ -58,7 +55,7 @@ def write_csv(run: Path, file: TextIO) -> Damage:
         BadInput: the run cannot be read.
     """
     reader = RunReader(run)
-    further = further_columns(readable(reader))
+    further = further_columns(reader)
     csv.writer(file, lineterminator="\n").writerows(csv_rows(RunReader(run), further))
     return reader.damage
 
@@ -70,7 +67,7 @@ def write_tsv(run: Path, file: TextIO) -> Damage:
         BadInput: the run cannot be read.
     """
     reader = RunReader(run)
-    csv.writer(file, delimiter="\t", lineterminator="\n").writerows(tsv_rows(readable(reader)))
+    csv.writer(file, delimiter="\t", lineterminator="\n").writerows(tsv_rows(reader))
     return reader.damage
 
 
@@ -82,17 +79,14 @@ def csv_rows(records: Iterable[Record], further: Iterable[str] = ()) -> Iterator
         yield [cell(row.get(column)) for column in columns]
 
 
-def further_columns(records: Iterable[Record]) -> list[str]:
-    """Return the columns that a log needs beyond those that all have, such as another algorithm's memory."""
-    found = dict.fromkeys(COLUMNS)
-    shapes: set[tuple[str, ...]] = set()  # nearly all records have the same few
+def further_columns(records: Iterable[Record], known: Container[str] = frozenset(COLUMNS)) -> dict[str, set[type]]:
+    """Return columns that are not known, as those of another algorithm's memory, with the types of their values."""
+    found: dict[str, set[type]] = {}
     for record in records:
-        inner = (each for key, value in record.items() if isinstance(value, dict) for each in (key, *value))
-        shape = (record["record"], *record, *inner)
-        if shape not in shapes:
-            shapes.add(shape)
-            found |= dict.fromkeys(_told(record))
-    return list(found)[len(COLUMNS) :]
+        for column, value in _told(record).items():
+            if column not in known:
+                found.setdefault(column, set()).add(type(value))
+    return found
 
 
 def tsv_rows(records: Iterable[Record]) -> Iterator[list[str]]:
@@ -171,7 +165,7 @@ def _flat(values: Mapping[str, Any], prefix: str) -> Row:
     for key, value in values.items():
         if isinstance(value, dict):
             row |= _flat(value, _title(prefix, f"{key}_"))
-        elif value is not None or key not in READINGS:
+        elif value is not None or key not in READINGS:  # null where a sensor has not spoken
             row[_title(prefix, key)] = value
     return row
 

@@ -20,12 +20,13 @@ from foxglove.messages import (
     Timestamp,
 )
 
+from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.run_events import BY_NAME, AnomalyBegan, Ended, FaultInjected, Noted, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, RunEvent, Tick, Truth
 from wayfarer.views.foxglove.notes import note
-from wayfarer.views.foxglove.places import Places
+from wayfarer.views.foxglove.path import DrawnPath
 from wayfarer.views.foxglove.plots import PLOTS, Plot
 from wayfarer.views.foxglove.scene import (
     ROVER,
@@ -69,6 +70,7 @@ Row = list[tuple[SdkChannel, Make]]
 class Channels:
     """The channels of one run, fed with its records in their order.
 
+    The map's origin is where the log begins; in a simulated run it is the forest's, and the log begins at its start.
     A message is only made for a channel that a file or a viewer takes.
 
     Args:
@@ -77,7 +79,8 @@ class Channels:
 
     def __init__(self, context: Context) -> None:
         self._fold = RunFold()
-        self._places = Places()
+        self._start_m = (0.0, 0.0)
+        self._paths = {frame: DrawnPath() for frame in (ROVER, TRUTH)}
         self._rows: defaultdict[type[RunEvent], Row] = defaultdict(list)
         self._lasting: Row = []
         self._add_plots(context)
@@ -89,12 +92,13 @@ class Channels:
         for event in self._fold.take(record):
             match event:
                 case Tick(place=place) if place is not None:
-                    event.place = place = self._places.in_map(place)
-                    self._places.grow(ROVER, place.east_m, place.north_m)
+                    east_m, north_m = place.east_m + self._start_m[0], place.north_m + self._start_m[1]
+                    event.place = place._replace(east_m=east_m, north_m=north_m)
+                    self._paths[ROVER].grow(east_m, north_m)
                 case Truth(x_m=x_m, y_m=y_m):
-                    self._places.grow(TRUTH, x_m, y_m)
-                case RunBegan(header=header):
-                    self._places.begin(header)
+                    self._paths[TRUTH].grow(x_m, y_m)
+                case RunBegan(header=Header(world=world)) if world is not None:
+                    self._start_m = (float(world["start_m"][0]), float(world["start_m"][1]))
             _send(self._rows[type(event)], event, time_s)
 
     def send_lasting(self, time_s: float) -> None:
@@ -127,11 +131,11 @@ class Channels:
             self._lasting.append((channel, partial(self._path, frame)))
 
     def _longer_path(self, frame: str, event: RunEvent, at: MessageTime) -> Iterator[SceneUpdate]:
-        if self._places.is_due(frame, event.t_s):
+        if self._paths[frame].is_due(event.t_s):
             yield from self._path(frame, event, at)
 
     def _path(self, frame: str, _event: RunEvent, at: MessageTime) -> Iterator[SceneUpdate]:
-        if points := self._places.paths[frame].points:
+        if points := self._paths[frame].points:
             yield path_scene(at.stamp, frame, [point(east_m, north_m) for east_m, north_m, _ in points])
 
 

@@ -10,7 +10,7 @@ from typing import BinaryIO
 from foxglove import Context, open_mcap
 
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.views.export.clock_zero import read_clock_zero_s
+from wayfarer.views.export.wall_time import read_clock_zero_s
 from wayfarer.views.foxglove.channels import Channels
 
 
@@ -24,11 +24,7 @@ def write_mcap(run: Path, file: BinaryIO) -> Damage:
         OSError: the file takes no more.
     """
     reader = RunReader(run)
-    _write(run, read_clock_zero_s(reader), file)
-    return reader.damage
-
-
-def _write(run: Path, zero_s: float, file: BinaryIO) -> None:
+    zero_s = read_clock_zero_s(reader)
     context = Context()
     channels = Channels(context)
     sink = _Sink(file)
@@ -43,6 +39,7 @@ def _write(run: Path, zero_s: float, file: BinaryIO) -> None:
         except RuntimeError:  # it says that something was not written; the sink knows why
             sink.check()
             raise
+    return reader.damage
 
 
 class _Sink:

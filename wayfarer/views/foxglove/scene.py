@@ -104,19 +104,18 @@ def _trunk(x0_m: float, y0_m: float, x1_m: float, y1_m: float, diameter_m: float
     """Return a lying trunk: a cylinder stands along z, and nose down that is where the body looks."""
     east_m, north_m = x1_m - x0_m, y1_m - y0_m
     lying = orientation(degrees(atan2(east_m, north_m)), pitch_deg=-90.0)
-    middle_m = ((x0_m + x1_m) / 2.0, (y0_m + y1_m) / 2.0)
-    return _cylinder(*middle_m, diameter_m / 2.0, lying, diameter_m, hypot(east_m, north_m))
+    middle = Vector3(x=(x0_m + x1_m) / 2.0, y=(y0_m + y1_m) / 2.0, z=diameter_m / 2.0)
+    return _cylinder(Pose(position=middle, orientation=lying), diameter_m, hypot(east_m, north_m))
 
 
 def _tree(x_m: float, y_m: float, diameter_m: float) -> CylinderPrimitive:
-    return _cylinder(x_m, y_m, TREE_HEIGHT_M / 2.0, _LEVEL, diameter_m, TREE_HEIGHT_M)
+    middle = Vector3(x=x_m, y=y_m, z=TREE_HEIGHT_M / 2.0)
+    return _cylinder(Pose(position=middle, orientation=_LEVEL), diameter_m, TREE_HEIGHT_M)
 
 
-def _cylinder(
-    x_m: float, y_m: float, z_m: float, rotation: Quaternion, diameter_m: float, length_m: float
-) -> CylinderPrimitive:
+def _cylinder(pose: Pose, diameter_m: float, length_m: float) -> CylinderPrimitive:
     return CylinderPrimitive(
-        pose=Pose(position=Vector3(x=x_m, y=y_m, z=z_m), orientation=rotation),
+        pose=pose,
         size=Vector3(x=diameter_m, y=diameter_m, z=length_m),
         bottom_scale=1.0,
         top_scale=1.0,

@@ -18,7 +18,6 @@ from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick, Truth, or_nan
 from wayfarer.views.run_report.data import LEVELS, PHASES, Columns, MapFix, RunData
 from wayfarer.views.text.run_summariser import RunSummariser
-from wayfarer.views.text.verdict import readable
 
 ANOMALIES = frozenset(anomaly.value for anomaly in Anomaly)
 PHASE_INDEX = {phase: float(index) for index, phase in enumerate(PHASES)}
@@ -49,7 +48,7 @@ def read_run(run: Path) -> RunData:
     """
     reader, fold, summariser = RunReader(run), RunFold(), RunSummariser()
     data, ticks, truths = RunData(), array("d"), array("d")
-    for record in readable(reader):
+    for record in reader:
         events = fold.take(record)
         summariser.take(events)
         for event in events:

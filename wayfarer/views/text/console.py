@@ -28,7 +28,7 @@ class Console:
         self._write = write
         self._then = then
         self._log = ""
-        self._fold, self._narrator = RunFold(), RunNarrator(Telling.CHANGES)
+        self._fold, self._narrator = RunFold(reckons=False), RunNarrator(Telling.CHANGES)
 
     def show(self, record: Record) -> None:
         """Take a record; where nothing has changed, nothing is written."""

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.fields import began_wall_s, flag, local_time, name, number, span, whole
+from wayfarer.fieldlog.fields import began_wall_s, local_time, name, number, span, whole
 from wayfarer.fieldlog.folders import run_folders, run_number
+from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.last_run import end_of_log
 from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.reader import Record, RunReader, log_segments, read_header
@@ -22,7 +23,8 @@ class RunRow(NamedTuple):
 
     ``run`` is the name of the folder and ``number`` the number in it. ``trial`` is the number of a simulated trial,
     which has virtual time and no ``began_wall_s``, seconds since 1970. ``outcome`` is the reason why it ended, or
-    ``goes on``, ``cut off`` or ``unreadable``. ``episodes`` are those of the last mission.
+    ``goes on``, ``cut off`` or ``unreadable``. ``episodes`` are those of the last mission, as the
+    algorithm counted them.
     """
 
     run: str
@@ -103,23 +105,20 @@ def _row(run: Path, now_wall_s: float) -> RunRow:
     try:
         segments = log_segments(run)
         size_bytes, written_s = sum(segment.stat().st_size for segment in segments), segments[-1].stat().st_mtime
-        first, last = next(iter(RunReader(run)), None), _last(segments)
+        first, last = next(iter(RunReader(run))), _last(segments)
     except (BadInput, OSError):
-        first = None
-    if first is None:
         return RunRow(title, count)
     header, end, tick = _header(run, first), last.get("any", {}), last.get("tick", {})
-    first_t_s, end_t_s, trial = number(first, "t_s"), number(end, "t_s"), whole(header, "trial")
     return RunRow(
         title,
         count,
-        trial,
-        began_wall_s(header, first, end) if trial is None else None,
-        None if first_t_s is None or end_t_s is None else end_t_s - first_t_s,
-        name(header, "rover"),
-        name(header, "algorithm"),
-        flag(header, "simulated"),
-        flag(header, "dry_run"),
+        header.trial,
+        began_wall_s(header.record, first, end) if header.trial is None else None,
+        end["t_s"] - first["t_s"] if end else None,
+        header.rover,
+        header.algorithm,
+        header.simulated,
+        header.dry_run,
         number(tick, "travelled_m"),
         whole(tick, "episodes"),
         _outcome(last.get("outcome"), alive=abs(now_wall_s - written_s) < ALIVE_S),
@@ -127,14 +126,12 @@ def _row(run: Path, now_wall_s: float) -> RunRow:
     )
 
 
-def _header(run: Path, first: Record) -> Record:
+def _header(run: Path, first: Record) -> Header:
     """Return what says what ran; where the first record does not, a later part of the log may."""
-    if first["record"] == "run":
-        return first
     try:
-        return read_header(run)
+        return Header.of(first if first["record"] == "run" else read_header(run))
     except BadInput:
-        return {}
+        return Header.of({})
 
 
 def _outcome(outcome: Record | None, *, alive: bool) -> str:

@@ -21,7 +21,7 @@ from wayfarer.fieldlog.run_events import (
     RunBegan,
 )
 from wayfarer.fieldlog.tick_wording import aim_text, anomaly_text, phase_text, reason_text, state_text, tick_text
-from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick, Truth
+from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick
 from wayfarer.fieldlog.wording import Tone, event_text, event_tone, fault_text, outcome_text, place_text, run_text
 
 STATUS_S = 5.0  # a line at least so often while the rover drives
@@ -72,8 +72,6 @@ class RunNarrator:
         match event:
             case Tick():
                 return self._tick(event, change)
-            case Truth():
-                return ()
             case Board(battery_v=battery_v):
                 self._battery_v = battery_v
                 return ()
@@ -86,7 +84,8 @@ class RunNarrator:
         if self._telling is Telling.TICKS:
             return [(tick_text(tick), Tone.PLAIN)]
         if self._telling is Telling.CHANGES:
-            return [] if change is None else [(_change_text(tick, change), Tone.PHASE)]
+            tell = phase_text if isinstance(change, PhaseChanged) else anomaly_text
+            return [] if change is None else [(tell(tick), Tone.PHASE)]
         due_s = STANDING_S if tick.phase == "halt" else STATUS_S
         if change is None and tick.t_s - self._status_t_s < due_s:
             return []
@@ -100,10 +99,6 @@ class RunNarrator:
             return ()
         self._position_t_s = fix.t_s
         return [(f"position {place_text(fix)}", Tone.QUIET)]
-
-
-def _change_text(tick: Tick, change: Change) -> str:
-    return phase_text(tick) if isinstance(change, PhaseChanged) else anomaly_text(tick)
 
 
 def _happened(event: RunEvent) -> Iterator[Told]:

@@ -140,7 +140,7 @@ def _ticks(summary: RunSummary) -> str:
 
 
 def _log(summary: RunSummary, damage: Damage) -> str:
-    told = [] if damage == Damage() else [str(damage)]
+    told = [str(damage)] if damage else []
     if summary.dropped and damage.missing:
         told = [f"{damage}, {min(summary.dropped, damage.missing)} of them could not be written"]
     elif summary.dropped:

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import run_folders
-from wayfarer.fieldlog.order import in_order
+from wayfarer.fieldlog.order import Order
 from wayfarer.fieldlog.reader import LINE_BYTES, RunReader, log_segments, parse, refuse_newer
 from wayfarer.fieldlog.schema import Record, is_newer
 
@@ -61,6 +62,7 @@ class RunTail:
         self.run = run
         self._file: BinaryIO | None = None
         self._rest = b""
+        self._order = Order()
 
     def take(self) -> Iterator[Record]:
         """Give what has come since the last call.
@@ -101,13 +103,12 @@ class RunTail:
 
     def _first(self) -> Iterator[Record]:
         """Return the record that says what runs, at its place in the log."""
-        first = next(iter(RunReader(self.run)), None)
-        if first is not None:
-            yield first
+        with suppress(BadInput):  # nothing can be read yet
+            yield next(iter(RunReader(self.run)))
 
     def _read(self, file: BinaryIO) -> Iterator[Record]:
-        """Give what has come, in order; the order starts again with each call, because nobody waits for more lines."""
-        yield from in_order(self._parsed(file))
+        """Give what has come, in order from the first call to the last."""
+        yield from self._order.all_of(self._parsed(file))
 
     def _parsed(self, file: BinaryIO) -> Iterator[Record]:
         while chunk := file.read(CHUNK_BYTES):

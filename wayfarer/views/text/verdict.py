@@ -2,28 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from enum import IntEnum
 from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.reader import Damage, Record, RunReader
+from wayfarer.fieldlog.reader import RunReader
 
 NO_OUTCOME = "no outcome: the run was cut off, or is still running"
-
-
-def readable(reader: RunReader) -> Iterator[Record]:
-    """Give the records of a run, of which there must be one.
-
-    Raises:
-        BadInput: there is none, or the run cannot be read.
-    """
-    record = None
-    for record in reader:
-        yield record
-    if record is None:
-        raise BadInput(f"{reader.run}: nothing in this log can be read ({_lost(reader.damage) or 'it is empty'})")
 
 
 class LogIntegrity(IntEnum):
@@ -62,12 +48,5 @@ def judge(run: Path) -> LogVerdict:
             ended = ended or record["record"] == "outcome"
     except BadInput as error:
         return LogVerdict(LogIntegrity.UNREADABLE, records, (str(error),))
-    if not records:
-        return LogVerdict(LogIntegrity.UNREADABLE, records, (_lost(reader.damage) or "it is empty",))
-    wrong = tuple(filter(None, (_lost(reader.damage), "" if ended else NO_OUTCOME)))
+    wrong = tuple(filter(None, (str(reader.damage) if reader.damage else "", "" if ended else NO_OUTCOME)))
     return LogVerdict(LogIntegrity.PARTIAL if wrong else LogIntegrity.COMPLETE, records, wrong)
-
-
-def _lost(damage: Damage) -> str:
-    """Return what could not be read; nothing where all could."""
-    return str(damage) if damage != Damage() else ""

@@ -1,0 +1,36 @@
+"""Wall times of an export: ``t_s`` and the time at which the log's clock was zero, so that they are in order.
+
+They are right at the end of the log, where the rover's computer is most likely to know the time. Pure but for reading.
+"""
+
+from __future__ import annotations
+
+from wayfarer.errors import BadInput
+from wayfarer.fieldlog.fields import clock_zero_s, local_time
+from wayfarer.fieldlog.reader import Record, RunReader
+
+
+def read_clock_zero_s(reader: RunReader) -> float:
+    """Read a run to its end, and return the time since 1970 at which its ``t_s`` was zero.
+
+    Raises:
+        BadInput: the run cannot be read, or no record has a wall time.
+    """
+    header: Record = {}
+    first: Record = {}
+    last: Record = {}
+    for record in reader:
+        if record["record"] == "run":
+            header = header or record
+        if record.get("t_wall") is not None:
+            first, last = first or record, record
+    zero_s = clock_zero_s(header, first, last)
+    if zero_s is None:
+        raise BadInput(f"{reader.run}: no record of this log has a wall time (see wayfarer logs check)")
+    return zero_s
+
+
+def utc_text(wall_s: float) -> str:
+    """Return a time since 1970 with its milliseconds, as ``2026-11-22T06:14:05.250Z``; never one before 1970."""
+    milliseconds = round(max(wall_s, 0.0) * 1e3)
+    return f"{local_time(milliseconds // 1000, '%Y-%m-%dT%H:%M:%S', utc=True)}.{milliseconds % 1000:03}Z"
