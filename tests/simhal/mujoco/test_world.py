@@ -17,7 +17,7 @@ from wayfarer.hal import Side
 from wayfarer.simhal.faults.kinds import KINDS, Drive, Layer, Nothing, Slope
 from wayfarer.simhal.faults.world import EFFECTS
 from wayfarer.simhal.mujoco.ground import MUD_FRICTION
-from wayfarer.simhal.mujoco.unstable import Unstable
+from wayfarer.simhal.mujoco.model import Unstable
 from wayfarer.simhal.mujoco.world import LOOK_EVERY, MujocoWorld
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
