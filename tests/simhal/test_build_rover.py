@@ -19,7 +19,6 @@ from wayfarer.drivers.pmw3901 import PMW3901
 from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.drivers.thunderborg import ThunderBorg
 from wayfarer.errors import BadConfig, NotResponding
-from wayfarer.experiments.campaign import Campaign, Task, read_forest_file
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import (
@@ -71,24 +70,14 @@ def spec_of(rover: str, algorithm: str, layout: int, noise: int, seed: int) -> T
     return TrialSpec(0, algorithm, forest, seed, load_rover(rover), budget_m=BUDGET_M)
 
 
-def assert_same_at_both_depths(spec: TrialSpec) -> None:
+@pytest.mark.parametrize("drawn", DRAWN, ids=lambda drawn: "-".join(map(str, drawn)))
+def test_trial_is_the_same_at_both_depths(drawn: tuple[str, str, int, int, int]) -> None:
+    spec = spec_of(*drawn)
     device = run_trial(spec)
     assert run_trial(replace(spec, depth=Depth.BUS)) == device
     assert device.outcome != "fault"
     assert device.anomalies > 0
     assert device.path_m > 20.0
-
-
-@pytest.mark.parametrize("drawn", DRAWN, ids=lambda drawn: "-".join(map(str, drawn)))
-def test_trial_is_the_same_at_both_depths(drawn: tuple[str, str, int, int, int]) -> None:
-    assert_same_at_both_depths(spec_of(*drawn))
-
-
-@pytest.mark.parametrize("trial", [0, 123, 421])
-def test_trial_in_a_reference_forest_is_the_same_at_both_depths(trial: int) -> None:
-    forests = read_forest_file("reference")
-    campaign = Campaign(("forest-pledge",), 500, load_rover("sim"), forests=forests, budget_m=BUDGET_M)
-    assert_same_at_both_depths(campaign.spec(Task("forest-pledge", trial), campaign.make_forest(trial)))
 
 
 def test_trials_of_other_seeds_differ() -> None:

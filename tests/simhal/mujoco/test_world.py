@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import nullcontext
 from dataclasses import replace
 from math import degrees
+from operator import attrgetter
 from pathlib import Path
 from random import Random
 
@@ -164,16 +165,6 @@ def test_shove_moves_a_body_whose_wheels_stand_still() -> None:
     assert speed_m_s(world) == pytest.approx(0.0, abs=0.01)
 
 
-def test_slip_fault_spills_mud_under_the_wheels() -> None:
-    world = rover_on(0.8)
-    world.slipping = True
-    assert not world.slipping, "wheels that stand still do not slip, mud or not"
-    drive(world, 1.0, 1.0, 0.25)
-    assert world.slipping
-    drive(world, 1.0, 1.0, 3.0)
-    assert not world.slipping, "it has left the patch"
-
-
 def test_body_on_its_belly_hangs_after_a_while() -> None:
     world = rover_on(0.8, forest=trunk_across(12.5, 0.06))  # put down on it
     world.advance_to(2.0)
@@ -203,17 +194,15 @@ def test_place_that_is_no_number_is_an_error_even_without_a_warning(monkeypatch:
 @pytest.mark.parametrize("kind", [kind for kind, row in KINDS.items() if row.layer is Layer.WORLD])
 async def test_every_fault_of_the_world_begins_and_ends(kind: str) -> None:
     world = rover_on(0.3)
-    neutral = (world.body_faults, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v)
+    faults_of = attrgetter("body_faults", "field_deg", "ground_pitch_deg", "ground_roll_deg", "battery_v")
+    neutral = faults_of(world)
     drive(world, 0.5, 0.5, 1.0)
     params = {"slope": Slope(pitch_deg=10.0), "drive": Drive(left_gain=0.5)}.get(kind, KINDS[kind].params())
     with EFFECTS[kind](world, params, Random(0)):
         drive(world, 0.5, 0.5, 1.0)
-        lasting = (world.body_faults, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v)
-        assert lasting != neutral or kind == "slip", "which the next test is about"
+        assert faults_of(world) != neutral or kind == "slip", "which the next test is about"
     drive(world, 0.5, 0.5, 3.0)
-    assert neutral == (
-        world.body_faults, world.field_deg, world.ground_pitch_deg, world.ground_roll_deg, world.battery_v
-    )  # fmt: skip
+    assert faults_of(world) == neutral
     assert speed_m_s(world) > 0.4
 
 
@@ -223,6 +212,7 @@ def test_slip_fault_makes_driving_wheels_spin_until_they_are_out_of_it() -> None
         world = rover_on(0.8)
         fault = EFFECTS["slip"](world, Nothing(), Random(0))
         with fault if slips else nullcontext():
+            assert not world.slipping, "wheels that stand still do not slip, mud or not"
             drive(world, 1.0, 1.0, 0.3)
             assert world.slipping is slips
             ways_m[slips] = world.forward_m
