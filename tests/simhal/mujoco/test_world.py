@@ -47,12 +47,6 @@ def test_rover_sets_out_along_its_heading(heading_deg: float) -> None:
     assert world.reverse_m == 0.0
 
 
-def test_more_duty_on_the_left_turns_clockwise() -> None:
-    world = rover_on(0.3)
-    drive(world, *TURN, 0.5)
-    assert degrees(world.heading_rad) > 10.0
-
-
 @pytest.mark.parametrize("roughness_m", [0.0, 0.01])
 def test_what_happens_does_not_depend_on_who_asks_when(roughness_m: float) -> None:
     states = []

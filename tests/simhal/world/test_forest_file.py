@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import json
-from math import atan2, cos, degrees, radians, sin
+from dataclasses import replace
+from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.simhal.forest_lines import lines_of
-from wayfarer.angles import axis_offset_deg
 from wayfarer.errors import BadForest
-from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest, Trunk, lean_of
+from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest, Trunk
 from wayfarer.simhal.world.forest_file import REFERENCE, content_of, forests_in
+from wayfarer.simhal.world.generate import generate_forest
 
 ROW: dict[str, Any] = {
     "forest": 3,
@@ -50,7 +49,9 @@ def test_reference_file_is_read_and_survives_writing() -> None:
     assert forests[0].trunks[0] == Trunk(6.375, 30.128, 27.736, 31.514, "across")
     assert forests[0].trees_m[0] == (33.3, 6.9)
     assert forests[0].shortest_path_m == 37.61
-    assert read(lines_of(forests[:20])) == forests[:20]
+    turned = replace(forests[0], heading_deg=0.1 + 0.2, trunks=(), diameters_m=(), shortest_path_m=None, noise=1)
+    some = [*forests[:20], turned, generate_forest(2**31 - 1, 0, 0)]
+    assert read(lines_of(some)) == some
 
 
 def test_whole_numbers_are_read_as_lengths_and_the_shortest_path_may_be_absent() -> None:
@@ -164,40 +165,3 @@ def test_lean_that_contradicts_the_trunk_is_refused(
 @pytest.mark.parametrize("lean", ["right", "left"])
 def test_lean_of_a_trunk_along_the_goal_heading_may_be_either(lean: str) -> None:
     assert read(line_with(trunks_m=[[30.0, 30.0, 30.0, 33.0, lean]]))[0].trunks[0].lean == lean
-
-
-coordinates_m = st.floats(0.0, WORLD_SIZE_M)
-north_of_start_m = st.floats(13.5, WORLD_SIZE_M)
-
-
-@st.composite
-def trunks(draw: st.DrawFn, heading_deg: float) -> Trunk:
-    x0_m, y0_m, x1_m, y1_m = (
-        draw(coordinates) for coordinates in (coordinates_m, north_of_start_m, coordinates_m, north_of_start_m)
-    )
-    if max(abs(x0_m - x1_m), abs(y0_m - y1_m)) < 1e-3:
-        x1_m = x0_m + 1.0 if x0_m < 25.0 else x0_m - 1.0
-    offset_deg = axis_offset_deg(degrees(atan2(x1_m - x0_m, y1_m - y0_m)), heading_deg)
-    return Trunk(x0_m, y0_m, x1_m, y1_m, lean_of(offset_deg))
-
-
-@st.composite
-def forests(draw: st.DrawFn) -> Forest:
-    heading_deg = draw(st.floats(0.0, 89.0) | st.floats(271.0, 359.99))
-    return Forest(
-        forest=draw(st.integers(0, 2**31 - 1)),
-        noise=draw(st.integers(0, 2**31 - 1)),
-        start_m=(draw(coordinates_m), draw(st.floats(0.0, 12.5))),
-        heading_deg=heading_deg,
-        goal_y_m=draw(north_of_start_m),
-        trunk_diameter_m=draw(st.floats(0.0, 1.0, exclude_min=True)),
-        tree_radius_m=draw(st.floats(0.0, 0.5, exclude_min=True)),
-        trunks=tuple(draw(st.lists(trunks(heading_deg), max_size=4))),
-        trees_m=tuple(draw(st.lists(st.tuples(coordinates_m, north_of_start_m), max_size=4))),
-        shortest_path_m=draw(st.none() | st.floats(0.1, 1000.0)),
-    )
-
-
-@given(st.lists(forests(), min_size=1, max_size=3, unique_by=lambda forest: (forest.forest, forest.noise)))
-def test_what_is_written_is_read_back(written: list[Forest]) -> None:
-    assert read(lines_of(written)) == written

@@ -5,8 +5,9 @@ from __future__ import annotations
 from math import atan2, cos, degrees, hypot, radians, sin
 
 from wayfarer.angles import axis_offset_deg
+from wayfarer.simhal.world.collision import Box
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest, Trunk, lean_of
-from wayfarer.simhal.world.generate import TREE_RADIUS_M, TRUNK_DIAMETER_M, Box, Draw
+from wayfarer.simhal.world.generate import TREE_RADIUS_M, TRUNK_DIAMETER_M, Draw
 
 GOAL_HEADING_DEG = 0.0  # north, as in the abstract forests
 
