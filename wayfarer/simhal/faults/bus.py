@@ -92,14 +92,13 @@ def place_of(fault: Fault, config: RoverConfig, buses: TamperedBuses) -> WiredPa
     kind, name, settings = _bus_of(fault.target, table)
     driver = driver_name(table)
     if kind == I2C:
-        i2c = buses.i2c(name)
+        i2c: Any = buses.i2c(name)
         wire = i2c.chip_at(settings.address)
-        assert isinstance(wire, FaultyWire)
         return WiredPart(driver, settings, kind, wire.chip, wire, i2c.hang)
     if kind == CAMERA:
         camera = buses.views[name]
         return WiredPart(driver, settings, kind, camera, camera.wire, camera.hang)
-    line = buses.spi(name) if kind == SPI else buses.serial(name)
+    line: Any = buses.spi(name) if kind == SPI else buses.serial(name)
     return WiredPart(driver, settings, kind, line.chip, line.wire, line.hang)
 
 

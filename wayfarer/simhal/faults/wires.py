@@ -184,6 +184,8 @@ class TamperedCamera:
 class TamperedBuses(FakeBuses):
     """Hands out buses that can be tampered with, by name; ``views`` are the cameras that were handed out."""
 
+    I2C, SPI, SERIAL = TamperedI2C, TamperedSPI, TamperedSerial
+
     def __init__(self) -> None:
         super().__init__()
         self.views: dict[str, TamperedCamera] = {}
@@ -192,21 +194,3 @@ class TamperedBuses(FakeBuses):
         """Return the camera of that name."""
         camera = super().camera(name, width=width, height=height, rate_hz=rate_hz, exposure_us=exposure_us)
         return self.views.setdefault(name, TamperedCamera(camera))
-
-    def i2c(self, name: str) -> TamperedI2C:
-        """Return the I2C bus of that name."""
-        bus = self._i2c.setdefault(name, TamperedI2C(name))
-        assert isinstance(bus, TamperedI2C)
-        return bus
-
-    def spi(self, name: str, *, mode: int = 0, speed_hz: int = 400_000) -> TamperedSPI:  # noqa: ARG002
-        """Return the SPI device of that name."""
-        bus = self._spi.setdefault(name, TamperedSPI(name))
-        assert isinstance(bus, TamperedSPI)
-        return bus
-
-    def serial(self, name: str, *, baud: int = 9600) -> TamperedSerial:  # noqa: ARG002
-        """Return the serial port of that name."""
-        port = self._serial.setdefault(name, TamperedSerial(name))
-        assert isinstance(port, TamperedSerial)
-        return port
