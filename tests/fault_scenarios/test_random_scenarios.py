@@ -42,7 +42,7 @@ from wayfarer.safety.gate import Gate
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.faults.kinds import KINDS, Fault
-from wayfarer.simhal.faults.wires import FaultyWire, TamperedChip
+from wayfarer.simhal.faults.wires import FaultyWire
 
 RIGS = [(rover, depth) for rover in ROVERS for depth in Depth]
 PLACES = sorted({place for rover, depth in RIGS for place in possible_faults(load_rover(rover), depth)})
@@ -208,13 +208,13 @@ def test_noise_that_comes_out_as_a_strange_command_is_passed_over() -> None:
             if data == b"\x21":
                 raise ChipMisuse("no such command")
 
-    wire = FaultyWire("here")
+    wire = FaultyWire("here", Picky())
     wire.writes.append(lambda data: b"\x80\x21\x01")
-    TamperedChip(Picky(), wire).receive(b"\x80\x00\x00")
+    wire.receive(b"\x80\x00\x00")
     assert heard == [0x80, 0x21, 0x01]
     wire.writes.clear()
     with pytest.raises(ChipMisuse):
-        TamperedChip(Picky(), wire).receive(b"\x21")
+        wire.receive(b"\x21")
 
 
 def test_rover_without_parts_is_tried_at_device_depth_only(tmp_path: Path) -> None:

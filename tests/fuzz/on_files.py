@@ -26,7 +26,7 @@ from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIA
 from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line
 from wayfarer.fault_scenarios.scenario_file import read_scenarios
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
-from wayfarer.simhal.world.forest_file import as_row, read_forests
+from wayfarer.simhal.world.forest_file import as_row, content_of, forests_in
 from wayfarer.simhal.world.generate import generate_forest
 
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # nothing here is about disks
@@ -209,15 +209,14 @@ FOREST_FILE = b"".join(as_json(row) + b"\n" for row in FORESTS_ROWS)
 
 
 def _read_forests(path: Path) -> str:
-    forests = read_forests(path)
+    forests = forests_in(path, content_of(path))
     check_finite(forests)
     return f"{len(forests)} forests"
 
 
 FOREST = Target(
     "forest",
-    ["wayfarer.simhal.world.forest_file:read_forests", "wayfarer.simhal.world.forest_file:from_row",
-     "wayfarer.simhal.world.forest_file:forests_in", "wayfarer.simhal.world.forest_file:_number",
+    ["wayfarer.simhal.world.forest_file:forests_in", "wayfarer.simhal.world.forest_file:from_row",
      "wayfarer.simhal.world.forest_file:_object_of", "wayfarer.simhal.world.forest:check_forest"],
     lambda kept: bytes_of([FOREST_FILE, *kept]) | st.lists(json_of(FORESTS_ROWS), max_size=3).map(
         lambda rows: b"\n".join(map(as_json, rows))

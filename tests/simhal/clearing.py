@@ -1,11 +1,14 @@
-"""A clearing without trees and trunks, and a world in it that has no noise and no slips."""
+"""A clearing without trees and trunks, and worlds in it that have no noise and no slips."""
 
 from __future__ import annotations
 
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.skid_steering import SkidSteering
+from wayfarer.simhal.world.wheeled_body import body_of
 from wayfarer.simhal.world.world import World
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
@@ -15,3 +18,10 @@ VEHICLE = Vehicle(0.4, 0.4, 0.5, 1.4)
 
 def steady_world(forest: Forest = CLEARING, seed: int = 0) -> World:
     return World(forest, VEHICLE, STEADY, RandomStreams(seed))
+
+
+def world_on_ground(config: RoverConfig, friction: float) -> World:
+    """Physics-light with the grip of a ground."""
+    body = body_of(config.name, config.vehicle, config.chassis, "a test")
+    skid = SkidSteering(body, friction, config.vehicle.track_m, STEADY.step_s)
+    return World(CLEARING, config.vehicle, STEADY, RandomStreams(0), skid=skid)

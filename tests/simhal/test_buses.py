@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
-from tests.simhal.chips.bench import Driven
-from tests.simhal.clearing import steady_world
 from wayfarer.drivers.buses import Frame
 from wayfarer.errors import NotResponding
 from wayfarer.simhal.buses import ChipMisuse, FakeBuses, FakeI2C, FakeSerial, FakeSPI
-from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
-from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 
 
 class Echo:
@@ -86,23 +80,6 @@ async def test_serial_line_without_a_listener_takes_everything_and_tells_nothing
     await port.write(b"\x81")
     port.post(b"\x82")
     assert chip.got == [b"\x81", b"\x82"]
-
-
-# -- what no chip declares ---------------------------------------------------------------------------------------
-
-
-async def test_transfer_that_a_chip_does_not_declare_fails_loudly_through_the_bus() -> None:
-    i2c, spi = FakeI2C("i2c"), FakeSPI("spi")
-    i2c.attach(0x15, ThunderBorgChip(steady_world(), lambda: 0.0))
-    spi.chip = PMW3901Chip(Driven(), lambda: 0.0)
-    undeclared: list[Any] = [
-        i2c.write(0x15, bytes((99, 1))),
-        i2c.write_then_read(0x15, bytes((153,)), 3),
-        spi.transfer(b""),
-    ]
-    for transfer in undeclared:
-        with pytest.raises(ChipMisuse):
-            await transfer
 
 
 # -- the whole bench ---------------------------------------------------------------------------------------------

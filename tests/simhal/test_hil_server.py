@@ -93,7 +93,7 @@ async def test_board_forgets_its_deadman_with_its_power() -> None:
 
 async def test_silenced_part_answers_no_more_and_its_neighbour_does() -> None:
     made, _ = bench()
-    await made.answer({"do": "silence", "bus": I2C, "address": 0x60})
+    await made.answer({"do": "inject", "target": "compass", "kind": "nack"})
     assert "0x60" in (await i2c(made, 0x60, 0))["error"]
     assert "error" not in await i2c(made, 0x15, 14, 0)
 

@@ -15,17 +15,17 @@ from tests.simhal.clearing import CLEARING, STEADY, VEHICLE, steady_world
 from tests.virtual import virtual
 from wayfarer.angles import offset_m
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.hal import STOP, Compass, ContactSensor, DriveMotors, MotionSensor, Rover, Side, WheelCommand
+from wayfarer.hal import STOP, Rover, Side, WheelCommand
 from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.parts import FIX_ERROR_M, ORIGIN, SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, HeadingSensorModel
-from wayfarer.simhal.world.forest import Forest, Trunk
+from wayfarer.simhal.world.forest import Trunk
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
 BARE = RoverConfig(name="bare", vehicle=VEHICLE)  # without parts: all that is simulated
-FENCED = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (Trunk(20.0, 13.0, 30.0, 15.0, "across"),), ((25.0, 11.0),))
+FENCED = replace(CLEARING, trunks=(Trunk(20.0, 13.0, 30.0, 15.0, "across"),), trees_m=((25.0, 11.0),))
 
 
 async def drive(motors: SimMotors, left: float, right: float, seconds_s: float) -> None:
@@ -33,15 +33,6 @@ async def drive(motors: SimMotors, left: float, right: float, seconds_s: float) 
     for period_s in [0.05] * int(seconds_s / 0.05 + 1e-9):
         await motors.drive(WheelCommand(left, right))
         await asyncio.sleep(period_s)
-
-
-def test_rig_gives_every_part_that_the_field_code_may_ask_for() -> None:
-    rover = device_depth(steady_world(), RandomStreams(0), BARE)
-    assert isinstance(rover.compass, Compass)
-    assert isinstance(rover.motors, DriveMotors)
-    assert isinstance(rover.motion, MotionSensor)
-    assert isinstance(rover.contact, ContactSensor)
-    assert rover.position is None
 
 
 @settings(deadline=None)

@@ -149,7 +149,9 @@ def one_line(text: str) -> str:
 
 
 def _section_model(model: Any, section: list[str]) -> Any:
-    return model.model_fields[section[0]].annotation if section and section[0] in model.model_fields else model
+    """Return what says the ranges of a section's keys; the items of a list have none of their own."""
+    within = model.model_fields[section[0]].annotation if section and section[0] in model.model_fields else model
+    return within if isinstance(within, type) else model
 
 
 def _known_keys(model: Any) -> list[str]:

@@ -120,6 +120,8 @@ class FakeSerial:
 class FakeBuses:
     """Hands out fake buses by name; implements ``drivers.buses.Buses``."""
 
+    I2C, SPI, SERIAL = FakeI2C, FakeSPI, FakeSerial  # what it hands out
+
     def __init__(self) -> None:
         self._i2c: dict[str, FakeI2C] = {}
         self._spi: dict[str, FakeSPI] = {}
@@ -128,15 +130,15 @@ class FakeBuses:
 
     def i2c(self, name: str) -> FakeI2C:
         """Return the I2C bus of that name."""
-        return self._i2c.setdefault(name, FakeI2C(name))
+        return self._i2c.setdefault(name, self.I2C(name))
 
     def spi(self, name: str, *, mode: int = 0, speed_hz: int = 400_000) -> FakeSPI:  # noqa: ARG002
         """Return the SPI device of that name; its mode and speed are not simulated."""
-        return self._spi.setdefault(name, FakeSPI(name))
+        return self._spi.setdefault(name, self.SPI(name))
 
     def serial(self, name: str, *, baud: int = 9600) -> FakeSerial:  # noqa: ARG002
         """Return the serial port of that name; its speed is not simulated."""
-        return self._serial.setdefault(name, FakeSerial(name))
+        return self._serial.setdefault(name, self.SERIAL(name))
 
     def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> Camera:  # noqa: ARG002
         """Return the camera of that name."""

@@ -16,7 +16,6 @@ piece means a read alone. Beside them
 * ``{"do": "look", "since_s": 0.0}`` tells how the world is and what its wheels were told since then;
 * ``{"do": "power_cycle"}`` interrupts the motor board's power for a moment;
 * ``{"do": "inject", "target": "motors", "kind": "failsafe_off"}`` begins a fault of the bus layer (``faults.KINDS``);
-* ``{"do": "silence", "bus": "/dev/i2c-1", "address": 96}`` takes a part off its bus;
 * ``{"do": "hang", "bus": "/dev/i2c-1", "for_s": 1.0}`` holds a bus: what is under way ends late, as told.
 """
 
@@ -107,7 +106,6 @@ class HilServer:
         self._wiring = ChipWiring(self.world, streams, clock, self._wires)
         self._clock = clock
         self._config = config
-        self._silent: set[tuple[str, int]] = set()
         self._faults = ExitStack()
         self._hangs_until_s: dict[str, float] = {}
         for part, table in config.parts.items():
@@ -146,8 +144,6 @@ class HilServer:
 
     async def _do_i2c(self, bus: str, address: int, data: list[str], count: int = 0) -> dict[str, Any]:
         await self._wait_for(bus)
-        if (bus, address) in self._silent:
-            raise NotResponding(f"{bus}: no answer at address 0x{address:02X}")
         wires = self._wires.i2c(bus)
         if not data:
             return {"data": [wires.chip_at(address).read(count).hex()]}
@@ -193,10 +189,6 @@ class HilServer:
         fault = Fault(0.0, inf, target, kind, KINDS[kind].params(**params))
         wired = place_of(fault, self._config, self._wires)
         self._faults.enter_context(EFFECTS[kind](wired, fault.params, Random(0)))
-        return {"t_s": self._clock()}
-
-    async def _do_silence(self, bus: str, address: int) -> dict[str, Any]:
-        self._silent.add((bus, address))
         return {"t_s": self._clock()}
 
     async def _do_hang(self, bus: str, for_s: float) -> dict[str, Any]:

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from tests.simhal.forest_lines import lines_of
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments import sim_command
 from wayfarer.experiments.campaign import Campaign, read_forest_file
 from wayfarer.experiments.executors import RunTrial, field_trial
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
-from wayfarer.simhal.world.forest_file import write_forests
 from wayfarer.simhal.world.generate import generate_forest
 
 ALGORITHMS = ("forest-pledge", "levy-walk", "cv-react")
@@ -25,7 +25,7 @@ STRANGERS = ("my_package.my_rules:a_spiral_that_grows", "someone:zig_zag")
 def some_forests(path: Path) -> Path:
     """Write a file of two forests, and return its path."""
     forests = [replace(generate_forest(number, 0, 0), shortest_path_m=38.5 + number) for number in range(2)]
-    write_forests(path, forests)
+    path.write_bytes(lines_of(forests))
     return path
 
 

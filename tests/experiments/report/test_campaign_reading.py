@@ -149,7 +149,7 @@ def test_other_forests_are_refused(folder: Path) -> None:
 
 def test_damaged_forests_are_refused(folder: Path) -> None:
     (folder / FORESTS).write_text("{}\n")
-    with pytest.raises(BadInput, match=r"forests\.jsonl, line 1: forest: missing"):
+    with pytest.raises(BadInput, match=r"forests\.jsonl, line 1: key 'forest' is missing"):
         read_results(folder).rebuild()
 
 

@@ -101,24 +101,3 @@ def test_peer_sees_the_counts_turn_with_its_rotation(peer: Peer) -> None:
         library.set_rotation(degrees)
         seen.append(library.get_motion())
     assert seen == [(2, 5), (-5, 2), (-2, -5), (5, -2)]
-
-
-def test_peer_blocks_and_fails_where_the_rover_stands_still(peer: Peer) -> None:
-    library = peer.open(peer.chip())
-    begun_s = peer.clock()
-    with pytest.raises(RuntimeError, match="Timed out"):
-        library.get_motion(timeout=0.1)
-    assert peer.clock() - begun_s == pytest.approx(0.1, abs=0.011)
-
-
-def test_peer_discards_what_is_too_dark(peer: Peer) -> None:
-    chip = peer.chip((100, 0))
-    library = peer.open(chip)
-    chip.squal, chip.shutter = 18, 8000
-    with pytest.raises(RuntimeError, match="Timed out"):
-        library.get_motion(timeout=0.05)
-
-
-def test_peer_refuses_a_line_on_which_nobody_speaks(peer: Peer) -> None:
-    with pytest.raises(RuntimeError, match="Invalid Product ID"):
-        peer.open(SimpleNamespace(exchange=lambda data: b"\xff" * len(data)))

@@ -69,13 +69,6 @@ def test_its_start_up_stores_the_baud_rate_and_moves_nothing(bench: Bench) -> No
     assert bench.world.commanded == (0.0, 0.0)
 
 
-def test_half_speed_is_cut_off(bench: Bench) -> None:
-    bench.port.written = b""
-    bench.library.driveBoth(50, -100)
-    assert bench.port.written == bytes.fromhex("80 00 3F 3F 80 05 7F 04")
-    assert bench.world.commanded == (63 / 127, -1.0)
-
-
 @pytest.mark.parametrize("address", [128, 130, 135])
 @virtual
 async def test_both_send_the_same_bytes_for_every_percent(monkeypatch: pytest.MonkeyPatch, address: int) -> None:
@@ -92,24 +85,6 @@ async def test_both_send_the_same_bytes_for_every_percent(monkeypatch: pytest.Mo
         applied = await motors.drive(WheelCommand(percent / 100, -percent / 100))
         assert bench.port.written == ours[-1][:8], "behind it, our timeout"
         assert bench.world.commanded == applied
-
-
-def test_mixed_commands_steer(bench: Bench) -> None:
-    bench.library.sendCommand(bench.library.FORWARD_MIXED, 64)
-    assert bench.world.commanded == (0.0, 0.0)
-    bench.library.sendCommand(bench.library.RIGHT_MIXED, 32)
-    assert bench.world.commanded == (96 / 127, 32 / 127)
-
-
-def test_a_timeout_that_it_sets_trips(bench: Bench) -> None:
-    bench.library.sendCommand(14, 5)
-    bench.library.driveBoth(40, 40)
-    bench.now_s = 0.49
-    bench.chip.tick()
-    assert bench.world.commanded != (0.0, 0.0)
-    bench.now_s = 0.51
-    bench.chip.tick()
-    assert bench.world.commanded == (0.0, 0.0)
 
 
 def test_its_end_stops_the_motors(bench: Bench) -> None:

@@ -137,13 +137,3 @@ def test_the_library_reads_the_colours_that_the_light_shows(bench: Bench, run: A
     run(bench.light.show(Colour(1.0, 0.2, 0.0)))
     assert bench.library.get_led_one() == bench.library.get_led_two() == (1.0, 0.2, 0.0)
     assert bench.library.get_led_battery_state() is False
-
-
-def test_the_library_keeps_limits_and_address_in_the_eeprom(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tborg, "time", SimpleNamespace(sleep=lambda _: None))
-    assert bench.library.get_battery_monitoring_limits() == pytest.approx((7.0, 35.0), abs=0.15)
-    bench.library.set_battery_monitoring_limits(11.6, 13.7)
-    bench.library._write(bench.library.COMMAND_SET_I2C_ADD, [0x2A])
-    bench.chip.power_cycle()
-    assert bench.library.get_battery_monitoring_limits() == pytest.approx((11.6, 13.7), abs=0.15)
-    assert bench.chip.address == 0x2A

@@ -13,14 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tests.simhal.clearing import CLEARING
-from tests.simhal.mujoco.fields import EXACT
+from tests.simhal.mujoco.fields import on_free_ground
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal.mujoco.terrain import Terrain
-from wayfarer.simhal.mujoco.world import MujocoWorld
-from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
-from wayfarer.simhal.world.wheeled_body import body_of
 
 TABLE = Path(__file__).with_suffix(".csv")
 ROVERS = ("sim", "forestrover", "minirover")
@@ -76,19 +71,12 @@ def _driven(world: SimulatedWorld, left: float, right: float, for_s: float) -> I
         yield world.forward_m - world.reverse_m, world.heading_rad
 
 
-def in_mujoco(rover: str, friction: float) -> MujocoWorld:
-    """Return free ground with a rover on it."""
-    config = load_rover(rover)
-    body = body_of(rover, config.vehicle, config.chassis, "a test")
-    return MujocoWorld(CLEARING, body, EXACT, Terrain(friction, 0.0, 1.0), RandomStreams(0))
-
-
 def all_steps() -> Iterator[DutyStep]:
     """Take all of them."""
     for rover in ROVERS:
         for friction in FRICTIONS:
             for left, right in (*STRAIGHT, *ON_THE_SPOT, *ARCS):
-                yield take(in_mujoco(rover, friction), rover, friction, left, right)
+                yield take(on_free_ground(load_rover(rover), friction), rover, friction, left, right)
 
 
 def kept_steps() -> list[DutyStep]:

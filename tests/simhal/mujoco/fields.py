@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from math import hypot
 
-from tests.simhal.clearing import CLEARING
+from tests.simhal.clearing import CLEARING, STEADY
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
-from wayfarer.config.rover_file import load_rover
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.simhal.mujoco.model import STEP_S
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld
@@ -16,7 +16,6 @@ from wayfarer.simhal.world.forest import Forest, Trunk
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, body_of
 
-EXACT = Physics(side_gain_sd=0.0, slip_mean_m=1e9)
 CONFIG = load_rover("forestrover")
 BODY = body_of("forestrover", CONFIG.vehicle, CONFIG.chassis, "a test")
 A_M, B_M, RADIUS_M = BODY.wheels
@@ -31,10 +30,15 @@ def rover_on(
     torque_scale: float = 1.0,
     forest: Forest = CLEARING,
     roughness_m: float = 0.0,
-    physics: Physics = EXACT,
+    physics: Physics = STEADY,
     step_s: float = STEP_S,
 ) -> MujocoWorld:
     return MujocoWorld(forest, BODY, physics, Terrain(friction, roughness_m, torque_scale), RandomStreams(0), step_s)
+
+
+def on_free_ground(config: RoverConfig, friction: float, torque_scale: float = 1.0) -> MujocoWorld:
+    body = body_of(config.name, config.vehicle, config.chassis, "a test")
+    return MujocoWorld(CLEARING, body, STEADY, Terrain(friction, 0.0, torque_scale), RandomStreams(0))
 
 
 def drive(world: MujocoWorld, left: float, right: float, for_s: float) -> None:

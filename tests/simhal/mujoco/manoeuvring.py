@@ -1,7 +1,4 @@
-"""Turns and arcs of the escape handler on free ground in MuJoCo, measured by where the body really is.
-
-``python -m tests.simhal.mujoco.manoeuvring`` prints them for all rovers, grounds and motors (half a minute).
-"""
+"""Turns and arcs of the escape handler on free ground in MuJoCo, measured by where the body really is."""
 
 from __future__ import annotations
 
@@ -11,8 +8,7 @@ from math import degrees, radians
 from random import Random
 from typing import NamedTuple
 
-from tests.simhal.clearing import CLEARING
-from tests.simhal.mujoco.fields import EXACT
+from tests.simhal.mujoco.fields import on_free_ground
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.detector.odometer import Odometer
 from wayfarer.escape.api import Anomaly, Observation, Phase
@@ -20,10 +16,6 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, MotionReading
 from wayfarer.safety.gate import Gate
 from wayfarer.safety.interval import Interval, IntervalTimer
-from wayfarer.simhal.mujoco.terrain import Terrain
-from wayfarer.simhal.mujoco.world import MujocoWorld
-from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.wheeled_body import body_of
 
 COMPASS_NOISE_DEG = 1.0
 MEETS_EVERY_S = 12.0
@@ -37,7 +29,6 @@ class Manoeuvres(NamedTuple):
     turned_deg: list[float]
     radii: list[float]
     ends: set[str]
-    dead_zone: float
 
 
 class Place(NamedTuple):
@@ -58,7 +49,7 @@ def manoeuvres(
     turned_deg: list[float] = []
     radii: list[float] = []
     ends: set[str] = set()
-    places, dead_zone = _drive(config, friction, torque_scale, episodes)
+    places = _drive(config, friction, torque_scale, episodes)
     probe: list[Place] = []
     from_deg = 0.0
     for before, now in pairwise(places):
@@ -71,7 +62,7 @@ def manoeuvres(
         elif probe:
             _judge(probe, config, from_deg, turned_deg, radii)
             probe = []
-    return Manoeuvres(turned_deg, radii, ends, dead_zone)
+    return Manoeuvres(turned_deg, radii, ends)
 
 
 def _judge(
@@ -87,11 +78,10 @@ def _judge(
         radii.append((curve[-1][0] - curve[0][0]) / radians(curve[0][1] - curve[-1][1]) / radius_m)
 
 
-def _drive(config: RoverConfig, friction: float, torque_scale: float, episodes: int) -> tuple[list[Place], float]:
-    """Return each tick's place, and the dead zone that was learnt."""
+def _drive(config: RoverConfig, friction: float, torque_scale: float, episodes: int) -> list[Place]:
+    """Return the place of each tick."""
     places: list[Place] = []
-    body = body_of(config.name, config.vehicle, config.chassis, "a test")
-    world = MujocoWorld(CLEARING, body, EXACT, Terrain(friction, 0.0, torque_scale), RandomStreams(0))
+    world = on_free_ground(config, friction, torque_scale)
     handler = CATALOGUE["pledge"].make(config.escape, config.vehicle, Random(1))
     gate, odometer, noise = Gate(config.safety, config.control_hz), Odometer(0.0), Random(1)
     timer = IntervalTimer(config.safety.tick_late_s, config.vehicle.max_speed_m_s)
@@ -119,26 +109,4 @@ def _drive(config: RoverConfig, friction: float, torque_scale: float, episodes: 
         wheels, phase = gate.limit(decision.wheels, armed=True), decision.phase
         world.command(*wheels)
         places.append(Place(phase, decision.why, world.path_m, heading_deg))
-    return places, float(handler.memory()["turn_from_duty"])
-
-
-def main() -> None:
-    """Print a line for each rover, motors and ground."""
-    for rover in ("sim", "forestrover", "minirover"):
-        for torque_scale in (1.0, 3.0):
-            for friction in (0.1, 0.15, 0.3, 0.5, 0.8):
-                turns = manoeuvres(rover, friction, torque_scale)
-                arcs = manoeuvres(rover, friction, torque_scale, turn_deg=90.0)
-                if not turns.turned_deg or not arcs.radii:
-                    print(f"{rover:12} {torque_scale:g} x, mu {friction:4}: {', '.join(sorted(turns.ends))}")
-                    continue
-                turned = sum(turns.turned_deg) / len(turns.turned_deg)
-                radius = sum(arcs.radii) / len(arcs.radii)
-                print(
-                    f"{rover:12} {torque_scale:g} x, mu {friction:4}: 30 degrees were {turned:.1f},"
-                    f" the radius {radius:.2f} of the one asked, dead zone {turns.dead_zone:.2f}"
-                )
-
-
-if __name__ == "__main__":
-    main()
+    return places

@@ -30,6 +30,7 @@ from tests.simhal.mujoco.fields import (
 )
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.mujoco.world import MujocoWorld
+from wayfarer.simhal.world.wheeled_body import WHEEL_SHARE_OF_WEIGHT
 
 FREE_M_S = BODY.free_speed_m_s
 NO_SLIP = 2.0  # a friction at which nothing slips in these tests
@@ -146,7 +147,9 @@ def test_climbing_height_within_what_the_tyre_gives_way(friction: float) -> None
 @pytest.mark.parametrize(("slope", "half_base_m"), [("ground_roll_deg", B_M), ("ground_pitch_deg", A_M)])
 def test_body_tips_where_its_weight_passes_the_wheels(slope: str, half_base_m: float) -> None:
     world = rover_on(NO_SLIP, torque_scale=20.0)
-    expected_deg = degrees(atan(half_base_m / BODY.centre_of_mass_m))
+    wheels = 4.0 * WHEEL_SHARE_OF_WEIGHT
+    centre_of_mass_m = wheels * RADIUS_M + (1.0 - wheels) * (BODY.clearance_m + BODY.height_m) / 2.0
+    expected_deg = degrees(atan(half_base_m / centre_of_mass_m))
     for angle_deg in np.arange(expected_deg - 8.0, expected_deg + 8.0, 0.2):
         setattr(world, slope, float(angle_deg))
         world.advance_to(world.t_s + 0.2)

@@ -8,8 +8,8 @@ from math import exp, pi, sqrt
 
 import pytest
 
-from tests.simhal.clearing import CLEARING
-from tests.simhal.mujoco.fields import BODY, EXACT
+from tests.simhal.clearing import CLEARING, STEADY
+from tests.simhal.mujoco.fields import BODY
 from wayfarer.simhal.mujoco.ground import BUMP_M, CELL_M, MUD_CELL_M, MUD_RADIUS_M, Mud, rough_ground
 from wayfarer.simhal.random_streams import RandomStreams
 
@@ -33,7 +33,7 @@ def test_straight_ways_meet_mud_as_often_as_slips(width_m: float) -> None:
     are wide; with 40 seeds the standard deviation is 2 %.
     """
     mean_m, seeds, ways_m, rows = 5.0, 40, range(5, 50, 5), range(50, 450)
-    forest, physics = replace(CLEARING, start_m=(1.0, 1.0)), replace(EXACT, slip_mean_m=mean_m)
+    forest, physics = replace(CLEARING, start_m=(1.0, 1.0)), replace(STEADY, slip_mean_m=mean_m)
     half = round(width_m / 2.0 / MUD_CELL_M)
     begins = 0
     for seed in range(seeds):
@@ -51,12 +51,12 @@ def test_straight_ways_meet_mud_as_often_as_slips(width_m: float) -> None:
 @pytest.mark.parametrize("slip_mean_m", [0.1, 1e-300])
 def test_ground_holds_no_more_mud_than_it_has_room_for(slip_mean_m: float) -> None:
     """Without a bound the second would lay patches out for ever."""
-    mud = Mud(CLEARING, replace(EXACT, slip_mean_m=slip_mean_m), BODY.width_m, RandomStreams(0))
+    mud = Mud(CLEARING, replace(STEADY, slip_mean_m=slip_mean_m), BODY.width_m, RandomStreams(0))
     places = [(x / 2.0, y / 2.0) for x in range(2, 98) for y in range(40, 98)]
     assert sum(mud.lies_at(*place) for place in places) / len(places) == pytest.approx(0.99, abs=0.005)
 
 
 def test_no_mud_where_the_rover_starts() -> None:
-    mud = Mud(CLEARING, replace(EXACT, slip_mean_m=0.5), BODY.width_m, RandomStreams(0))
+    mud = Mud(CLEARING, replace(STEADY, slip_mean_m=0.5), BODY.width_m, RandomStreams(0))
     assert mud.anywhere
     assert not any(mud.lies_at(25.0 + east / 10.0, 12.5 + north / 10.0) for east in range(-5, 6) for north in range(6))

@@ -7,41 +7,22 @@ from math import radians
 
 import pytest
 
-from tests.simhal.clearing import CLEARING
-from tests.simhal.mujoco.duty_steps import (
-    FRICTIONS,
-    ROVERS,
-    TABLE,
-    DutyStep,
-    all_steps,
-    kept_steps,
-    take,
-)
+from tests.simhal.clearing import CLEARING, STEADY, world_on_ground
+from tests.simhal.mujoco.duty_steps import FRICTIONS, ROVERS, TABLE, DutyStep, all_steps, kept_steps, take
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.physics import Physics
-from wayfarer.simhal.world.skid_steering import SkidSteering
-from wayfarer.simhal.world.wheeled_body import body_of
 from wayfarer.simhal.world.world import World
 
-EXACT = Physics(side_gain_sd=0.0, track_sd=0.0, steer_noise_rad=0.0, heading_noise_deg=0.0, slip_mean_m=1000.0)
 CONFIGS = {rover: load_rover(rover) for rover in ROVERS}
 # Speeds and rates are within a tenth, and what two hundredths of full duty would do: as tyres give way, turning begins
 # a little sooner in MuJoCo.
 SHARE, DUTY = 0.1, 0.02
 
 
-def light_world(rover: str, friction: float) -> World:
-    config = CONFIGS[rover]
-    body = body_of(rover, config.vehicle, config.chassis, "a test")
-    skid = SkidSteering(body, friction, config.vehicle.track_m, EXACT.step_s)
-    return World(CLEARING, config.vehicle, EXACT, RandomStreams(0), skid=skid)
-
-
 @cache
 def in_light_world(step: DutyStep) -> DutyStep:
-    return take(light_world(step.rover, step.friction), *step[:4])
+    return take(world_on_ground(CONFIGS[step.rover], step.friction), *step[:4])
 
 
 def full_duty(step: DutyStep) -> tuple[float, float]:
@@ -98,7 +79,7 @@ def test_ideal_ground_would_not_pass() -> None:
     """The dead zone is what ideal ground lacks."""
     step = next(s for s in kept_steps() if s[:4] == ("sim", 0.5, 0.42, 0.2))
     config = CONFIGS["sim"]
-    ideal = take(World(CLEARING, config.vehicle, EXACT, RandomStreams(0)), *step[:4])
+    ideal = take(World(CLEARING, config.vehicle, STEADY, RandomStreams(0)), *step[:4])
     assert step.turn_deg_s < 1.0
     assert ideal.turn_deg_s > 30.0
 

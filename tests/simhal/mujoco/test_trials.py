@@ -7,9 +7,7 @@ import json
 import shutil
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
-from statistics import fmean
 
 import pytest
 from pyarrow import parquet
@@ -18,14 +16,14 @@ from tests.conftest import Run
 from tests.experiments import fake_trials
 from tests.simhal.commands import refusal, succeed
 from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.errors import BadInput
+from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.report.reading import read_results
 from wayfarer.experiments.report.words import facts
 from wayfarer.experiments.rows import KINDS, TERRAIN
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.simhal.mujoco.terrain import BOUNDS, Range, Terrain, Terrains, parse_range
-from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.random_streams import RandomStreams
 
 SIM = ("sim", "--physics", "mujoco", "--jobs", "1", "--trials", "2", "--budget-m", "6")
@@ -120,15 +118,6 @@ def assert_resumed_after_the_first_trial(run: Run, command: tuple[str, ...], out
     return again
 
 
-def test_report_of_a_campaign_in_mujoco_draws_its_trials(run: Run, tmp_path: Path) -> None:
-    succeed(run, *SIM, "--friction", "0.2:0.6", "--out", tmp_path / "out")
-    succeed(run, "report", tmp_path / "out", "--gallery", "1", "--jobs", "1")
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "0.2 to 0.6, drawn for each trial" in page
-    assert "Not drawn" not in page
-    assert '<article id="trial-0">' in page
-
-
 @pytest.mark.long
 def test_site_in_mujoco_tells_kinds_of_help_and_terrain_and_is_gone_on_with_and_drawn(run: Run, tmp_path: Path) -> None:
     clutter = ("--scenario", "dense-obstruction", "--rover", "forestrover")
@@ -147,9 +136,7 @@ def test_site_in_mujoco_tells_kinds_of_help_and_terrain_and_is_gone_on_with_and_
 
 
 SPOILT = {
-    "one end": ({"friction": [0.2]}, "friction = [0.2]: expected two numbers from 0.02 to 2 in order"),
-    "the wrong way round": ({"friction": [0.6, 0.2]}, "friction = [0.6, 0.2]: expected two numbers"),
-    "negative": ({"friction": [-0.6, 0.2]}, "friction = [-0.6, 0.2]: expected two numbers"),
+    "the wrong way round": ({"friction": [0.6, 0.2]}, "friction = [0.6, 0.2]: expected two numbers from 0.02 to 2"),
     "not a number": ({"friction": [float("nan"), 0.2]}, "friction = [nan, 0.2]: expected two numbers"),
     "a text": ({"friction": "slippery"}, "mujoco.friction: Input should be a valid array"),
     "another key": ({"wind_m_s": [0.0, 1.0]}, "expected friction, roughness_m, torque_scale, found friction, "),
@@ -184,15 +171,8 @@ def test_light_campaign_says_nothing_of_it_and_loads_no_engine() -> None:
 
 REFUSED = {
     "friction without it": (("sim", "--friction", "0.5"), "has an effect only with --physics mujoco; add that"),
-    "negative friction": ((*SIM, "--friction=-0.5"), "--friction -0.5: expected a number, or MIN:MAX"),
-    "no friction": ((*SIM, "--friction", "0"), "from 0.02 to 2"),
-    "no end of a range": ((*SIM, "--friction", "0.5:"), "--friction 0.5:: expected a number, or MIN:MAX"),
-    "torques the wrong way round": ((*SIM, "--torque-scale", "3:1"), "--torque-scale 3:1: the smaller number comes"),
-    "no number": ((*SIM, "--friction", "wet"), "--friction wet: expected a number, or MIN:MAX"),
-    "not a number": ((*SIM, "--friction", "nan"), "--friction nan: expected a number, or MIN:MAX"),
-    "three numbers": ((*SIM, "--torque-scale", "1:2:3"), "--torque-scale 1:2:3: expected a number, or MIN:MAX"),
+    "no friction": ((*SIM, "--friction", "0"), "--friction 0: expected a number, or MIN:MAX"),
     "too rough": ((*SIM, "--roughness-m", "0.5"), "from 0 to 0.1"),
-    "the wrong way round": ((*SIM, "--friction", "0.8:0.2"), "--friction 0.8:0.2: the smaller number comes first"),
 }
 
 
@@ -251,6 +231,12 @@ def test_fault_of_the_engine_is_told_in_its_own_words_and_leaves_no_file(
     assert [path.name for path in tmp_path.iterdir()] == ["feather.toml"]
 
 
+@pytest.mark.parametrize("text", ["-0.5", "0.8:0.2", "0.5:", "wet", "nan", "1:2:3", ""])
+def test_what_is_no_range_is_refused(text: str) -> None:
+    with pytest.raises(BadInput, match="expected a number, or MIN:MAX"):
+        parse_range("--friction", text, BOUNDS.friction)
+
+
 def test_missing_engine_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wayfarer.cli.extras.find_spec", lambda name: None if name == "mujoco" else object())
     assert "--physics mujoco needs mujoco, which is not installed: pip install '.[physics]'" in refusal(run, *SIM)
@@ -263,20 +249,3 @@ def test_fixed_terrain_is_what_was_asked_for_and_a_range_is_drawn_within() -> No
     frictions = [terrains.draw(RandomStreams(seed)).friction for seed in range(50)]
     assert 0.2 <= min(frictions) < 0.22
     assert 0.38 < max(frictions) <= 0.4
-
-
-@pytest.mark.long
-def test_half_the_time_step_changes_outcomes_within_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On slippery ground, where the rover gets out; trials part ways in the end, as they do at any rounding."""
-    terrains = Terrains(friction=Range(0.15, 0.15))
-    campaign = Campaign(("forest-pledge",), 8, load_rover("forestrover"), budget_m=250.0, terrains=terrains)
-    paths_m = []
-    for step_s in (0.004, 0.002):
-        monkeypatch.setattr("wayfarer.simhal.mujoco.world.MujocoWorld", partial(MujocoWorld, step_s=step_s))
-        specs = [campaign.spec(Task("forest-pledge", n), campaign.make_forest(n)) for n in (0, 2, 4, 6)]
-        results = [run_trial(spec) for spec in specs]
-        assert {result.outcome for result in results} <= {"escaped", "left_bounds"}
-        paths_m.append([result.path_m for result in results])
-    coarse_m, fine_m = paths_m
-    assert coarse_m != fine_m, "the step was really another"
-    assert fmean(coarse_m) == pytest.approx(fmean(fine_m), rel=0.15)

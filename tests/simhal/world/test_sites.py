@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from functools import cache
 from math import hypot
-from pathlib import Path
 from typing import get_args
 
 import pytest
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
+from tests.simhal.forest_lines import lines_of
 from wayfarer.cli.sim import Site
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.site_table import PAPER
 from wayfarer.simhal.world.forest import Forest, check_forest
-from wayfarer.simhal.world.forest_file import read_forests, write_forests
+from wayfarer.simhal.world.forest_file import forests_in
 from wayfarer.simhal.world.generate import Draw
 from wayfarer.simhal.world.shortest_path import shortest_path_m
 from wayfarer.simhal.world.sites import SITES
@@ -109,10 +109,9 @@ def test_some_gaps_let_only_the_smaller_rover_through() -> None:
     assert any(mini_m < forest_m - 0.3 for mini_m, forest_m in ways if mini_m is not None and forest_m is not None)
 
 
-def test_layout_is_the_same_after_a_file(tmp_path: Path) -> None:
+def test_layout_is_the_same_after_a_file() -> None:
     forest = layout("dense-obstruction")
-    write_forests(tmp_path / "site.jsonl", [forest])
-    assert read_forests(tmp_path / "site.jsonl") == [forest]
+    assert forests_in("site.jsonl", lines_of([forest])) == [forest]
 
 
 def test_command_and_table_know_the_same_scenarios() -> None:

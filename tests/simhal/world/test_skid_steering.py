@@ -1,3 +1,5 @@
+"""Physics-light on ground of a given friction, against closed forms."""
+
 from __future__ import annotations
 
 from math import hypot, radians
@@ -6,15 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.simhal.clearing import CLEARING
+from tests.simhal.clearing import STEADY, world_on_ground
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.grounds import FRICTIONS, GroundName
-from wayfarer.simhal.world.physics import Physics
-from wayfarer.simhal.world.skid_steering import SkidSteering
 from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, body_of
-from wayfarer.simhal.world.world import World
 
 CONFIG = load_rover("forestrover")
 VEHICLE = CONFIG.vehicle
@@ -22,21 +20,15 @@ BODY = body_of("forestrover", VEHICLE, CONFIG.chassis, "a test")
 A_M, B_M, RADIUS_M = BODY.wheels
 WEIGHT_N = BODY.weight_kg * STANDARD_GRAVITY_M_S2
 STALL_N = BODY.motors_n_m / RADIUS_M
-EXACT = Physics(side_gain_sd=0.0, track_sd=0.0, steer_noise_rad=0.0, heading_noise_deg=0.0, slip_mean_m=1000.0)
 LONG_S = 4.0
 
 duties = st.floats(-1.0, 1.0)
 grounds = st.sampled_from(sorted(FRICTIONS.values()))
 
 
-def world_on(friction: float) -> World:
-    skid = SkidSteering(BODY, friction, VEHICLE.track_m, EXACT.step_s)
-    return World(CLEARING, VEHICLE, EXACT, RandomStreams(0), skid=skid)
-
-
 def settled(friction: float, left: float, right: float) -> tuple[float, float]:
     """Speed ahead, m/s, and turn rate, rad/s."""
-    world = world_on(friction)
+    world = world_on_ground(CONFIG, friction)
     world.command(left, right)
     world.advance_to(LONG_S)
     from_m, from_rad = world.forward_m - world.reverse_m, world.heading_rad
@@ -81,20 +73,20 @@ def test_friction_takes_and_never_gives(friction: float, left: float, right: flo
 
 @given(friction=grounds, commands=st.lists(st.tuples(duties, duties), min_size=1, max_size=12))
 def test_no_side_gains_speed_faster_than_its_wheels_grip(friction: float, commands: list[tuple[float, float]]) -> None:
-    world, speed_m_s = world_on(friction), 0.0
+    world, speed_m_s = world_on_ground(CONFIG, friction), 0.0
     for left, right in commands:
         world.command(left, right)
         for _ in range(5):
             gone_m = world.forward_m - world.reverse_m
-            world.advance_to(world.t_s + EXACT.step_s)
-            now_m_s = (world.forward_m - world.reverse_m - gone_m) / EXACT.step_s
-            assert abs(now_m_s - speed_m_s) <= friction * STANDARD_GRAVITY_M_S2 * EXACT.step_s + 1e-9
+            world.advance_to(world.t_s + STEADY.step_s)
+            now_m_s = (world.forward_m - world.reverse_m - gone_m) / STEADY.step_s
+            assert abs(now_m_s - speed_m_s) <= friction * STANDARD_GRAVITY_M_S2 * STEADY.step_s + 1e-9
             speed_m_s = now_m_s
 
 
 @given(friction=grounds, left=duties, right=duties)
 def test_body_without_duty_comes_to_rest(friction: float, left: float, right: float) -> None:
-    world = world_on(friction)
+    world = world_on_ground(CONFIG, friction)
     world.command(left, right)
     world.advance_to(2.0)
     world.command(0.0, 0.0)
@@ -106,7 +98,7 @@ def test_body_without_duty_comes_to_rest(friction: float, left: float, right: fl
 
 def test_spinning_wheels_start_with_the_friction_of_the_ground() -> None:
     mud = FRICTIONS[GroundName.mud]
-    world = world_on(mud)
+    world = world_on_ground(CONFIG, mud)
     world.command(1.0, 1.0)
     world.advance_to(0.5)
     gone_m = world.forward_m
@@ -115,7 +107,7 @@ def test_spinning_wheels_start_with_the_friction_of_the_ground() -> None:
 
 
 def test_dead_side_is_dragged_and_the_body_goes_round_it() -> None:
-    world = world_on(FRICTIONS[GroundName.mud])
+    world = world_on_ground(CONFIG, FRICTIONS[GroundName.mud])
     world.set_faults(right_gain=0.0)
     world.command(0.5, 0.5)
     world.advance_to(2.0)

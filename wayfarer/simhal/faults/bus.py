@@ -13,7 +13,6 @@ from wayfarer.config.rover_file import RoverConfig, part_settings
 from wayfarer.config.wiring import I2C, SERIAL, SPI, NotedBuses
 from wayfarer.drivers.buses import Frame
 from wayfarer.drivers.pmw3901_burst import MOTION_BIT
-from wayfarer.simhal.buses import FakeI2C
 from wayfarer.simhal.chip_wiring import driver_name
 from wayfarer.simhal.chips.pmw3901 import BURST
 from wayfarer.simhal.faults.bus_hang import Hang
@@ -93,12 +92,13 @@ def place_of(fault: Fault, config: RoverConfig, buses: TamperedBuses) -> WiredPa
     kind, name, settings = _bus_of(fault.target, table)
     driver = driver_name(table)
     if kind == I2C:
-        i2c, address = buses.i2c(name), settings.address
-        return WiredPart(driver, settings, kind, FakeI2C.chip_at(i2c, address), i2c.wire(address), i2c.hang)
+        i2c: Any = buses.i2c(name)
+        wire = i2c.chip_at(settings.address)
+        return WiredPart(driver, settings, kind, wire.chip, wire, i2c.hang)
     if kind == CAMERA:
         camera = buses.views[name]
         return WiredPart(driver, settings, kind, camera, camera.wire, camera.hang)
-    line = buses.spi(name) if kind == SPI else buses.serial(name)
+    line: Any = buses.spi(name) if kind == SPI else buses.serial(name)
     return WiredPart(driver, settings, kind, line.chip, line.wire, line.hang)
 
 

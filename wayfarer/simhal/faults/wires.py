@@ -9,7 +9,7 @@ from typing import Any
 from wayfarer.drivers.buses import Camera, Frame
 from wayfarer.drivers.linux import FRAME_DEADLINE_S
 from wayfarer.errors import NotResponding
-from wayfarer.simhal.buses import ChipMisuse, FakeBuses, FakeI2C, FakeSerial, FakeSPI
+from wayfarer.simhal.buses import ChipMisuse, FakeBuses, FakeI2C, FakeSerial, FakeSPI, I2CChip
 from wayfarer.simhal.faults.bus_hang import Hang
 
 # What a chip answers, and what it was asked with: what the driver gets instead.
@@ -19,17 +19,19 @@ Write = Callable[[bytes], bytes | None]
 
 
 class FaultyWire:
-    """What is wrong between one chip and the bus.
+    """A chip behind a wire; speaks whichever of the three chip protocols the chip does.
 
     ``answers`` change what the chip says, ``writes`` what it hears; ``unheard`` says for each transfer whether it is
     not acknowledged.
     """
 
-    def __init__(self, where: str) -> None:
-        self.where = where
+    def __init__(self, where: str, chip: Any = None) -> None:
+        self.chip = chip
         self.answers: list[Answer] = []
         self.writes: list[Write] = []
         self.unheard: list[Callable[[], bool]] = []
+        self._where = where
+        self._asked = b""
 
     def check(self) -> None:
         """Acknowledge a transfer.
@@ -38,10 +40,9 @@ class FaultyWire:
             NotResponding: it is not.
         """
         if any(is_lost() for is_lost in self.unheard):
-            raise NotResponding(f"{self.where}: not acknowledged; a fault was injected")
+            raise NotResponding(f"{self._where}: not acknowledged; a fault was injected")
 
-    def heard(self, data: bytes) -> bytes | None:
-        """Return what the chip hears of what was written."""
+    def _heard(self, data: bytes) -> bytes | None:
         for change in self.writes:
             changed = change(data)
             if changed is None:
@@ -49,49 +50,38 @@ class FaultyWire:
             data = changed
         return data
 
-    def said(self, asked: bytes, answer: bytes) -> bytes:
-        """Return what the driver gets of what the chip said."""
+    def _said(self, asked: bytes, answer: bytes) -> bytes:
         for change in self.answers:
             answer = change(asked, answer)
         return answer
 
-
-class TamperedChip:
-    """A chip behind a wire; speaks whichever of the three chip protocols the chip does."""
-
-    def __init__(self, chip: Any, wire: FaultyWire) -> None:
-        self._chip = chip
-        self._wire = wire
-        self._asked = b""
-
     def write(self, data: bytes) -> None:
         """Take a write on an I2C bus."""
-        self._wire.check()
+        self.check()
         self._asked = data
-        if (heard := self._wire.heard(data)) is not None:
-            self._chip.write(heard)
+        if (heard := self._heard(data)) is not None:
+            self.chip.write(heard)
 
     def read(self, count: int) -> bytes:
         """Give a read on an I2C bus."""
-        self._wire.check()
-        return self._wire.said(self._asked, self._chip.read(count))
+        self.check()
+        return self._said(self._asked, self.chip.read(count))
 
     def exchange(self, data: bytes) -> bytes:
         """Exchange bytes on an SPI bus, where nothing acknowledges."""
-        heard = self._wire.heard(data)
-        answer = bytes(len(data)) if heard is None else self._chip.exchange(heard)
-        return self._wire.said(data, answer)
+        heard = self._heard(data)
+        return self._said(data, bytes(len(data)) if heard is None else self.chip.exchange(heard))
 
     def receive(self, data: bytes) -> None:
         """Take bytes on a serial line; noise that comes out as a command that the chip does not know is passed over."""
-        self._wire.check()
-        heard = self._wire.heard(data)
+        self.check()
+        heard = self._heard(data)
         if heard == data:
-            self._chip.receive(data)
+            self.chip.receive(data)
             return
         for byte in heard or b"":
             with suppress(ChipMisuse):
-                self._chip.receive(bytes((byte,)))
+                self.chip.receive(bytes((byte,)))
 
 
 class TamperedI2C(FakeI2C):
@@ -100,15 +90,10 @@ class TamperedI2C(FakeI2C):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self.hang = Hang(name)
-        self._wires: dict[int, FaultyWire] = {}
 
-    def wire(self, address: int) -> FaultyWire:
-        """Return the wire to an address."""
-        return self._wires.setdefault(address, FaultyWire(f"{self.name}: 0x{address:02X}"))
-
-    def chip_at(self, address: int) -> Any:
-        """Return the chip at an address, behind its wire."""
-        return TamperedChip(super().chip_at(address), self.wire(address))
+    def attach(self, address: int, chip: I2CChip) -> None:
+        """Put a chip at an address, behind a wire."""
+        super().attach(address, FaultyWire(f"{self.name}: 0x{address:02X}", chip))
 
     async def write(self, address: int, data: bytes) -> None:
         """Write to the chip at an address."""
@@ -120,8 +105,7 @@ class TamperedI2C(FakeI2C):
         def transfer() -> bytes:
             chip = self.chip_at(address)
             chip.write(data)
-            answer: bytes = chip.read(count)
-            return answer
+            return chip.read(count)
 
         return await self.hang.carry(transfer)
 
@@ -145,8 +129,8 @@ class TamperedSPI(FakeSPI):
 
         def exchange() -> tuple[bytes, ...]:
             self.wire.check()
-            chip = None if self.chip is None else TamperedChip(self.chip, self.wire)
-            return tuple(b"\xff" * len(piece) if chip is None else chip.exchange(piece) for piece in pieces)
+            self.wire.chip = self.chip
+            return tuple(b"\xff" * len(piece) if self.chip is None else self.wire.exchange(piece) for piece in pieces)
 
         return await self.hang.carry(exchange)
 
@@ -168,8 +152,9 @@ class TamperedSerial(FakeSerial):
         self.hang.post(lambda: self._send(data))
 
     def _send(self, data: bytes) -> None:
+        self.wire.chip = self.chip
         if self.chip is not None:
-            TamperedChip(self.chip, self.wire).receive(data)
+            self.wire.receive(data)
 
 
 class TamperedCamera:
@@ -199,6 +184,8 @@ class TamperedCamera:
 class TamperedBuses(FakeBuses):
     """Hands out buses that can be tampered with, by name; ``views`` are the cameras that were handed out."""
 
+    I2C, SPI, SERIAL = TamperedI2C, TamperedSPI, TamperedSerial
+
     def __init__(self) -> None:
         super().__init__()
         self.views: dict[str, TamperedCamera] = {}
@@ -207,21 +194,3 @@ class TamperedBuses(FakeBuses):
         """Return the camera of that name."""
         camera = super().camera(name, width=width, height=height, rate_hz=rate_hz, exposure_us=exposure_us)
         return self.views.setdefault(name, TamperedCamera(camera))
-
-    def i2c(self, name: str) -> TamperedI2C:
-        """Return the I2C bus of that name."""
-        bus = self._i2c.setdefault(name, TamperedI2C(name))
-        assert isinstance(bus, TamperedI2C)
-        return bus
-
-    def spi(self, name: str, *, mode: int = 0, speed_hz: int = 400_000) -> TamperedSPI:  # noqa: ARG002
-        """Return the SPI device of that name."""
-        bus = self._spi.setdefault(name, TamperedSPI(name))
-        assert isinstance(bus, TamperedSPI)
-        return bus
-
-    def serial(self, name: str, *, baud: int = 9600) -> TamperedSerial:  # noqa: ARG002
-        """Return the serial port of that name."""
-        port = self._serial.setdefault(name, TamperedSerial(name))
-        assert isinstance(port, TamperedSerial)
-        return port

@@ -1,4 +1,4 @@
-"""The MuJoCo model of a trial: a skid-steered rover with four driven wheels, ground, trunks and trees.
+"""The MuJoCo model of a trial: a skid-steered rover with four driven wheels, ground, trunks and trees; its contacts.
 
 All lengths are in metres; x is east, y north, z up. The rover's own axes are x ahead, y to the left, z up.
 
@@ -12,6 +12,7 @@ is told 0 shorts it, so it brakes. Behind it is the tyre's rolling resistance.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -39,9 +40,10 @@ IMPRATIO = 100.0
 GROUND_BIT, ROVER_BIT = 2, 1  # the rover meets the ground and what stands on it, and nothing of the rest
 
 ROVER = "rover"
+WHEELS_TO_DRIVE = 3  # with fewer on anything, a rover whose belly is on something does not get away; from no source
 
 # Without a hearer the engine writes its warnings to MUJOCO_LOG.TXT in the folder it runs in. Nothing is lost: each
-# world's data count its own, and ``unstable.refuse`` says them.
+# world's data count its own, and ``refuse`` says them.
 if mujoco.get_mju_user_warning() is None:
     mujoco.set_mju_user_warning(lambda _text: None)
 
@@ -152,3 +154,49 @@ def _add_motor(spec: Any, joint: str, stall_n_m: float, free_rad_s: float) -> No
     motor.gainprm[0] = stall_n_m
     motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     motor.biasprm[2] = -stall_n_m / free_rad_s
+
+
+class Contacts:
+    """The rover's contacts with the ground and with ``obstacles``, the first ``felt`` of which a bumper feels.
+
+    Geoms are in the order of ``build``.
+    """
+
+    def __init__(self, data: Any, obstacles: Sequence[Obstacle], felt: int) -> None:
+        self._data = data
+        self._obstacles = obstacles
+        self._felt = felt
+        self.belly = 1 + len(obstacles)
+
+    def with_obstacles(self) -> bool:
+        """Tell whether belly or wheels touch any obstacle, felt or not."""
+        return any(0 < geom < self.belly for pair in self._data.contact.geom.tolist() for geom in pair)
+
+    def feel(self) -> tuple[Obstacle | None, bool]:
+        """Return what a bumper feels, and whether the body lies on its belly with too few wheels to drive off."""
+        touched, on_belly, wheels = None, False, set()
+        for pair in self._data.contact.geom.tolist():
+            other, own = min(pair), max(pair)
+            if own == self.belly:
+                on_belly = True
+            else:
+                wheels.add(own)
+            if 0 < other <= self._felt and touched is None:
+                touched = self._obstacles[other - 1]
+        return touched, on_belly and len(wheels) < WHEELS_TO_DRIVE
+
+
+class Unstable(ArithmeticError):
+    """The engine could not work the motion out; the trial says nothing. The text has what the engine warned of."""
+
+
+def refuse(data: Any, t_s: float) -> None:
+    """End a trial whose motion could not be worked out up to this time.
+
+    Raises:
+        Unstable: always.
+    """
+    warned = (each for each in enumerate(data.warning) if each[1].number)
+    texts = [mujoco.mju_warningText(kind, trouble.lastinfo) for kind, trouble in warned]
+    said = " ".join(texts) or "the rover's place is not a number"
+    raise Unstable(f"MuJoCo could not work out the motion up to {t_s:.3f} s: {said}")

@@ -8,8 +8,8 @@ from typing import Any
 
 import mujoco
 
-from wayfarer.simhal.mujoco.contacts import Contacts
 from wayfarer.simhal.mujoco.ground import HeightField
+from wayfarer.simhal.mujoco.model import Contacts
 from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 PUT_DOWN_FROM_M = 0.005

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
@@ -77,11 +76,9 @@ def parse_range(option: str, text: str, bounds: Range) -> Range:
         ends = [float(end) for end in text.split(":")]
     except ValueError:
         ends = []
-    if not (1 <= len(ends) <= 2 and all(isfinite(end) and bounds.low <= end <= bounds.high for end in ends)):
+    if not (1 <= len(ends) <= 2 and bounds.low <= ends[0] <= ends[-1] <= bounds.high):
         raise BadInput(
-            f"{option} {text}: expected a number, or MIN:MAX to draw one for each trial, "
+            f"{option} {text}: expected a number, or MIN:MAX (the smaller first) to draw one for each trial, "
             f"from {bounds.low:g} to {bounds.high:g}"
         )
-    if ends[0] > ends[-1]:
-        raise BadInput(f"{option} {text}: the smaller number comes first")
     return Range(ends[0], ends[-1])

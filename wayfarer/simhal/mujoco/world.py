@@ -14,14 +14,11 @@ from math import cos, inf, radians, sin
 import mujoco
 import numpy as np
 
-from wayfarer.simhal.mujoco.contacts import Contacts
-from wayfarer.simhal.mujoco.forces import gravity_m_s2, shove_n
 from wayfarer.simhal.mujoco.ground import Footing, Mud, rough_ground
-from wayfarer.simhal.mujoco.model import ROVER, STEP_S, build
-from wayfarer.simhal.mujoco.motion import Displacement, pose_of
+from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Contacts, build, refuse
+from wayfarer.simhal.mujoco.motion import Displacement, gravity_m_s2, pose_of, shove_n
 from wayfarer.simhal.mujoco.placing import Placing
 from wayfarer.simhal.mujoco.terrain import Terrain
-from wayfarer.simhal.mujoco.unstable import refuse
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.collision import low_trunks_of, obstacles_of
 from wayfarer.simhal.world.forest import Forest

@@ -13,6 +13,8 @@ from wayfarer.simhal.world.forest import Forest, Trunk
 
 CELL_M = 2.0
 
+Span = tuple[float, float]  # part of a line, as shares of its length; (0, 0) is nothing
+
 
 class Obstacle(NamedTuple):
     """A capsule: centre line from (x0, y0) to (x1, y1), radius; ``axis_deg`` is its bearing, None for a tree."""
@@ -56,6 +58,28 @@ def _axis_deg(east_m: float, north_m: float) -> float:
     return degrees(atan2(east_m, north_m)) % 180.0
 
 
+class Box(NamedTuple):
+    """A rectangle that is parallel to the axes, metres."""
+
+    west_m: float
+    south_m: float
+    east_m: float
+    north_m: float
+
+
+def span_inside(line: tuple[float, float, float, float], box: Box) -> Span:
+    """Return the part of a line (x0, y0, x1, y1) that lies inside a box, by clipping it (Liang-Barsky)."""
+    x0_m, y0_m, x1_m, y1_m = line
+    enter, leave = 0.0, 1.0
+    for from_m, to_m, low_m, high_m in ((x0_m, x1_m, box.west_m, box.east_m), (y0_m, y1_m, box.south_m, box.north_m)):
+        if from_m != to_m:
+            at_low, at_high = (low_m - from_m) / (to_m - from_m), (high_m - from_m) / (to_m - from_m)
+            enter, leave = max(enter, min(at_low, at_high)), min(leave, max(at_low, at_high))
+        elif not low_m <= from_m <= high_m:
+            return 0.0, 0.0
+    return (enter, leave) if enter < leave else (0.0, 0.0)
+
+
 class BodyOutline:
     """The rover's rectangular outline and its contact test."""
 
@@ -64,6 +88,7 @@ class BodyOutline:
         self.half_width_m = width_m / 2
         self.reach_m = hypot(self.half_length_m, self.half_width_m)
         self._inner_m = min(self.half_length_m, self.half_width_m)
+        self._box = Box(-self.half_width_m, -self.half_length_m, self.half_width_m, self.half_length_m)
 
     def overlaps(self, obstacle: Obstacle, x_m: float, y_m: float, sin_h: float, cos_h: float) -> bool:
         """Tell whether the body, centred at (x, y) and heading where (sin, cos) says, overlaps the obstacle."""
@@ -91,7 +116,8 @@ class BodyOutline:
         length_sq = df * df + dr * dr
         if length_sq == 0.0:
             return self._end_distance_sq(f0, r0)
-        if self._crosses(f0, r0, f1, r1):
+        enter, leave = span_inside((r0, f0, r1, f1), self._box)
+        if enter < leave:
             return 0.0
         best = min(self._end_distance_sq(f0, r0), self._end_distance_sq(f1, r1))
         for cf in (self.half_length_m, -self.half_length_m):
@@ -106,21 +132,6 @@ class BodyOutline:
         gap_f = max(abs(f) - self.half_length_m, 0.0)
         gap_r = max(abs(r) - self.half_width_m, 0.0)
         return gap_f * gap_f + gap_r * gap_r
-
-    def _crosses(self, f0: float, r0: float, f1: float, r1: float) -> bool:
-        """Clip the segment to the rectangle (Liang-Barsky); tell whether anything is left of it."""
-        low, high = 0.0, 1.0
-        for start, end, half in ((f0, f1, self.half_length_m), (r0, r1, self.half_width_m)):
-            delta = end - start
-            if delta == 0.0:
-                if abs(start) > half:
-                    return False
-                continue
-            a, b = (-half - start) / delta, (half - start) / delta
-            low, high = max(low, min(a, b)), min(high, max(a, b))
-            if low > high:
-                return False
-        return True
 
 
 class ObstacleGrid:

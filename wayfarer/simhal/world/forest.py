@@ -8,7 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import atan2, cos, degrees, hypot, radians
-from typing import Literal, NamedTuple, get_args
+from typing import Annotated, Literal, NamedTuple
+
+from annotated_types import Interval
 
 from wayfarer.angles import axis_offset_deg
 from wayfarer.errors import BadForest
@@ -21,7 +23,7 @@ ROVER_REACH_M = hypot(ROVER_WIDTH_M, ROVER_WIDTH_M) / 2.0  # 0.283 m, centre to 
 ALONG_GOAL_DEG = 20.0  # paper, OO-Pledge: a trunk within 20 degrees of the goal heading can be followed
 
 Lean = Literal["right", "left", "across"]
-LEANS: tuple[Lean, ...] = get_args(Lean)
+Coordinate = Annotated[float, Interval(ge=0, le=WORLD_SIZE_M)]
 
 # Files give whole millimetres: both ends of a short trunk may be off by half of one in x and in y.
 _ROUNDING_M = 0.002
@@ -34,10 +36,10 @@ class Trunk(NamedTuple):
     degrees of the goal heading (clockwise or counter-clockwise of it), ``across`` otherwise.
     """
 
-    x0_m: float
-    y0_m: float
-    x1_m: float
-    y1_m: float
+    x0_m: Coordinate
+    y0_m: Coordinate
+    x1_m: Coordinate
+    y1_m: Coordinate
     lean: Lean
 
     @property
@@ -80,67 +82,39 @@ class Forest:
         """Each trunk with its diameter, metres."""
         return list(zip(self.trunks, self.diameters_m or (self.trunk_diameter_m,) * len(self.trunks), strict=True))
 
+    def gaps_m(self, x_m: float, y_m: float) -> Iterator[float]:
+        """Yield the distance from a point to the surface of each trunk and each tree, metres; negative inside it."""
+        for trunk, diameter_m in self.thick_trunks:
+            yield trunk.distance_m(x_m, y_m) - diameter_m / 2.0
+        for tree_x_m, tree_y_m in self.trees_m:
+            yield hypot(x_m - tree_x_m, y_m - tree_y_m) - self.tree_radius_m
+
 
 CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 """Nothing in it, and a goal line; it has no edge."""
 
 
 def check_forest(forest: Forest) -> None:
-    """Refuse a forest in which no trial can be run; numbers are taken to be finite.
+    """Refuse a forest in which no trial can be run; each number is taken to be within its own range.
 
     Raises:
         BadForest: the text names the key, what is wrong and what was expected.
     """
-    _check_sizes(forest)
-    _check_mission(forest)
+    if forest.diameters_m and len(forest.diameters_m) != len(forest.trunks):
+        raise BadForest(f"diameters_m: expected one for each of the {len(forest.trunks)} trunks")
+    if not forest.start_m[1] < forest.goal_y_m:
+        raise BadForest(f"goal_y_m: is {forest.goal_y_m:g}, expected north of the start at {forest.start_m[1]:g} m")
+    if cos(radians(forest.heading_deg)) <= 1e-9:
+        raise BadForest(
+            f"heading_deg: is {forest.heading_deg:g}, expected below 90 or above 270: the goal line lies north"
+        )
     for index, trunk in enumerate(forest.trunks):
         _check_trunk(f"trunks_m[{index}]", trunk, forest.heading_deg)
-    for index, tree_m in enumerate(forest.trees_m):
-        _check_inside(f"trees_m[{index}]", tree_m)
     _check_start_is_free(forest)
 
 
-def _check_sizes(forest: Forest) -> None:
-    """Refuse sizes that are not positive and numbers that cannot seed a random stream."""
-    for key in ("trunk_diameter_m", "tree_radius_m", "shortest_path_m"):
-        size_m = getattr(forest, key)
-        if size_m is not None and size_m <= 0.0:
-            raise BadForest(f"{key}: is {size_m:g}, expected more than 0 m")
-    if forest.diameters_m and (len(forest.diameters_m) != len(forest.trunks) or min(forest.diameters_m) <= 0.0):
-        raise BadForest(f"diameters_m: expected one for each of the {len(forest.trunks)} trunks, more than 0 m")
-    for key in ("forest", "noise"):
-        if getattr(forest, key) < 0:
-            raise BadForest(f"{key}: is {getattr(forest, key)}, expected a whole number from 0 up")
-
-
-def _check_mission(forest: Forest) -> None:
-    """Refuse a start outside the world and a goal line that the start heading does not lead to."""
-    _check_inside("start_m", forest.start_m)
-    start_y_m = forest.start_m[1]
-    if not start_y_m < forest.goal_y_m <= WORLD_SIZE_M:
-        raise BadForest(
-            f"goal_y_m: is {forest.goal_y_m:g}, expected north of the start at {start_y_m:g} "
-            f"and at most {WORLD_SIZE_M:g} m"
-        )
-    if not 0.0 <= forest.heading_deg < 360.0 or cos(radians(forest.heading_deg)) <= 1e-9:
-        raise BadForest(
-            f"heading_deg: is {forest.heading_deg:g}, expected 0 to below 90, or above 270 to below 360: "
-            "the goal line lies north"
-        )
-
-
-def _check_inside(key: str, point_m: tuple[float, float]) -> None:
-    """Refuse a point outside the world."""
-    if not (0.0 <= point_m[0] <= WORLD_SIZE_M and 0.0 <= point_m[1] <= WORLD_SIZE_M):
-        raise BadForest(
-            f"{key}: ({point_m[0]:g}, {point_m[1]:g}) is outside the world, expected 0 to {WORLD_SIZE_M:g} m"
-        )
-
-
 def _check_trunk(key: str, trunk: Trunk, heading_deg: float) -> None:
-    """Refuse a trunk outside the world, of no length, or whose lean is not that of its centre line."""
-    _check_inside(key, (trunk.x0_m, trunk.y0_m))
-    _check_inside(key, (trunk.x1_m, trunk.y1_m))
+    """Refuse a trunk of no length, or whose lean is not that of its centre line."""
     if trunk.length_m < SHORTEST_TRUNK_M:
         raise BadForest(
             f"{key}: has no length, both ends are ({trunk.x0_m:g}, {trunk.y0_m:g}), "
@@ -173,18 +147,11 @@ def lean_of(offset_deg: float) -> Lean:
 
 def _check_start_is_free(forest: Forest) -> None:
     """Refuse a start where a rover turning on the spot would hit something."""
-    for name, gap_m in _gaps_at_start_m(forest):
+    for index, gap_m in enumerate(forest.gaps_m(*forest.start_m)):
         if gap_m <= ROVER_REACH_M:
+            tree = index - len(forest.trunks)
+            name = f"trunks_m[{index}]" if tree < 0 else f"trees_m[{tree}]"
             raise BadForest(
                 f"start_m: {name} is {gap_m:.3f} m from the centre of the rover, expected more than "
                 f"{ROVER_REACH_M:.3f} m (its corners); it lacks {ROVER_REACH_M - gap_m:.3f} m"
             )
-
-
-def _gaps_at_start_m(forest: Forest) -> Iterator[tuple[str, float]]:
-    """Yield each obstacle's name and the distance from the start point to its surface, negative inside it."""
-    x_m, y_m = forest.start_m
-    for index, (trunk, diameter_m) in enumerate(forest.thick_trunks):
-        yield f"trunks_m[{index}]", trunk.distance_m(x_m, y_m) - diameter_m / 2.0
-    for index, (tree_x_m, tree_y_m) in enumerate(forest.trees_m):
-        yield f"trees_m[{index}]", hypot(x_m - tree_x_m, y_m - tree_y_m) - forest.tree_radius_m

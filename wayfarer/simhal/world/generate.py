@@ -17,10 +17,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from math import hypot, radians, tan
-from typing import NamedTuple
 
 from numpy.random import PCG64, Generator, SeedSequence
 
+from wayfarer.simhal.world.collision import Box, Span, span_inside
 from wayfarer.simhal.world.forest import TREES_PER_HA, WORLD_SIZE_M, Forest, Trunk
 
 START_M = (25.0, 12.5)
@@ -40,16 +40,6 @@ TRUNK_STREAM = 1
 TREE_STREAM = 2
 
 Draw = Callable[[float, float], float]  # a uniform number between two others
-Span = tuple[float, float]  # part of a branch, as shares of its length; (0, 0) is nothing
-
-
-class Box(NamedTuple):
-    """A rectangle that is parallel to the axes, metres."""
-
-    west_m: float
-    south_m: float
-    east_m: float
-    north_m: float
 
 
 DIVIDED = Box(6.375, 5.5, 44.875, 44.0)  # 38.5 m square
@@ -88,8 +78,8 @@ def draw_from(seed: int, *key: int) -> Draw:
 def _fallen_trunks(draw: Draw) -> Iterator[Trunk]:
     """Yield what is left of each branch without its gap, the clearing and all outside the square."""
     for branch, gap in _branches(DIVIDED, draw):
-        spans = [_span_inside(branch, DIVIDED)]
-        for hole in (gap, _span_inside(branch, CLEARING)):
+        spans = [span_inside(branch[:4], DIVIDED)]
+        for hole in (gap, span_inside(branch[:4], CLEARING)):
             spans = [part for span in spans for part in _without(span, hole)]
         pieces = [_piece(branch, span) for span in spans]
         yield from (piece for piece in pieces if piece.length_m >= SHORTEST_PIECE_M)
@@ -125,21 +115,6 @@ def _gap(branch_m: float, draw: Draw) -> Span:
     middle = draw(*MIDDLE_OF_GAP)
     half = draw(*GAP_M) / branch_m / 2.0
     return middle - half, middle + half
-
-
-def _span_inside(branch: Trunk, box: Box) -> Span:
-    """Return the part of a branch that lies inside a box."""
-    enter, leave = 0.0, 1.0
-    for from_m, to_m, low_m, high_m in (
-        (branch.x0_m, branch.x1_m, box.west_m, box.east_m),
-        (branch.y0_m, branch.y1_m, box.south_m, box.north_m),
-    ):
-        if from_m != to_m:
-            first, last = sorted(((low_m - from_m) / (to_m - from_m), (high_m - from_m) / (to_m - from_m)))
-            enter, leave = max(enter, first), min(leave, last)
-        elif not low_m <= from_m <= high_m:
-            return 0.0, 0.0
-    return (enter, leave) if enter < leave else (0.0, 0.0)
 
 
 def _without(span: Span, hole: Span) -> Iterator[Span]:

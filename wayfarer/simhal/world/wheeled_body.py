@@ -60,12 +60,6 @@ class WheeledBody(NamedTuple):
         return self.wheels.half_base_m + self.wheel_radius_m / 2.0, self.width_m / 2.0 - 1.1 * self.tyre_width_m
 
     @property
-    def centre_of_mass_m(self) -> float:
-        """Height of the centre of mass above the ground."""
-        wheels = 4.0 * WHEEL_SHARE_OF_WEIGHT
-        return wheels * self.wheel_radius_m + (1.0 - wheels) * (self.clearance_m + self.height_m) / 2.0
-
-    @property
     def rims_kg(self) -> float:
         """What turns with the wheels, as a mass at their rims: wheels (an ellipsoid's two fifths) and rotors."""
         return 4.0 * (0.4 * WHEEL_SHARE_OF_WEIGHT + ROTOR_SHARE_OF_WEIGHT) * self.weight_kg

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from math import cos, pi, radians, sin, sqrt
 
-from wayfarer.simhal.world.generate import Box, Draw
+from wayfarer.simhal.world.collision import Box
+from wayfarer.simhal.world.generate import Draw
 from wayfarer.simhal.world.sites.field_site import FieldSite
 from wayfarer.simhal.world.sites.layout_builder import SiteLayout
 

@@ -42,10 +42,11 @@ class FieldSite:
             ValueError: a negative number.
         """
         width_m = max(vehicle.width_m, WIDEST.width_m) + SPARE_M
-        length_m = max(vehicle.length_m, WIDEST.length_m)
+        reach_m = hypot(width_m, max(vehicle.length_m, WIDEST.length_m)) / 2.0
         for attempt in count():
             forest = self.lay(draw_from(seed, SITE_STREAM, len(self.name), number, attempt)).as_forest(number)
-            if _start_is_free(forest, hypot(width_m, length_m) / 2.0) and shortest_path_m(forest, width_m) is not None:
+            can_turn = all(gap_m > reach_m for gap_m in forest.gaps_m(*forest.start_m))
+            if can_turn and shortest_path_m(forest, width_m) is not None:
                 return forest
         raise AssertionError("unreachable: the attempts do not end")
 
@@ -54,11 +55,3 @@ class FieldSite:
         if not self.has_receiver or "position" in rover.parts:
             return rover
         return rover.model_copy(update={"parts": {**rover.parts, "position": RECEIVER}})
-
-
-def _start_is_free(forest: Forest, reach_m: float) -> bool:
-    """Tell whether a body of that reach can turn on the spot at the start."""
-    x_m, y_m = forest.start_m
-    trunks = all(trunk.distance_m(x_m, y_m) > reach_m + diameter_m / 2.0 for trunk, diameter_m in forest.thick_trunks)
-    trees = all(hypot(tree_x - x_m, tree_y - y_m) > reach_m + forest.tree_radius_m for tree_x, tree_y in forest.trees_m)
-    return trunks and trees

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from wayfarer.simhal.world.collision import Box
 from wayfarer.simhal.world.forest import WORLD_SIZE_M
-from wayfarer.simhal.world.generate import Box, Draw
+from wayfarer.simhal.world.generate import Draw
 from wayfarer.simhal.world.sites.field_site import FieldSite
 from wayfarer.simhal.world.sites.layout_builder import SiteLayout
 

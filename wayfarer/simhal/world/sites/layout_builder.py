@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import atan2, cos, degrees, hypot, radians, sin
 
 from wayfarer.angles import axis_offset_deg
+from wayfarer.simhal.world.collision import Box
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest, Trunk, lean_of
-from wayfarer.simhal.world.generate import TREE_RADIUS_M, TRUNK_DIAMETER_M, Box, Draw
+from wayfarer.simhal.world.generate import TREE_RADIUS_M, TRUNK_DIAMETER_M, Draw
 
 GOAL_HEADING_DEG = 0.0  # north, as in the abstract forests
 
@@ -44,15 +44,11 @@ class SiteLayout:
 
         A place that has no room is left empty: dense ground has fewer trees.
         """
-        for x_m, y_m in _places(count, within, draw):
-            if hypot(x_m - self.start_m[0], y_m - self.start_m[1]) > clear_m and self._has_room(x_m, y_m):
+        for _ in range(count):
+            x_m, y_m = round(draw(within.west_m, within.east_m), 3), round(draw(within.south_m, within.north_m), 3)
+            is_far = hypot(x_m - self.start_m[0], y_m - self.start_m[1]) > clear_m
+            if is_far and all(gap_m > TREE_RADIUS_M for gap_m in self.as_forest(0).gaps_m(x_m, y_m)):
                 self._trees_m.append((x_m, y_m))
-
-    def _has_room(self, x_m: float, y_m: float) -> bool:
-        branches = all(
-            trunk.distance_m(x_m, y_m) > TREE_RADIUS_M + diameter_m / 2.0 for trunk, diameter_m in self._branches
-        )
-        return branches and all(hypot(x_m - x, y_m - y) > 2.0 * TREE_RADIUS_M for x, y in self._trees_m)
 
     def as_forest(self, layout: int) -> Forest:
         """Return all of it as a forest of that number."""
@@ -68,9 +64,3 @@ class SiteLayout:
             trees_m=tuple(self._trees_m),
             diameters_m=tuple(diameter_m for _, diameter_m in self._branches),
         )
-
-
-def _places(count: int, within: Box, draw: Draw) -> Iterator[tuple[float, float]]:
-    """Yield places in a box, on whole millimetres."""
-    for _ in range(count):
-        yield round(draw(within.west_m, within.east_m), 3), round(draw(within.south_m, within.north_m), 3)
