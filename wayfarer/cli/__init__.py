@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 BAD_INPUT = 2
-PIPE_CLOSED = 1  # how Typer and rich exit where they meet a BrokenPipeError; nothing else in a command exits
 READER_GONE = 128 + signal.SIGPIPE  # what a shell reports of a program that SIGPIPE has ended
 
 ROVER = "On the rover"
@@ -82,7 +81,8 @@ def run(arguments: list[str]) -> int:
     try:
         return _run(arguments)
     except (BrokenPipeError, SystemExit) as gone:
-        if isinstance(gone, SystemExit) and gone.code != PIPE_CLOSED:  # as after completing a word for the shell
+        # Typer and rich make a SystemExit of it; others are not about the pipe, as after completing a word for the shell.
+        if isinstance(gone, SystemExit) and not isinstance(gone.__context__, BrokenPipeError):
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter flushes once more
         return READER_GONE

@@ -113,6 +113,30 @@ class Noted(RunEvent):
         return BY_NAME.get(what, Noted)(elapsed_s, record["t_s"], what, record)
 
 
+class Arming(Noted):
+    """Somebody asked for it."""
+
+
+class Armed(Noted):
+    """The mission begins."""
+
+
+class Disarmed(Noted):
+    """The wheels are stopped until re-armed."""
+
+
+class Held(Noted):
+    """An operator asked to hold the wheels."""
+
+
+class Released(Noted):
+    """An operator asked to drive on."""
+
+
+class GoalSet(Noted):
+    """Another goal was asked for."""
+
+
 class SensorFailed(Noted):
     """A sensor did not answer."""
 
@@ -143,7 +167,10 @@ class Marked(Noted):
         return name(self.record, "text") or ""
 
 
-BY_NAME: Mapping[str, type[Noted]] = {"sensor_failed": SensorFailed, "clock_step": ClockStep, "mark": Marked}
+BY_NAME: Mapping[str, type[Noted]] = {
+    "arming": Arming, "armed": Armed, "disarmed": Disarmed, "hold": Held, "resume": Released, "goal": GoalSet,
+    "sensor_failed": SensorFailed, "clock_step": ClockStep, "mark": Marked,
+}  # fmt: skip
 
 
 def event_name(event: Record) -> str:

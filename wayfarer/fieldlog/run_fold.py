@@ -17,15 +17,21 @@ from wayfarer.fieldlog.fields import name, seconds_since, table, whole
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
+    Armed,
+    Arming,
     BatteryChanged,
     BoardFaults,
+    Disarmed,
     Ended,
     FaultInjected,
     Gap,
+    GoalSet,
+    Held,
     Marked,
     Noted,
     PhaseChanged,
     PowerChanged,
+    Released,
     RunBegan,
     SensorFailed,
 )
@@ -172,11 +178,11 @@ class RunFold:
         state, event = self.state, Noted.of(elapsed_s, record)
         state.events[event.name] += 1
         match event:
-            case Noted(name="arming" | "armed" | "disarmed"):
+            case Arming() | Armed() | Disarmed():
                 self._change_mode(event)
-            case Noted(name="hold" | "resume"):
-                state.operator_hold = event.name == "hold"
-            case Noted(name="goal"):
+            case Held() | Released():
+                state.operator_hold = isinstance(event, Held)
+            case GoalSet():
                 state.goal_heading_deg = record.get("goal_heading_deg")
             case SensorFailed():
                 self._sensor(event.sensor).failures += 1
@@ -190,10 +196,10 @@ class RunFold:
     def _change_mode(self, event: Noted) -> None:
         state = self.state
         state.mode = event.name
-        if event.name == "arming":
+        if isinstance(event, Arming):
             state.operator_hold = False
             return
-        if event.name == "disarmed":
+        if isinstance(event, Disarmed):
             state.why_disarmed = name(event.record, "reason") or ""
             self._mission_t_s = None
         else:
