@@ -81,7 +81,7 @@ def run(arguments: list[str]) -> int:
     try:
         return _run(arguments)
     except (BrokenPipeError, SystemExit) as gone:
-        # Typer and rich make a SystemExit of it; others are not about the pipe, as after completing a word for the shell.
+        # Typer and rich make a SystemExit of it. Others are not about the pipe: a word was completed for the shell.
         if isinstance(gone, SystemExit) and not isinstance(gone.__context__, BrokenPipeError):
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter flushes once more
