@@ -129,6 +129,11 @@ BAD = {
         "cause",
         "unknown key 'expect.cause'; did you mean 'causes'? (line 13)",
     ),
+    "cause that is a number": (
+        'causes = ["',
+        'causes = [1, "',
+        "key 'expect.causes.0' = 1: input should be a valid string (line 13)",
+    ),
     "rover": ('"forestrover"', '"forestrovr"', "key 'rover': unknown rover 'forestrovr': did you mean forestrover"),
     "rover file": ('"forestrover"', '"./no.toml"', "no.toml: no such file"),
     "algorithm": ('"forest-pledge"', '"pledg"', "unknown algorithm 'pledg'"),
@@ -167,6 +172,10 @@ WHOLE = {
     "huge": ("#" * (FILE_BYTES + 1), "more than 1 MB: not a scenario file"),
     "no name": ("[[scenario]]", "key 'name' is missing (line 1)"),
     "no fault": (LEAST.replace('{ at_s = 1.0, target = "world", kind = "slip" }', ""), "key 'fault' = []"),
+    "fault that is a text": (
+        LEAST.replace('{ at_s = 1.0, target = "world", kind = "slip" }', '"slip"'),
+        "key 'fault.0' = 'slip': input should be a table (line 3)",
+    ),
     "list of numbers": ("scenario = [1]", "write [[scenario]], in double brackets"),
 }
 

@@ -150,7 +150,8 @@ def one_line(text: str) -> str:
 
 def _section_model(model: Any, section: list[str]) -> Any:
     """Return what says the ranges of a section's keys; the items of a list have none of their own."""
-    within = model.model_fields[section[0]].annotation if section and section[0] in model.model_fields else model
+    tables = getattr(model, "model_fields", {})  # a settings dataclass has no tables within
+    within = tables[section[0]].annotation if section and section[0] in tables else model
     return within if isinstance(within, type) else model
 
 
@@ -162,8 +163,8 @@ def _known_keys(model: Any) -> list[str]:
 def _allowed(model: Any, key: str) -> str:
     """Return the whole range of a key, where its type has one."""
     for interval in _intervals(get_type_hints(model, include_extras=True).get(key)):
-        least = f"above {interval.gt:g}" if interval.gt is not None else f"{interval.ge:g}"
-        most = f"below {interval.lt:g}" if interval.lt is not None else f"{interval.le:g}"
+        least = f"above {interval.gt:.10g}" if interval.gt is not None else f"{interval.ge:.10g}"
+        most = f"below {interval.lt:.10g}" if interval.lt is not None else f"{interval.le:.10g}"
         return f"; allowed is {least} to {most}"
     return ""
 
