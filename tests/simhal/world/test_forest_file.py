@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 from math import cos, radians, sin
 from pathlib import Path
@@ -85,10 +86,15 @@ BEYOND = 1.2 * WORLD_SIZE_M
         (line_with(goal_y_m=1).replace(": 1,", ": 1" + "0" * 5000 + ",", 1), "line 1: not JSON that can be read: "),
         (line_with()[:-1] + ', "noise": 1}', "line 1: 'noise': duplicate key"),
         (line_with(noize=1), "line 1: unknown key 'noize'; did you mean 'noise'?"),
+        (line_with(**{"n\noize": 1}), "line 1: unknown key 'n oize'; did you mean 'noise'?"),
+        (line_with(**{"n" * 1000: 1}), "line 1: unknown key 'nnn"),
         (line_with(forest="3"), "line 1: key 'forest' = '3': "),
         (line_with(forest=-1), "line 1: key 'forest' = -1: "),
         (f"{line_with()}\n{line_with(noise=1.5)}", "line 2: key 'noise' = 1.5: "),
-        (line_with(noise=2**31), "line 1: key 'noise' = 2147483648: "),
+        (
+            line_with(noise=2**31),
+            "line 1: key 'noise' = 2147483648: input should be less than 2147483648; allowed is 0 to below 2147483648",
+        ),
         (line_with(heading_deg=None), "line 1: key 'heading_deg' = None: "),
         (line_with(heading_deg=float("nan")), "line 1: key 'heading_deg' = nan: input should be a finite number"),
         (line_with(heading_deg=-10), "line 1: key 'heading_deg' = -10: "),
@@ -116,6 +122,11 @@ def test_what_cannot_be_used_is_refused_in_one_line_that_says_where(content: str
     assert text.startswith((f"my.jsonl, {said}", f"my.jsonl: {said}"))
     assert "\n" not in text
     assert len(text) < 250
+
+
+def test_brackets_within_brackets_are_refused_at_every_depth() -> None:
+    for depth in range(sys.getrecursionlimit() - 200, sys.getrecursionlimit()):
+        assert "line 1: " in refusal(line_with().replace("2025", "[" * depth + "]" * depth))
 
 
 @pytest.mark.parametrize(("name", "why"), [("forests.jsonl", "No such file"), (".", "Is a directory")])

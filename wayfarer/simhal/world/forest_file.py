@@ -25,7 +25,7 @@ from typing import Annotated
 from annotated_types import Interval
 from pydantic import BaseModel, ConfigDict
 
-from wayfarer.config.messages import shown, validated
+from wayfarer.config.messages import one_line, shown, validated, with_short_keys
 from wayfarer.errors import BadConfig, BadForest
 from wayfarer.simhal.world.forest import Coordinate, Forest, Trunk, check_forest
 from wayfarer.units import Metres
@@ -109,8 +109,8 @@ def from_row(row: Mapping[str, object]) -> Forest:
     """
     try:
         checked = dict(validated(ForestRow, row))
-    except BadConfig as defect:
-        raise BadForest(str(defect)) from None
+    except (BadConfig, RecursionError) as defect:  # RecursionError: hundreds of brackets
+        raise BadForest(one_line(with_short_keys(str(defect)))) from None
     forest = Forest(trunks=checked.pop("trunks_m"), **checked)
     check_forest(forest)
     return forest
