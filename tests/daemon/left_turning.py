@@ -11,11 +11,10 @@ from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 AHEAD = (1.0, 1.0)
 STILL = (0.0, 0.0)
 BUSES = 'buses = "tests.daemon.left_turning:buses"\n'

@@ -11,13 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.simhal.clearing import CLEARING
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.entrapment import Cause, entrapment
 from wayfarer.experiments.trajectory import Trace, TrajectoryPoint, run_traced
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.simhal.world.forest import Forest, Trunk
+from wayfarer.simhal.world.forest import CLEARING, Forest, Trunk
 from wayfarer.simhal.world.shortest_path import is_closed
 
 ROVER = load_rover("sim")

@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.conftest import Run
-from tests.simhal.clearing import CLEARING
 from tests.simhal.mujoco.fields import A_M, B_M, BODY, RADIUS_M, drive, rover_on
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Phase
@@ -21,6 +20,7 @@ from wayfarer.experiments.film.looks import SHELL
 from wayfarer.experiments.film.scenery import Scenery
 from wayfarer.experiments.film.track import EVERY_M, bars_of
 from wayfarer.simhal.world.collision import Obstacle
+from wayfarer.simhal.world.forest import CLEARING
 
 SIM = ("sim", "--physics", "mujoco", "--rover", "forestrover", "--budget-m", "3", "--trial", "0")
 FAST = ("--video-speed", "20")

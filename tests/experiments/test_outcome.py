@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from tests.simhal.clearing import CLEARING, steady_world
+from tests.simhal.clearing import steady_world
 from wayfarer.experiments.outcome import OutcomeMonitor
+from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.world import World
 
 TIP_DEG = 60.0

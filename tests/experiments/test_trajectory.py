@@ -8,14 +8,13 @@ from math import hypot
 
 import pytest
 
-from tests.simhal.clearing import CLEARING
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import UnknownName
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.trajectory import KEPT_EVERY_M, Trace, run_traced
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.simhal.world.forest import Trunk
+from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.generate import generate_forest
 
 SPEC = TrialSpec(0, "forest-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"))

@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from tests.simhal.clearing import CLEARING
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control import sensors, supervisor
 from wayfarer.drivers.pmw3901 import OPEN_S
@@ -15,7 +14,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.rows import OUTCOMES
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.simhal.world.forest import Trunk
+from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.generate import generate_forest
 
 SHORT_M = 30.0

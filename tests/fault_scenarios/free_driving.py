@@ -22,9 +22,9 @@ from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.fault_scenarios.runner import CLEARING
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.grounds import GroundName
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 

@@ -1,17 +1,16 @@
-"""A clearing without trees and trunks, and worlds in it that have no noise and no slips."""
+"""Worlds in a clearing that have no noise and no slips."""
 
 from __future__ import annotations
 
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.forest import CLEARING, Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.skid_steering import SkidSteering
 from wayfarer.simhal.world.wheeled_body import body_of
 from wayfarer.simhal.world.world import World
 
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 STEADY = Physics(steer_noise_rad=0.0, heading_noise_deg=0.0, side_gain_sd=0.0, track_sd=0.0, slip_mean_m=1e9)
 VEHICLE = Vehicle(0.4, 0.4, 0.5, 1.4)
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 
-from tests.simhal.clearing import CLEARING
 from tests.virtual import virtual
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.drivers.cmps14 import CMPS14
@@ -32,7 +31,7 @@ from wayfarer.hal import (
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.parts import SimCompass, SimFlow, SimMotors
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest, Trunk
+from wayfarer.simhal.world.forest import CLEARING, Forest, Trunk
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.simhal.clearing import CLEARING, STEADY, VEHICLE, steady_world
+from tests.simhal.clearing import STEADY, VEHICLE, steady_world
 from tests.virtual import virtual
 from wayfarer.angles import offset_m
 from wayfarer.config.rover_file import RoverConfig
@@ -20,7 +20,7 @@ from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.parts import FIX_ERROR_M, ORIGIN, SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, HeadingSensorModel
-from wayfarer.simhal.world.forest import Trunk
+from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 

@@ -109,7 +109,7 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
     from wayfarer.simhal.build_rover import Depth, bus_depth, missing_package
     from wayfarer.simhal.buses import ChipMisuse, FakeBuses
     from wayfarer.simhal.random_streams import RandomStreams
-    from wayfarer.simhal.world.generate import generate_forest
+    from wayfarer.simhal.world.forest import CLEARING
     from wayfarer.simhal.world.physics import Physics
     from wayfarer.simhal.world.world import World
 
@@ -119,7 +119,7 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
     if why := missing_package(config, Depth.BUS):
         raise MissingPackage(f"{why}; or use --depth device")
     streams = RandomStreams(0)
-    world = World(generate_forest(0, 0, 0), config.vehicle, Physics(), streams)
+    world = World(CLEARING, config.vehicle, Physics(), streams)
     try:
         bus_depth(world, streams, config, lambda: 0.0, FakeBuses())
     except BadConfig as error:

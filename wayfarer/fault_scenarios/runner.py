@@ -26,11 +26,10 @@ from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.injector import NoteFault
 from wayfarer.simhal.faults.kinds import Fault
-from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 BUDGET_M = 1000.0
 
 

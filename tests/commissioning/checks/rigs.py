@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from tests.drivers.benches import now_s
-from tests.simhal.clearing import CLEARING, STEADY, VEHICLE
+from tests.simhal.clearing import STEADY, VEHICLE
 from tests.virtual import run_virtually
 from wayfarer.commissioning.calibrate import Person, Step, calibrate
 from wayfarer.commissioning.checks import Check, Finding, HostEnvironment, Inspection
@@ -41,6 +41,7 @@ from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.parts import SimBumper, SimCompass, SimFlow, SimMotors
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import HeadingSensorModel
+from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.world import World
 
 T_WALL = 1_795_000_000.0  # 18 November 2026

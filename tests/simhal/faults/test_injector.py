@@ -19,7 +19,6 @@ from wayfarer.errors import BadInput, NotResponding, WrongPart
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.first_difference import first_difference
 from wayfarer.fault_scenarios.recorder import RunRecorder
-from wayfarer.fault_scenarios.runner import CLEARING
 from wayfarer.hal import CompassReading
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import FakeBuses
@@ -30,6 +29,7 @@ from wayfarer.simhal.faults.injector import EFFECTS, Injector
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
 from wayfarer.simhal.faults.readings import TamperedPart
 from wayfarer.simhal.faults.wires import FaultyWire
+from wayfarer.simhal.world.forest import CLEARING
 
 # Driving, with all that is read every so often read several times before the fault begins.
 BEGINS_S, LASTS_S, ENDS_S = 3.0, 2.0, 5.5

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from math import hypot
 
-from tests.simhal.clearing import CLEARING, STEADY
+from tests.simhal.clearing import STEADY
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.simhal.mujoco.model import STEP_S
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest, Trunk
+from wayfarer.simhal.world.forest import CLEARING, Forest, Trunk
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, body_of
 

@@ -8,10 +8,11 @@ from math import exp, pi, sqrt
 
 import pytest
 
-from tests.simhal.clearing import CLEARING, STEADY
+from tests.simhal.clearing import STEADY
 from tests.simhal.mujoco.fields import BODY
 from wayfarer.simhal.mujoco.ground import BUMP_M, CELL_M, MUD_CELL_M, MUD_RADIUS_M, Mud, rough_ground
 from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.world.forest import CLEARING
 
 
 def test_rough_ground_has_its_standard_deviation_and_no_steps() -> None:

@@ -9,10 +9,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from tests.simhal.clearing import CLEARING
 from tests.simhal.mujoco.fields import BODY, drive, rover_on, tree_at, trunk_across
 from wayfarer.simhal.mujoco.placing import NoRoom
-from wayfarer.simhal.world.forest import Forest, Trunk
+from wayfarer.simhal.world.forest import CLEARING, Forest, Trunk
 
 HUNG_ON = {
     "a trunk below its middle": trunk_across(12.5, 0.06),

@@ -11,7 +11,6 @@ from random import Random
 
 import pytest
 
-from tests.simhal.clearing import CLEARING
 from tests.simhal.mujoco.fields import BODY, drive, rover_on, speed_m_s, tree_at, trunk_across
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.hal import Side
@@ -22,6 +21,7 @@ from wayfarer.simhal.mujoco.model import Unstable
 from wayfarer.simhal.mujoco.world import LOOK_EVERY, MujocoWorld
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
+from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 TURN = (0.8, -0.8)

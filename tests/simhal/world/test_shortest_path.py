@@ -7,10 +7,9 @@ from math import asin, atan2, hypot, inf, sqrt
 
 import pytest
 
-from tests.simhal.clearing import CLEARING
 from wayfarer.experiments.campaign import read_forest_file
 from wayfarer.simhal.world import shortest_path
-from wayfarer.simhal.world.forest import Trunk
+from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.shortest_path import is_closed, shortest_path_m
 

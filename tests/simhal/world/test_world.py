@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.simhal.clearing import CLEARING, STEADY, VEHICLE
+from tests.simhal.clearing import STEADY, VEHICLE
 from tests.simhal.world.test_collision import body_points, gap_m
 from wayfarer.escape.api import Vehicle
 from wayfarer.experiments.outcome import OutcomeMonitor
@@ -20,7 +20,7 @@ from wayfarer.hal import Side
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.collision import obstacles_of
-from wayfarer.simhal.world.forest import Forest, Trunk
+from wayfarer.simhal.world.forest import CLEARING, Forest, Trunk
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
