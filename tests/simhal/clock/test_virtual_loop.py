@@ -228,6 +228,23 @@ def test_interruption_comes_out_of_a_callback_and_the_loop_can_go_on(
     assert loop.time() == 2.0
 
 
+def test_error_of_an_exception_handler_comes_out_and_nothing_that_was_ready_is_lost(
+    loop: asyncio.AbstractEventLoop,
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("on purpose")
+
+    ran: list[str] = []
+    loop.set_exception_handler(fail)
+    loop.call_soon(fail)
+    loop.call_soon(ran.append, "next")
+    loop.call_soon(loop.stop)
+    with pytest.raises(RuntimeError, match="on purpose"):
+        loop.run_forever()
+    loop.run_forever()
+    assert ran == ["next"]
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
 def test_error_of_the_main_task_comes_out(error: type[BaseException]) -> None:
     @virtual

@@ -170,17 +170,21 @@ class Schedule:
             if not self._ready and not self._jump():
                 return False
             turn, self._ready = self._ready, []
-            for place, what in enumerate(turn):  # without a start, as mypyc knows it
-                try:
-                    what.run()
-                except (SystemExit, KeyboardInterrupt):
-                    self._ready[:0] = turn[place + 1 :]
-                    raise
-                except BaseException as error:
-                    self._fails(what, error)
-                if self._stopping:
-                    self._ready[:0] = turn[place + 1 :]
-                    break
+            begun = 0
+            try:
+                for what in turn:
+                    begun += 1
+                    try:
+                        what.run()
+                    except (SystemExit, KeyboardInterrupt):
+                        raise
+                    except BaseException as error:
+                        self._fails(what, error)
+                    if self._stopping:
+                        break
+            finally:  # also where ``fails`` raises
+                if begun < len(turn):
+                    self._ready[:0] = turn[begun:]
         return True
 
     def _jump(self) -> bool:
