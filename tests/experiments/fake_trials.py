@@ -51,7 +51,7 @@ def early_ones_last(spec: TrialSpec) -> TrialResult:
     return quick(spec)
 
 
-def third_fails(spec: TrialSpec) -> TrialResult:
+def third_fails(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
     if spec.trial == 3:
         raise KeyError("no such\nphase")
     return quick(spec)
