@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from tests.conftest import Run
+from tests.simhal.clearing import CLEARING
 from wayfarer import cli
 from wayfarer.cli import commissioning, terminal
 from wayfarer.cli.status_text import status_text
@@ -35,13 +36,11 @@ from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chip_wiring import ChipWiring
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
 pytestmark = pytest.mark.usefixtures("own_folders")
 
-CLEARING = Forest(0, 0, (25.0, 12.5), 0.0, 50.0, 0.3, 0.25, (), ())
 STATUS: dict[str, Any] = {
     "rover": "minirover", "algorithm": "forest-pledge", "log": "logs/1", "simulated": False, "dry_run": True,
     "mode": "armed", "why_disarmed": None, "held": False, "conditions": [], "motor_faults": [], "battery_v": 12.04,
