@@ -29,6 +29,7 @@ def paths_in(text: str) -> set[str]:
 @pytest.mark.parametrize("page", ["CONTRIBUTING.md", "ARCHITECTURE.md"])
 def test_path_that_a_page_names_is_there(page: str) -> None:
     paths = paths_in(text_of(page))
+    assert paths
     assert {path for path in paths if not any((ROOT / top / path).exists() for top in ("", "wayfarer"))} == set()
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from tests.conftest import Run
+from tests.simhal.clearing import CLEARING
 from wayfarer import cli
 from wayfarer.cli import commissioning, terminal
 from wayfarer.cli.status_text import status_text
@@ -35,7 +36,6 @@ from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chip_wiring import ChipWiring
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 

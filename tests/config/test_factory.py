@@ -78,6 +78,7 @@ def test_driver_of_a_third_party_is_named_by_module_and_attribute(tmp_path: Path
         ("[parts.compass]\ndriver = 3\n", "key 'parts.compass.driver' = 3: input should be a text; it names"),
         (COMPASS + "adress = 0x61\n", "unknown key 'parts.compass.adress'; did you mean 'address'?"),
         (COMPASS + 'address = "0x60"\n', "key 'parts.compass.address' = '0x60': input should be"),
+        (COMPASS + "heading_offset_deg = 181\n", "key 'parts.compass.heading_offset_deg' = 181: input should be less"),
         (MOTORS + "timeout_s = 13\n", "key 'parts.motors.timeout_s' = 13: input should be less than or equal to 12.7"),
         ('[parts.motion]\ndriver = "pmw3901"\nforward = "+x"\nright = "-x"\n', "key 'parts.motion': forward '+x'"),
         ("[parts]\ncompass = 3\n", "key 'parts.compass' = 3: input should be a table"),

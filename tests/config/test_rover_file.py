@@ -85,6 +85,7 @@ right_backward = 4
         (rover_toml(rest="[escape.x]\na = 1"), "unknown key 'escape.x'"),
         (rover_toml(length_m="inf"), "key 'vehicle.length_m' = inf: input should be a finite number; allowed is"),
         (rover_toml(length_m="-1"), "key 'vehicle.length_m' = -1: input should be greater than 0"),
+        (rover_toml(length_m="true"), "key 'vehicle.length_m' = True: input should be a valid number"),
         (rover_toml(length_m='"long"'), "key 'vehicle.length_m' = 'long': input should be a valid number"),
         (rover_toml(rest="[board]\nbattery_low_v = 0"), "key 'board.battery_low_v' = 0: input should be"),
         (rover_toml("declination_deg = 181"), "key 'declination_deg' = 181: input should be less than or equal to 180"),

@@ -138,12 +138,31 @@ async def test_limits_count_from_arming_and_not_while_disarmed() -> None:
     assert bench.controller.end is None
 
 
+async def test_radius_lies_around_the_place_of_each_arming() -> None:
+    bench = await Bench(mission_radius_m=2.0).armed()
+    for _ in range(3):
+        await bench.tick(60)
+        assert bench.end is None
+        bench.controller.disarm(bench.t_s, "asked")
+        await bench.armed()
+    assert bench.handler.seen[-1].travelled_m > 2.0
+
+
 async def test_first_reason_to_end_stands() -> None:
     controller = Bench().controller
     controller.finish("escaped", "out")
     controller.finish("tipped", "over")
     assert controller.end is not None
     assert controller.end.reason == "escaped"
+
+
+async def test_rover_that_goes_to_and_fro_does_not_reach_its_radius() -> None:
+    bench = await Bench(mission_radius_m=1.0).armed()
+    for leg in range(6):
+        bench.handler.wheels = AHEAD if leg % 2 == 0 else WheelCommand(-0.5, -0.5)
+        await bench.tick(30)
+    assert bench.end is None
+    assert bench.handler.seen[-1].travelled_m > 3.0
 
 
 async def test_wheels_that_spin_take_the_rover_no_nearer_to_its_radius() -> None:
@@ -391,6 +410,7 @@ async def test_motors_that_do_not_answer_latch_a_fault_and_disarm() -> None:
     await bench.tick()
     assert bench.log.ticks[-1].applied == STOP
     assert bench.log.named("motors_failed") == [{"error": "bench motors: no answer"}]
+    assert bench.motors.halts == 1, "a command that hangs in the wire may still get through: a stop is right behind it"
     await bench.tick(40)
     assert len(bench.log.named("motors_failed")) == len(bench.log.named("disarmed")) == 1, "told once"
     assert len(bench.log.named("health")) <= 2

@@ -5,15 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import ClassVar
 
+from tests.simhal.clearing import steady_world
 from wayfarer.daemon.stop_motors import stop_motors
-from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import CLEARING
-from wayfarer.simhal.world.physics import Physics
-from wayfarer.simhal.world.world import World
 
 AHEAD = (1.0, 1.0)
 STILL = (0.0, 0.0)
@@ -27,9 +23,7 @@ class Bench:
 
     def reset(self) -> None:
         self.buses = FakeBuses()
-        self.by_i2c, self.by_serial = (
-            World(CLEARING, Vehicle(0.4, 0.4, 0.5, 1.4), Physics(), RandomStreams(0)) for _ in "12"
-        )
+        self.by_i2c, self.by_serial = steady_world(), steady_world()
         thunderborg, sabertooth = ThunderBorgChip(self.by_i2c, self.clock), SabertoothChip(self.by_serial, self.clock)
         self.buses.i2c("/dev/i2c-1").attach(0x15, thunderborg)
         self.buses.serial("/dev/serial0").chip = sabertooth

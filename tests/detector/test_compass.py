@@ -87,6 +87,16 @@ def test_no_jump_is_believed_without_a_stop_and_no_compass_that_is_half_wrong_dr
             assert stopped
 
 
+@pytest.mark.parametrize(
+    "wrong", [{"heading_deg": 360.0}, {"pitch_deg": nan}, {"pitch_deg": -1e9}, {"roll_deg": inf}, {"calibration": 4}]
+)
+def test_reading_that_no_compass_can_give_is_never_believed(wrong: dict[str, Any]) -> None:
+    rover = Rover(watches_motion=False)
+    found = [rover.tick(**wrong).conditions for _ in range(100)]
+    assert rover.detector.compass is None
+    assert found[-1] == (Condition.COMPASS_IMPLAUSIBLE, Condition.COMPASS_LOST)
+
+
 # -- frozen ------------------------------------------------------------------------------------------------------
 
 SLOW_TURN = WheelCommand(0.05, -0.05)  # 11 degrees a second

@@ -279,6 +279,15 @@ async def test_buses_are_closed_at_once_and_none_is_waited_for_beyond_the_time_g
     await asyncio.gather(*pictures)
 
 
+async def test_posted_stop_has_as_long_as_close_is_given(buses: LinuxBuses, smbus: MagicMock) -> None:
+    freed = threading.Event()
+    smbus.return_value.i2c_rdwr.side_effect = lambda *_: freed.wait(LONG_S)
+    buses.i2c("/dev/i2c-1").post(0x15, b"\x0e\0")
+    asyncio.get_running_loop().call_later(2 * CLOSE_WAIT_S, freed.set)
+    await buses.close(LONG_S)
+    assert asked(smbus) == ["", "().i2c_rdwr", "().close"]
+
+
 async def test_camera_may_take_longer_to_start_than_for_a_frame(
     buses: LinuxBuses, picamera: MagicMock, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from tests.drivers.benches import now_s
-from tests.drivers.test_pmw3901_burst import LIMIT_COUNTS_S, NORMAL, STANDING
+from tests.drivers.test_pmw3901_burst import DARK, LIMIT_COUNTS_S, NORMAL, STANDING
 from tests.simhal.chips.bench import Driven
 from tests.virtual import run_virtually, virtual
 from wayfarer.drivers.pmw3901 import PMW3901, Axis, PMW3901Settings
@@ -219,6 +219,14 @@ async def test_reading_is_one_burst_that_does_not_wait_for_motion() -> None:
 
 
 @virtual
+async def test_displacement_in_the_dark_is_unknown() -> None:
+    flow = await opened(Canned(DARK))
+    await flow.read()  # what moved since nobody knows when is unknown anyway
+    await asyncio.sleep(0.05)
+    assert (await flow.read()).quality == 0.0
+
+
+@virtual
 async def test_displacement_is_that_since_the_read_before() -> None:
     sense = Driven((100, -40), (-7, 3))
     flow = await opened(PMW3901Chip(sense, now_s))
@@ -342,7 +350,10 @@ def test_default_scale_is_that_of_the_simulated_part() -> None:
     [
         {"height_m": 0.079},
         {"spi_mode": 1},
+        {"speed_hz": 2_000_001},
+        {"rad_per_count": 0.0},
         {"rad_per_count": float("nan")},
+        {"squal_full": 0},
         {"forward": "+x", "right": "-x"},
     ],
 )

@@ -108,12 +108,15 @@ def test_a_mission_must_fit_beside_what_the_log_leaves_free(
     assert rig.look(system.disk).verdict is verdict
 
 
-def test_a_log_folder_that_cannot_be_written_fails(rig: Rig) -> None:
+def test_a_log_folder_that_cannot_be_written_fails_and_names_the_user(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pwd, "getpwuid", lambda uid: SimpleNamespace(pw_name="rover"))
     rig.host.log_folder.write_text("a file stands in its place", encoding="ascii")
     finding = rig.look(system.disk)
     assert finding.verdict is CheckVerdict.FAIL
     assert "cannot be written" in finding.found
-    assert "sudo chown" in finding.remedy
+    assert "sudo chown rover " in finding.remedy
 
 
 def test_a_log_folder_that_may_not_be_looked_into_fails(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
