@@ -18,7 +18,7 @@ from typing import BinaryIO
 import orjson
 
 from wayfarer import __version__
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments
 from wayfarer.fieldlog.order import Order
@@ -75,10 +75,6 @@ SAID = {
     "headless": ("1 part of the log does not begin with its header", "parts of the log do not begin with their header"),
     "missing": ("1 record is missing", "records are missing"),
 }
-
-
-class NothingReadable(BadInput):
-    """A log holds no record that can be read: it is empty, or all of it is damaged."""
 
 
 class RunReader:

@@ -11,10 +11,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.order import Order
-from wayfarer.fieldlog.reader import LINE_BYTES, NothingReadable, RunReader, log_segments, parse, refuse_newer
+from wayfarer.fieldlog.reader import LINE_BYTES, RunReader, log_segments, parse, refuse_newer
 from wayfarer.fieldlog.schema import Record, is_newer
 
 RECENT_BYTES = 65_536  # where following begins: some seconds back, however long the run is
