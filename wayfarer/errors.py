@@ -6,6 +6,7 @@
     ├── BadInput                  the user gave something that cannot be used (exit code 2)
     │   ├── BadConfig             a configuration file: names file and key
     │   ├── BadForest             a forest file: names file, line and reason
+    │   ├── NothingReadable       a log without a record that can be read
     │   └── UnknownName           no such algorithm, driver or rover: offers the nearest names
     ├── DriverError               a part did not do what was asked
     │   ├── NotResponding         no answer from the part
@@ -46,6 +47,10 @@ class BadConfig(BadInput):
 
 class BadForest(BadInput):
     """A forest that cannot be used; the text names the file, the line and the reason."""
+
+
+class NothingReadable(BadInput):
+    """A log without a record that can be read: it is empty, or all of it is damaged."""
 
 
 class UnknownName(BadInput):

@@ -18,7 +18,7 @@ from typing import BinaryIO
 import orjson
 
 from wayfarer import __version__
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments
 from wayfarer.fieldlog.order import Order
@@ -86,8 +86,8 @@ class RunReader:
         run: a run's folder.
 
     Raises:
-        BadInput: the folder cannot be read, or there is no log in it; at the end of iterating, no record of it can be
-            read; while iterating, a newer wayfarer has written it.
+        BadInput: the folder cannot be read, or there is no log in it; while iterating, a newer wayfarer has written it.
+        NothingReadable: at the end of iterating, there was no record that can be read.
     """
 
     def __init__(self, run: Path) -> None:
@@ -105,7 +105,7 @@ class RunReader:
             yield record
         if empty:
             lost = self.damage if self.damage else "it is empty"
-            raise BadInput(f"{self.run}: nothing in this log can be read ({lost})")
+            raise NothingReadable(f"{self.run}: nothing in this log can be read ({lost})")
 
     def _ordered(self) -> Iterator[Record]:
         """Give the records that are in order."""

@@ -173,8 +173,10 @@ def test_summary_calls_no_log_whole_that_check_does_not(tmp_path: Path, records:
     assert said == f"log        {NO_OUTCOME}"
 
 
-def test_log_of_a_newer_wayfarer_is_refused_in_one_line(tmp_path: Path) -> None:
-    run = write(tmp_path / RUN, [HEADER | {"schema": 99}, *WHOLE[1:]])
+@pytest.mark.parametrize("records", [WHOLE, LONG])
+def test_log_of_a_newer_wayfarer_is_refused_in_one_line(tmp_path: Path, records: list[Record]) -> None:
+    """Also a log of which following reads only the end, where its header is not."""
+    run = write(tmp_path / RUN, [HEADER | {"schema": 99}, *records[1:]])
     with pytest.raises(BadInput, match=r"run\.jsonl: this log has schema 99, wayfarer .* knows up to 2: update"):
         list(RunReader(run))
     tail = RunTail(run)
@@ -204,6 +206,17 @@ def test_following_has_one_order_from_its_first_look_to_its_last(tmp_path: Path)
         looks.append(list(tail.take()))
     tail.close()
     assert looks == [WHOLE[:9], WHOLE[9:12], [], WHOLE[12:]]
+
+
+def test_following_goes_on_after_a_look_that_ended_with_a_time_that_cannot_be(tmp_path: Path) -> None:
+    late = WHOLE[8] | {"t_s": WHOLE[8]["t_s"] + 5000.0}
+    tail = RunTail(write(tmp_path, [*WHOLE[:8], late]))
+    looks = [list(tail.take())]
+    for further in (WHOLE[9:12], WHOLE[12:]):
+        write(tmp_path, further)
+        looks.append(list(tail.take()))
+    tail.close()
+    assert looks == [[*WHOLE[:8], late], [], WHOLE[12:]], "nothing shows yet which time is wrong: one look is lost"
 
 
 @pytest.mark.parametrize(

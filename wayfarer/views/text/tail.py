@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.order import Order
 from wayfarer.fieldlog.reader import LINE_BYTES, RunReader, log_segments, parse, refuse_newer
@@ -103,12 +103,17 @@ class RunTail:
 
     def _first(self) -> Iterator[Record]:
         """Return the record that says what runs, at its place in the log."""
-        with suppress(BadInput):  # nothing can be read yet
+        with suppress(NothingReadable):  # not yet
             yield next(iter(RunReader(self.run)))
 
     def _read(self, file: BinaryIO) -> Iterator[Record]:
         """Give what has come, in order from the first call to the last."""
-        yield from self._order.all_of(self._parsed(file))
+        dropped, given = self._order.dropped, False
+        for record in self._order.all_of(self._parsed(file)):
+            given = True
+            yield record
+        if self._order.dropped > dropped and not given:  # the time of the one before was wrong, not all of theirs
+            self._order.forget_times()
 
     def _parsed(self, file: BinaryIO) -> Iterator[Record]:
         while chunk := file.read(CHUNK_BYTES):
