@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 from tests.conftest import Run
-from tests.simhal.clearing import CLEARING
 from wayfarer import cli
 from wayfarer.cli import commissioning, terminal
 from wayfarer.cli.status_text import status_text
@@ -36,6 +35,7 @@ from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chip_wiring import ChipWiring
 from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
@@ -141,7 +141,6 @@ def test_status_says_the_most_important_first() -> None:
         "minirover armed (dry run)",
         "health    well",
         "doing     Drives straight ahead (forest-pledge), counter 30, stalled",
-        "because   the turn counter C is back at zero",
         "heading   0, goal 20, pitch +2, roll -1",
         "mission   61 s, 12.3 m commanded",
         "battery   12.0 V",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, because, disarmed_text
+from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, disarmed_text
 from wayfarer.fieldlog.wording import marks, whole_deg
 from wayfarer.views.text.colour import painted
 
@@ -21,7 +21,6 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
         (status["rover"], f"{_mode(status)}{_marks(status)}"),
         ("health", _health(status)),
         ("doing", _doing(status)),
-        ("because", _because(status)),
         ("heading", "" if heading is None else _heading(status, heading)),
         ("mission", _mission(status)),
         ("battery", "" if status.get("battery_v") is None else f"{status['battery_v']:.1f} V"),
@@ -52,13 +51,6 @@ def _doing(status: Mapping[str, Any]) -> str:
     counter = f"counter {status.get('counter_deg', 0):.0f}"
     phase = PHASES.get(status["phase"], status["phase"])
     return ", ".join([f"{phase} ({status['algorithm']})", counter, *seen])
-
-
-def _because(status: Mapping[str, Any]) -> str:
-    """Return what began the phase; only its first tick says that."""
-    if status["mode"] != "armed" or status["why"] == status["phase"]:
-        return ""
-    return because(status["why"], status.get("anomalies") or ())
 
 
 def _heading(status: Mapping[str, Any], heading_deg: float) -> str:
