@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import threading
+from importlib import import_module
 from math import inf, nan
 from typing import Any
 
@@ -31,6 +33,31 @@ async def opened(**settings: Any) -> GpioMotors:
 
 def states(board: Any, *pins: int) -> list[float]:
     return [round(board.pin(pin).state, 9) for pin in pins or PINS]
+
+
+def test_devices_that_nobody_closed_are_no_deadlock_for_the_next_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """gpiozero closes them when they are collected, and waits for the lock that claiming pins holds meanwhile."""
+    board_info = import_module("gpiozero.pins").BoardInfo
+    find_pin = board_info.find_pin
+
+    def collects_first(*asked: Any) -> Any:
+        if gc.isenabled():
+            gc.collect()
+        return find_pin(*asked)
+
+    @virtual
+    async def claim() -> None:
+        motors = GpioMotors(GpioMotorsSettings(5, 6, 12, 13), FakeBuses())
+        await motors.open()
+        motors.itself = motors  # type: ignore[attr-defined]  # a cycle: left to the garbage collector
+        del motors
+        monkeypatch.setattr(board_info, "find_pin", collects_first)
+        await opened()
+
+    worker = threading.Thread(target=claim, daemon=True)
+    worker.start()
+    worker.join(10.0)
+    assert not worker.is_alive()
 
 
 @virtual

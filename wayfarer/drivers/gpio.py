@@ -5,6 +5,7 @@ gpiozero is imported when the first pin is claimed. Its pin library (lgpio) come
 
 from __future__ import annotations
 
+import gc
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
@@ -41,9 +42,10 @@ class GpioPart(ABC):
     async def close(self) -> None:
         """Let go of the pins."""
         devices, self._devices = self._devices, {}
-        for device in devices.values():
-            with suppress(Exception):
-                device.close()
+        with _uncollected():
+            for device in devices.values():
+                with suppress(Exception):
+                    device.close()
 
     @abstractmethod
     def _make(self, gpiozero: Any) -> Mapping[Any, Any]:
@@ -57,7 +59,7 @@ class GpioPart(ABC):
                 f"{self.name}: gpiozero is not installed; pip install '.[pi]' in wayfarer's checkout"
             ) from None
         try:
-            with warnings.catch_warnings():
+            with _uncollected(), warnings.catch_warnings():
                 # Two lines for each pin library that is not there; where none is, the error below says so in one.
                 for expected in (gpiozero.PinFactoryFallback, gpiozero.NativePinFactoryFallback):
                     warnings.simplefilter("ignore", expected)
@@ -80,3 +82,19 @@ class GpioPart(ABC):
         except Exception as error:
             reason = " ".join(str(error).split())
             raise NotResponding(f"{self.name}: the pins failed: {reason}; has another program taken them?") from None
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Let nothing be garbage collected while pins are claimed or released.
+
+    gpiozero holds a lock meanwhile. A device that nobody has closed is closed when it is collected, and waits for that
+    lock: for ever, where it is collected in the same thread.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
