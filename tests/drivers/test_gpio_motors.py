@@ -52,7 +52,8 @@ def test_devices_that_nobody_closed_are_no_deadlock_for_the_next_ones(monkeypatc
         motors.itself = motors  # type: ignore[attr-defined]  # a cycle: left to the garbage collector
         del motors
         monkeypatch.setattr(board_info, "find_pin", collects_first)
-        await opened()
+        kept = await opened()
+        await kept.close()
 
     worker = threading.Thread(target=claim, daemon=True)
     worker.start()
