@@ -31,7 +31,7 @@ def free_pins(request: pytest.FixtureRequest) -> Iterator[None]:
     """Each test finds all pins free, whatever the one before left open."""
     yield
     if "board" in request.fixturenames:
-        # gpiozero closes lost devices when they are collected: now, not while another test claims pins, for both take a lock.
+        # gpiozero closes lost devices when they are collected: now, for it takes the lock that claiming pins holds.
         gc.collect()
         request.getfixturevalue("board").reset()
 
