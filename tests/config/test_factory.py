@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from math import radians
 from pathlib import Path
-from unittest.mock import AsyncMock, call
+from types import MappingProxyType
+from unittest.mock import AsyncMock
 
 import pytest
 
@@ -92,16 +93,18 @@ def test_part_that_cannot_be_used_is_told_by_its_key(tmp_path: Path, tables: str
 
 
 async def test_calibrated_metres_are_scaled_and_nothing_else_is() -> None:
-    flow = AsyncMock()
-    flow.name, flow.troubles = "bench flow", {"garbage rejected": 2}
-    flow.read.return_value = MotionReading(3.0, 0.4, -0.2, 0.7, signed=False)
-    scaled = ScaledMotionSensor(flow, 1.25)
+    class Flow:
+        name, troubles = "bench flow", MappingProxyType({"garbage rejected": 2})
+        open, close = AsyncMock(), AsyncMock()
+        read = AsyncMock(return_value=MotionReading(3.0, 0.4, -0.2, 0.7, signed=False))
+
+    scaled = ScaledMotionSensor(Flow(), 1.25)
     assert isinstance(scaled, MotionSensor)
     assert scaled.name == "bench flow", "the calibration is kept under this name"
     await scaled.open()
     assert await scaled.read() == MotionReading(3.0, 0.4 * 1.25, -0.2 * 1.25, 0.7, signed=False)
     await scaled.close()
-    assert flow.mock_calls == [call.open(), call.read(), call.close()]
+    assert [method.await_count for method in (Flow.open, Flow.read, Flow.close)] == [1, 1, 1]
     assert troubles_of(scaled) == {"garbage rejected": 2}
 
 
