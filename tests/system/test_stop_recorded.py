@@ -31,7 +31,7 @@ def as_nobody(site: Site) -> tuple[str, ...]:
     become = ("setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups")
     for python in (sys.executable, "/usr/bin/python3"):  # the tests' own may be in root's home
         program = (*become, python, *WAYFARER[1:])
-        tried = subprocess.run([*program, "--version"], env=site.environment, capture_output=True, check=False)
+        tried = subprocess.run([*program, "run", "--help"], env=site.environment, capture_output=True, check=False)
         if tried.returncode == 0:
             return program
     pytest.skip(f"user {NOBODY} cannot run wayfarer here")

@@ -8,7 +8,7 @@
   // A finger that swipes over a plot scrolls the page, until a tool is chosen by its button.
   if (matchMedia("(pointer: coarse), (max-width: 50rem)").matches) {
     for (const model of plotted._all_models.values()) {
-      if (["BoxZoomTool", "PanTool", "WheelZoomTool"].includes(model.type)) model.active = false;
+      if (model.type === "Toolbar") model.setv({ active_drag: null, active_scroll: null });
     }
   }
 
