@@ -14,6 +14,7 @@ from tests.tiers import (
     pytest_collection_modifyitems,
     pytest_ignore_collect,
     pytest_runtest_protocol,
+    pytest_xdist_auto_num_workers,
     pytest_xdist_make_scheduler,
 )
 from wayfarer import cli
@@ -23,6 +24,7 @@ __all__ = [  # hooks
     "pytest_collection_modifyitems",
     "pytest_ignore_collect",
     "pytest_runtest_protocol",
+    "pytest_xdist_auto_num_workers",
     "pytest_xdist_make_scheduler",
 ]
 

@@ -21,7 +21,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
-from tests.system.subprocesses import HARDWARE_PRIORITY, WAYFARER, WAYFARER_PRIORITY, command, never_late
+from tests.system.subprocesses import HARDWARE_PRIORITY, WAYFARER, WAYFARER_PRIORITY, command, never_late, put_first
 from tests.system.wheel_history import Commands, stop_after
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import SOCKET_NAME
@@ -208,6 +208,7 @@ class Site:
             process = self.launch(*options, program=program)
             wait_for("the daemon sees, or has ended", lambda: self.sees() or self.processes[-1].poll() is not None)
             if process.poll() is None:
+                put_first(process.pid)
                 return process
             if not BUSY.search(self.said()):
                 break
