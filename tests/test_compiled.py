@@ -78,6 +78,19 @@ def test_compiled_class_that_plain_python_inherits_from_says_so() -> None:
     assert compiled["World"], "the test finds nothing"
 
 
+def test_constants_of_compiled_modules_are_final() -> None:
+    found = {
+        f"{name}: {target.id}"
+        for name, tree in trees(compiled=True)
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        for whole in node.targets
+        for target in ast.walk(whole)
+        if isinstance(target, ast.Name) and target.id.isupper() and len(target.id) > 1  # a single letter is a type
+    }
+    assert found == set(), "compiled code looks them up by name at each use; say NAME: Final = value"
+
+
 # -- the build hook ----------------------------------------------------------------------------------------------------
 
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from math import atan2, cos, degrees, hypot, radians, sin
-from typing import Protocol
+from typing import Final, Protocol
 
-METRES_PER_DEG = 111_320.0  # of latitude; the WGS 84 ellipsoid has 110,574 (equator) to 111,694 (poles)
+METRES_PER_DEG: Final = 111_320.0  # of latitude; the WGS 84 ellipsoid has 110,574 (equator) to 111,694 (poles)
 
 
 class Coordinates(Protocol):

@@ -13,7 +13,7 @@ goes on where it was when the hold ends.
 from __future__ import annotations
 
 from enum import Enum
-from typing import Protocol
+from typing import Final, Protocol
 
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.latest import SensorBuffers
@@ -53,10 +53,10 @@ class WheelMotors(Protocol):
 
 
 # Members of an Enum are found slowly through its class, and the tick asks 20 times a second.
-_ARMED = Mode.ARMED
-_FAULT = Level.FAULT
-_RUNAWAY = Condition.RUNAWAY
-_WHEELS_ASTRAY = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
+_ARMED: Final = Mode.ARMED
+_FAULT: Final = Level.FAULT
+_RUNAWAY: Final = Condition.RUNAWAY
+_WHEELS_ASTRAY: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
 
 
 class Controller:

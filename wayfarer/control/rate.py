@@ -5,9 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from functools import partial
+from typing import Final
 
 # What one person asks for with a few quick presses; a script that is out of hand writes 2 records a second.
-ASKED_AT_ONCE, ASKED_HZ = 5, 2.0
+ASKED_AT_ONCE: Final = 5
+ASKED_HZ: Final = 2.0
 
 
 class Rate:

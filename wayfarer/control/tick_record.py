@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Final
 
 from wayfarer.detector.tick import Tick
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 
-STAND = Decision(STOP, Phase.HALT, Phase.HALT.value)
+STAND: Final = Decision(STOP, Phase.HALT, Phase.HALT.value)
 
 
 class TickRecord(Tick):

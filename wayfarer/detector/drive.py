@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import deque
 from math import degrees, hypot, inf, radians
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Vehicle
@@ -20,17 +20,22 @@ from wayfarer.safety.conditions import Condition
 from wayfarer.safety.interval import Interval
 
 # What a window shows: the side that lags behind, or wheels that go the wrong way.
-LEFT, RIGHT, REVERSED = -1, 1, 0
+LEFT: Final = -1
+RIGHT: Final = 1
+REVERSED: Final = 0
 # What a window is of: driving ahead or back, or turning on the spot.
-AHEAD, BACK, CLOCKWISE, ANTICLOCKWISE = 1, -1, 2, -2
+AHEAD: Final = 1
+BACK: Final = -1
+CLOCKWISE: Final = 2
+ANTICLOCKWISE: Final = -2
 
 # Wheels stand about three quarters of the way from the middle of a body to its corners, and its weight is spread
 # evenly: a friction f stops its turning with f g times this, over the diagonal of its outline, in rad/s2.
-TURN_STOP = 0.75 / 2 * 12
+TURN_STOP: Final = 0.75 / 2 * 12
 # One that slides ahead as well has less grip left for that: measured in MuJoCo at a friction of 0.1, it turned on by 20
 # degrees from 40 degrees a second.
-TURNS_ON_S = 0.5
-RATE_TICKS = 2  # over which the turn rate is taken: that of one tick is mostly noise
+TURNS_ON_S: Final = 0.5
+RATE_TICKS: Final = 2  # over which the turn rate is taken: that of one tick is mostly noise
 
 
 class DriveSample:

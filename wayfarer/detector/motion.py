@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import hypot, radians
+from typing import Final
 
 from wayfarer.detector.runaway import RunawayMonitor
 from wayfarer.detector.settings import DetectorSettings
@@ -13,7 +14,7 @@ from wayfarer.safety.conditions import Condition
 from wayfarer.safety.interval import Interval
 
 # Of what was commanded now or just before, for a rover that rolls on: no reading counts for more; a tenth is for noise.
-MOST_SHARE = 1.1
+MOST_SHARE: Final = 1.1
 
 
 class MotionMonitor:

@@ -18,15 +18,16 @@ never still**.
 from __future__ import annotations
 
 from collections import deque
+from typing import Final
 
 from wayfarer.detector.settings import DetectorSettings
 
 # What was possible must be well above what a sensor shows of a body that stands: 4 to 5 standard deviations of a
 # PMW3901's counts over 0.3 s, at three times its noise.
-SEEN_FROM_M = 0.01
+SEEN_FROM_M: Final = 0.01
 # A body that turns so fast through the short window does not stand, and what was its speed ahead has become sideways;
 # one that a trunk turns does so at 67 degrees a second at most (measured in MuJoCo, friction 0.3).
-TURNS_FROM_DEG_S = 70.0
+TURNS_FROM_DEG_S: Final = 70.0
 
 
 class DrivingInterval:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import Final
 
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Anomaly
@@ -10,7 +11,7 @@ from wayfarer.hal import CompassReading
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.debounce import Debounce
 
-_TILTS = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.LEFT_DOWN)
+_TILTS: Final = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.LEFT_DOWN)
 
 
 class TiltMonitor:

@@ -7,17 +7,18 @@ it everywhere. Both look alike, and trying on is no use in either.
 from __future__ import annotations
 
 from math import copysign
+from typing import Final
 
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.interval import Interval
 
 # Of the duty that the gate allows; a Sabertooth knows 127 steps and an undervoltage leaves 0.7 of it.
-FULL_SHARE = 0.65
+FULL_SHARE: Final = 0.65
 # A turn on the spot has next to nothing in common with going ahead.
-AHEAD_SHARE = 0.2
+AHEAD_SHARE: Final = 0.2
 # A body that turned by so much can turn: three times what counts as no turn at all.
-TURNS_DEG = 9.0
+TURNS_DEG: Final = 9.0
 
 
 class TurnabilityMonitor:

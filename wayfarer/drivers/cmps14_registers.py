@@ -6,21 +6,23 @@ They are those of the CMPS14 data sheet, pages 2 to 4. The part has no checksum,
 from __future__ import annotations
 
 from struct import Struct
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from wayfarer.angles import wrap180
 
 # version, bearing, bearing, pitch, roll, magnetometer, accelerometer, gyro, 2 unlisted, pitch, roll, calibration
-_MAP = Struct(">BBHbb3h3h3h2xhhB")
-BLOCK_BYTES = _MAP.size  # from register 0x00 on
-SILENT_LINE = (0x00, 0xFF)  # what a line reads that nothing drives; no firmware has either number
-_PITCH16_SINCE = 5  # earlier firmware has no 16-bit pitch at 0x1A: published drivers agree, the data sheet is silent
+_MAP: Final = Struct(">BBHbb3h3h3h2xhhB")
+BLOCK_BYTES: Final = _MAP.size  # from register 0x00 on
+SILENT_LINE: Final = (0x00, 0xFF)  # what a line reads that nothing drives; no firmware has either number
+_PITCH16_SINCE: Final = (
+    5  # earlier ones have no 16-bit pitch at 0x1A: published drivers agree, the data sheet is silent
+)
 # Whether the 8-bit values are rounded or cut off is not documented: they may be one of their own steps away.
-_BEARING_APART_DEG = 360 / 256 + 0.1
-_TILT_APART_DEG = 1.5
-_ROLL8_ENDS_DEG = 89.0  # the 8-bit roll is documented for +-90 only, the 16-bit one for +-180
+_BEARING_APART_DEG: Final = 360 / 256 + 0.1
+_TILT_APART_DEG: Final = 1.5
+_ROLL8_ENDS_DEG: Final = 89.0  # the 8-bit roll is documented for +-90 only, the 16-bit one for +-180
 
-_CORRUPTED = "bytes shifted or swapped on the bus; lower i2c_arm_baudrate in config.txt, use shorter wires"
+_CORRUPTED: Final = "bytes shifted or swapped on the bus; lower i2c_arm_baudrate in config.txt, use shorter wires"
 
 
 class CalibrationLevels(NamedTuple):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from struct import Struct
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-_BURST = Struct("<BBhhBxxxBB")  # motion, observation, dx, dy, SQUAL, raw sum, maximum and minimum, shutter
-MOTION_BIT = 0x80
-SQUAL_DARK, SHUTTER_UPPER_DARK = 0x19, 0x1F  # too little texture at the longest exposure: data sheet 7.2
-FRAME_S = 0.00826  # how often it looks (hardware.md 2.1)
+_BURST: Final = Struct("<BBhhBxxxBB")  # motion, observation, dx, dy, SQUAL, raw sum, maximum and minimum, shutter
+MOTION_BIT: Final = 0x80
+SQUAL_DARK: Final = 0x19  # too little texture at the longest exposure: data sheet 7.2
+SHUTTER_UPPER_DARK: Final = 0x1F
+FRAME_S: Final = 0.00826  # how often it looks (hardware.md 2.1)
 
 
 class Burst(NamedTuple):

@@ -7,16 +7,17 @@ its own word on whether the rover is stuck, and gets None while its planner may 
 from __future__ import annotations
 
 from math import inf, isfinite
+from typing import Final
 
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase, Vehicle
 from wayfarer.hal import STOP
 from wayfarer.units import Metres, Seconds
 
 # What the wheels did in a longer time between two calls nobody knows; as ``SafetySettings.tick_late_s``.
-GAP_MAX_S = 0.2
-NO_HEADING = Decision(STOP, Phase.HALT, "no_heading")
+GAP_MAX_S: Final = 0.2
+NO_HEADING: Final = Decision(STOP, Phase.HALT, "no_heading")
 
-_STUCK = (Anomaly.IMMOBILISED,)
+_STUCK: Final = (Anomaly.IMMOBILISED,)
 
 
 class FailSafe:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from random import Random
+from typing import Final
 
 from mypy_extensions import mypyc_attr
 
@@ -19,14 +20,14 @@ from wayfarer.escape.turn_control import TurnController
 
 # After this many blocked turns in a row they alternate between the sides, beginning with the other one: a body that is
 # wedged can still turn back the way it came, and repeating what does not work is how mowers dig themselves in.
-BLOCKED_TURNS_BEFORE_ALTERNATING = 2
+BLOCKED_TURNS_BEFORE_ALTERNATING: Final = 2
 # Shares of the back-off distance, by the number of blocked turns: between two trunks a body turns best in the middle.
-BACK_OFF_SHARES = (1.0, 0.5, 0.25)
+BACK_OFF_SHARES: Final = (1.0, 0.5, 0.25)
 
 # Blocked turns are forgotten after following the goal freely for so long: that is another place.
-FREE_RUN_M = 1.0
+FREE_RUN_M: Final = 1.0
 # A counter beyond this is forgotten (field catalogue, fault 59).
-COUNTER_MAX_DEG = 1080.0
+COUNTER_MAX_DEG: Final = 1080.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import degrees, inf, radians
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from wayfarer.angles import wrap180
 from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Phase
@@ -16,10 +16,10 @@ from wayfarer.hal import Side, WheelCommand
 
 # A manoeuvre may take this much longer, in time and in distance, than its plan before it counts as failed: lag, mud
 # and turn slip are part of a normal day. The constant second covers the start from standstill.
-SLACK = 3.0
-SLACK_S = 1.0
+SLACK: Final = 3.0
+SLACK_S: Final = 1.0
 # Whatever the plan: reversing may be blocked behind as well, unnoticed (field catalogue, fault 58).
-BACK_OFF_MAX_S = 3.0
+BACK_OFF_MAX_S: Final = 3.0
 
 
 @dataclass(slots=True)
@@ -96,8 +96,8 @@ def _ahead(observation: Observation) -> bool:
     return observation.anomalies != _ONLY_TOUCHED
 
 
-_BEHIND = (Side.REAR,)
-_ONLY_TOUCHED = (Anomaly.TOUCHED,)
+_BEHIND: Final = (Side.REAR,)
+_ONLY_TOUCHED: Final = (Anomaly.TOUCHED,)
 
 
 class Follow(Manoeuvre):

@@ -9,23 +9,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from random import Random
 from statistics import NormalDist
+from typing import Final
 
 from wayfarer.angles import axis_offset_deg, wrap180
 from wayfarer.escape.api import EscapeSettings, Observation
 from wayfarer.hal import Side
 
-CLOCKWISE = 1
-COUNTER_CLOCKWISE = -1
+CLOCKWISE: Final = 1
+COUNTER_CLOCKWISE: Final = -1
 
 TurnSide = Callable[[Observation, EscapeSettings, Random], int]
 TurnAngle = Callable[[Observation, EscapeSettings, Random], float]
 StrideLength = Callable[[EscapeSettings, Random], float]
 
 # The released simulator draws Lévy(0, 1) in its pixels of 0.05 m.
-LEVY_STRIDE_SCALE_M = 0.05
+LEVY_STRIDE_SCALE_M: Final = 0.05
 # Lévy-Pledge draws its angle from Lévy(0, 1) in degrees (paper, table I).
-LEVY_TURN_SCALE_DEG = 1.0
-_NORMAL = NormalDist()
+LEVY_TURN_SCALE_DEG: Final = 1.0
+_NORMAL: Final = NormalDist()
 
 
 def clockwise(_observation: Observation, _settings: EscapeSettings, _rng: Random) -> int:

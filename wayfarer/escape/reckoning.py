@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from math import exp
+from typing import Final
 
 from wayfarer.angles import displacement_m
 from wayfarer.escape.api import Anomaly, Observation, Phase
 
 # The stall detector needs so long to be sure (DetectorSettings.immobilised_s): what was commanded then was not driven.
-STALL_S = 0.3
+STALL_S: Final = 0.3
 
 
 class Reckoning:
@@ -42,7 +43,7 @@ class Reckoning:
 
 
 # The ground's own slope is what the pitch has been for about so long; a stall is found in a third of it.
-SETTLE_S = 1.0
+SETTLE_S: Final = 1.0
 
 
 class PitchBaseline:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import copysign, cos, degrees, radians
+from typing import Final
 
 from wayfarer.escape.api import EscapeSettings
 from wayfarer.escape.turn_control import TurnController
@@ -10,7 +11,7 @@ from wayfarer.hal import WheelCommand
 
 # Bound of the integral, in rad s: with the default gain it adds at most 17 degrees a second. It learns unequal sides,
 # and must not wind up while something holds the rover.
-INTEGRAL_MAX_RAD_S = 1.5
+INTEGRAL_MAX_RAD_S: Final = 1.5
 
 
 class HeadingHold:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from math import inf
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from wayfarer.escape.manoeuvres import EscapePlan
 
@@ -47,8 +47,8 @@ class Tactic(Protocol):
         """Change the plan for this anomaly."""
 
 
-FREE_RUN_M = 0.9  # commanded since the last anomaly
-BACK_OFF_SHARE = 0.67  # 0.1 m with the measures of the paper's simulator
+FREE_RUN_M: Final = 0.9  # commanded since the last anomaly
+BACK_OFF_SHARE: Final = 0.67  # 0.1 m with the measures of the paper's simulator
 
 
 class PlanScaling:
@@ -68,7 +68,7 @@ class PlanScaling:
 
 # A rover that pushes onto a trunk for the 0.3 s of a stall raises its nose by some 8 degrees; a compass's own noise is
 # far below a degree.
-NOSE_UP_DEG = 3.0
+NOSE_UP_DEG: Final = 3.0
 
 
 def on_the_way(context: AnomalyContext) -> bool:
@@ -108,11 +108,11 @@ class RetryAhead:
 
 # An anomaly is the same as another one in a cell of 1 m and an octant of heading; three of a kind among the last 80 are
 # a loop, and strict Pledge is to lead out of it for 30 (the field survey's design).
-CELL_M = 1.0
-OCTANT_DEG = 45.0
-REMEMBERED = 80
-LOOP = 3
-STRICT = 30
+CELL_M: Final = 1.0
+OCTANT_DEG: Final = 45.0
+REMEMBERED: Final = 80
+LOOP: Final = 3
+STRICT: Final = 30
 
 
 class LoopGuard:

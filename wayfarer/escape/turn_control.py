@@ -9,35 +9,40 @@ Mandow 2007). It is learnt while the body turns, and only then: a body that a tr
 from __future__ import annotations
 
 from math import degrees
+from typing import Final
 
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import WheelCommand
 
 # A body follows its wheels with about this lag (``simhal.Physics``: 0.1 s; ForestRover's mass and motors: 0.12 s).
-LAG_S = 0.1
+LAG_S: Final = 0.1
 # Rates and duties are averaged alike before they are compared, so that the noise of a compass (1 degree, 20 readings a
 # second) counts for 4 degrees a second.
-AVERAGE_S = 0.2
+AVERAGE_S: Final = 0.2
 # A heading that is behind is caught up with at this share of it a second: slow beside lag and tick together.
-CATCH_UP_PER_S = 4.0
+CATCH_UP_PER_S: Final = 4.0
 # For how long a heading that fell behind is remembered: what was not caught up with by then was held.
-FORGET_S = 1.5
+FORGET_S: Final = 1.5
 # Faster than it was told by so much, a body that was held has come free: twice the noise of the latest rate.
-FREE_SHARE, FREE_DEG_S = 1.2, 30.0
+FREE_SHARE: Final = 1.2
+FREE_DEG_S: Final = 30.0
 # A body that is held says nothing of the ground: one that turns at less than this, or this share of what it is told.
-LEARN_FROM_DEG_S, LEARN_FROM_SHARE = 10.0, 0.25
-LEARN_S = 0.5
-DEAD_ZONE_MAX = 0.9
+LEARN_FROM_DEG_S: Final = 10.0
+LEARN_FROM_SHARE: Final = 0.25
+LEARN_S: Final = 0.5
+DEAD_ZONE_MAX: Final = 0.9
 # Up to this rate the dead zone is made up for in proportion: a noisy compass must not throw the wheels about.
-FULL_COMPENSATION_DEG_S = 20.0
+FULL_COMPENSATION_DEG_S: Final = 20.0
 # No wheels turn a body further in a tick than full duty on ideal ground, and so much for noise: then somebody turned it
 # while it was held, and the clock of the logic was paused.
-STRANGE_DEG = 10.0
+STRANGE_DEG: Final = 10.0
 # Duty is not given for long where it turns nothing. The heading must come on by so much to count as moved: three
 # times the noise of a compass. Field catalogue, faults 29 and 58, allow 3 s, and noise may look like a move once.
-MOVED_DEG, GIVE_UP_AFTER_S = 3.0, 1.5
+MOVED_DEG: Final = 3.0
+GIVE_UP_AFTER_S: Final = 1.5
 # Of the duty, for feedback in a curve; and what is left for going ahead on ground on which the body hardly turns.
-RESERVE_DUTY, LEAST_DUTY = 0.1, 0.1
+RESERVE_DUTY: Final = 0.1
+LEAST_DUTY: Final = 0.1
 
 
 class TurnController:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import inf
-from typing import Literal
+from typing import Final, Literal
 
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
@@ -21,7 +21,7 @@ ENDINGS: Mapping[Outcome, str] = {
 
 # A rover that is pinned covers no distance; its budget then runs out in time: four times what the whole path budget
 # takes at the cruising speed of the abstract forest, 1 m/s.
-TIME_PER_BUDGET_S_PER_M = 4.0
+TIME_PER_BUDGET_S_PER_M: Final = 4.0
 
 
 class OutcomeMonitor:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import Final
 
 from wayfarer.angles import circular_mean, wrap180
 from wayfarer.hal import CompassReading
 from wayfarer.safety.settings import SafetySettings
 
 # The compass gets this many settling times to come to rest before arming is refused.
-PATIENCE = 10.0
+PATIENCE: Final = 10.0
 
 
 class Arming:

@@ -7,14 +7,17 @@ gives one every few seconds; an anomaly that never clears, a storm of them, or a
 
 from __future__ import annotations
 
+from typing import Final
+
 from wayfarer.hal import MotionReading
 from wayfarer.safety.interval import Interval
 from wayfarer.safety.settings import EntrapmentSettings
 
 # A reading counts for no more than this share of what was commanded ahead, and the largest of so many not at all: what
 # else they say may be garbage, or rolling on.
-MOST_SHARE, ONE_OF = 0.5, 5
-ROUNDING_S = 1e-6  # sums of periods fall a rounding error short
+MOST_SHARE: Final = 0.5
+ONE_OF: Final = 5
+ROUNDING_S: Final = 1e-6  # sums of periods fall a rounding error short
 
 
 class EntrapmentMonitor:

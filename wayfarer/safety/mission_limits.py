@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot, inf, isfinite
+from typing import Final
 
 from wayfarer.angles import displacement_m, offset_m
 from wayfarer.hal import PositionFix
 from wayfarer.safety.settings import SafetySettings
 
-FIX_FRESH_S = 3.0  # an older fix does not count (field catalogue, fault 56)
-FIXES_BEYOND = 5  # fixes in a row, so that one that jumps ends nothing
+FIX_FRESH_S: Final = 3.0  # an older fix does not count (field catalogue, fault 56)
+FIXES_BEYOND: Final = 5  # fixes in a row, so that one that jumps ends nothing
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,13 +10,14 @@ itself (field catalogue, faults 23 and 30). Twice, because a stop may have come 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 from wayfarer.hal import MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.debounce import Debounce
 from wayfarer.safety.settings import BoardSettings
 
-SAME_DUTY = 0.01  # a step of the coarsest board known, a Sabertooth's 1/127, and a bit
+SAME_DUTY: Final = 0.01  # a step of the coarsest board known, a Sabertooth's 1/127, and a bit
 
 
 class MotorBoardMonitor:

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import inf
+from typing import Final
 
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.interval import Interval
 
-LONG_HOLD_S = 1.0  # nobody steps up to a rover that stops for less
-FREE_S = 0.5  # wheels that turn for less, between two holds, do not drive off: the rover still stands
+LONG_HOLD_S: Final = 1.0  # nobody steps up to a rover that stops for less
+FREE_S: Final = 0.5  # wheels that turn for less, between two holds, do not drive off: the rover still stands
 
 
 class ResumeWarning:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from wayfarer.config.registry import BUILT_IN_DRIVERS, installed_points, load_path
 from wayfarer.config.rover_file import part_settings
@@ -18,7 +18,7 @@ from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
-CHIP_GROUP = "wayfarer.chips"
+CHIP_GROUP: Final = "wayfarer.chips"
 
 # Built-in chips, by the driver's name in a rover file.
 BUILT_IN_CHIPS: Mapping[str, str] = {
@@ -29,7 +29,7 @@ BUILT_IN_CHIPS: Mapping[str, str] = {
     "thunderborg": "wayfarer.simhal.built_in_chips:THUNDERBORG",
     "thunderborg_light": "wayfarer.simhal.built_in_chips:ON_THE_MOTOR_BOARD",
 }
-_NAMES = {path: name for name, path in BUILT_IN_DRIVERS.items()}
+_NAMES: Final = {path: name for name, path in BUILT_IN_DRIVERS.items()}
 
 
 class MotorBoard(Protocol):

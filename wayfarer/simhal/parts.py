@@ -7,6 +7,7 @@ sides of a bumper, wheels in the steps of a motor board. None knows more of the 
 from __future__ import annotations
 
 from asyncio import get_running_loop, sleep
+from typing import Final
 
 from mypy_extensions import mypyc_attr
 
@@ -16,10 +17,10 @@ from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
-FLOW_QUALITY = 0.8
-DEADMAN_S = 0.3  # as forestrover.toml sets its Sabertooth's
-FIX_ERROR_M = 3.0  # standard deviation of each axis under trees; from no source
-ORIGIN = PositionFix(0.0, 51.0, 0.0, FIX_ERROR_M)  # the forest's corner; nothing depends on where it is
+FLOW_QUALITY: Final = 0.8
+DEADMAN_S: Final = 0.3  # as forestrover.toml sets its Sabertooth's
+FIX_ERROR_M: Final = 3.0  # standard deviation of each axis under trees; from no source
+ORIGIN: Final = PositionFix(0.0, 51.0, 0.0, FIX_ERROR_M)  # the forest's corner; nothing depends on where it is
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -50,19 +51,19 @@ class SimCompass(SimPart):
 
     def __init__(self, world: SimulatedWorld, streams: RandomStreams, opens_s: float = 0.0) -> None:
         super().__init__(world)
-        self._sample = HeadingSensorModel(world, streams).sample
+        self._sensor = HeadingSensorModel(world, streams)
         self._opens_s = opens_s
 
     async def open(self) -> None:
         """Take the clock, one sample, as a real one is asked who it is, and the time that starting up takes."""
         await super().open()
-        self._sample(self._time())
+        self._sensor.sample(self._time())
         await sleep(self._opens_s)
 
     async def read(self) -> CompassReading:
         """Return heading and tilt now."""
         t_s = self._time()
-        heading, pitch, roll = self._sample(t_s)
+        heading, pitch, roll = self._sensor.sample(t_s)
         return CompassReading(t_s, heading / 10.0, pitch / 10.0, roll / 10.0, 3)
 
 
@@ -76,7 +77,7 @@ class SimFlow(SimPart):
         self, world: SimulatedWorld, streams: RandomStreams, m_per_count: float = FLOW_M_PER_COUNT, opens_s: float = 0.0
     ) -> None:
         super().__init__(world)
-        self._sample = FlowSensorModel(world, streams, m_per_count).sample
+        self._sensor = FlowSensorModel(world, streams, m_per_count)
         self._m_per_count = m_per_count
         self._opens_s = opens_s
 
@@ -89,7 +90,7 @@ class SimFlow(SimPart):
     async def read(self) -> MotionReading:
         """Return the displacement since the previous read."""
         t_s = self._time()
-        forward, right = self._sample(t_s)
+        forward, right = self._sensor.sample(t_s)
         quality, self._quality = self._quality, FLOW_QUALITY
         return MotionReading(t_s, forward * self._m_per_count, right * self._m_per_count, quality)
 

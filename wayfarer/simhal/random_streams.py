@@ -8,15 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from itertools import chain
 from random import Random
+from typing import Final
 from zlib import crc32
 
 from numpy.random import PCG64, Generator, SeedSequence
 
 # Drawn at once: a normal number costs 0.1 µs from a block and 0.6 µs by itself.
-BLOCK = 256
+BLOCK: Final = 256
 
 
-SENSES = frozenset({"compass.heading", "compass.tilt", "flow"})
+SENSES: Final = frozenset({"compass.heading", "compass.tilt", "flow"})
 
 
 class RandomStreams:

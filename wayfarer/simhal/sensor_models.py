@@ -6,6 +6,7 @@ A sense is sampled once for each reading that a driver takes, so both depths dra
 from __future__ import annotations
 
 from math import degrees
+from typing import Final
 
 from mypy_extensions import mypyc_attr
 
@@ -13,8 +14,8 @@ from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 # PMW3901 at 0.1 m above ground: 0.213 mm a count (hardware.md 8.2).
-FLOW_M_PER_COUNT = 0.00213195 * 0.1
-TENTHS_PER_RAD = degrees(10.0)
+FLOW_M_PER_COUNT: Final = 0.00213195 * 0.1
+TENTHS_PER_RAD: Final = degrees(10.0)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -31,11 +32,12 @@ class HeadingSensorModel:
         """Return heading in 0..3599, pitch (nose up) and roll (right side down), all in tenths of a degree."""
         world, tilt_noise_tenths = self._world, self._tilt_noise_tenths
         world.advance_to(t_s)
+        heading_rad, pitch_deg, roll_deg = world.attitude()
         off_deg = world.field_deg + self._bias_deg
         return (
-            round(world.heading_rad * TENTHS_PER_RAD + off_deg * 10.0 + self._noise_tenths()) % 3600,
-            round((world.pitch_deg + world.ground_pitch_deg + world.bump_deg) * 10.0 + tilt_noise_tenths()),
-            (round((world.roll_deg + world.ground_roll_deg) * 10.0 + tilt_noise_tenths()) + 1800) % 3600 - 1800,
+            round(heading_rad * TENTHS_PER_RAD + off_deg * 10.0 + self._noise_tenths()) % 3600,
+            round(pitch_deg * 10.0 + tilt_noise_tenths()),
+            (round(roll_deg * 10.0 + tilt_noise_tenths()) + 1800) % 3600 - 1800,
         )
 
 

@@ -9,32 +9,37 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import cos, radians, sin
 from struct import Struct
+from typing import Final
 
 from mypy_extensions import mypyc_attr
 
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.sensor_models import HeadingSensorModel
 
-ADDRESS = 0x60
-FIRMWARE = 7  # seen on parts that are sold
-CALIBRATED = 0b11_00_11_11  # system 3, gyro 0 as on real parts, accelerometer 3, magnetometer 3
+ADDRESS: Final = 0x60
+FIRMWARE: Final = 7  # seen on parts that are sold
+CALIBRATED: Final = 0b11_00_11_11  # system 3, gyro 0 as on real parts, accelerometer 3, magnetometer 3
 
-_MAP = Struct(">BBHbb3h3h3h2xhhB")  # registers 0x00 to 0x1E
-_COMMAND = 0x00
-_REMEMBERED = 20
-_MEASURED = range(0x01, 0x1E)  # all but the firmware and the calibration
-_PITCH16_SINCE = 5
+_MAP: Final = Struct(">BBHbb3h3h3h2xhhB")  # registers 0x00 to 0x1E
+_COMMAND: Final = 0x00
+_REMEMBERED: Final = 20
+_MEASURED: Final = range(0x01, 0x1E)  # all but the firmware and the calibration
+_PITCH16_SINCE: Final = 5
 
-_CONFIGURE, _ADDRESS = b"\x98\x95\x99", b"\xa0\xaa\xa5"  # each followed by an argument
-_STORE, _ERASE = b"\xf0\xf5\xf6", b"\xe0\xe5\xe2"
-_SEQUENCES = (_CONFIGURE, _ADDRESS, _STORE, _ERASE)
-_GAP_S, _ERASE_S = 0.02, 0.3
-_CONFIG_OFF = 0x80
-_CONFIG_UNDEFINED = 0x68
-_ADDRESSES = range(0xC0, 0xD0, 2)  # as 8-bit addresses
+_CONFIGURE: Final = b"\x98\x95\x99"  # each followed by an argument
+_ADDRESS: Final = b"\xa0\xaa\xa5"
+_STORE: Final = b"\xf0\xf5\xf6"
+_ERASE: Final = b"\xe0\xe5\xe2"
+_SEQUENCES: Final = (_CONFIGURE, _ADDRESS, _STORE, _ERASE)
+_GAP_S: Final = 0.02
+_ERASE_S: Final = 0.3
+_CONFIG_OFF: Final = 0x80
+_CONFIG_UNDEFINED: Final = 0x68
+_ADDRESSES: Final = range(0xC0, 0xD0, 2)  # as 8-bit addresses
 
-_COUNTS_PER_G = 1000  # one of two published scales; the data sheet gives none
-_FIELD_LEVEL, _FIELD_DOWN = 200, 450  # counts; the field dips by 66 degrees, as in central Europe
+_COUNTS_PER_G: Final = 1000  # one of two published scales; the data sheet gives none
+_FIELD_LEVEL: Final = 200  # counts; the field dips by 66 degrees, as in central Europe
+_FIELD_DOWN: Final = 450
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -14,24 +14,31 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from struct import Struct, pack
 from types import MappingProxyType
+from typing import Final
 
 from mypy_extensions import mypyc_attr
 
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.sensor_models import FlowSensorModel
 
-BANK, RESET, OBSERVATION, BURST, ORIENTATION = 0x7F, 0x3A, 0x15, 0x16, 0x5B
-MOTION = range(0x02, 0x07)  # motion byte, then both displacements, low byte first
-PICTURE = range(0x07, 0x0D)  # SQUAL, raw sum, maximum and minimum, shutter lower and upper
-BURST_LENGTH = 13
-_BURST = Struct("<BBhh6B")  # what follows the first byte of one
-WAKE_S = 0.001  # the data sheet's least wait after a reset
-TWO_FRAMES_S = 0.015
-SQUAL_KNEE = 0x19  # below a knee it reports no motion at all (PX4 #28632); where, is not told: the data sheet's "dark"
-_REMEMBERED_WRITES = 200  # an opening writes some 90
-RAW_SUM, RAW_MAX, RAW_MIN = 0x55, 0xA0, 0x1E  # of an ordinary picture
+BANK: Final = 0x7F
+RESET: Final = 0x3A
+OBSERVATION: Final = 0x15
+BURST: Final = 0x16
+ORIENTATION: Final = 0x5B
+MOTION: Final = range(0x02, 0x07)  # motion byte, then both displacements, low byte first
+PICTURE: Final = range(0x07, 0x0D)  # SQUAL, raw sum, maximum and minimum, shutter lower and upper
+BURST_LENGTH: Final = 13
+_BURST: Final = Struct("<BBhh6B")  # what follows the first byte of one
+WAKE_S: Final = 0.001  # the data sheet's least wait after a reset
+TWO_FRAMES_S: Final = 0.015
+SQUAL_KNEE: Final = 0x19  # below a knee it reports no motion (PX4 #28632); where, is not told: the data sheet's "dark"
+_REMEMBERED_WRITES: Final = 200  # an opening writes some 90
+RAW_SUM: Final = 0x55  # of an ordinary picture
+RAW_MAX: Final = 0xA0
+RAW_MIN: Final = 0x1E
 
-WRITABLE = {
+WRITABLE: Final = {
     bank: bytes.fromhex(registers)
     for bank, registers in {
         0x00: "15 3A 40 44 45 4A 4B 4D 4E 50 51 54 55 5A 5B 61 64 65 74 75",
@@ -49,7 +56,7 @@ WRITABLE = {
         0x15: "48",
     }.items()
 }
-READABLE = {
+READABLE: Final = {
     **WRITABLE,
     0x00: WRITABLE[0x00] + bytes.fromhex("00 01 02 03 04 05 06 07 08 09 0A 0B 0C 16 5F"),
     0x0E: WRITABLE[0x0E] + bytes.fromhex("47 67 73"),

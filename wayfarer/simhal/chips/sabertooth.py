@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import inf
-from typing import Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 from mypy_extensions import mypyc_attr
 
@@ -16,16 +16,21 @@ from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.motor_board import MotorBoardChip
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
-ADDRESS = 128
-FULL_LEVEL = 127.0  # the level that is duty 1 in the world
+ADDRESS: Final = 128
+FULL_LEVEL: Final = 127.0  # the level that is duty 1 in the world
 
-_PACKET_BYTES = 4
-_ADDRESS_BIT = 0x80  # set in the first byte of a packet, and in that one only
-_CENTRE = 64  # of a 7-bit command: 0 is full back, 127 full forward
+_PACKET_BYTES: Final = 4
+_ADDRESS_BIT: Final = 0x80  # set in the first byte of a packet, and in that one only
+_CENTRE: Final = 64  # of a 7-bit command: 0 is full back, 127 full forward
 
-_MINIMUM_VOLTAGE, _MAXIMUM_VOLTAGE, _SERIAL_TIMEOUT, _BAUD, _RAMPING, _DEADBAND = 2, 3, 14, 15, 16, 17
+_MINIMUM_VOLTAGE: Final = 2
+_MAXIMUM_VOLTAGE: Final = 3
+_SERIAL_TIMEOUT: Final = 14
+_BAUD: Final = 15
+_RAMPING: Final = 16
+_DEADBAND: Final = 17
 # Pages 18 and 19. The user's guide gives no end for the maximum voltage and the timeout.
-_SETTINGS = {
+_SETTINGS: Final = {
     _MINIMUM_VOLTAGE: range(121),
     _MAXIMUM_VOLTAGE: range(128),
     _SERIAL_TIMEOUT: range(128),
@@ -33,8 +38,8 @@ _SETTINGS = {
     _RAMPING: range(1, 81),
     _DEADBAND: range(128),
 }
-_PERSISTENT = {_BAUD, _RAMPING, _DEADBAND}
-_TIMEOUT_UNIT_S = 0.1
+_PERSISTENT: Final = {_BAUD, _RAMPING, _DEADBAND}
+_TIMEOUT_UNIT_S: Final = 0.1
 
 
 class _Move(NamedTuple):
@@ -59,7 +64,7 @@ def _both_ways(data: int) -> float:
     return off * FULL_LEVEL / (_CENTRE if off < 0 else 127 - _CENTRE)
 
 
-_MOVES = {
+_MOVES: Final = {
     0: _Move(False, 0, _ahead),
     1: _Move(False, 0, _back),
     4: _Move(False, 1, _ahead),

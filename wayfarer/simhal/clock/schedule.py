@@ -9,7 +9,6 @@ from __future__ import annotations
 from asyncio import CancelledError
 from collections.abc import Callable, Generator
 from contextvars import Context
-from heapq import heappop, heappush
 from math import inf
 from typing import Any
 
@@ -17,9 +16,10 @@ from mypy_extensions import mypyc_attr
 
 
 class Scheduled:
-    """Something to run at its turn, or not, if it is cancelled before."""
+    """Something to run at its turn, or not, if it is cancelled before. ``when_s`` is the time of a timer."""
 
     is_cancelled = False
+    when_s = 0.0
 
     def run(self) -> None:
         """Do it."""
@@ -123,8 +123,7 @@ class Schedule:
         self._fails = fails
         self._now_s = 0.0
         self._ready: list[Scheduled] = []
-        self._timers: list[tuple[float, int, Scheduled]] = []
-        self._made = 0
+        self._timers: list[Scheduled] = []  # by time, and where that is equal by creation
         self._stopping = False
 
     def time(self) -> float:
@@ -141,14 +140,17 @@ class Schedule:
 
     def at(self, when_s: float, what: Scheduled) -> None:
         """Run it at a time; at once, but never earlier than now, where that is past."""
-        self._made += 1  # no two entries of the heap may compare equal
-        heappush(self._timers, (when_s, self._made, what))
+        what.when_s = when_s
+        timers = self._timers
+        place = len(timers)
+        while place and timers[place - 1].when_s > when_s:  # few are later: a heap would cost more
+            place -= 1
+        timers.insert(place, what)
 
     def wake_at(self, when_s: float) -> WakeUp:
         """Return what a task awaits at once, to be woken at a time."""
-        self._made += 1
         wake_up = WakeUp(self)
-        heappush(self._timers, (when_s, self._made, wake_up))
+        self.at(when_s, wake_up)
         return wake_up
 
     def clear(self) -> None:
@@ -190,14 +192,14 @@ class Schedule:
     def _jump(self) -> bool:
         """Move the clock to the next timer and make all of that moment ready, in order of creation; False without."""
         timers = self._timers
-        while timers and timers[0][2].is_cancelled:
-            heappop(timers)
-        if not timers or timers[0][0] == inf:
+        while timers and timers[0].is_cancelled:
+            timers.pop(0)
+        if not timers or timers[0].when_s == inf:
             return False
-        now_s = timers[0][0]
+        now_s = timers[0].when_s
         self._now_s = max(now_s, self._now_s)
-        while timers and timers[0][0] <= now_s:
-            what = heappop(timers)[2]
+        while timers and timers[0].when_s <= now_s:
+            what = timers.pop(0)
             if not what.is_cancelled:
                 self._ready.append(what)
         return True

@@ -95,10 +95,9 @@ class MujocoWorld:
 
     # -- what the parts and the outcome monitor see --------------------------------------------------------------------
 
-    @property
-    def bump_deg(self) -> float:
-        """Nothing: ``pitch_deg`` is that of the body, whatever is under it."""
-        return 0.0
+    def attitude(self) -> tuple[float, float, float]:
+        """Return heading (radians), pitch and roll (degrees): of the body, whatever is under it, and of gravity."""
+        return self.heading_rad, self.pitch_deg + self.ground_pitch_deg, self.roll_deg + self.ground_roll_deg
 
     @property
     def forward_m(self) -> float:

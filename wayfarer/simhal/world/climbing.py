@@ -7,6 +7,7 @@ branches"): it turns over, or the branch is under its belly and its wheels are o
 from __future__ import annotations
 
 from math import asin, atan, degrees, radians, sin
+from typing import Final
 
 from wayfarer.config.chassis import AT_A_BRANCH, STANDARD_GRAVITY_M_S2, Chassis
 from wayfarer.escape.api import Vehicle
@@ -15,7 +16,7 @@ from wayfarer.simhal.world.collision import BodyOutline, Obstacle, ObstacleGrid,
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 
-CELL_M = 0.5  # of the map of what is underfoot
+CELL_M: Final = 0.5  # of the map of what is underfoot
 
 
 class Climbing:

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from itertools import product
 from math import atan2, ceil, degrees, hypot
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from wayfarer.simhal.world.forest import Forest, Trunk
 
-CELL_M = 2.0
+CELL_M: Final = 2.0
 
 Span = tuple[float, float]  # part of a line, as shares of its length; (0, 0) is nothing
 
@@ -151,11 +151,12 @@ class ObstacleGrid:
         """List the obstacle in every cell that it may be near to: those near to points a cell apart along it."""
         x0, y0, x1, y1, radius_m, _ = obstacle
         cell_m = self._cell_m
-        count = max(ceil(hypot(x1 - x0, y1 - y0) / cell_m), 1)
+        count = ceil(hypot(x1 - x0, y1 - y0) / cell_m)
         reach_m = radius_m + self._near_m + cell_m / 2
         cells: set[tuple[int, int]] = set()
         for point in range(count + 1):
-            x, y = x0 + (x1 - x0) * point / count, y0 + (y1 - y0) * point / count
+            share = point / count if count else 0.0
+            x, y = x0 + (x1 - x0) * share, y0 + (y1 - y0) * share
             columns = range(int((x - reach_m) // cell_m), int((x + reach_m) // cell_m) + 1)
             rows = range(int((y - reach_m) // cell_m), int((y + reach_m) // cell_m) + 1)
             cells.update(product(columns, rows))

@@ -8,6 +8,7 @@ sensor.
 from __future__ import annotations
 
 from math import cos, sin
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +17,10 @@ from wayfarer.drivers.buses import Frame
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
-TILE_PX = 512  # a power of two, so that wrapping is a mask
-GREY_MEAN, GREY_SD = 110.0, 35.0
-NOISE_SD = 2.0
+TILE_PX: Final = 512  # a power of two, so that wrapping is a mask
+GREY_MEAN: Final = 110.0
+GREY_SD: Final = 35.0
+NOISE_SD: Final = 2.0
 
 
 class GroundCamera:

@@ -8,17 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import atan2, degrees
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from wayfarer.hal import Side
 from wayfarer.simhal.world.collision import Obstacle
 from wayfarer.simhal.world.physics import Physics
 
 # A task that wakes on the grid of steps may read a clock that is a rounding error short of it.
-ROUNDING_S = 1e-9
-FULL_BATTERY_V = 12.6  # three lithium cells, charged
+ROUNDING_S: Final = 1e-9
+FULL_BATTERY_V: Final = 12.6  # three lithium cells, charged
 # Contacts within this angle of straight ahead are head-on.
-HEAD_ON_DEG = 10.0
+HEAD_ON_DEG: Final = 10.0
 
 
 class Touch(NamedTuple):
@@ -49,7 +49,7 @@ class BodyFaults:
         return left * self.left_gain, right * self.right_gain
 
 
-NO_BODY_FAULTS = BodyFaults()
+NO_BODY_FAULTS: Final = BodyFaults()
 
 
 class SimulatedWorld(Protocol):
@@ -85,9 +85,11 @@ class SimulatedWorld(Protocol):
     body_faults: BodyFaults
     commanded: tuple[float, float]
 
-    @property
-    def bump_deg(self) -> float:
-        """Pitch from what passes under the body, where ``pitch_deg`` leaves it out; degrees, nose up."""
+    def attitude(self) -> tuple[float, float, float]:
+        """Return heading in radians, pitch and roll in degrees, as a perfect sensor on the body measures them.
+
+        Pitch and roll are those of the body and of the ground together, and of what passes under the body.
+        """
 
     @property
     def forward_m(self) -> float:

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from math import hypot
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from wayfarer.config.chassis import ON_WHEELS, Chassis
 from wayfarer.errors import BadConfig
 from wayfarer.escape.api import Vehicle
 
 # From no source, chosen to be plain; none of them decides where a closed form of the tests lies.
-TYRE_WIDTH_PER_RADIUS = 0.9
-WHEEL_SHARE_OF_WEIGHT = 0.03  # each; the rest is spread evenly over the body
+TYRE_WIDTH_PER_RADIUS: Final = 0.9
+WHEEL_SHARE_OF_WEIGHT: Final = 0.03  # each; the rest is spread evenly over the body
 # What each motor's rotor adds to the inertia, as if this share of the weight were at the rim of its wheel: 0.6 kg for
 # ForestRover. A rotor of 5e-6 kg m2 behind a gear of 1 to 27 would be 0.9 kg there.
-ROTOR_SHARE_OF_WEIGHT = 0.1
-ROLLING_RESISTANCE = 0.05  # of the load: small tyres on firm soil; on leaf litter up to twice that
+ROTOR_SHARE_OF_WEIGHT: Final = 0.1
+ROLLING_RESISTANCE: Final = 0.05  # of the load: small tyres on firm soil; on leaf litter up to twice that
 # Where a file gives no ground clearance, as that of the abstract rover: ForestRover's 41 mm over its 65 mm.
-CLEARANCE_PER_RADIUS = 0.041 / 0.065
+CLEARANCE_PER_RADIUS: Final = 0.041 / 0.065
 
 
 class WheelGeometry(NamedTuple):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, copysign, cos, degrees, exp, hypot, inf, radians, sin, sqrt
+from typing import Final
 
 from mypy_extensions import mypyc_attr
 
@@ -32,19 +33,20 @@ from wayfarer.simhal.world.simulated_world import (
 from wayfarer.simhal.world.skid_steering import SkidSteering
 
 # No move is tested in pieces longer than this, so that nothing is jumped over: half a trunk, half a right angle.
-PIECE_M = 0.1
-PIECE_RAD = 0.4
+PIECE_M: Final = 0.1
+PIECE_RAD: Final = 0.4
 # How far beyond the body's own reach obstacles are looked for: clearance up to there is known, and used up before it is
 # measured again.
-SEEN_BEYOND_BODY_M = 1.2
+SEEN_BEYOND_BODY_M: Final = 1.2
 # The same where branches lie close to each other, and the cells of their map: changes the speed only.
-CLUTTER_BEYOND_BODY_M, CLUTTER_CELL_M = 0.3, 0.5
+CLUTTER_BEYOND_BODY_M: Final = 0.3
+CLUTTER_CELL_M: Final = 0.5
 # A blocked move is halved this often to find where it touches: 2 mm of 0.1 m.
-HALVINGS = 5
+HALVINGS: Final = 5
 # Below this a move is none: it takes no noise.
-STILL_M = 1e-6
+STILL_M: Final = 1e-6
 # Less pitch than this is level.
-LEVEL_DEG = 0.01
+LEVEL_DEG: Final = 0.01
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -158,12 +160,12 @@ class World:
         share = 1.0 if self._hit(near, dx, dy, 0.0) is None else self._free_share(near, dx, dy, 0.0)
         self.carry_to(self.x_m + dx * share, self.y_m + dy * share, degrees(self.heading_rad))
 
-    @property
-    def bump_deg(self) -> float:
-        """Pitch from the low branches that the body is on, degrees, nose up."""
-        if self._underfoot is None:
-            return 0.0
-        return self._underfoot.pitch_deg(self.x_m, self.y_m, sin(self.heading_rad), cos(self.heading_rad))
+    def attitude(self) -> tuple[float, float, float]:
+        """Return heading (radians), pitch and roll (degrees): of the body, the ground and the low branches under it."""
+        heading_rad, pitch_deg = self.heading_rad, self.pitch_deg + self.ground_pitch_deg
+        if self._underfoot is not None:
+            pitch_deg += self._underfoot.pitch_deg(self.x_m, self.y_m, sin(heading_rad), cos(heading_rad))
+        return heading_rad, pitch_deg, self.roll_deg + self.ground_roll_deg
 
     def set_faults(self, **body_faults: float | bool) -> None:
         """Change what is wrong with the body, from the next step on."""
