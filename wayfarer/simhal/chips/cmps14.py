@@ -26,7 +26,7 @@ _REMEMBERED: Final = 20
 _MEASURED: Final = range(0x01, 0x1E)  # all but the firmware and the calibration
 _PITCH16_SINCE: Final = 5
 
-_CONFIGURE: Final = b"\x98\x95\x99"  # each followed by an argument
+_CONFIGURE: Final = b"\x98\x95\x99"  # an argument follows it, and the next one
 _ADDRESS: Final = b"\xa0\xaa\xa5"
 _STORE: Final = b"\xf0\xf5\xf6"
 _ERASE: Final = b"\xe0\xe5\xe2"
