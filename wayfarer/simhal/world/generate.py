@@ -43,7 +43,7 @@ Draw = Callable[[float, float], float]  # a uniform number between two others
 
 
 DIVIDED = Box(6.375, 5.5, 44.875, 44.0)  # 38.5 m square
-CLEARING = Box(20.733, 11.773, 30.517, 13.857)  # free of centre lines, so that the start is free of trunks
+START_AREA = Box(20.733, 11.773, 30.517, 13.857)  # free of centre lines, so that the start is free of trunks
 
 
 def generate_forest(layout: int, noise: int, seed: int, trees_per_ha: float = TREES_PER_HA) -> Forest:
@@ -76,10 +76,10 @@ def draw_from(seed: int, *key: int) -> Draw:
 
 
 def _fallen_trunks(draw: Draw) -> Iterator[Trunk]:
-    """Yield what is left of each branch without its gap, the clearing and all outside the square."""
+    """Yield what is left of each branch without its gap, the area of the start and all outside the square."""
     for branch, gap in _branches(DIVIDED, draw):
         spans = [span_inside(branch[:4], DIVIDED)]
-        for hole in (gap, span_inside(branch[:4], CLEARING)):
+        for hole in (gap, span_inside(branch[:4], START_AREA)):
             spans = [part for span in spans for part in _without(span, hole)]
         pieces = [_piece(branch, span) for span in spans]
         yield from (piece for piece in pieces if piece.length_m >= SHORTEST_PIECE_M)
