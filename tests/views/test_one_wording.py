@@ -45,10 +45,11 @@ def live_page(*records: Record) -> str:
 
 def foxglove(*records: Record) -> str:
     pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
-    from wayfarer.views.foxglove.notes import note
+    from wayfarer.views.foxglove.notes import KINDS, notes
 
     fold = RunFold()
-    told = [message for record in records for each in fold.take(record) if (message := note(each))]
+    happened = [each for record in records for each in fold.take(record) if isinstance(each, KINDS)]
+    told = [message for each in happened for message in notes(each)]
     return told[-1].text
 
 
@@ -61,3 +62,9 @@ def csv(*records: Record) -> str:
 def test_every_view_tells_a_new_key_and_a_new_event(view: Callable[..., str]) -> None:
     assert view(HEADER, TICK, NEW_KEY) == "Armed: drives towards 12 degrees, moon full"
     assert view(HEADER, TICK, NEW_EVENT) == "moon rose: height 12 degrees"
+
+
+@pytest.mark.parametrize("view", [console, live_page, foxglove])
+def test_every_view_tells_missing_records_and_ticks(view: Callable[..., str]) -> None:
+    assert view(HEADER, {**TICK, "n": 1}, {**tick(0.55), "n": 5}) == "3 records are missing"
+    assert view(HEADER, TICK, tick(9.0)) == "no ticks for 8.5 s"

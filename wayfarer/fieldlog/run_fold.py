@@ -11,7 +11,7 @@ from math import isnan
 
 from wayfarer.escape.api import Phase
 from wayfarer.escape.phases import PhaseEvent
-from wayfarer.fieldlog.dead_reckoning import QUALITY_MIN, DeadReckoning
+from wayfarer.fieldlog.dead_reckoning import GAP_S, QUALITY_MIN, DeadReckoning
 from wayfarer.fieldlog.episodes import EpisodeTracker
 from wayfarer.fieldlog.fields import name, seconds_since, table, whole
 from wayfarer.fieldlog.header import Header
@@ -34,6 +34,7 @@ from wayfarer.fieldlog.run_events import (
     Released,
     RunBegan,
     SensorFailed,
+    Silence,
 )
 from wayfarer.fieldlog.run_state import LowBattery, RunState
 from wayfarer.fieldlog.schema import Record
@@ -92,7 +93,7 @@ class RunFold:
 
     def _gap(self, elapsed_s: float, t_s: float, missing: int) -> Gap:
         state = self.state
-        state.gaps += 1
+        state.stretch += 1
         state.missing += missing
         self._unbroken = False
         self._reckoning.interrupted()
@@ -127,7 +128,7 @@ class RunFold:
             self._reckon(tick)
         self._count_time(tick, before)
         self._count_mission(tick)
-        told: Events = [tick]
+        told: Events = [*self._silence(tick, before), tick]
         if tick.phase != before.phase:
             state.recoveries += tick.phase == BACK_OFF
             told.append(PhaseChanged(elapsed_s, tick.t_s, tick.phase))
@@ -142,6 +143,12 @@ class RunFold:
         begun = self._episodes.take(tick, before)
         state.episodes += len(begun)
         return told + begun
+
+    def _silence(self, tick: Tick, before: Tick) -> Events:
+        if not tick.t_s - before.t_s > GAP_S:  # nor is there one before the first tick, where it is NaN
+            return []
+        self.state.stretch += 1
+        return [Silence(tick.elapsed_s, tick.t_s, before.elapsed_s)]
 
     def _reckon(self, tick: Tick) -> None:
         state, reckoning = self.state, self._reckoning
@@ -213,14 +220,17 @@ class RunFold:
 
     def _position(self, elapsed_s: float, record: Record) -> Events:
         self._sensor("position").take(record)
-        fix = Fix.of(elapsed_s, record)
+        fix, before = Fix.of(elapsed_s, record), self.state.fix
         if fix is None:
             return []
+        if before is not None:
+            fix.period_s = fix.t_s - before.t_s
         self.state.fix, self.state.first_fix = fix, self.state.first_fix or fix
         return [fix]
 
     def _board(self, elapsed_s: float, record: Record) -> Events:
         state, before, board = self.state, self.state.board, Board.of(elapsed_s, record)
+        board.period_s = board.t_s - before.t_s
         state.board = board
         told: Events = [board]
         if board.faults != before.faults:

@@ -15,7 +15,7 @@ from typing import Any
 from wayfarer.fieldlog.fields import ABSURD, local_time
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.printable import clean
-from wayfarer.fieldlog.run_events import Ended, FaultInjected, event_name
+from wayfarer.fieldlog.run_events import Ended, FaultInjected, Silence, event_name
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix
 from wayfarer.fieldlog.vocabulary import CAUSES, PARTS, disarmed_text, level_text
@@ -92,6 +92,11 @@ def fault_text(fault: FaultInjected) -> str:
     what = " ".join(filter(None, [fault.target, fault.kind])) or "?"
     lasting = "" if fault.for_s is None or not fault.begins else f" for {fault.for_s:g} s"
     return ", ".join([f"a fault {'begins' if fault.begins else 'ends'}: {what}{lasting}", *told])
+
+
+def silence_text(silence: Silence) -> str:
+    """Say for how long no control tick came."""
+    return f"no ticks for {silence.for_s:.1f} s"
 
 
 def sentence(clause: str) -> str:

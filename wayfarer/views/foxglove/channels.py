@@ -21,11 +21,11 @@ from foxglove.messages import (
 )
 
 from wayfarer.fieldlog.header import Header
-from wayfarer.fieldlog.run_events import BY_NAME, AnomalyBegan, Ended, FaultInjected, Noted, RunBegan
+from wayfarer.fieldlog.run_events import Ended, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, RunEvent, Tick, Truth
-from wayfarer.views.foxglove.notes import note
+from wayfarer.views.foxglove.notes import KINDS, notes
 from wayfarer.views.foxglove.path import DrawnPath
 from wayfarer.views.foxglove.plots import PLOTS, Plot
 from wayfarer.views.foxglove.scene import (
@@ -113,8 +113,8 @@ class Channels:
 
     def _add_log(self, context: Context) -> None:
         channel = LogChannel("/log", context=context)
-        for kind in (RunBegan, AnomalyBegan, Noted, *BY_NAME.values(), FaultInjected, Ended):
-            self._rows[kind].append((channel, _line))
+        for kind in KINDS:
+            self._rows[kind].append((channel, _lines))
 
     def _add_scene(self, context: Context) -> None:
         self._rows[Tick].append((FrameTransformChannel("/pose", context=context), _pose))
@@ -163,8 +163,8 @@ def _values(plot: Plot, view: RunEvent, _at: MessageTime) -> Iterator[bytes]:
         yield orjson.dumps(message)
 
 
-def _line(event: RunEvent, at: MessageTime) -> Iterator[Log]:
-    if (told := note(event)) is not None:
+def _lines(event: RunEvent, at: MessageTime) -> Iterator[Log]:
+    for told in notes(event):
         yield Log(timestamp=at.stamp, level=told.level, name=told.name, message=told.text)
 
 

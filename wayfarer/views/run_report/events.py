@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
 from math import radians
 from typing import Any, NamedTuple
 
 from wayfarer.fieldlog.run_events import Marked, Noted
 from wayfarer.fieldlog.vocabulary import ANOMALIES
-from wayfarer.fieldlog.wording import Tone, event_text, event_tone
+from wayfarer.fieldlog.wording import Tone, event_text, event_tone, silence_text
 from wayfarer.views import palette
 from wayfarer.views.page.html import Layer
-from wayfarer.views.run_report.data import GAP_S, RunData
+from wayfarer.views.run_report.data import RunData
 
 LAYERS = (
     Layer("anomaly", "anomalies", palette.ANOMALY),
@@ -67,10 +66,8 @@ def _events(data: RunData) -> Iterator[Happening]:
 
 
 def _silences(data: RunData) -> Iterator[Happening]:
-    """Yield the times from which nothing was logged of the control loop."""
-    for before_s, t_s in pairwise(data.ticks["t_s"].tolist()):
-        if t_s - before_s > GAP_S:
-            yield Happening(before_s, "trouble", f"no ticks for {t_s - before_s:.0f} s")
+    for silence in data.silences:
+        yield Happening(silence.began_s, "trouble", silence_text(silence))
 
 
 def told(event: Noted) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from wayfarer.views import palette
 from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.series import Line, at_ticks, beside_ticks
+from wayfarer.views.run_report.series import Line, at_ticks, breaks, broken
 
 BOARD_SILENT_S = 10.0  # a board is asked each second or so
 EVEN_S = 1e-4  # a loop whose periods differ by less runs on virtual time
@@ -57,16 +57,11 @@ def _duty(data: RunData) -> Line | None:
     return at_ticks(data.ticks, duty) if duty.any() else None
 
 
-def _measured(data: RunData) -> Line | None:
-    line = beside_ticks(data.ticks, data.ticks["t_s"], data.ticks["measured_m_s"], 1.0)
-    return line if line[0].size else None
-
-
 def _battery(data: RunData) -> Line | None:
-    if not data.batteries:
+    told = data.batteries
+    if not told["t_s"].size:
         return None
-    t_s, battery_v = np.array(data.batteries).T
-    return beside_ticks(data.ticks, t_s, battery_v, BOARD_SILENT_S)
+    return broken(told["t_s"], told["battery_v"], breaks(told) | (told["period_s"][1:] > BOARD_SILENT_S))
 
 
 def _period(data: RunData) -> Line | None:
@@ -106,7 +101,7 @@ PANELS = (
     Panel(
         "speed", "m/s", 2,
         (Quantity("commanded", _commanded, palette.GREY, {"line_width": 3, "line_alpha": 0.6}),
-         Quantity("measured", _measured)),
+         Quantity("measured", _tick("measured_m_s"))),
     ),
     Panel("duty", "", 2, (Quantity("duty", _duty),)),
     Panel(

@@ -13,7 +13,7 @@ from wayfarer.escape.api import Anomaly
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.episodes import EpisodeBegan
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.fieldlog.run_events import AnomalyBegan, Noted
+from wayfarer.fieldlog.run_events import AnomalyBegan, Noted, Silence
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick, Truth, or_nan
 from wayfarer.views.run_report.data import LEVELS, PHASES, Columns, MapFix, RunData
@@ -38,6 +38,7 @@ TICK: Mapping[str, Callable[[Tick], float | None]] = {
     "east_m": lambda tick: tick.place.east_m if tick.place else nan,
 }
 TRUTH = ("t_s", "x_m", "y_m", "phase", "stretch")
+BATTERY = ("t_s", "battery_v", "period_s", "stretch")
 
 
 def read_run(run: Path) -> RunData:
@@ -47,7 +48,7 @@ def read_run(run: Path) -> RunData:
         BadInput: there is no log in it, or nothing of it can be read.
     """
     reader, fold, summariser = RunReader(run), RunFold(), RunSummariser()
-    data, ticks, truths = RunData(), array("d"), array("d")
+    data, ticks, truths, batteries = RunData(), array("d"), array("d"), array("d")
     for record in reader:
         events = fold.take(record)
         summariser.take(events)
@@ -55,15 +56,18 @@ def read_run(run: Path) -> RunData:
             match event:
                 case Tick():
                     ticks.extend(or_nan(column(event)) for column in TICK.values())
-                    ticks.append(fold.state.gaps)
+                    ticks.append(fold.state.stretch)
                 case Truth():
                     phase = or_nan(PHASE_INDEX.get(fold.state.tick.phase or ""))
-                    truths.extend((event.elapsed_s, event.x_m, event.y_m, phase, fold.state.gaps))
+                    truths.extend((event.elapsed_s, event.x_m, event.y_m, phase, fold.state.stretch))
+                case Board(battery_v=battery_v) if battery_v is not None:
+                    batteries.extend((event.elapsed_s, battery_v, event.period_s, fold.state.stretch))
                 case _:
                     _keep(event, fold.state.place, data)
     state = fold.state
     data.header, data.summary, data.damage = state.header.record, summariser.summary(state), reader.damage
     data.ticks, data.truth = _columns([*TICK, "stretch"], ticks), _columns(TRUTH, truths)
+    data.batteries = _columns(BATTERY, batteries)
     data.sensors = {name: each for name, each in sorted(state.sensors.items()) if each.readings or each.failures}
     for sensor in data.sensors.values():
         sensor.fell_silent(state.t_s)
@@ -72,12 +76,12 @@ def read_run(run: Path) -> RunData:
 
 def _keep(event: RunEvent, place: ReckonedPose | None, data: RunData) -> None:
     match event:
-        case Board(battery_v=battery_v) if battery_v is not None:
-            data.batteries.append((event.elapsed_s, battery_v))
         case AnomalyBegan(kind=kind) if kind in ANOMALIES:
             data.onsets.append(event)
         case Noted():
             data.events.append(event)
+        case Silence():
+            data.silences.append(event)
         case Fix():
             here_m = (place.north_m, place.east_m) if place else (nan, nan)
             where = event.latitude_deg, event.longitude_deg, or_nan(event.error_m)

@@ -11,7 +11,6 @@ import numpy as np
 
 from wayfarer.angles import Coordinates, coordinates_deg
 from wayfarer.errors import BadForest
-from wayfarer.fieldlog.fields import number
 from wayfarer.simhal.parts import ORIGIN
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.forest_file import from_row
@@ -94,17 +93,12 @@ class Track:
         return Track(self.data, way._replace(east_m=east_m, north_m=north_m))
 
     def goals(self) -> Iterator[tuple[Point, float]]:
-        """Yield where the rover took a goal, and its heading in degrees on this map; a log may begin after that."""
+        """Yield where the rover took a goal, and its heading in degrees on this map."""
         turned_deg = self.fit.turned_deg if self.fit and self.reckoned is None else 0.0
-        told = [event for event in self.data.events if event.name in ("armed", "goal")]
-        for event in told:
-            goal_deg, place_m = number(event.record, "goal_heading_deg"), self.way.at(event.elapsed_s)
-            if goal_deg is not None and not isnan(sum(place_m)):
+        for t_s, goal_deg in self.data.goals:
+            place_m = self.way.at(t_s)
+            if not isnan(sum(place_m)):
                 yield place_m, goal_deg + turned_deg
-        goals_deg = self.data.ticks["goal_heading_deg"]
-        goals_deg = goals_deg[~np.isnan(goals_deg)]
-        if not told and goals_deg.size and self.way.t_s.size:
-            yield (float(self.way.east_m[0]), float(self.way.north_m[0])), float(goals_deg[0]) + turned_deg
 
 
 def track_of(data: RunData, *, origin: Coordinates | None = None) -> Track:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from html import escape
+from itertools import groupby
 from math import isnan
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from wayfarer.fieldlog.fields import span
 from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.wording import whole_deg
 from wayfarer.views.page import html
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.track import Track
@@ -36,8 +38,8 @@ TRUE = (
 FIXES = "Small crosses: what the receiver said; thin circles: its error."
 FOREST = "Brown: fallen trunks; green dots: trees; green line: goal line."
 GAPS = (
-    "White diamonds: records are missing there. Nobody knows how the rover moved meanwhile; the way goes on where it "
-    "broke off."
+    "White diamonds: records are missing there, or no ticks came for a while. Nobody knows how the rover moved "
+    "meanwhile; the way goes on where it broke off."
 )
 SAME_SETTINGS = "Nothing: both runs had the same rover file."
 
@@ -59,10 +61,8 @@ def facts(data: RunData, folder: str) -> Iterator[tuple[str, str]]:
 
 
 def _goal(data: RunData) -> str:
-    goals_deg = data.ticks["goal_heading_deg"]
-    whole_deg = np.round(goals_deg[~np.isnan(goals_deg)]) % 360.0
-    changes_deg = whole_deg[np.append(True, np.diff(whole_deg) != 0)[: whole_deg.size]]
-    return ", then ".join(f"{goal_deg:.0f}°" for goal_deg in changes_deg[-LAST_GOALS:]) or "none"
+    goals = [goal for goal, _ in groupby(f"{whole_deg(goal_deg)}°" for _, goal_deg in data.goals)]
+    return ", then ".join(goals[-LAST_GOALS:]) or "none"
 
 
 def number_of(run: Path) -> str:
