@@ -140,13 +140,13 @@ class Board(RunEvent):
 class Fix(RunEvent):
     """A position from the receiver; ``error_m`` is horizontal, None where it is unknown.
 
-    The fold adds ``period_s``, the seconds since the position before; NaN for the first one.
+    The fold adds ``period_s``, the seconds since the position before; None for the first one.
     """
 
     latitude_deg: float
     longitude_deg: float
     error_m: float | None
-    period_s: float = nan
+    period_s: float | None = None
 
     @classmethod
     def of(cls, elapsed_s: float, record: Record) -> Fix | None:
