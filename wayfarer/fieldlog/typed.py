@@ -117,9 +117,21 @@ class Tick(RunEvent):
         )  # fmt: skip
 
     @property
+    def further(self) -> dict[str, Any]:
+        """Return what the record says under other keys: new ones, and what a third party's algorithm remembers."""
+        return {key: value for key, value in self.record.items() if key not in _TICK_KEYS and value is not None}
+
+    @property
     def duty(self) -> float | None:
         """Return the larger duty of the two sides, None where neither is known."""
         return max((abs(duty) for duty in (self.applied_left, self.applied_right) if duty is not None), default=None)
+
+
+_TICK_KEYS = frozenset(
+    ("record", "t_s", "t_wall", "decision_t_s", "compass", "motion", "contact", "heading_deg", "anomalies",
+     "travelled_m", "phase", "why", "applied_left", "applied_right", "level", "cause",
+     *(name for name, each in vars(Tick).items() if isinstance(each, Key | Remembered)))
+)  # fmt: skip
 
 
 @dataclass(slots=True)

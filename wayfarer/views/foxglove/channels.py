@@ -27,7 +27,7 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, RunEvent, Tick, Truth
 from wayfarer.views.foxglove.notes import KINDS, notes
 from wayfarer.views.foxglove.path import DrawnPath
-from wayfarer.views.foxglove.plots import PLOTS, Plot
+from wayfarer.views.foxglove.plots import FURTHER, PLOTS, Plot
 from wayfarer.views.foxglove.scene import (
     ROVER,
     TRUTH,
@@ -110,6 +110,7 @@ class Channels:
         for topic, plot in PLOTS.items():
             channel = Channel(topic, schema=plot.schema(topic), context=context)
             self._rows[plot.view].append((channel, partial(_values, plot)))
+        self._rows[Tick].append((Channel("/further", schema=dict(FURTHER), context=context), _further))
 
     def _add_log(self, context: Context) -> None:
         channel = LogChannel("/log", context=context)
@@ -161,6 +162,11 @@ def _moment(time_s: float) -> MessageTime:
 def _values(plot: Plot, view: RunEvent, _at: MessageTime) -> Iterator[bytes]:
     if message := plot.message(view):
         yield orjson.dumps(message)
+
+
+def _further(tick: Tick, _at: MessageTime) -> Iterator[bytes]:
+    if tick.further:
+        yield orjson.dumps(tick.further)
 
 
 def _lines(event: RunEvent, at: MessageTime) -> Iterator[Log]:

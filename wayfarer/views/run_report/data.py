@@ -45,15 +45,17 @@ class RunData:
     """Everything of one run that its report shows.
 
     ``ticks`` has a column for each name in ``reading.TICK``: ``phase`` counts in ``PHASES``, ``level`` is
-    ``conditions.Level``, ``period_s`` is NaN where records are missing since the tick before. ``truth`` is where a
-    simulated rover really was, in the metres of its forest. ``batteries`` are the voltages and the seconds since the
-    motor board spoke before. All have a column ``stretch``: the log breaks off between two rows that differ in it.
+    ``conditions.Level``, and ``period_s`` is NaN where records are missing since the tick before. ``further`` has the
+    numbers that ticks have under keys that no view names. ``truth`` is where a simulated rover really was, in the
+    metres of its forest. ``batteries`` are the voltages and the seconds since the motor board spoke before. These
+    tables have a column ``stretch``: the log breaks off between two rows that differ in it.
     """
 
     header: Record = field(default_factory=dict)
     summary: RunSummary = field(init=False)
     damage: Damage = field(init=False)
     ticks: Columns = field(default_factory=dict)
+    further: Columns = field(default_factory=dict)
     truth: Columns = field(default_factory=dict)
     sensors: Mapping[str, SensorStatus] = field(default_factory=dict)
     batteries: Columns = field(default_factory=dict)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from wayfarer.fieldlog.printable import clean
 from wayfarer.views import palette
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.series import Line, at_ticks, breaks, broken
@@ -46,6 +47,10 @@ def _tick(name: str, factor: float = 1.0) -> Callable[[RunData], Line | None]:
     return line
 
 
+def _further(name: str) -> Callable[[RunData], Line | None]:
+    return lambda data: at_ticks(data.ticks, data.further[name]) if name in data.further else None
+
+
 def _commanded(data: RunData) -> Line | None:
     speed_m_s = data.setting("vehicle", "max_speed_m_s") * (data.ticks["left"] + data.ticks["right"]) / 2.0
     return None if np.isnan(speed_m_s).all() else at_ticks(data.ticks, speed_m_s)
@@ -83,6 +88,12 @@ def _settings(*keys: tuple[str, str], factor: float = 1.0) -> Callable[[RunData]
 
 def _tilt_limits(data: RunData) -> list[float]:
     return [sign * data.setting("detector", "tilt_deg") for sign in (-1.0, 1.0)]
+
+
+def panels_of(runs: Sequence[RunData]) -> list[Panel]:
+    """Return all panels of some runs: those of the table, and one for each further number of the log."""
+    names = dict.fromkeys(name for data in runs for name in data.further)
+    return [*PANELS, *(Panel(clean(name), "", 2, (Quantity(clean(name), _further(name)),)) for name in names)]
 
 
 DASHED: Mapping[str, Any] = {"line_dash": [5, 3]}
