@@ -76,15 +76,18 @@ class Track:
             return nan
         return hypot(self.reckoned.east_m[-1] - self.way.east_m[-1], self.reckoned.north_m[-1] - self.way.north_m[-1])
 
-    @property
-    def missed_m(self) -> tuple[float, float]:
-        """Return the median distance of the fixes from the way, unfitted (from the first fix) and fitted, metres."""
+    def missed_m(self, *, true: bool = False) -> tuple[float, float]:
+        """Return the median distance of dead reckoning from the fixes, unfitted (from the first fix) and fitted.
+
+        It is in metres, at the times of the fixes; with ``true`` it is that from the true way of a simulated rover.
+        """
         if not self.fit or not self.origin:
             return nan, nan
         compared, reckoned_m = paired(self.fixes)
         fixed_m = places_of(compared, self.origin)
         pinned_m = reckoned_m - reckoned_m[0] + fixed_m[0]
-        return float(np.median(np.abs(pinned_m - fixed_m))), float(np.median(np.abs(self.fit(reckoned_m) - fixed_m)))
+        there_m = np.array([complex(*self.way.at(fix.t_s)) for fix in compared]) if true else fixed_m
+        return float(np.median(np.abs(pinned_m - there_m))), float(np.median(np.abs(self.fit(reckoned_m) - there_m)))
 
     def from_start(self) -> Track:
         """Return the way alone, beginning at zero."""

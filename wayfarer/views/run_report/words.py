@@ -92,7 +92,7 @@ def fitted(track: Track, run: str) -> str:
     if not isnan(track.drift_m):
         parts.append(f"At the end dead reckoning is {track.drift_m:.1f} m from the true way.")
     if track.fit is not None:
-        pinned_m, fitted_m = track.missed_m
+        pinned_m, fitted_m = track.missed_m()
         parts.append(
             f"Dead reckoning is laid onto all fixes at once: turned by {track.fit.turned_deg:.1f}° and stretched by "
             f"{track.fit.stretched:.2f}. Median distance of the fixes from it: {fitted_m:.1f} m ({pinned_m:.1f} m if "
