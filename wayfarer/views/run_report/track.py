@@ -14,8 +14,9 @@ from wayfarer.errors import BadForest
 from wayfarer.simhal.parts import ORIGIN
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.forest_file import from_row
-from wayfarer.views.run_report.data import Floats, MapFix, RunData
+from wayfarer.views.run_report.data import Columns, Floats, MapFix, RunData
 from wayfarer.views.run_report.receiver import Fit, Places, believable, fit, paired, places_of
+from wayfarer.views.run_report.series import breaks
 
 Point = tuple[float, float]  # metres east and north
 
@@ -106,10 +107,10 @@ class Track:
 
 def track_of(data: RunData, *, origin: Coordinates | None = None) -> Track:
     """Return what the map shows of a run; ``origin`` is where zero shall be, else the first fix."""
-    way, fixes, forest = _reckoned(data), believable(data.fixes), _forest_of(data)
+    way, fixes, forest = _way(data.ticks, "east_m", "north_m"), believable(data.fixes), _forest_of(data)
     if forest is not None and data.truth["x_m"].size:
         found = fit(fixes, ORIGIN)
-        true = _broken(*(data.truth[name] for name in ("t_s", "x_m", "y_m", "phase", "stretch")))
+        true = _way(data.truth, "x_m", "y_m")
         beside = way.mapped(found) if found else _from_start_of(way, true)
         return Track(data, true, beside, forest, ORIGIN if fixes else None, fixes, found)
     if not fixes:
@@ -131,16 +132,12 @@ def tracks_of(runs: Sequence[RunData]) -> list[Track]:
     return [each.from_start() for each in tracks]
 
 
-def _reckoned(data: RunData) -> Way:
-    ticks = data.ticks
-    known = ~np.isnan(ticks["north_m"] + ticks["east_m"])
-    return _broken(*(ticks[name][known] for name in ("t_s", "east_m", "north_m", "phase", "stretch")))
-
-
-def _broken(t_s: Floats, east_m: Floats, north_m: Floats, phase: Floats, stretch: Floats) -> Way:
-    """Return a way that does not bridge what is missing between one stretch of the log and the next."""
-    at = np.flatnonzero(np.diff(stretch)) + 1
-    return Way(np.insert(t_s, at, t_s[at]), *(np.insert(each, at, nan) for each in (east_m, north_m, phase)))
+def _way(columns: Columns, east: str, north: str) -> Way:
+    """Return the way of a table of ``RunData``, as far as it is known; it bridges no place where the log breaks off."""
+    known = {name: columns[name][~np.isnan(columns[east])] for name in ("t_s", east, north, "phase", "stretch")}
+    t_s, *others = (known[name] for name in ("t_s", east, north, "phase"))
+    at = np.flatnonzero(breaks(known)) + 1
+    return Way(np.insert(t_s, at, t_s[at]), *(np.insert(each, at, nan) for each in others))
 
 
 def _from_start_of(way: Way, true: Way) -> Way:
