@@ -217,6 +217,7 @@ def test_ticks_that_say_nothing_make_a_page(tmp_path: Path) -> None:
 def test_time_without_ticks_is_marked(tmp_path: Path) -> None:
     page = page_of(tmp_path, HEADER, *drive(1.0), *(tick(31.0 + 0.05 * step) for step in range(20)), OUTCOME)
     assert '"no ticks for 30.1 s"' in drawn(page)
+    assert "0:00:31.0 no ticks for 30.1 s" in text_of(page)
 
 
 def test_way_and_lines_are_broken_where_no_ticks_came(tmp_path: Path) -> None:

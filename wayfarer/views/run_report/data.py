@@ -16,7 +16,7 @@ from wayfarer.escape.api import Phase
 from wayfarer.fieldlog.episodes import Episode
 from wayfarer.fieldlog.fields import number, setting
 from wayfarer.fieldlog.reader import Damage, Record
-from wayfarer.fieldlog.run_events import AnomalyBegan, Noted, Silence
+from wayfarer.fieldlog.run_events import AnomalyBegan, Armed, GoalSet, Noted, Silence
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.typed import or_nan
 from wayfarer.safety.conditions import Level
@@ -60,8 +60,7 @@ class RunData:
     sensors: Mapping[str, SensorStatus] = field(default_factory=dict)
     batteries: Columns = field(default_factory=dict)
     onsets: list[AnomalyBegan] = field(default_factory=list)
-    events: list[Noted] = field(default_factory=list)
-    silences: list[Silence] = field(default_factory=list)
+    events: list[Noted | Silence] = field(default_factory=list)
     fixes: list[MapFix] = field(default_factory=list)
     episodes: list[Episode] = field(default_factory=list)
 
@@ -73,7 +72,7 @@ class RunData:
     @property
     def goals(self) -> list[tuple[float, float]]:
         """Return when the rover took each goal, and its heading in degrees; a log may begin after the first."""
-        events = [event for event in self.events if event.name in ("armed", "goal")]
+        events = [event for event in self.events if isinstance(event, Armed | GoalSet)]
         if events:
             told = ((event.elapsed_s, number(event.record, "goal_heading_deg")) for event in events)
             return [(t_s, goal_deg) for t_s, goal_deg in told if goal_deg is not None]

@@ -93,10 +93,8 @@ def _keep(event: RunEvent, place: ReckonedPose | None, data: RunData) -> None:
     match event:
         case AnomalyBegan(kind=kind) if kind in ANOMALIES:
             data.onsets.append(event)
-        case Noted():
+        case Noted() | Silence():
             data.events.append(event)
-        case Silence():
-            data.silences.append(event)
         case Fix():
             here_m = (place.north_m, place.east_m) if place else (nan, nan)
             where = event.latitude_deg, event.longitude_deg, or_nan(event.error_m)
