@@ -25,6 +25,7 @@ from wayfarer.fieldlog.run_events import Ended, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, RunEvent, Tick, Truth
+from wayfarer.views.export.wall_time import SECOND_NS, nanoseconds
 from wayfarer.views.foxglove.notes import KINDS, notes
 from wayfarer.views.foxglove.path import DrawnPath
 from wayfarer.views.foxglove.plots import FURTHER, PLOTS, Plot
@@ -38,9 +39,6 @@ from wayfarer.views.foxglove.scene import (
     point,
     transform,
 )
-
-SECOND_NS = 1_000_000_000
-LATEST_S = 2.0**32 - 1.0  # in the year 2106, where the SDK's times end
 
 # The SDK logs through Python's logging, for instance when a viewer disconnects; by default that would be printed.
 logging.getLogger("foxglove").addHandler(logging.NullHandler())
@@ -147,11 +145,6 @@ def _send(row: Row, event: RunEvent, time_s: float) -> None:
         if channel.has_sinks():
             for message in make(event, at):
                 channel.log(message, log_time=at.time_ns)
-
-
-def nanoseconds(time_s: float) -> int:
-    """Return a time since 1970 as the SDK counts it, to the microsecond: a float of today's seconds has no more."""
-    return round(min(max(time_s, 0.0), LATEST_S) * 1e6) * 1000
 
 
 def _moment(time_s: float) -> MessageTime:

@@ -35,6 +35,11 @@ class Way(NamedTuple):
             return nan, nan
         return float(np.interp(t_s, self.t_s, self.east_m)), float(np.interp(t_s, self.t_s, self.north_m))
 
+    def beginning_at(self, east_m: float, north_m: float) -> Way:
+        """Return the way moved so that it begins there."""
+        first_m = self.east_m[:1].sum(), self.north_m[:1].sum()
+        return self._replace(east_m=self.east_m - first_m[0] + east_m, north_m=self.north_m - first_m[1] + north_m)
+
     def mapped(self, onto: Fit) -> Way:
         """Return the way laid onto the receiver's fixes."""
         places_m = onto(self.east_m + 1j * self.north_m)
@@ -92,9 +97,7 @@ class Track:
 
     def from_start(self) -> Track:
         """Return the way alone, beginning at zero."""
-        way = self.way
-        east_m, north_m = way.east_m - way.east_m[:1].sum(), way.north_m - way.north_m[:1].sum()
-        return Track(self.data, way._replace(east_m=east_m, north_m=north_m))
+        return Track(self.data, self.way.beginning_at(0.0, 0.0))
 
     def goals(self) -> Iterator[tuple[Point, float]]:
         """Yield where the rover took a goal, and its heading in degrees on this map."""
@@ -111,7 +114,7 @@ def track_of(data: RunData, *, origin: Coordinates | None = None) -> Track:
     if forest is not None and data.truth["x_m"].size:
         found = fit(fixes, ORIGIN)
         true = _way(data.truth, "x_m", "y_m")
-        beside = way.mapped(found) if found else _from_start_of(way, true)
+        beside = way.mapped(found) if found else way.beginning_at(*true.at(way.t_s[:1].sum()))
         return Track(data, true, beside, forest, ORIGIN if fixes else None, fixes, found)
     if not fixes:
         return Track(data, way)
@@ -138,13 +141,6 @@ def _way(columns: Columns, east: str, north: str) -> Way:
     t_s, *others = (known[name] for name in ("t_s", east, north, "phase"))
     at = np.flatnonzero(breaks(known)) + 1
     return Way(np.insert(t_s, at, t_s[at]), *(np.insert(each, at, nan) for each in others))
-
-
-def _from_start_of(way: Way, true: Way) -> Way:
-    if not way.t_s.size:
-        return way
-    east_m, north_m = true.at(float(way.t_s[0]))
-    return way._replace(east_m=way.east_m - way.east_m[0] + east_m, north_m=way.north_m - way.north_m[0] + north_m)
 
 
 def _forest_of(data: RunData) -> Forest | None:
