@@ -2,7 +2,8 @@
 
 With ``daemon`` only those of ``wayfarer run --sim``, with ``log`` only those of the field log; with ``trial``, what a
 trial costs in units that hold on any computer; with ``profile``, where the time of a control tick goes; with ``soak``,
-whether anything grows in a simulated day full of faults; with ``campaign``, the memory of a small and of a large one.
+whether anything grows in a simulated day full of faults; with ``campaign``, the memory of a small and of a large one;
+with ``gps``, how near dead reckoning is to the true way, before and after a report lays it onto the receiver's fixes.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import os
 import platform
 import sys
 
-from benchmarks import calibration, command, daemon, disk, memory, rover, stack
+from benchmarks import calibration, command, daemon, disk, gps, memory, rover, stack
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
 from benchmarks.soak import print_soak
@@ -22,7 +23,7 @@ from wayfarer.cli.version import version_text
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    kinds = ("figures", "trial", "profile", "daemon", "log", "soak", "campaign")
+    kinds = ("figures", "trial", "profile", "daemon", "log", "soak", "campaign", "gps")
     parser.add_argument("what", nargs="?", choices=kinds, default="figures")
     parser.add_argument("--quick", action="store_true", help="fewer trials and runs: half a minute")
     parser.add_argument("--hours", type=float, default=24.0, help="of the soak, simulated")
@@ -40,6 +41,8 @@ def main() -> None:
         print_table(HEADER, [figure.row() for figure in daemon.figures(for_s=10 if asked.quick else 60)])
     elif asked.what == "campaign":
         print_table(memory.HEADER, memory.rows(asked.trials))
+    elif asked.what == "gps":
+        print_table(gps.HEADER, gps.rows(trials=1 if asked.quick else 5))
     elif asked.what == "log":
         print_table(HEADER, [figure.row() for figure in _log(asked.quick)])
     else:

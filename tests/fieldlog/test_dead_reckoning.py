@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from wayfarer.fieldlog.dead_reckoning import DeadReckoning
+from wayfarer.fieldlog.dead_reckoning import GAP_S, DeadReckoning
 from wayfarer.hal import MotionReading
 
 SPEED_M_S = 1.5
@@ -86,12 +86,18 @@ def test_log_without_a_configuration_still_has_a_place() -> None:
     assert DeadReckoning().take(0.0, 5.0, 2.0, None) is not None
 
 
+def test_measured_speed_holds_for_a_second_in_which_the_sensor_cannot_tell() -> None:
+    track = drive({"motion": motion(0.1)}, {"motion": motion(0.1)}, {}, {"motion": motion(0.1, quality=0.0)})
+    assert track.measured_m_s == pytest.approx(0.1 / DT_S)
+    track.take(DT_S + GAP_S + 0.01, 0.0, 0.0, None)
+    assert isnan(track.measured_m_s)
+
+
 def test_speed_is_measured_from_reading_to_reading_and_not_across_missing_records() -> None:
     track = drive({"motion": motion(0.1)}, {}, {"motion": motion(0.1)})
     assert track.measured_m_s == pytest.approx(0.1 / (2 * DT_S))
-    track.take(3 * DT_S, 0.0, 0.0, None)
-    assert isnan(track.measured_m_s)
     track.interrupted()
+    assert isnan(track.measured_m_s)
     for t_s, known in ((4 * DT_S, False), (5 * DT_S, True)):
         track.take(t_s, 0.0, 0.0, motion(0.1))
         assert isnan(track.measured_m_s) is not known

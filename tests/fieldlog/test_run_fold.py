@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isnan
+from math import isnan, nan
 from typing import Any
 
 import pytest
@@ -17,10 +17,11 @@ from wayfarer.fieldlog.run_events import (
     Marked,
     PhaseChanged,
     RunBegan,
+    Silence,
 )
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import KINDS
-from wayfarer.fieldlog.typed import RunEvent, Tick
+from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick
 
 
 def folded(*records: Record) -> tuple[list[RunEvent], RunFold]:
@@ -63,7 +64,26 @@ def test_missing_records_are_told_once_and_break_what_they_are_between() -> None
     whole = numbered([*drive(0.0, 2.0)])
     told, fold = folded(*whole[:5], *whole[9:12])
     assert told[1:] == [Gap(pytest.approx(0.45), pytest.approx(100.45), 4, announced=False)]  # type: ignore[arg-type]
-    assert (fold.state.gaps, fold.state.missing) == (1, 4)
+    assert (fold.state.stretch, fold.state.missing) == (1, 4)
+
+
+def test_silence_of_the_loop_is_told_with_its_beginning_before_the_tick_that_ends_it() -> None:
+    fold = RunFold()
+    late = [tick(0.0), tick(1.0), tick(2.5), tick(2.55)]
+    told = [each for every in [HEADER, *late] for each in fold.take(every) if isinstance(each, Silence | Tick)]
+    silence = Silence(2.5, 102.5, began_s=1.0)
+    assert [each.elapsed_s for each in told] == [0.0, 1.0, 2.5, 2.5, pytest.approx(2.55)]
+    assert told[2] == silence
+    assert (silence.for_s, fold.state.stretch) == (1.5, 1)
+
+
+def test_position_and_motor_board_know_how_long_nothing_was_said_before() -> None:
+    where = {"latitude_deg": 47.0, "longitude_deg": 8.0}
+    boards = [record("board", t_s, battery_v=12.0) for t_s in (0.0, 1.0, 31.0)]
+    fixes = [record("position", t_s, **where) for t_s in (0.0, 2.0, 14.5)]
+    told, _ = folded(*boards, record("position", 1.0, latitude_deg=None), *fixes)
+    assert [each.period_s for each in told if isinstance(each, Board)] == pytest.approx([nan, 1.0, 30.0], nan_ok=True)
+    assert [each.period_s for each in told if isinstance(each, Fix)] == [None, 2.0, 12.5]
 
 
 def test_period_is_unknown_for_the_first_tick_and_behind_missing_records() -> None:

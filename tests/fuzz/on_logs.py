@@ -188,7 +188,7 @@ REPLAY = Target(
 
 def _read_run(run: Path) -> str:
     data = read_run(run)
-    check_finite(data.batteries)
+    check_finite(data.batteries["battery_v"].tolist())
     return f"{data.has_way} {len(data.episodes)} {bool(data.fixes)} {len(data.sensors)}"
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from tests.views.text.records import HEADER, event, narrated, tick
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.views.export.tables import csv_rows
+from wayfarer.views.export.tables import csv_rows, further_columns
 from wayfarer.views.live.page_model import PageModel
 from wayfarer.views.text.console import Console
 from wayfarer.views.text.run_narrator import Telling
@@ -45,10 +46,11 @@ def live_page(*records: Record) -> str:
 
 def foxglove(*records: Record) -> str:
     pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
-    from wayfarer.views.foxglove.notes import note
+    from wayfarer.views.foxglove.notes import KINDS, notes
 
     fold = RunFold()
-    told = [message for record in records for each in fold.take(record) if (message := note(each))]
+    happened = [each for record in records for each in fold.take(record) if isinstance(each, KINDS)]
+    told = [message for each in happened for message in notes(each)]
     return told[-1].text
 
 
@@ -61,3 +63,25 @@ def csv(*records: Record) -> str:
 def test_every_view_tells_a_new_key_and_a_new_event(view: Callable[..., str]) -> None:
     assert view(HEADER, TICK, NEW_KEY) == "Armed: drives towards 12 degrees, moon full"
     assert view(HEADER, TICK, NEW_EVENT) == "moon rose: height 12 degrees"
+
+
+@pytest.mark.parametrize("view", [console, live_page, foxglove])
+def test_every_view_tells_missing_records_and_ticks(view: Callable[..., str]) -> None:
+    assert view(HEADER, {**TICK, "n": 1}, {**tick(0.55), "n": 5}) == "3 records are missing"
+    assert view(HEADER, TICK, tick(9.0)) == "no ticks for 8.5 s"
+
+
+def test_every_view_has_a_new_key_of_a_tick(tmp_path: Path) -> None:
+    records = [HEADER, tick(0.5, moon_deg=12.0), tick(0.55, moon_deg=13.0)]
+    assert logs_show_ticks(*records).endswith(", moon 13 degrees")
+    titles, *rows = csv_rows(records, further_columns(records))
+    assert [row[titles.index("moon_deg")] for row in rows] == ["12.0", "13.0"]
+    model = PageModel()
+    for record in records:
+        model.take(record)
+    assert model.state()["further"] == "moon 13 degrees"
+    pytest.importorskip("bokeh", reason="bokeh is not installed")
+    from tests.views.run_report.logs import page_of
+    from tests.views.run_report.logs import titles as panels
+
+    assert panels(page_of(tmp_path, *records))[-1] == "moon_deg"

@@ -32,7 +32,7 @@ class DeadReckoning:
     """Follows the ticks of one log; ``place`` is the latest position, None before the first heading.
 
     ``path_m`` is how far the rover went, forwards and backwards both counted up. ``measured_m_s`` is the speed by the
-    last reading of the motion sensor, NaN where there was none in the last tick, or where it could not tell.
+    last reading of the motion sensor that could tell, NaN where that is more than ``GAP_S`` ago.
 
     ``max_speed_m_s`` is the speed at full duty; at 0, where it is not known, commands count for nothing.
     """
@@ -41,7 +41,7 @@ class DeadReckoning:
         self.max_speed_m_s = max_speed_m_s
         self._north_m = self._east_m = 0.0
         self._t_s: float | None = None
-        self._spoke_t_s = -inf
+        self._spoke_t_s = self._measured_t_s = -inf
         self._commanded_m = 0.0
         self._duties = 0.0
         self._follows = False
@@ -57,6 +57,8 @@ class DeadReckoning:
         if dt_s <= GAP_S:
             self._commanded_m += self._duties * self.max_speed_m_s / 2.0 * dt_s
         self._duties = duties
+        if t_s - self._measured_t_s > GAP_S:
+            self.measured_m_s = nan
         forward_m, right_m = self._gone(motion, t_s)
         if heading_deg is None:
             return None
@@ -69,11 +71,10 @@ class DeadReckoning:
 
     def interrupted(self) -> None:
         """Note that records are missing: nobody knows since when the next reading of the motion sensor counts."""
-        self._follows = False
+        self._follows, self.measured_m_s = False, nan
 
     def _gone(self, motion: MotionReading | None, t_s: float) -> tuple[float, float]:
         """Return how far the rover went since the last answer, forward and to the right."""
-        self.measured_m_s = nan
         if motion is None:
             if t_s - self._spoke_t_s <= SILENT_S:
                 return 0.0, 0.0  # it comes with the next reading
@@ -87,7 +88,7 @@ class DeadReckoning:
         if not signed and commanded_m < 0.0:
             forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
         if follows and 0.0 < silent_s < GAP_S:
-            self.measured_m_s = forward_m / silent_s
+            self.measured_m_s, self._measured_t_s = forward_m / silent_s, t_s
         return forward_m, right_m
 
     def _most_m(self, silent_s: float) -> float:

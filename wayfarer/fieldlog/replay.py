@@ -161,6 +161,7 @@ class Rerun:
 
     def _compass_of(self, fields: Mapping[str, Any] | None) -> CompassReading | None:
         """Return the reading; the same one as before where the sensor had not spoken again, as in its cell."""
+        # ``SensorStatus`` goes by the time of a reading. A part may give none, and the controller saw it.
         if fields != self._compass[0]:
             self._compass = fields, None if fields is None else CompassReading(**_with_nan(fields))
         return self._compass[1]

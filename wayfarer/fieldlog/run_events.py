@@ -38,6 +38,18 @@ class Gap(RunEvent):
     announced: bool
 
 
+@dataclass(slots=True)
+class Silence(RunEvent):
+    """No control tick came for longer than ``GAP_S``: from ``began_s``, elapsed seconds as well, until this one."""
+
+    began_s: float
+
+    @property
+    def for_s(self) -> float:
+        """Return how long it lasted."""
+        return self.elapsed_s - self.began_s
+
+
 # -- changes from one record to the next -----------------------------------------------------------------------------
 
 

@@ -11,29 +11,27 @@ from math import isnan
 
 from wayfarer.escape.api import Phase
 from wayfarer.escape.phases import PhaseEvent
-from wayfarer.fieldlog.dead_reckoning import QUALITY_MIN, DeadReckoning
+from wayfarer.fieldlog.dead_reckoning import GAP_S, QUALITY_MIN, DeadReckoning
 from wayfarer.fieldlog.episodes import EpisodeTracker
 from wayfarer.fieldlog.fields import name, seconds_since, table, whole
 from wayfarer.fieldlog.header import Header
+from wayfarer.fieldlog.missions import MissionTracker
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
     Armed,
-    Arming,
     BatteryChanged,
     BoardFaults,
     Disarmed,
     Ended,
     FaultInjected,
     Gap,
-    GoalSet,
-    Held,
     Marked,
     Noted,
     PhaseChanged,
     PowerChanged,
-    Released,
     RunBegan,
     SensorFailed,
+    Silence,
 )
 from wayfarer.fieldlog.run_state import LowBattery, RunState
 from wayfarer.fieldlog.schema import Record
@@ -66,8 +64,7 @@ class RunFold:
         self._announced = 0
         self._unbroken = False
         self._episodes = EpisodeTracker()
-        self._mission_t_s: float | None = None
-        self._mission_from_m = 0.0
+        self._missions = MissionTracker(self.state)
         self._told_battery_v = float("inf")
         self._power_bits = ""
         self._takers: dict[str, Callable[[float, Record], Events]] = {
@@ -92,7 +89,7 @@ class RunFold:
 
     def _gap(self, elapsed_s: float, t_s: float, missing: int) -> Gap:
         state = self.state
-        state.gaps += 1
+        state.stretch += 1
         state.missing += missing
         self._unbroken = False
         self._reckoning.interrupted()
@@ -126,8 +123,8 @@ class RunFold:
         if self._reckons:
             self._reckon(tick)
         self._count_time(tick, before)
-        self._count_mission(tick)
-        told: Events = [tick]
+        self._missions.take(tick)
+        told: Events = [*self._silence(tick, before), tick]
         if tick.phase != before.phase:
             state.recoveries += tick.phase == BACK_OFF
             told.append(PhaseChanged(elapsed_s, tick.t_s, tick.phase))
@@ -142,6 +139,12 @@ class RunFold:
         begun = self._episodes.take(tick, before)
         state.episodes += len(begun)
         return told + begun
+
+    def _silence(self, tick: Tick, before: Tick) -> Events:
+        if not tick.t_s - before.t_s > GAP_S:  # nor is there one before the first tick, where it is NaN
+            return []
+        self.state.stretch += 1
+        return [Silence(tick.elapsed_s, tick.t_s, before.elapsed_s)]
 
     def _reckon(self, tick: Tick) -> None:
         state, reckoning = self.state, self._reckoning
@@ -164,26 +167,15 @@ class RunFold:
             if tick.level in HELD:
                 state.held_s[tick.cause or "unknown"] += passed_s
 
-    def _count_mission(self, tick: Tick) -> None:
-        state = self.state
-        if tick.travelled_m is not None:
-            state.commanded_m = tick.travelled_m
-        if self._mission_t_s is not None:
-            state.mission_s = tick.t_s - self._mission_t_s
-            state.mission_m = (tick.travelled_m or self._mission_from_m) - self._mission_from_m
-
     # -- events --------------------------------------------------------------------------------------------------
 
     def _event(self, elapsed_s: float, record: Record) -> Events:
         state, event = self.state, Noted.of(elapsed_s, record)
         state.events[event.name] += 1
+        self._missions.note(event)
         match event:
-            case Arming() | Armed() | Disarmed():
-                self._change_mode(event)
-            case Held() | Released():
-                state.operator_hold = isinstance(event, Held)
-            case GoalSet():
-                state.goal_heading_deg = record.get("goal_heading_deg")
+            case Armed() | Disarmed():
+                self._episodes.end(event.name)
             case SensorFailed():
                 self._sensor(event.sensor).failures += 1
             case Marked():
@@ -193,34 +185,21 @@ class RunFold:
                 state.dropped += record.get("dropped") or 0
         return [event]
 
-    def _change_mode(self, event: Noted) -> None:
-        state = self.state
-        state.mode = event.name
-        if isinstance(event, Arming):
-            state.operator_hold = False
-            return
-        if isinstance(event, Disarmed):
-            state.why_disarmed = name(event.record, "reason") or ""
-            self._mission_t_s = None
-        else:
-            state.goal_heading_deg = event.record.get("goal_heading_deg")
-            self._mission_t_s, self._mission_from_m = event.t_s, state.tick.travelled_m or 0.0
-            if state.from_start is None:
-                state.from_start, state.start = True, state.place
-        self._episodes.end(event.name)
-
     # -- everything else -----------------------------------------------------------------------------------------
 
     def _position(self, elapsed_s: float, record: Record) -> Events:
         self._sensor("position").take(record)
-        fix = Fix.of(elapsed_s, record)
+        fix, before = Fix.of(elapsed_s, record), self.state.fix
         if fix is None:
             return []
+        if before is not None:
+            fix.period_s = fix.t_s - before.t_s
         self.state.fix, self.state.first_fix = fix, self.state.first_fix or fix
         return [fix]
 
     def _board(self, elapsed_s: float, record: Record) -> Events:
         state, before, board = self.state, self.state.board, Board.of(elapsed_s, record)
+        board.period_s = board.t_s - before.t_s
         state.board = board
         told: Events = [board]
         if board.faults != before.faults:

@@ -39,8 +39,8 @@ class RunState:
     ``armed_s`` is the time armed, ``held_s`` the part of it with the wheels held, by cause. ``anomalies`` counts
     beginnings by kind, ``recoveries`` how often the rover backed off, ``exhausted`` the phases that reached their
     bound, ``events`` the events by name. ``episodes`` counts those of all missions, by the phases (``episodes.py``).
-    ``gaps`` counts the places where records are missing between two others, and ``missing`` those records; ``dropped``
-    are the records that could not be written.
+    ``stretch`` counts the places where the log breaks off: records are missing there, or no tick came for a while.
+    ``missing`` are the records missing so far, ``dropped`` those that could not be written.
     """
 
     header: Header = field(default_factory=lambda: Header.of({}))
@@ -74,7 +74,7 @@ class RunState:
     events: Counter[str] = field(default_factory=Counter)
     low_battery: LowBattery | None = None
     sensors: dict[str, SensorStatus] = field(default_factory=dict)
-    gaps: int = 0
+    stretch: int = 0
     missing: int = 0
     dropped: int = 0
 

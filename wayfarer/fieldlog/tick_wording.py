@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import starmap
+
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, because, met
-from wayfarer.fieldlog.wording import sentence, whole_deg
+from wayfarer.fieldlog.wording import detail_text, sentence, whole_deg
 
 
 def phase_text(tick: Tick) -> str:
@@ -54,8 +56,13 @@ def tick_text(tick: Tick) -> str:
     held = f"{tick.level}: {CAUSES.get(tick.cause, tick.cause)}" if tick.cause else ""
     wanted, applied = _duties(tick.wanted_left, tick.wanted_right), _duties(tick.applied_left, tick.applied_right)
     wheels = f"wanted {wanted}, applied {applied}"
-    told = filter(None, [reason_text(tick), held])
+    told = filter(None, [reason_text(tick), held, *further_texts(tick)])
     return ", ".join([f"{tick.phase or '?':<9}  {heading_text(tick)}  {wheels}", *told])
+
+
+def further_texts(tick: Tick) -> list[str]:
+    """Say what else the log has of a tick, whatever that is."""
+    return list(starmap(detail_text, tick.further.items()))
 
 
 def _placed(told: str, tick: Tick) -> str:

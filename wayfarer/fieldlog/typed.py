@@ -68,9 +68,9 @@ class Tick(RunEvent):
     The fold adds the last seven fields: ``motion``, NaN where the motion sensor could not tell; ``period_s`` since the
     tick before, NaN where records are missing between the two; ``place``, where dead reckoning has the rover, None
     without a heading; ``before``, that of the tick before or None, where records are missing between the two;
-    ``path_m``, how far it went; ``measured_m_s``, the speed that the motion sensor measured, NaN where it could not;
-    and ``fresh``, the sensors that have spoken since the tick before. A fold that does not reckon gives no motion and
-    no places.
+    ``path_m``, how far it went; ``measured_m_s``, the speed that the motion sensor measured last, NaN where it could
+    not for a while; and ``fresh``, the sensors that have spoken since the tick before. A fold that does not reckon
+    gives no motion and no places.
     """
 
     record: Record
@@ -117,17 +117,30 @@ class Tick(RunEvent):
         )  # fmt: skip
 
     @property
+    def further(self) -> dict[str, Any]:
+        """Return what the record says under other keys: new ones, and what a third party's algorithm remembers."""
+        return {key: value for key, value in self.record.items() if key not in _TICK_KEYS and value is not None}
+
+    @property
     def duty(self) -> float | None:
         """Return the larger duty of the two sides, None where neither is known."""
         return max((abs(duty) for duty in (self.applied_left, self.applied_right) if duty is not None), default=None)
 
 
+_TICK_KEYS = frozenset(
+    ("record", "t_s", "t_wall", "decision_t_s", "compass", "motion", "contact", "heading_deg", "anomalies",
+     "travelled_m", "phase", "why", "applied_left", "applied_right", "level", "cause",
+     *(name for name, each in vars(Tick).items() if isinstance(each, Key | Remembered)))
+)  # fmt: skip
+
+
 @dataclass(slots=True)
 class Board(RunEvent):
-    """What the motor board said of itself."""
+    """What the motor board said of itself; the fold adds the seconds since it said something before."""
 
     battery_v: float | None
     faults: tuple[str, ...]
+    period_s: float = nan
 
     @classmethod
     def of(cls, elapsed_s: float, record: Record) -> Board:
@@ -137,11 +150,15 @@ class Board(RunEvent):
 
 @dataclass(slots=True)
 class Fix(RunEvent):
-    """A position from the receiver; ``error_m`` is horizontal, None where it is unknown."""
+    """A position from the receiver; ``error_m`` is horizontal, None where it is unknown.
+
+    The fold adds ``period_s``, the seconds since the position before; None for the first one.
+    """
 
     latitude_deg: float
     longitude_deg: float
     error_m: float | None
+    period_s: float | None = None
 
     @classmethod
     def of(cls, elapsed_s: float, record: Record) -> Fix | None:

@@ -15,7 +15,7 @@ from typing import Any
 from wayfarer.fieldlog.fields import ABSURD, local_time
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.printable import clean
-from wayfarer.fieldlog.run_events import Ended, FaultInjected, event_name
+from wayfarer.fieldlog.run_events import Ended, FaultInjected, Silence, event_name
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix
 from wayfarer.fieldlog.vocabulary import CAUSES, PARTS, disarmed_text, level_text
@@ -70,8 +70,8 @@ def event_text(event: Record) -> str:
     details = {key: value for key, value in event.items() if key not in STAMP and value not in NOTHING}
     if what in SENTENCES:
         template = UNREADABLE_RUN if what == "unclean_shutdown" and "error" in details else SENTENCES[what]
-        return ", ".join([_filled(template, details), *starmap(_detail, details.items())])
-    told = [_detail(key.removeprefix(f"{what}_"), value) for key, value in details.items()]
+        return ", ".join([_filled(template, details), *starmap(detail_text, details.items())])
+    told = [detail_text(key.removeprefix(f"{what}_"), value) for key, value in details.items()]
     return f"{what.replace('_', ' ')}{': ' if told else ''}{', '.join(told)}"
 
 
@@ -88,10 +88,26 @@ def event_tone(event: Record) -> Tone:
 
 def fault_text(fault: FaultInjected) -> str:
     """Say which fault a scenario injects now, or takes away."""
-    told = [_detail(key, value) for key, value in fault.params.items()] if fault.begins else []
+    told = [detail_text(key, value) for key, value in fault.params.items()] if fault.begins else []
     what = " ".join(filter(None, [fault.target, fault.kind])) or "?"
     lasting = "" if fault.for_s is None or not fault.begins else f" for {fault.for_s:g} s"
     return ", ".join([f"a fault {'begins' if fault.begins else 'ends'}: {what}{lasting}", *told])
+
+
+def silence_text(silence: Silence) -> str:
+    """Say for how long no control tick came."""
+    return f"no ticks for {silence.for_s:.1f} s"
+
+
+def detail_text(key: str, value: object) -> str:
+    """Return a detail as a person says it: ``start_delay_s`` 10 is a start delay of 10 s."""
+    stem, _, unit = key.rpartition("_")
+    text = _degrees(value) if unit == "deg" else _value(value)
+    if key in BARE:
+        return text
+    if stem and unit in UNITS:
+        return f"{clean(stem).replace('_', ' ')} {text} {UNITS[unit]}"
+    return f"{clean(key).replace('_', ' ')} {text}"
 
 
 def sentence(clause: str) -> str:
@@ -119,17 +135,6 @@ def place_text(fix: Fix) -> str:
 def whole_deg(angle_deg: float) -> str:
     """Return an angle in whole degrees; 359.7 is north, not 360."""
     return f"{float(f'{angle_deg:.0f}') % 360.0:.0f}"
-
-
-def _detail(key: str, value: object) -> str:
-    """Return a detail as a person says it: ``start_delay_s`` 10 is a start delay of 10 s."""
-    stem, _, unit = key.rpartition("_")
-    text = _degrees(value) if unit == "deg" else _value(value)
-    if key in BARE:
-        return text
-    if stem and unit in UNITS:
-        return f"{clean(stem).replace('_', ' ')} {text} {UNITS[unit]}"
-    return f"{clean(key).replace('_', ' ')} {text}"
 
 
 def _value(value: object) -> str:

@@ -230,3 +230,5 @@ def test_another_algorithms_memory_breaks_nothing(tmp_path: Path) -> None:
     assert "/counter" not in found.messages
     assert [message.value["translation"]["x"] for message in found.messages["/pose"]] == [0.5, 1.0]
     assert [message.value["path_m"] for message in found.messages["/motion"]] == [0.5, 1.0]
+    (further,) = found.messages["/further"]
+    assert further.value == {"place": "home", "path_m": "long", "mood": {"a": 1}}, "what no other channel has"

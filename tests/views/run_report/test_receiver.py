@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.angles import coordinates_deg
-from wayfarer.views.run_report.data import MapFix
+from wayfarer.views.run_report.data import MapFix, RunData
 from wayfarer.views.run_report.receiver import Places, believable, fit
+from wayfarer.views.run_report.track import Track, Way
 
 ORIGIN = MapFix(0.0, 47.0, 8.0, 3.0, 0.0, 0.0)
 LOOP_M = 30.0 * np.exp(1j * np.linspace(0.0, 5.0, 200))  # a way of 150 m
@@ -73,6 +74,18 @@ def test_one_fix_moves_the_way_and_no_fix_leaves_it() -> None:
     assert found(LOOP_M[:1])[0] == pytest.approx(LOOP_M[0] + 7.0, abs=1e-3)
     assert fit([], ORIGIN) is None
     assert fit([ORIGIN._replace(north_m=nan)], ORIGIN) is None
+
+
+def test_distance_from_the_true_way_is_small_only_where_all_fixes_count() -> None:
+    told = fixes(LOOP_M, noisy(LOOP_M, 3.0))
+    told[0] = told[0]._replace(latitude_deg=told[0].latitude_deg + 1e-4)  # 11 m
+    times_s, unknown = np.array([fix.t_s for fix in told]), np.full(LOOP_M.size, nan)
+    true = Way(times_s, LOOP_M.real, LOOP_M.imag, unknown)
+    track = Track(RunData(), true, origin=ORIGIN, fixes=told, fit=fit(told, ORIGIN))
+    pinned_m, fitted_m = track.missed_m(true=True)
+    assert pinned_m > 5.0
+    assert fitted_m < 1.0
+    assert track.missed_m()[1] > 2.0, "the fixes themselves are noisy"
 
 
 def test_fix_in_another_country_is_left_out() -> None:

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from random import Random
 
+import numpy as np
 import pytest
 
 from tests.views.page.outline import Outline
@@ -26,14 +27,15 @@ from tests.views.run_report.logs import (
     without,
     write_log,
 )
-from tests.views.text.records import event, record
+from tests.views.text.records import event, record, write
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.views.run_report import words
+from wayfarer.views.run_report.quantities import PANELS
 from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.run_report.run import write_comparison, write_run_report
-from wayfarer.views.run_report.track import tracks_of
+from wayfarer.views.run_report.track import track_of, tracks_of
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary_text import summary_facts
 
@@ -214,7 +216,38 @@ def test_ticks_that_say_nothing_make_a_page(tmp_path: Path) -> None:
 
 def test_time_without_ticks_is_marked(tmp_path: Path) -> None:
     page = page_of(tmp_path, HEADER, *drive(1.0), *(tick(31.0 + 0.05 * step) for step in range(20)), OUTCOME)
-    assert '"no ticks for 30 s"' in drawn(page)
+    assert '"no ticks for 30.1 s"' in drawn(page)
+    assert "0:00:31.0 no ticks for 30.1 s" in text_of(page)
+
+
+def test_way_and_lines_are_broken_where_no_ticks_came(tmp_path: Path) -> None:
+    boards = [record("board", at_s, battery_v=12.0) for at_s in (0.5, 31.5)]
+    ticks = [*drive(1.0), *(tick(31.0 + 0.05 * step) for step in range(20))]
+    records = sorted([*ticks, *boards], key=lambda each: float(each["t_s"]))
+    run = write(tmp_path, [HEADER, *records, OUTCOME])
+    data = read_run(run)
+    assert np.flatnonzero(np.isnan(track_of(data).way.east_m)).tolist() == [20]
+    drawn = {quantity.name: quantity.line(data) for panel in PANELS for quantity in panel.quantities}
+    assert [int(np.isnan(line[1]).sum()) for name in ("heading", "battery") if (line := drawn[name])] == [1, 1]
+
+
+def test_battery_is_not_drawn_across_a_silence_of_the_board(tmp_path: Path) -> None:
+    boards = [record("board", at_s, battery_v=12.0) for at_s in (0.0, 10.0, 20.5)]
+    ticks = [tick(0.5 * step) for step in range(42)]
+    records = sorted([*ticks, *boards], key=lambda each: float(each["t_s"]))
+    (line,) = [
+        quantity.line(read_run(write(tmp_path, [HEADER, *records])))
+        for panel in PANELS for quantity in panel.quantities if quantity.name == "battery"
+    ]  # fmt: skip
+    assert line is not None
+    np.testing.assert_array_equal(line[1], [12.0, 12.0, np.nan, 12.0])
+
+
+def test_goals_are_those_that_the_rover_took(tmp_path: Path) -> None:
+    ticks = drive()
+    armed = [event("armed", 1.0, goal_heading_deg=20.0), event("goal", 2.0, goal_heading_deg=359.7), *ticks[60:]]
+    assert "goal 20°, then 0° seed" in text_of(page_of(tmp_path / "whole", HEADER, *ticks[:20], *armed, OUTCOME))
+    assert "goal 0° seed" in text_of(page_of(tmp_path / "late", HEADER, *ticks, OUTCOME))
 
 
 def test_lost_records_are_no_late_tick(tmp_path: Path) -> None:

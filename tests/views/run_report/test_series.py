@@ -8,30 +8,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.views.run_report.data import Columns, Floats
-from wayfarer.views.run_report.series import ValueSpan, around, at_ticks, beside_ticks, pieces, spans, thinned
+from wayfarer.views.run_report.series import ValueSpan, around, at_ticks, pieces, spans, thinned
 
 
 def times(values: Floats) -> Floats:
     return np.arange(values.size, dtype=np.float64)
 
 
-def ticks(t_s: list[float], lost_before: int | None = None) -> Columns:
+def ticks(t_s: list[float], *broken_before: int) -> Columns:
     stretch = np.zeros(len(t_s))
-    stretch[lost_before:] += lost_before is not None
+    for at in broken_before:
+        stretch[at:] += 1
     return {"t_s": np.array(t_s), "stretch": stretch}
 
 
-def test_line_is_broken_where_nothing_was_logged_and_where_records_are_missing() -> None:
-    t_s, values = at_ticks(ticks([0.0, 0.5, 9.0, 9.5, 9.6], lost_before=4), np.arange(5.0))
+def test_line_is_broken_where_the_log_breaks_off() -> None:
+    t_s, values = at_ticks(ticks([0.0, 0.5, 9.0, 9.5, 9.6], 2, 4), np.arange(5.0))
     np.testing.assert_array_equal(values, [0.0, 1.0, np.nan, 2.0, 3.0, np.nan, 4.0])
     assert (np.diff(t_s) >= 0).all()
-
-
-def test_line_beside_ticks_is_broken_where_they_are_and_where_it_was_silent() -> None:
-    ticks_s = ticks([0.0, 0.5, 1.0, 5.0, 5.5, 6.0, 6.5, 7.0])
-    told = np.array([0.0, np.nan, 1.0, 2.0, 3.0, 4.0])  # a slow sensor: what it did not say makes no gap
-    _, values = beside_ticks(ticks_s, np.array([0.2, 0.3, 0.9, 5.1, 5.3, 7.0]), told, 1.5)
-    np.testing.assert_array_equal(values, [0.0, 1.0, np.nan, 2.0, 3.0, np.nan, 4.0])
 
 
 @given(st.lists(st.floats(0.0, 359.9), min_size=1, max_size=50).map(np.array), st.floats(0.0, 359.0))
@@ -62,14 +56,14 @@ def test_thin_line_is_short_and_keeps_extremes_ends_and_gaps(values: Floats, bin
             assert not np.isnan(values[first : last + 1]).any(), "a gap was bridged"
 
 
-def test_spans_join_equal_values_and_end_at_gaps() -> None:
-    t_s = np.array([0.0, 0.5, 1.0, 1.5, 9.0, 9.5])
+def test_spans_join_equal_values_and_end_where_the_log_breaks_off() -> None:
     phases = np.array([1.0, 1.0, 2.0, 2.0, 2.0, np.nan])
-    assert spans(t_s, phases) == [ValueSpan(0.0, 1.0, 1.0), ValueSpan(1.0, 1.5, 2.0), ValueSpan(9.0, 9.5, 2.0)]
+    found = spans(ticks([0.0, 0.5, 1.0, 1.5, 9.0, 9.5], 4), phases)
+    assert found == [ValueSpan(0.0, 1.0, 1.0), ValueSpan(1.0, 1.5, 2.0), ValueSpan(9.0, 9.5, 2.0)]
 
 
 def test_more_spans_than_can_be_seen_are_sampled() -> None:
-    found = spans(times(np.zeros(1000)) * 0.05, times(np.zeros(1000)) % 3.0, most=50)
+    found = spans(ticks([number * 0.05 for number in range(1000)]), times(np.zeros(1000)) % 3.0, most=50)
     assert 0 < len(found) <= 50
     assert {span.value for span in found} == {0.0, 1.0, 2.0}
 
@@ -77,7 +71,7 @@ def test_more_spans_than_can_be_seen_are_sampled() -> None:
 @pytest.mark.parametrize("count", [0, 1])
 def test_too_little_to_draw_is_no_error(count: int) -> None:
     few = np.zeros(count)
-    assert len(spans(few, few)) == count
+    assert len(spans(ticks([0.0] * count), few)) == count
     assert at_ticks(ticks([0.0] * count), few)[0].size == count
     assert around((few, few), 0.0)[0].size == thinned((few, few))[0].size == count
     assert pieces(np.ones(count, np.bool_), few)[0].size == 0

@@ -39,6 +39,7 @@ def test_change_of_phase_is_a_line_with_what_was_felt() -> None:
     assert lines == [
         "0:00:01.00  follow     heading   0  counter   +0     0.5 m",
         "0:00:01.10  back_off   heading   0  counter   -0     0.6 m  it stalled on its way to the goal",
+        "1:02:05.00  no ticks for 3723.8 s",
         "1:02:05.00  probe      heading   0  counter +390     3.2 m  it took too long while turning away",
     ]
 
@@ -70,12 +71,12 @@ def test_change_of_phase_is_a_sentence_where_only_changes_are_told() -> None:
     lines = told(
         tick(1.0, phase="halt", why="halt", travelled_m=None, heading_deg=None),
         tick(2.0),
-        *drive(2.05, 20.0),
+        *drive(2.05, 24.6),
         tick(24.6, phase="back_off", why="follow.anomaly", **stalled),
         tick(24.65, phase="back_off", why="back_off", anomalies=["immobilised", "touched"]),
-        tick(26.0, phase="turn_away", why="back_off.done"),
-        tick(27.0, phase="probe", why="turn_away.exhausted", anomalies=["nose_up"]),
-        tick(28.0, phase="spin", why="of joy"),
+        tick(25.6, phase="turn_away", why="back_off.done"),
+        tick(26.5, phase="probe", why="turn_away.exhausted", anomalies=["nose_up"]),
+        tick(27.4, phase="spin", why="of joy"),
         telling=Telling.CHANGES,
     )
     assert [line[12:] for line in lines] == [
@@ -83,9 +84,9 @@ def test_change_of_phase_is_a_sentence_where_only_changes_are_told() -> None:
         "Follows the goal heading (heading 0, 1.0 m)",
         "Backs off, because it stalled on its way to the goal (heading 272, 12.3 m)",
         "It stalled and it touched something while backing off (heading 0, 12.3 m)",
-        "Turns away, because the back-off was done (heading 0, 13.0 m)",
-        "Probes: drives back in a curve, because it took too long while turning away, nose up (heading 0, 13.5 m)",
-        "spin, because of joy (heading 0, 14.0 m)",
+        "Turns away, because the back-off was done (heading 0, 12.8 m)",
+        "Probes: drives back in a curve, because it took too long while turning away, nose up (heading 0, 13.2 m)",
+        "spin, because of joy (heading 0, 13.7 m)",
     ]
 
 
@@ -143,6 +144,14 @@ def test_missing_records_are_told_where_they_are_missing() -> None:
     records = numbered([event("armed", 1.0), *drive(1.0, 2.0), event("hold", 2.0)])
     lines = told(records[0], *records[8:])
     assert lines[1] == "0:00:01.35  7 records are missing"
+
+
+def test_time_without_ticks_is_told_when_it_is_over() -> None:
+    lines = told(tick(1.0), tick(4.5, phase="back_off", why="follow.anomaly"), telling=Telling.CHANGES)
+    assert lines[1:] == [
+        "0:00:04.50  no ticks for 3.5 s",
+        "0:00:04.50  Backs off, because there was an anomaly on its way to the goal (heading 0, 2.2 m)",
+    ]
 
 
 def test_what_the_log_says_of_missing_records_is_not_said_again() -> None:

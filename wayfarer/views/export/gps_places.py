@@ -129,9 +129,8 @@ def _segments(fixes: Sequence[Fix]) -> Iterator[list[Fix]]:
     """Cut a track where fixes are missing, and at the date line, as RFC 7946 asks (3.1.9)."""
     segment: list[Fix] = []
     for fix in fixes:
-        if segment and (
-            fix.t_s - segment[-1].t_s > GAP_S or abs(fix.longitude_deg - segment[-1].longitude_deg) > 180.0
-        ):
+        late = fix.period_s is not None and fix.period_s > GAP_S
+        if segment and (late or abs(fix.longitude_deg - segment[-1].longitude_deg) > 180.0):
             yield segment
             segment = []
         segment.append(fix)

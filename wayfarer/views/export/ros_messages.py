@@ -30,6 +30,7 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, Tick
 from wayfarer.fieldlog.vocabulary import CAUSES, level_text
 from wayfarer.views.enu import enu_rotation
+from wayfarer.views.export.wall_time import SECOND_NS, nanoseconds
 
 Time = ros.builtin_interfaces__msg__Time
 DiagnosticArray = ros.diagnostic_msgs__msg__DiagnosticArray
@@ -56,7 +57,6 @@ TOPICS: dict[str, Any] = {
     "/diagnostics": DiagnosticArray,
 }
 ODOM, BODY = "odom", "base_link"  # frames of REP 105: where the log begins, and the rover
-LATEST_NS = (2**31 - 1) * 1_000_000_000  # in the year 2038, where the seconds of ROS's times end
 # Diagnostics know three levels: a rover that drives on is not in error.
 LEVELS = {
     "well": DiagnosticStatus.OK,
@@ -150,13 +150,8 @@ def _odometries(tick: Tick, time_s: float) -> Iterator[Odometry]:
     yield Odometry(_header(time_s, ODOM), BODY, PoseWithCovariance(pose, UNKNOWN_6), moved)
 
 
-def nanoseconds(time_s: float) -> int:
-    """Return a time since 1970 to the microsecond, as far as ROS's times go; a float of today has no more."""
-    return min(max(round(time_s * 1e6) * 1000, 0), LATEST_NS)
-
-
 def _header(time_s: float, frame: str) -> Header:
-    return Header(Time(*divmod(nanoseconds(time_s), 1_000_000_000)), frame)
+    return Header(Time(*divmod(nanoseconds(time_s), SECOND_NS)), frame)
 
 
 def _rotation(heading_deg: float, pitch_deg: float | None, roll_deg: float | None) -> Quaternion:

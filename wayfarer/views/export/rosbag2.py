@@ -12,8 +12,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.views.export.ros_messages import TOPICS, RosMessages, nanoseconds
-from wayfarer.views.export.wall_time import read_clock_zero_s
+from wayfarer.views.export.ros_messages import TOPICS, RosMessages
+from wayfarer.views.export.wall_time import nanoseconds, read_clock_zero_s
 
 VERSION: Final = 8  # of the metadata: ROS 2 Iron writes it, and later ones read it
 

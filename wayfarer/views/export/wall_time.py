@@ -9,6 +9,9 @@ from wayfarer.errors import BadInput
 from wayfarer.fieldlog.fields import clock_zero_s, local_time
 from wayfarer.fieldlog.reader import Record, RunReader
 
+SECOND_NS = 1_000_000_000
+LATEST_S = 2**31 - 1  # in the year 2038, where the seconds of ROS's times end; Foxglove's end later
+
 
 def read_clock_zero_s(reader: RunReader) -> float:
     """Read a run to its end, and return the time since 1970 at which its ``t_s`` was zero.
@@ -28,6 +31,11 @@ def read_clock_zero_s(reader: RunReader) -> float:
     if zero_s is None:
         raise BadInput(f"{reader.run}: no record of this log has a wall time (see wayfarer logs check)")
     return zero_s
+
+
+def nanoseconds(time_s: float) -> int:
+    """Return a time since 1970 as ROS and Foxglove count it, to the microsecond: a float of today has no more."""
+    return round(min(max(time_s, 0.0), LATEST_S) * 1e6) * 1000
 
 
 def utc_text(wall_s: float) -> str:

@@ -21,13 +21,14 @@ from foxglove.messages import (
 )
 
 from wayfarer.fieldlog.header import Header
-from wayfarer.fieldlog.run_events import BY_NAME, AnomalyBegan, Ended, FaultInjected, Noted, RunBegan
+from wayfarer.fieldlog.run_events import Ended, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, RunEvent, Tick, Truth
-from wayfarer.views.foxglove.notes import note
+from wayfarer.views.export.wall_time import SECOND_NS, nanoseconds
+from wayfarer.views.foxglove.notes import KINDS, notes
 from wayfarer.views.foxglove.path import DrawnPath
-from wayfarer.views.foxglove.plots import PLOTS, Plot
+from wayfarer.views.foxglove.plots import FURTHER, PLOTS, Plot
 from wayfarer.views.foxglove.scene import (
     ROVER,
     TRUTH,
@@ -38,9 +39,6 @@ from wayfarer.views.foxglove.scene import (
     point,
     transform,
 )
-
-SECOND_NS = 1_000_000_000
-LATEST_S = 2.0**32 - 1.0  # in the year 2106, where the SDK's times end
 
 # The SDK logs through Python's logging, for instance when a viewer disconnects; by default that would be printed.
 logging.getLogger("foxglove").addHandler(logging.NullHandler())
@@ -110,11 +108,12 @@ class Channels:
         for topic, plot in PLOTS.items():
             channel = Channel(topic, schema=plot.schema(topic), context=context)
             self._rows[plot.view].append((channel, partial(_values, plot)))
+        self._rows[Tick].append((Channel("/further", schema=dict(FURTHER), context=context), _further))
 
     def _add_log(self, context: Context) -> None:
         channel = LogChannel("/log", context=context)
-        for kind in (RunBegan, AnomalyBegan, Noted, *BY_NAME.values(), FaultInjected, Ended):
-            self._rows[kind].append((channel, _line))
+        for kind in KINDS:
+            self._rows[kind].append((channel, _lines))
 
     def _add_scene(self, context: Context) -> None:
         self._rows[Tick].append((FrameTransformChannel("/pose", context=context), _pose))
@@ -148,11 +147,6 @@ def _send(row: Row, event: RunEvent, time_s: float) -> None:
                 channel.log(message, log_time=at.time_ns)
 
 
-def nanoseconds(time_s: float) -> int:
-    """Return a time since 1970 as the SDK counts it, to the microsecond: a float of today's seconds has no more."""
-    return round(min(max(time_s, 0.0), LATEST_S) * 1e6) * 1000
-
-
 def _moment(time_s: float) -> MessageTime:
     time_ns = nanoseconds(time_s)
     return MessageTime(time_ns, Timestamp(*divmod(time_ns, SECOND_NS)))
@@ -163,8 +157,13 @@ def _values(plot: Plot, view: RunEvent, _at: MessageTime) -> Iterator[bytes]:
         yield orjson.dumps(message)
 
 
-def _line(event: RunEvent, at: MessageTime) -> Iterator[Log]:
-    if (told := note(event)) is not None:
+def _further(tick: Tick, _at: MessageTime) -> Iterator[bytes]:
+    if tick.further:
+        yield orjson.dumps(tick.further)
+
+
+def _lines(event: RunEvent, at: MessageTime) -> Iterator[Log]:
+    for told in notes(event):
         yield Log(timestamp=at.stamp, level=told.level, name=told.name, message=told.text)
 
 

@@ -11,7 +11,8 @@ from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.log import Record
-from wayfarer.views.foxglove.channels import Channels, nanoseconds
+from wayfarer.views.export.wall_time import nanoseconds
+from wayfarer.views.foxglove.channels import Channels
 
 HOST, PORT = "127.0.0.1", 8765  # 8765 is where Foxglove looks first
 LASTING_EVERY_S = 0.5  # so that viewers who come and go all the time cost no more than that

@@ -1,18 +1,35 @@
-"""Messages of the Foxglove log panel: events, beginnings of anomalies, the end of the run. Pure."""
+"""Messages of the Foxglove log panel, in the words of a terminal: what happened, and beginnings of anomalies. Pure."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from foxglove.messages import LogLevel
 
-from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, FaultInjected, Noted, RunBegan
+from wayfarer.fieldlog.run_events import (
+    BY_NAME,
+    AnomalyBegan,
+    BoardFaults,
+    Ended,
+    FaultInjected,
+    Gap,
+    Noted,
+    PowerChanged,
+    RunBegan,
+    Silence,
+)
 from wayfarer.fieldlog.typed import RunEvent
 from wayfarer.fieldlog.vocabulary import met
-from wayfarer.fieldlog.wording import Tone, event_text, event_tone, fault_text, outcome_text, run_text, sentence
+from wayfarer.fieldlog.wording import Tone, sentence
+from wayfarer.views.text.run_narrator import happened
 
 LEVELS: Mapping[Tone, LogLevel] = {Tone.WARNING: LogLevel.Warning, Tone.FAULT: LogLevel.Error}  # else for information
+NAMES: Mapping[type[RunEvent], str] = {
+    RunBegan: "run", AnomalyBegan: "anomaly", BoardFaults: "board", PowerChanged: "power", Gap: "gap",
+    Silence: "silence", FaultInjected: "fault", Ended: "outcome",
+}  # fmt: skip
+KINDS = (*NAMES, Noted, *BY_NAME.values())  # what the panel tells; the other channels show the rest
 
 
 class LogMessage(NamedTuple):
@@ -23,18 +40,14 @@ class LogMessage(NamedTuple):
     text: str
 
 
-def note(event: RunEvent) -> LogMessage | None:
-    """Return the line for something that happened; None for what the other channels show."""
-    match event:
-        case Noted(name=name, record=record):
-            return LogMessage(LEVELS.get(event_tone(record), LogLevel.Info), name, event_text(record))
-        case AnomalyBegan(kind=kind, phase=phase):
-            return LogMessage(LogLevel.Warning, "anomaly", sentence(met([kind], phase)))
-        case FaultInjected():
-            return LogMessage(LogLevel.Warning, "fault", fault_text(event))
-        case RunBegan(header=header):
-            return LogMessage(LogLevel.Info, "run", run_text(header))
-        case Ended():
-            return LogMessage(LogLevel.Info, "outcome", outcome_text(event))
-        case _:
-            return None
+def notes(event: RunEvent) -> Iterator[LogMessage]:
+    """Give the lines for something that happened, of one of the ``KINDS``."""
+    name = event.name if isinstance(event, Noted) else NAMES[type(event)]
+    for text, tone in _told(event):
+        yield LogMessage(LEVELS.get(tone, LogLevel.Info), name, text)
+
+
+def _told(event: RunEvent) -> Iterator[tuple[str, Tone]]:
+    if isinstance(event, AnomalyBegan):  # a terminal tells it with its tick
+        yield sentence(met([event.kind], event.phase)), Tone.WARNING
+    yield from happened(event)

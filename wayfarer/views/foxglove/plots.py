@@ -41,6 +41,11 @@ class Plot(NamedTuple):
         return {name: value for name, value in values if _is_known(value)}
 
 
+FURTHER: Mapping[str, Any] = {
+    "type": "object",
+    "title": "wayfarer.further",
+    "description": "What else the log has of a tick, under its own keys, such as what another algorithm remembers.",
+}
 KINDS: Mapping[type[RunEvent], str] = {Tick: "tick", Board: "board", Computer: "computer", Truth: "truth"}
 
 

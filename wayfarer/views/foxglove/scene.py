@@ -22,14 +22,19 @@ from foxglove.messages import (
     Vector3,
 )
 
+from wayfarer.views import palette
 from wayfarer.views.enu import enu_rotation
 
 MAP, ROVER, TRUTH = "map", "rover", "truth"  # frames: the world, the rover as it believes to be, and as it is
 
-BARK = Color(r=0.45, g=0.32, b=0.2, a=1.0)
-GOAL = Color(r=0.0, g=0.62, b=0.45, a=1.0)
-# Blue and orange are told apart by colour-blind readers.
-COLOURS = {ROVER: Color(r=0.0, g=0.45, b=0.7, a=0.8), TRUTH: Color(r=0.9, g=0.62, b=0.0, a=0.8)}
+
+def _colour(name: str, opaque: float = 1.0) -> Color:
+    """Return a colour of the palette."""
+    red, green, blue = (part / 255.0 for part in bytes.fromhex(name.removeprefix("#")))
+    return Color(r=red, g=green, b=blue, a=opaque)
+
+
+COLOURS = {ROVER: _colour(palette.BLUE, 0.8), TRUTH: _colour(palette.ORANGE, 0.8)}
 TREE_HEIGHT_M, BODY_HEIGHT_M, LINE_M = 2.0, 0.25, 0.05  # only for the eye: nothing in a log says how high or thick
 GOAL_HALF_LENGTH_M = 25.0  # to either side of the start: the simulated forest's half width
 
@@ -61,7 +66,7 @@ def forest_scene(time: Timestamp, world: dict[str, Any]) -> SceneUpdate:
     return SceneUpdate(
         entities=[
             SceneEntity(timestamp=time, frame_id=MAP, id="forest", cylinders=[*trunks, *trees]),
-            SceneEntity(timestamp=time, frame_id=MAP, id="goal", lines=[_line(ends, GOAL)]),
+            SceneEntity(timestamp=time, frame_id=MAP, id="goal", lines=[_line(ends, _colour(palette.GOAL_LINE))]),
         ]
     )
 
@@ -105,21 +110,21 @@ def _trunk(x0_m: float, y0_m: float, x1_m: float, y1_m: float, diameter_m: float
     east_m, north_m = x1_m - x0_m, y1_m - y0_m
     lying = orientation(degrees(atan2(east_m, north_m)), pitch_deg=-90.0)
     middle = Vector3(x=(x0_m + x1_m) / 2.0, y=(y0_m + y1_m) / 2.0, z=diameter_m / 2.0)
-    return _cylinder(Pose(position=middle, orientation=lying), diameter_m, hypot(east_m, north_m))
+    return _cylinder(Pose(position=middle, orientation=lying), diameter_m, hypot(east_m, north_m), palette.TRUNK)
 
 
 def _tree(x_m: float, y_m: float, diameter_m: float) -> CylinderPrimitive:
     middle = Vector3(x=x_m, y=y_m, z=TREE_HEIGHT_M / 2.0)
-    return _cylinder(Pose(position=middle, orientation=_LEVEL), diameter_m, TREE_HEIGHT_M)
+    return _cylinder(Pose(position=middle, orientation=_LEVEL), diameter_m, TREE_HEIGHT_M, palette.TREE)
 
 
-def _cylinder(pose: Pose, diameter_m: float, length_m: float) -> CylinderPrimitive:
+def _cylinder(pose: Pose, diameter_m: float, length_m: float, colour: str) -> CylinderPrimitive:
     return CylinderPrimitive(
         pose=pose,
         size=Vector3(x=diameter_m, y=diameter_m, z=length_m),
         bottom_scale=1.0,
         top_scale=1.0,
-        color=BARK,
+        color=_colour(colour),
     )
 
 

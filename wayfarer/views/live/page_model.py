@@ -18,7 +18,7 @@ from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, PhaseChanged, RunB
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.tick_wording import why_text
+from wayfarer.fieldlog.tick_wording import further_texts, why_text
 from wayfarer.fieldlog.typed import RunEvent, Tick, Truth
 from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, because, disarmed_text, level_text
 from wayfarer.views.text.run_narrator import RunNarrator, Telling
@@ -27,6 +27,7 @@ from wayfarer.views.trail import Trail
 LINES = 200  # about the run; half an hour of a rover that drives
 MARKS = 400  # anomalies that are drawn; the oldest go first
 PHASES_KEPT = 400
+FURTHER_CHARS = 500  # of what else a tick says; what a third party's algorithm remembers has no bound
 TRACK_POINTS = 3000  # some 75 kB for a new viewer; 150 m at the first spacing, 1.2 km at the fourth
 TRACK_SPACING_M = 0.05  # less than the line is wide
 
@@ -99,6 +100,7 @@ class PageModel:
             "roll_deg": tick.roll_deg,
             "counter_deg": tick.counter_deg,
             "episodes": tick.episodes,
+            "further": ", ".join(further_texts(tick))[:FURTHER_CHARS],
             "goal_heading_deg": run.goal_heading_deg,
             "anomalies": [ANOMALIES.get(kind, kind) for kind in tick.anomalies],
             "counts": [[ANOMALIES.get(kind, kind), count] for kind, count in run.anomalies.most_common()],

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from wayfarer.escape.api import Phase
 from wayfarer.fieldlog.episodes import Episode
-from wayfarer.fieldlog.fields import setting
+from wayfarer.fieldlog.fields import number, setting
 from wayfarer.fieldlog.reader import Damage, Record
-from wayfarer.fieldlog.run_events import AnomalyBegan, Noted
+from wayfarer.fieldlog.run_events import AnomalyBegan, Armed, GoalSet, Noted, Silence
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.typed import or_nan
 from wayfarer.safety.conditions import Level
@@ -25,7 +25,6 @@ from wayfarer.views.text.summary import RunSummary
 Floats = NDArray[np.float64]
 Columns = Mapping[str, Floats]
 
-GAP_S = 1.0  # no record for so long: lines are broken there
 PHASES = tuple(phase.value for phase in Phase)
 LEVELS = {level.name.lower(): float(level) for level in Level}
 
@@ -46,20 +45,22 @@ class RunData:
     """Everything of one run that its report shows.
 
     ``ticks`` has a column for each name in ``reading.TICK``: ``phase`` counts in ``PHASES``, ``level`` is
-    ``conditions.Level``, ``period_s`` is NaN where records are missing since the tick before, and ``stretch`` counts
-    the gaps so far: records are missing between two ticks that differ in it. ``truth`` is where a simulated rover
-    really was, in the metres of its forest.
+    ``conditions.Level``, and ``period_s`` is NaN where records are missing since the tick before. ``further`` has the
+    numbers that ticks have under keys that no view names. ``truth`` is where a simulated rover really was, in the
+    metres of its forest. ``batteries`` are the voltages and the seconds since the motor board spoke before. These
+    tables have a column ``stretch``: the log breaks off between two rows that differ in it.
     """
 
     header: Record = field(default_factory=dict)
     summary: RunSummary = field(init=False)
     damage: Damage = field(init=False)
     ticks: Columns = field(default_factory=dict)
+    further: Columns = field(default_factory=dict)
     truth: Columns = field(default_factory=dict)
     sensors: Mapping[str, SensorStatus] = field(default_factory=dict)
-    batteries: list[tuple[float, float]] = field(default_factory=list)
+    batteries: Columns = field(default_factory=dict)
     onsets: list[AnomalyBegan] = field(default_factory=list)
-    events: list[Noted] = field(default_factory=list)
+    events: list[Noted | Silence] = field(default_factory=list)
     fixes: list[MapFix] = field(default_factory=list)
     episodes: list[Episode] = field(default_factory=list)
 
@@ -67,6 +68,16 @@ class RunData:
     def has_way(self) -> bool:
         """Return whether anybody can say where the rover went."""
         return bool(self.fixes) or not bool(np.isnan(self.ticks["north_m"]).all())
+
+    @property
+    def goals(self) -> list[tuple[float, float]]:
+        """Return when the rover took each goal, and its heading in degrees; a log may begin after the first."""
+        events = [event for event in self.events if isinstance(event, Armed | GoalSet)]
+        if events:
+            told = ((event.elapsed_s, number(event.record, "goal_heading_deg")) for event in events)
+            return [(t_s, goal_deg) for t_s, goal_deg in told if goal_deg is not None]
+        known = ~np.isnan(self.ticks["goal_heading_deg"])
+        return list(zip(*(self.ticks[name][known][:1].tolist() for name in ("t_s", "goal_heading_deg")), strict=True))
 
     def setting(self, *keys: str) -> float:
         """Return a number of the rover file, NaN where the header does not have it."""

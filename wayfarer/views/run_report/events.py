@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
 from math import radians
 from typing import Any, NamedTuple
 
-from wayfarer.fieldlog.run_events import Marked, Noted
+from wayfarer.fieldlog.run_events import Marked, Noted, Silence
 from wayfarer.fieldlog.vocabulary import ANOMALIES
-from wayfarer.fieldlog.wording import Tone, event_text, event_tone
+from wayfarer.fieldlog.wording import Tone, event_text, event_tone, silence_text
 from wayfarer.views import palette
 from wayfarer.views.page.html import Layer
-from wayfarer.views.run_report.data import GAP_S, RunData
+from wayfarer.views.run_report.data import RunData
 
 LAYERS = (
     Layer("anomaly", "anomalies", palette.ANOMALY),
@@ -47,7 +46,7 @@ def columns(found: Sequence[Happening]) -> dict[str, Any]:
 
 def happenings(data: RunData) -> list[Happening]:
     """Return all that a run's panels mark, by time."""
-    return sorted([*_anomalies(data), *_events(data), *_silences(data)])
+    return sorted([*_anomalies(data), *_events(data)])
 
 
 def _anomalies(data: RunData) -> Iterator[Happening]:
@@ -60,27 +59,26 @@ def _events(data: RunData) -> Iterator[Happening]:
     for event in data.events:
         if isinstance(event, Marked):
             yield Happening(event.elapsed_s, "mark", told(event), "hex")
+        elif isinstance(event, Silence):
+            yield Happening(event.began_s, "trouble", told(event))
         else:
             by_hand = event_tone(event.record) is Tone.PERSON
             layer = "trouble" if is_trouble(event) else "person" if by_hand else "other"
             yield Happening(event.elapsed_s, layer, told(event))
 
 
-def _silences(data: RunData) -> Iterator[Happening]:
-    """Yield the times from which nothing was logged of the control loop."""
-    for before_s, t_s in pairwise(data.ticks["t_s"].tolist()):
-        if t_s - before_s > GAP_S:
-            yield Happening(before_s, "trouble", f"no ticks for {t_s - before_s:.0f} s")
-
-
-def told(event: Noted) -> str:
+def told(event: Noted | Silence) -> str:
     """Return an event in words; a person's mark with its number."""
+    if isinstance(event, Silence):
+        return silence_text(event)
     if isinstance(event, Marked):
         return f"mark {event.number}: {event.text}".rstrip(": ")
     return event_text(event.record)
 
 
-def is_trouble(event: Noted) -> bool:
+def is_trouble(event: Noted | Silence) -> bool:
     """Return whether an event tells of something that went wrong; a hold that somebody asked for did not."""
+    if isinstance(event, Silence):
+        return True
     tone = event_tone(event.record)
     return tone in (Tone.WARNING, Tone.FAULT) and event.record.get("cause") != "operator_hold"

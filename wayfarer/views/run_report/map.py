@@ -99,12 +99,10 @@ def _draw_goals(map_: Figure, track: Track, side_m: float) -> None:
 
 
 def _draw_happenings(map_: Figure, track: Track) -> None:
-    """Draw anomalies and marks, as far as it is known where they were."""
-    told = [(track.way.at(each.t_s), each) for each in happenings(track.data)]
+    """Draw anomalies and marks; Bokeh leaves out those whose place is not known."""
     for name, colour, size in (("anomaly", palette.ANOMALY, 9), ("mark", palette.PAPER, 16)):
-        places_m = [place_m for place_m, each in told if each.layer == name and not isnan(sum(place_m))]
-        found = [each for place_m, each in told if each.layer == name and not isnan(sum(place_m))]
-        x_m, y_m = zip(*places_m, strict=True) if places_m else ((), ())
+        found = [each for each in happenings(track.data) if each.layer == name]
+        x_m, y_m = np.array([track.way.at(each.t_s) for each in found]).reshape(-1, 2).T
         numbers = [f"{number}" for number, _ in enumerate(found, start=1)]
         marks = source(x=x_m, y=y_m, number=numbers, **columns(found))
         drawn = map_.scatter("x", "y", source=marks, size=size, fill_color=colour, **LOOK)

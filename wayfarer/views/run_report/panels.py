@@ -14,7 +14,7 @@ from wayfarer.views import palette
 from wayfarer.views.page import html
 from wayfarer.views.page.plots import Figure, Plots, hover, source
 from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.quantities import PANELS, Panel
+from wayfarer.views.run_report.quantities import Panel, panels_of
 from wayfarer.views.run_report.series import Line, around, thinned
 from wayfarer.views.run_report.time_axis import (
     Shared,
@@ -40,7 +40,7 @@ class Drawn(NamedTuple):
 
 def draw_panels(runs: Sequence[RunData], plots: Plots) -> Iterator[str]:
     """Yield the HTML of all panels for which there is something in a log, the first from the top."""
-    found = [(panel, lines) for panel in PANELS if (lines := list(_lines_of(panel, runs)))]
+    found = [(panel, lines) for panel in panels_of(runs) if (lines := list(_lines_of(panel, runs)))]
     if not found:
         return
     time, shared = time_range(runs), [shared_by_panels(data) for data in runs]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from wayfarer.fieldlog.printable import clean
 from wayfarer.views import palette
 from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.series import Line, at_ticks, beside_ticks
+from wayfarer.views.run_report.series import Line, at_ticks, breaks, broken
 
 BOARD_SILENT_S = 10.0  # a board is asked each second or so
 EVEN_S = 1e-4  # a loop whose periods differ by less runs on virtual time
@@ -46,6 +47,10 @@ def _tick(name: str, factor: float = 1.0) -> Callable[[RunData], Line | None]:
     return line
 
 
+def _further(name: str) -> Callable[[RunData], Line | None]:
+    return lambda data: at_ticks(data.ticks, data.further[name]) if name in data.further else None
+
+
 def _commanded(data: RunData) -> Line | None:
     speed_m_s = data.setting("vehicle", "max_speed_m_s") * (data.ticks["left"] + data.ticks["right"]) / 2.0
     return None if np.isnan(speed_m_s).all() else at_ticks(data.ticks, speed_m_s)
@@ -57,16 +62,11 @@ def _duty(data: RunData) -> Line | None:
     return at_ticks(data.ticks, duty) if duty.any() else None
 
 
-def _measured(data: RunData) -> Line | None:
-    line = beside_ticks(data.ticks, data.ticks["t_s"], data.ticks["measured_m_s"], 1.0)
-    return line if line[0].size else None
-
-
 def _battery(data: RunData) -> Line | None:
-    if not data.batteries:
+    told = data.batteries
+    if not told["t_s"].size:
         return None
-    t_s, battery_v = np.array(data.batteries).T
-    return beside_ticks(data.ticks, t_s, battery_v, BOARD_SILENT_S)
+    return broken(told["t_s"], told["battery_v"], breaks(told) | (told["period_s"][1:] > BOARD_SILENT_S))
 
 
 def _period(data: RunData) -> Line | None:
@@ -90,6 +90,12 @@ def _tilt_limits(data: RunData) -> list[float]:
     return [sign * data.setting("detector", "tilt_deg") for sign in (-1.0, 1.0)]
 
 
+def panels_of(runs: Sequence[RunData]) -> list[Panel]:
+    """Return all panels of some runs: those of the table, and one for each further number of the log."""
+    names = dict.fromkeys(name for data in runs for name in data.further)
+    return [*PANELS, *(Panel(clean(name), "", 2, (Quantity(clean(name), _further(name)),)) for name in names)]
+
+
 DASHED: Mapping[str, Any] = {"line_dash": [5, 3]}
 PANELS = (
     Panel(
@@ -106,7 +112,7 @@ PANELS = (
     Panel(
         "speed", "m/s", 2,
         (Quantity("commanded", _commanded, palette.GREY, {"line_width": 3, "line_alpha": 0.6}),
-         Quantity("measured", _measured)),
+         Quantity("measured", _tick("measured_m_s"))),
     ),
     Panel("duty", "", 2, (Quantity("duty", _duty),)),
     Panel(

@@ -12,8 +12,9 @@ import numpy as np
 from wayfarer.escape.api import Anomaly
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.episodes import EpisodeBegan
+from wayfarer.fieldlog.fields import number
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.fieldlog.run_events import AnomalyBegan, Noted
+from wayfarer.fieldlog.run_events import AnomalyBegan, Noted, Silence
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick, Truth, or_nan
 from wayfarer.views.run_report.data import LEVELS, PHASES, Columns, MapFix, RunData
@@ -38,6 +39,8 @@ TICK: Mapping[str, Callable[[Tick], float | None]] = {
     "east_m": lambda tick: tick.place.east_m if tick.place else nan,
 }
 TRUTH = ("t_s", "x_m", "y_m", "phase", "stretch")
+FURTHER_MOST = 12  # keys that no view names, each with a panel: a damaged log may have any number of them
+BATTERY = ("t_s", "battery_v", "period_s", "stretch")
 
 
 def read_run(run: Path) -> RunData:
@@ -47,7 +50,8 @@ def read_run(run: Path) -> RunData:
         BadInput: there is no log in it, or nothing of it can be read.
     """
     reader, fold, summariser = RunReader(run), RunFold(), RunSummariser()
-    data, ticks, truths = RunData(), array("d"), array("d")
+    data, ticks, truths, batteries = RunData(), array("d"), array("d"), array("d")
+    further: dict[str, array[float]] = {}
     for record in reader:
         events = fold.take(record)
         summariser.take(events)
@@ -55,28 +59,41 @@ def read_run(run: Path) -> RunData:
             match event:
                 case Tick():
                     ticks.extend(or_nan(column(event)) for column in TICK.values())
-                    ticks.append(fold.state.gaps)
+                    ticks.append(fold.state.stretch)
+                    _add_further(event, fold.state.ticks, further)
                 case Truth():
                     phase = or_nan(PHASE_INDEX.get(fold.state.tick.phase or ""))
-                    truths.extend((event.elapsed_s, event.x_m, event.y_m, phase, fold.state.gaps))
+                    truths.extend((event.elapsed_s, event.x_m, event.y_m, phase, fold.state.stretch))
+                case Board(battery_v=battery_v) if battery_v is not None:
+                    batteries.extend((event.elapsed_s, battery_v, event.period_s, fold.state.stretch))
                 case _:
                     _keep(event, fold.state.place, data)
     state = fold.state
     data.header, data.summary, data.damage = state.header.record, summariser.summary(state), reader.damage
     data.ticks, data.truth = _columns([*TICK, "stretch"], ticks), _columns(TRUTH, truths)
+    data.batteries = _columns(BATTERY, batteries)
+    data.further = {key: np.array(column) for key, column in further.items()}
     data.sensors = {name: each for name, each in sorted(state.sensors.items()) if each.readings or each.failures}
     for sensor in data.sensors.values():
         sensor.fell_silent(state.t_s)
     return data
 
 
+def _add_further(tick: Tick, count: int, further: dict[str, array[float]]) -> None:
+    """Add to each column the number that a tick has under its key; one that is new has none in the ticks before."""
+    values = {key: value for key in tick.further if (value := number(tick.record, key)) is not None}
+    for key in values:
+        if len(further) < FURTHER_MOST:
+            further.setdefault(key, array("d", [nan]) * (count - 1))
+    for key, column in further.items():
+        column.append(values.get(key, nan))
+
+
 def _keep(event: RunEvent, place: ReckonedPose | None, data: RunData) -> None:
     match event:
-        case Board(battery_v=battery_v) if battery_v is not None:
-            data.batteries.append((event.elapsed_s, battery_v))
         case AnomalyBegan(kind=kind) if kind in ANOMALIES:
             data.onsets.append(event)
-        case Noted():
+        case Noted() | Silence():
             data.events.append(event)
         case Fix():
             here_m = (place.north_m, place.east_m) if place else (nan, nan)

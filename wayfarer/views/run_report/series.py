@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.views.run_report.data import GAP_S, Columns, Floats
+from wayfarer.views.run_report.data import Columns, Floats
 
 BINS = 3000  # of a line: one for 1.2 s of an hour, and some in each column of pixels of a screen
 
@@ -24,23 +24,15 @@ class ValueSpan(NamedTuple):
     value: float
 
 
-def breaks(ticks: Columns) -> NDArray[np.bool_]:
-    """Return between which ticks records are missing, or nothing was logged for a while."""
-    missing: NDArray[np.bool_] = (np.diff(ticks["t_s"]) > GAP_S) | (np.diff(ticks["stretch"]) != 0.0)
-    return missing
+def breaks(columns: Columns) -> NDArray[np.bool_]:
+    """Return between which rows the log breaks off."""
+    between: NDArray[np.bool_] = np.diff(columns["stretch"]) != 0.0
+    return between
 
 
 def at_ticks(ticks: Columns, values: Floats) -> Line:
     """Return the line of a value that each tick has."""
     return broken(ticks["t_s"], values, breaks(ticks))
-
-
-def beside_ticks(ticks: Columns, t_s: Floats, values: Floats, silent_s: float) -> Line:
-    """Return the line of what is told more seldom than ticks; it bridges neither their gaps nor a silence."""
-    known = ~np.isnan(values)
-    t_s, values = t_s[known], values[known]
-    gaps_s = ticks["t_s"][:-1][breaks(ticks)]
-    return broken(t_s, values, (np.diff(np.searchsorted(gaps_s, t_s)) > 0) | (np.diff(t_s) > silent_s))
 
 
 def around(line: Line, centre_deg: float) -> Line:
@@ -66,15 +58,15 @@ def thinned(line: Line, bins: int = BINS) -> Line:
     return t_s[kept], values[kept]
 
 
-def spans(t_s: Floats, values: Floats, most: int = BINS) -> list[ValueSpan]:
-    """Return the times in which a value stays the same, at most ``most`` of them; unknown values have none.
+def spans(ticks: Columns, values: Floats, most: int = BINS) -> list[ValueSpan]:
+    """Return the times in which a value of the ticks stays the same, at most ``most``; unknown values have none.
 
-    The last value is taken to hold for as long as the tick before it did.
+    A value holds until the next tick; the last one, and one before a break, until its own tick.
     """
+    t_s = ticks["t_s"]
     if not t_s.size:
         return []
-    ends_s = np.append(t_s[1:], t_s[-1] + (t_s[-1] - t_s[-2] if t_s.size > 1 else 0.0))
-    ends_s = np.where(ends_s - t_s > GAP_S, t_s, ends_s)
+    ends_s = np.append(np.where(breaks(ticks), t_s[:-1], t_s[1:]), t_s[-1])
     found = list(_runs(t_s, ends_s, values))
     if len(found) <= most:
         return found

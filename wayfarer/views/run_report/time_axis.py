@@ -55,7 +55,7 @@ class Shared(NamedTuple):
 
 def shared_by_panels(data: RunData) -> Shared:
     """Return what all panels of a run show behind their lines."""
-    bands = spans(data.ticks["t_s"], data.ticks["phase"])
+    bands = spans(data.ticks, data.ticks["phase"])
     inside = {phase: [each for each in bands if PHASES[int(each.value)] == phase] for phase in palette.PHASES}
     told = happenings(data)
     found = {layer.name: [each for each in told if each.layer == layer.name] for layer in LAYERS}
@@ -113,7 +113,7 @@ def _was_held(data: RunData) -> bool:
 
 def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]:
     """Draw when the rover's own condition made the gate hold the wheels, or do with less."""
-    held = spans(data.ticks["t_s"], data.ticks["level"])
+    held = spans(data.ticks, data.ticks["level"])
     for level, colour in palette.LEVELS.items():
         bars = [each for each in held if each.value == LEVELS[level]]
         if bars:
@@ -128,7 +128,7 @@ def _states(made: Figure, run: int, data: RunData) -> None:
     phases = {index: vocabulary.PHASES[phase] for index, phase in enumerate(PHASES)}
     levels = {int(value): vocabulary.LEVELS[level] for level, value in LEVELS.items()}
     for name, words in (("phase", phases), ("level", levels)):
-        bands = spans(data.ticks["t_s"], data.ticks[name])
+        bands = spans(data.ticks, data.ticks[name])
         changes = source(x=[band.start_s for band in bands], value=[words[int(band.value)] for band in bands])
         read = {"run": run, "name": name, "unit": "", "decimals": 0}
         made.scatter("x", 0, source=changes, alpha=0.0).tags = [read]

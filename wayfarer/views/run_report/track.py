@@ -11,12 +11,12 @@ import numpy as np
 
 from wayfarer.angles import Coordinates, coordinates_deg
 from wayfarer.errors import BadForest
-from wayfarer.fieldlog.fields import number
 from wayfarer.simhal.parts import ORIGIN
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.forest_file import from_row
-from wayfarer.views.run_report.data import Floats, MapFix, RunData
+from wayfarer.views.run_report.data import Columns, Floats, MapFix, RunData
 from wayfarer.views.run_report.receiver import Fit, Places, believable, fit, paired, places_of
+from wayfarer.views.run_report.series import breaks
 
 Point = tuple[float, float]  # metres east and north
 
@@ -34,6 +34,11 @@ class Way(NamedTuple):
         if not self.t_s.size:
             return nan, nan
         return float(np.interp(t_s, self.t_s, self.east_m)), float(np.interp(t_s, self.t_s, self.north_m))
+
+    def beginning_at(self, east_m: float, north_m: float) -> Way:
+        """Return the way moved so that it begins there."""
+        first_m = self.east_m[:1].sum(), self.north_m[:1].sum()
+        return self._replace(east_m=self.east_m - first_m[0] + east_m, north_m=self.north_m - first_m[1] + north_m)
 
     def mapped(self, onto: Fit) -> Way:
         """Return the way laid onto the receiver's fixes."""
@@ -77,43 +82,39 @@ class Track:
             return nan
         return hypot(self.reckoned.east_m[-1] - self.way.east_m[-1], self.reckoned.north_m[-1] - self.way.north_m[-1])
 
-    @property
-    def missed_m(self) -> tuple[float, float]:
-        """Return the median distance of the fixes from the way, unfitted (from the first fix) and fitted, metres."""
+    def missed_m(self, *, true: bool = False) -> tuple[float, float]:
+        """Return the median distance of dead reckoning from the fixes, unfitted (from the first fix) and fitted.
+
+        It is in metres, at the times of the fixes; with ``true`` it is that from the true way of a simulated rover.
+        """
         if not self.fit or not self.origin:
             return nan, nan
         compared, reckoned_m = paired(self.fixes)
         fixed_m = places_of(compared, self.origin)
         pinned_m = reckoned_m - reckoned_m[0] + fixed_m[0]
-        return float(np.median(np.abs(pinned_m - fixed_m))), float(np.median(np.abs(self.fit(reckoned_m) - fixed_m)))
+        there_m = np.array([complex(*self.way.at(fix.t_s)) for fix in compared]) if true else fixed_m
+        return float(np.median(np.abs(pinned_m - there_m))), float(np.median(np.abs(self.fit(reckoned_m) - there_m)))
 
     def from_start(self) -> Track:
         """Return the way alone, beginning at zero."""
-        way = self.way
-        east_m, north_m = way.east_m - way.east_m[:1].sum(), way.north_m - way.north_m[:1].sum()
-        return Track(self.data, way._replace(east_m=east_m, north_m=north_m))
+        return Track(self.data, self.way.beginning_at(0.0, 0.0))
 
     def goals(self) -> Iterator[tuple[Point, float]]:
-        """Yield where the rover took a goal, and its heading in degrees on this map; a log may begin after that."""
+        """Yield where the rover took a goal, and its heading in degrees on this map."""
         turned_deg = self.fit.turned_deg if self.fit and self.reckoned is None else 0.0
-        told = [event for event in self.data.events if event.name in ("armed", "goal")]
-        for event in told:
-            goal_deg, place_m = number(event.record, "goal_heading_deg"), self.way.at(event.elapsed_s)
-            if goal_deg is not None and not isnan(sum(place_m)):
+        for t_s, goal_deg in self.data.goals:
+            place_m = self.way.at(t_s)
+            if not isnan(sum(place_m)):
                 yield place_m, goal_deg + turned_deg
-        goals_deg = self.data.ticks["goal_heading_deg"]
-        goals_deg = goals_deg[~np.isnan(goals_deg)]
-        if not told and goals_deg.size and self.way.t_s.size:
-            yield (float(self.way.east_m[0]), float(self.way.north_m[0])), float(goals_deg[0]) + turned_deg
 
 
 def track_of(data: RunData, *, origin: Coordinates | None = None) -> Track:
     """Return what the map shows of a run; ``origin`` is where zero shall be, else the first fix."""
-    way, fixes, forest = _reckoned(data), believable(data.fixes), _forest_of(data)
+    way, fixes, forest = _way(data.ticks, "east_m", "north_m"), believable(data.fixes), _forest_of(data)
     if forest is not None and data.truth["x_m"].size:
         found = fit(fixes, ORIGIN)
-        true = _broken(*(data.truth[name] for name in ("t_s", "x_m", "y_m", "phase", "stretch")))
-        beside = way.mapped(found) if found else _from_start_of(way, true)
+        true = _way(data.truth, "x_m", "y_m")
+        beside = way.mapped(found) if found else way.beginning_at(*true.at(way.t_s[:1].sum()))
         return Track(data, true, beside, forest, ORIGIN if fixes else None, fixes, found)
     if not fixes:
         return Track(data, way)
@@ -134,23 +135,12 @@ def tracks_of(runs: Sequence[RunData]) -> list[Track]:
     return [each.from_start() for each in tracks]
 
 
-def _reckoned(data: RunData) -> Way:
-    ticks = data.ticks
-    known = ~np.isnan(ticks["north_m"] + ticks["east_m"])
-    return _broken(*(ticks[name][known] for name in ("t_s", "east_m", "north_m", "phase", "stretch")))
-
-
-def _broken(t_s: Floats, east_m: Floats, north_m: Floats, phase: Floats, stretch: Floats) -> Way:
-    """Return a way that does not bridge what is missing between one stretch of the log and the next."""
-    at = np.flatnonzero(np.diff(stretch)) + 1
-    return Way(np.insert(t_s, at, t_s[at]), *(np.insert(each, at, nan) for each in (east_m, north_m, phase)))
-
-
-def _from_start_of(way: Way, true: Way) -> Way:
-    if not way.t_s.size:
-        return way
-    east_m, north_m = true.at(float(way.t_s[0]))
-    return way._replace(east_m=way.east_m - way.east_m[0] + east_m, north_m=way.north_m - way.north_m[0] + north_m)
+def _way(columns: Columns, east: str, north: str) -> Way:
+    """Return the way of a table of ``RunData``, as far as it is known; it bridges no place where the log breaks off."""
+    known = {name: columns[name][~np.isnan(columns[east])] for name in ("t_s", east, north, "phase", "stretch")}
+    t_s, *others = (known[name] for name in ("t_s", east, north, "phase"))
+    at = np.flatnonzero(breaks(known)) + 1
+    return Way(np.insert(t_s, at, t_s[at]), *(np.insert(each, at, nan) for each in others))
 
 
 def _forest_of(data: RunData) -> Forest | None:

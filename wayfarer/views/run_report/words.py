@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from html import escape
+from itertools import groupby
 from math import isnan
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from wayfarer.fieldlog.fields import span
 from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.wording import whole_deg
 from wayfarer.views.page import html
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.track import Track
@@ -36,8 +38,8 @@ TRUE = (
 FIXES = "Small crosses: what the receiver said; thin circles: its error."
 FOREST = "Brown: fallen trunks; green dots: trees; green line: goal line."
 GAPS = (
-    "White diamonds: records are missing there. Nobody knows how the rover moved meanwhile; the way goes on where it "
-    "broke off."
+    "White diamonds: records are missing there, or no ticks came for a while. Nobody knows how the rover moved "
+    "meanwhile; the way goes on where it broke off."
 )
 SAME_SETTINGS = "Nothing: both runs had the same rover file."
 
@@ -59,10 +61,8 @@ def facts(data: RunData, folder: str) -> Iterator[tuple[str, str]]:
 
 
 def _goal(data: RunData) -> str:
-    goals_deg = data.ticks["goal_heading_deg"]
-    whole_deg = np.round(goals_deg[~np.isnan(goals_deg)]) % 360.0
-    changes_deg = whole_deg[np.append(True, np.diff(whole_deg) != 0)[: whole_deg.size]]
-    return ", then ".join(f"{goal_deg:.0f}°" for goal_deg in changes_deg[-LAST_GOALS:]) or "none"
+    goals = [goal for goal, _ in groupby(f"{whole_deg(goal_deg)}°" for _, goal_deg in data.goals)]
+    return ", then ".join(goals[-LAST_GOALS:]) or "none"
 
 
 def number_of(run: Path) -> str:
@@ -92,7 +92,7 @@ def fitted(track: Track, run: str) -> str:
     if not isnan(track.drift_m):
         parts.append(f"At the end dead reckoning is {track.drift_m:.1f} m from the true way.")
     if track.fit is not None:
-        pinned_m, fitted_m = track.missed_m
+        pinned_m, fitted_m = track.missed_m()
         parts.append(
             f"Dead reckoning is laid onto all fixes at once: turned by {track.fit.turned_deg:.1f}° and stretched by "
             f"{track.fit.stretched:.2f}. Median distance of the fixes from it: {fitted_m:.1f} m ({pinned_m:.1f} m if "

@@ -19,10 +19,20 @@ from wayfarer.fieldlog.run_events import (
     PhaseChanged,
     PowerChanged,
     RunBegan,
+    Silence,
 )
 from wayfarer.fieldlog.tick_wording import aim_text, anomaly_text, phase_text, reason_text, state_text, tick_text
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick
-from wayfarer.fieldlog.wording import Tone, event_text, event_tone, fault_text, outcome_text, place_text, run_text
+from wayfarer.fieldlog.wording import (
+    Tone,
+    event_text,
+    event_tone,
+    fault_text,
+    outcome_text,
+    place_text,
+    run_text,
+    silence_text,
+)
 
 STATUS_S = 5.0  # a line at least so often while the rover drives
 STANDING_S = 60.0  # and while it stands: enough to see that it lives
@@ -78,7 +88,7 @@ class RunNarrator:
             case Fix():
                 return self._fix(event)
             case _:
-                return _happened(event)
+                return happened(event)
 
     def _tick(self, tick: Tick, change: Change | None) -> Iterable[Told]:
         if self._telling is Telling.TICKS:
@@ -101,13 +111,15 @@ class RunNarrator:
         return [(f"position {place_text(fix)}", Tone.QUIET)]
 
 
-def _happened(event: RunEvent) -> Iterator[Told]:
-    """Give what stands in a line whenever it happens."""
+def happened(event: RunEvent) -> Iterator[Told]:
+    """Give the text and the tone of what stands in a line whenever it happens."""
     match event:
         case Noted(record=record):
             yield event_text(record), event_tone(record)
         case Gap(missing=missing, announced=False):
             yield str(Damage(missing=missing)), Tone.WARNING
+        case Silence():
+            yield silence_text(event), Tone.WARNING
         case BatteryChanged(battery_v=battery_v):
             yield f"battery {battery_v:.1f} V", Tone.QUIET
         case BoardFaults(faults=faults):

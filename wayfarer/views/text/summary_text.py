@@ -8,7 +8,7 @@ from wayfarer.escape.phases import PhaseEvent
 from wayfarer.fieldlog.fields import local_time, span
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, because
-from wayfarer.fieldlog.wording import records_text, whole_deg
+from wayfarer.fieldlog.wording import place_text, records_text, whole_deg
 from wayfarer.views.text.last_position import LastPosition, RangeBearing
 from wayfarer.views.text.summary import RunSummary
 from wayfarer.views.text.verdict import NO_OUTCOME
@@ -63,8 +63,7 @@ def where_lines(where: LastPosition, missing: int) -> Iterator[str]:
     """Say where to search for the rover; the receiver first, if there is one."""
     fix = where.last_fix
     if fix is not None:
-        error = "" if fix.error_m is None else f" (error {fix.error_m:.0f} m)"
-        yield f"{fix.latitude_deg:.6f}, {fix.longitude_deg:.6f}{error}, {where.fix_age_s:.0f} s before the end"
+        yield f"{place_text(fix)}, {where.fix_age_s:.0f} s before the end"
     if where.by_receiver is not None:
         yield f"{_offset(where.by_receiver)} true from the first position"
     if where.by_reckoning is not None:

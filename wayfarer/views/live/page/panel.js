@@ -27,6 +27,7 @@ function writeState(state) {
   write("wheels", ended ? "–" : `${state.wheels.map((duty) => (known(duty) ? Math.round(duty * 100) || 0 : "–")).join("/")} %`);
   const met = state.counts.map(([what, count]) => `${count}× ${what}`).join(", ");
   write("counts", [state.anomalies.length && `now: ${state.anomalies.join(", ")}`, met && `so far: ${met}`].filter(Boolean).join(". "));
+  write("further", ended ? "" : state.further);
   element("resume").hidden = !state.held || !["arming", "armed"].includes(state.mode);
   const battery = known(state.battery_v) ? `battery ${state.battery_v.toFixed(1)} V` : "";
   write("battery", [battery, ...state.faults].filter(Boolean).join(", "));

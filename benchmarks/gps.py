@@ -1,0 +1,34 @@
+"""How near dead reckoning is to the true way, before and after it is laid onto the receiver's fixes, as in a report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from wayfarer.config.rover_file import load_rover
+from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.experiments.commands import at_site
+from wayfarer.experiments.executors import TrialRunner, field_trial
+from wayfarer.views.run_report.reading import read_run
+from wayfarer.views.run_report.track import track_of
+
+HEADER = ("trial", "way, m", "fixes", "turned, degrees", "stretched", "from the first fix, m", "fitted, m")
+ALGORITHM = "forest-pledge"
+
+
+def rows(trials: int) -> Iterator[tuple[str, ...]]:
+    """Run trials of the scenario ``forest-escape``, and yield the table's lines; the distances are medians."""
+    campaign = at_site(Campaign((ALGORITHM,), trials, load_rover("forestrover")), "forest-escape")
+    for trial in range(trials):
+        with TemporaryDirectory() as folder:
+            TrialRunner(campaign, partial(field_trial, log_dir=Path(folder))).run(Task(ALGORITHM, trial))
+            track = track_of(read_run(Path(folder)))
+        assert track.fit is not None, "the scenario has a receiver"
+        found, missed_m = track.fit, track.missed_m(true=True)
+        way_m, fixes = track.data.summary.reckoned_m, len(track.fixes)
+        yield (
+            f"{trial}", f"{way_m:.0f}", f"{fixes}", f"{found.turned_deg:.1f}", f"{found.stretched:.2f}",
+            *(f"{each_m:.2f}" for each_m in missed_m),
+        )  # fmt: skip
