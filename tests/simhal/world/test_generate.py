@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tests.simhal.forest_lines import lines_of
 from wayfarer.experiments.campaign import read_forest_file
 from wayfarer.simhal.world.forest import Forest, Lean, Trunk, check_forest
-from wayfarer.simhal.world.generate import CLEARING, DIVIDED, MAX_TILT_DEG, generate_forest
+from wayfarer.simhal.world.generate import DIVIDED, MAX_TILT_DEG, START_AREA, generate_forest
 
 numbers = st.integers(0, 2**63)
 
@@ -87,8 +87,8 @@ def assert_misses_the_clearing(trunk: Trunk) -> None:
         y_m = trunk.y0_m + step / 100 * (trunk.y1_m - trunk.y0_m)
         rounding_m = 0.001
         assert not (
-            CLEARING.west_m + rounding_m < x_m < CLEARING.east_m - rounding_m
-            and CLEARING.south_m + rounding_m < y_m < CLEARING.north_m - rounding_m
+            START_AREA.west_m + rounding_m < x_m < START_AREA.east_m - rounding_m
+            and START_AREA.south_m + rounding_m < y_m < START_AREA.north_m - rounding_m
         )
 
 
