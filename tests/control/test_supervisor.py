@@ -151,7 +151,7 @@ def test_sensor_that_does_not_open_again_is_tried_again(shop: Workshop) -> None:
 
 
 def test_wheels_are_held_all_the_time_while_the_motion_sensor_is_gone(shop: Workshop) -> None:
-    """Each attempt to reopen it fails anew; that must not count as a sign of life."""
+    """Each attempt to reopen it fails again; that must not count as a sign of life."""
     drive(shop, {1.01: breaking(shop, "motion.read", NotResponding("gone"))}, for_s=20.0)
     assert 1.01 < max(shop.times("handler.decide")) < 1.7
 

@@ -1,4 +1,4 @@
-"""Lines for the terminal never hold up whoever writes them, and what is lost is told."""
+"""Lines for the terminal never hold up the thread that writes them, and what is lost is told."""
 
 # ruff: noqa: TID251 - a thread that waits for a file waits in real time
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Terminal:
         self.file = os.fdopen(writing, "w")
 
     def stall(self) -> None:
-        """Fill it up: whoever writes from now on waits."""
+        """Fill it up: a thread that writes from now on waits."""
         os.write(self.file.fileno(), b"." * (BYTES - 1) + b"\n")
 
     def read_until(self, last: str) -> list[str]:
@@ -45,7 +45,7 @@ class Terminal:
 
     def __exit__(self, *_: object) -> None:
         sys.stderr = self._was
-        os.close(self._reading)  # whoever still waits is woken by an error
+        os.close(self._reading)  # a thread that still waits is woken by an error
         self.file.close()
 
 

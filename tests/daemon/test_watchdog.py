@@ -144,7 +144,7 @@ async def test_beating_loop_is_left_alone() -> None:
     assert wheels.halts_s == []
 
 
-async def test_stopped_guard_watches_no_more_and_starts_anew(capfd: pytest.CaptureFixture[str]) -> None:
+async def test_stopped_guard_watches_no_more_and_can_be_started_again(capfd: pytest.CaptureFixture[str]) -> None:
     wheels = Wheels()
     guard = wheels.guard()
     guard.stop()

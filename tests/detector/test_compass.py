@@ -115,7 +115,7 @@ def test_frozen_compass_stays_suspect_while_the_wheels_are_held_and_clears_when_
         rover.tick(PIVOT)
     assert set(rover.headings(*[0.0] * 200)) == {(Condition.COMPASS_FROZEN,)}
     assert rover.headings(0.1, 0.1) == [(), ()]
-    assert {rover.tick(PIVOT, heading_deg=0.1) for _ in range(10)} == {ALL_WELL}, "it must freeze anew"
+    assert {rover.tick(PIVOT, heading_deg=0.1) for _ in range(10)} == {ALL_WELL}, "it must freeze again"
 
 
 def test_commanded_turns_add_up_until_a_compass_is_frozen() -> None:

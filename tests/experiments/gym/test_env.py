@@ -168,7 +168,7 @@ def test_trials_that_algorithms_are_measured_on_are_never_drawn(
 
 
 def test_observation_is_what_the_rover_feels(env: ForestEnv) -> None:
-    """Against a trunk: the heading as the compass has it, and the anomaly in its place, the distance starting anew."""
+    """Against a trunk: the heading as the compass has it, and the anomaly in its place, the distance starting again."""
     episode_vector, info = env.reset(options={"trial": 8})
     for _ in range(2000):
         seen = info["observation"]

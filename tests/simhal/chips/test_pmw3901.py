@@ -121,7 +121,7 @@ def test_vector_of_a_normal_burst() -> None:
     assert burst(chip) == bytes.fromhex("30 BF 00 00 00 00 4C 55 A0 1E 02 58")
 
 
-def test_reading_the_motion_register_latches_the_counts_and_begins_anew() -> None:
+def test_reading_the_motion_register_latches_the_counts_and_begins_again_at_0() -> None:
     chip, sense, _ = started((300, -2), (7, 0))
     registers = bytes(read(chip, register) for register in range(0x02, 0x07))
     assert unpack("<Bhh", registers) == (0xB0, -2, -300)

@@ -1,6 +1,6 @@
 """pysabertooth speaks to the chip as to a board.
 
-Its start-up is tolerated: AA twice, command 15, which writes the board's stored baud rate anew at each start, and AA
+Its start-up is tolerated: AA twice, command 15, which writes the board's stored baud rate again at each start, and AA
 again.
 """
 

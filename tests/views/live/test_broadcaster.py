@@ -80,7 +80,7 @@ async def test_slow_viewer_misses_states_but_no_news_and_never_gets_an_old_state
 
 
 @virtual
-async def test_viewer_that_lacks_too_much_gets_everything_anew() -> None:
+async def test_viewer_that_lacks_too_much_gets_everything_again() -> None:
     broadcaster = new_broadcaster()
     browser = Browser(broadcaster, takes_s=2.0)
     await tell(broadcaster, 40)

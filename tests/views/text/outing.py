@@ -1,6 +1,6 @@
 """A short outing of the simulated rover under its real daemon, with everything that a person can ask of it.
 
-``python -m tests.views.text.outing`` makes the sample run in ``field_logs`` anew.
+``python -m tests.views.text.outing`` makes the sample run in ``field_logs`` again.
 """
 
 # ruff: noqa: ASYNC110 - a daemon lives in real time, and is polled
