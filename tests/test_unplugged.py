@@ -49,7 +49,7 @@ class Adapter:
         return any(data for command, data in self.packets() if command != TIMEOUT_COMMAND)
 
 
-async def test_adapter_that_comes_back_gets_zeros_until_the_rover_is_armed_anew() -> None:
+async def test_adapter_that_comes_back_gets_zeros_until_the_rover_is_armed_again() -> None:
     adapter = Adapter()
     port = ThreadedSerial(BY_ID, adapter.open)
     buses: Any = SimpleNamespace(serial=lambda _name, baud: port)

@@ -81,7 +81,7 @@ async def test_fault_that_lasts_into_arming_refuses_it_or_is_forgotten_never_bot
     assert (bench.controller.mode, bench.wheels) in [(Mode.ARMED, AHEAD), (Mode.DISARMED, STOP)]
 
 
-async def test_disarm_stops_at_the_next_tick_until_armed_anew() -> None:
+async def test_disarm_stops_at_the_next_tick_until_armed_again() -> None:
     bench = await Bench().armed()
     bench.controller.disarm(bench.t_s, "asked")
     await bench.tick(20)
@@ -91,7 +91,7 @@ async def test_disarm_stops_at_the_next_tick_until_armed_anew() -> None:
     assert bench.wheels == AHEAD
 
 
-async def test_arming_anew_begins_afresh() -> None:
+async def test_arming_again_begins_afresh() -> None:
     """What the handler learnt before a long stop, or was in the middle of, is of another mission."""
 
     def forest_pledge() -> EscapeHandler:
@@ -239,7 +239,7 @@ async def test_mission_time_goes_on_during_a_hold() -> None:
     assert bench.end == "mission_time"
 
 
-async def test_hold_does_not_outlive_arming_anew() -> None:
+async def test_hold_does_not_outlive_arming_again() -> None:
     bench = await Bench().armed()
     bench.controller.hold(bench.t_s, held=True)
     bench.controller.disarm(bench.t_s, "asked")

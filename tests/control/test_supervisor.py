@@ -184,7 +184,7 @@ class Armer:
         self.task = asyncio.ensure_future(self._arm(it))
 
 
-def test_arming_opens_the_motors_anew_before_the_wheels_may_turn(shop: Workshop) -> None:
+def test_arming_opens_the_motors_again_before_the_wheels_may_turn(shop: Workshop) -> None:
     """A board that lost its power for a moment has forgotten its deadman."""
     arm = Armer()
     drive(shop, {0.31: lambda it: it.disarm("asked"), 0.51: arm})
@@ -211,7 +211,7 @@ def test_motor_board_that_does_not_open_refuses_to_arm_and_nothing_has_changed(s
     assert max(shop.times("handler.decide")) < 0.4
 
 
-def test_motors_that_failed_are_opened_anew_by_arming_and_drive_again(shop: Workshop) -> None:
+def test_motors_that_failed_are_opened_again_by_arming_and_drive_again(shop: Workshop) -> None:
     arm = Armer()
     script: Script = {
         0.5: breaking(shop, "motors.drive", NotResponding("no acknowledgement")),

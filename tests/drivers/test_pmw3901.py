@@ -295,7 +295,7 @@ async def test_readings_at_the_speed_that_the_chip_can_follow_are_counted(
 
 
 @virtual
-async def test_chip_that_lost_its_settings_is_reported_and_opening_it_anew_helps() -> None:
+async def test_chip_that_lost_its_settings_is_reported_and_opening_it_again_helps() -> None:
     chip = PMW3901Chip(Driven((8, 0)), now_s)
     flow = await opened(chip)
     chip.power_cycle()

@@ -75,7 +75,7 @@ async def test_device_is_closed_after_an_error_and_opened_again() -> None:
     assert device.mock_calls == [OPEN, call.write(0x15, b"\0"), CLOSE, OPEN, call.write(0x15, b"\1"), CLOSE]
 
 
-async def test_device_that_does_not_open_is_tried_anew_at_each_transfer() -> None:
+async def test_device_that_does_not_open_is_tried_again_at_each_transfer() -> None:
     bus, device = i2c()
     device.open.side_effect = [*[oserror(errno.ENOENT)] * 2, DEFAULT]
     for _ in range(2):

@@ -81,7 +81,7 @@ def test_stuck_planner_loses_its_wheels_at_once_and_gets_them_back_after_an_epis
     assert free_run_m(decisions) == pytest.approx(1.0, abs=0.15)
 
 
-def test_free_run_begins_anew_with_each_episode() -> None:
+def test_free_run_begins_again_with_each_episode() -> None:
     ride = Ride()
     ride.tick(stuck=True)
     while ride.decision is not None and ride.decision.phase is not Phase.FOLLOW:

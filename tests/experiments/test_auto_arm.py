@@ -1,4 +1,4 @@
-"""A simulated rover arms itself for whoever looks on. That nothing else does: ``tests/test_imports.py``."""
+"""A simulated rover arms itself for a viewer. That nothing else does: ``tests/test_imports.py``."""
 
 from __future__ import annotations
 

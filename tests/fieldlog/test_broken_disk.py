@@ -17,7 +17,7 @@ from tests.fieldlog.lines import SMALL, Log, event, gaps, numbers, read, tick, t
 from wayfarer.fieldlog.reader import log_segments, read_header
 
 
-def test_deleted_folder_is_made_anew_and_what_was_lost_is_counted(tmp_path: Path) -> None:
+def test_deleted_folder_is_made_again_and_what_was_lost_is_counted(tmp_path: Path) -> None:
     log = Log(tmp_path / "run")
     log.files.urgent(event(1))
     write(log.files, range(2, 5))

@@ -150,7 +150,7 @@ REPLIES = [{"ok": True, "mode": "disarmed"}, {"ok": False, "why": "arm first"}]
 
 
 class HostileServer:
-    """Listens at a path, and says ``reply`` to whoever asks, then hangs up; ``rude`` reads nothing before."""
+    """Listens at a path, and says ``reply`` to each who asks, then hangs up; ``rude`` reads nothing before."""
 
     def __init__(self, path: Path) -> None:
         self.reply, self.rude = b"", False

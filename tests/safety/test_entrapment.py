@@ -141,7 +141,7 @@ async def test_controller_of_an_entrapped_rover_latches_a_fault_and_says_so() ->
     assert bench.log.named("disarmed") == [{"reason": "fault: entrapped"}]
 
 
-async def test_arming_anew_forgets_the_place() -> None:
+async def test_arming_again_forgets_the_place() -> None:
     bench = await nose_up_until_it_gives_up()
     bench.controller.arm(bench.t_s, 0.0)
     await bench.tick(100)

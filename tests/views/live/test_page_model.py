@@ -173,7 +173,7 @@ def test_days_of_driving_stay_bounded(model: PageModel) -> None:
     assert len(orjson.dumps(told)) < 250_000
 
 
-def test_viewers_get_the_whole_way_anew_when_it_is_thinned(model: PageModel) -> None:
+def test_viewers_get_the_whole_way_again_when_it_is_thinned(model: PageModel) -> None:
     log = shown(model, simulated=False)
     track: list[Any] = []
     for step in range(4000):
