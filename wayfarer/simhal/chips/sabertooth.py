@@ -107,7 +107,7 @@ class SabertoothChip(MotorBoardChip):
         self.dropped = 0
         self._address = address
         self._heard_s = -inf
-        self._packet = bytearray()
+        self._packet: list[int] = []
         self._mixed = False
         self._values: list[float | None] = [0, 0]
 
