@@ -248,6 +248,17 @@ def test_goals_are_those_that_the_rover_took(tmp_path: Path) -> None:
     armed = [event("armed", 1.0, goal_heading_deg=20.0), event("goal", 2.0, goal_heading_deg=359.7), *ticks[60:]]
     assert "goal 20°, then 0° seed" in text_of(page_of(tmp_path / "whole", HEADER, *ticks[:20], *armed, OUTCOME))
     assert "goal 0° seed" in text_of(page_of(tmp_path / "late", HEADER, *ticks, OUTCOME))
+    disarmed = [{**each, "phase": "halt", "why": "halt"} for each in ticks]
+    assert "goal none seed" in text_of(page_of(tmp_path / "never armed", HEADER, *disarmed, OUTCOME))
+
+
+def test_further_numbers_are_columns_of_all_ticks_and_only_so_many(tmp_path: Path) -> None:
+    ticks = [tick(0.0), tick(0.05, moon_deg=1.0), tick(0.1, moon_deg="new"), tick(0.15, moon_deg=2, sun=True)]
+    data = read_run(write(tmp_path / "few", [HEADER, *ticks]))
+    assert list(data.further) == ["moon_deg"]
+    np.testing.assert_array_equal(data.further["moon_deg"], [np.nan, 1.0, np.nan, 2.0])
+    many = {f"\x1b{number}": number for number in range(1000)}
+    assert titles(page_of(tmp_path / "many", HEADER, *drive(1.0), tick(1.0, **many)))[-2:] == ["\\x1b10", "\\x1b11"]
 
 
 def test_lost_records_are_no_late_tick(tmp_path: Path) -> None:
