@@ -65,6 +65,14 @@ def test_every_view_tells_a_new_key_and_a_new_event(view: Callable[..., str]) ->
     assert view(HEADER, TICK, NEW_EVENT) == "moon rose: height 12 degrees"
 
 
+@pytest.mark.parametrize(
+    ("remembered", "told"),
+    [({"side": "left"}, "side left"), ({"side": 1, "path": [], "mood": {}, "name": "", "n2": 0}, "n2 0")],
+)
+def test_what_is_no_number_where_others_remember_one_is_told_and_nothing_is_not(remembered: Record, told: str) -> None:
+    assert logs_show_ticks(HEADER, tick(0.5)) + f", {told}" == logs_show_ticks(HEADER, tick(0.5, **remembered))
+
+
 @pytest.mark.parametrize("view", [console, live_page, foxglove])
 def test_every_view_tells_missing_records_and_ticks(view: Callable[..., str]) -> None:
     assert view(HEADER, {**TICK, "n": 1}, {**tick(0.55), "n": 5}) == "3 records are missing"
@@ -80,6 +88,8 @@ def test_every_view_has_a_new_key_of_a_tick(tmp_path: Path) -> None:
     for record in records:
         model.take(record)
     assert model.state()["further"] == "moon 13 degrees"
+    model.take(tick(0.6, stars="x" * 10_000))
+    assert len(model.state()["further"]) == 500, "a page is for a telephone"
     pytest.importorskip("bokeh", reason="bokeh is not installed")
     from tests.views.run_report.logs import page_of
     from tests.views.run_report.logs import titles as panels
