@@ -77,6 +77,12 @@ def test_silence_of_the_loop_is_told_with_its_beginning_before_the_tick_that_end
     assert (silence.for_s, fold.state.stretch) == (1.5, 1)
 
 
+def test_missing_records_are_told_before_the_silence_that_they_leave() -> None:
+    told, fold = folded({**tick(0.0), "n": 1}, {**tick(9.0), "n": 181})
+    assert [type(each) for each in told if isinstance(each, Gap | Silence)] == [Gap, Silence]
+    assert fold.state.stretch > 0
+
+
 def test_position_and_motor_board_know_how_long_nothing_was_said_before() -> None:
     where = {"latitude_deg": 47.0, "longitude_deg": 8.0}
     boards = [record("board", t_s, battery_v=12.0) for t_s in (0.0, 1.0, 31.0)]
