@@ -130,6 +130,13 @@ def test_mode_follows_the_events_and_arming_takes_a_hold_back() -> None:
     assert fold.state.mode == "ended"
 
 
+def test_new_goal_counts_and_a_mission_ends_with_disarming() -> None:
+    armed, goal = event("armed", 1.0, goal_heading_deg=20.0), event("goal", 2.0, goal_heading_deg=90.0)
+    _, fold = folded(tick(1.0), armed, tick(1.5), goal, tick(2.0), event("disarmed", 2.0), tick(2.5))
+    assert fold.state.goal_heading_deg == 90.0
+    assert (fold.state.mission_s, fold.state.mission_m) == (1.0, 0.5)
+
+
 def test_header_that_comes_late_does_not_take_the_way_back() -> None:
     fold = RunFold()
     moved = {"t_s": 100.0, "forward_m": 0.1, "right_m": 0.0, "quality": 1.0, "signed": True}

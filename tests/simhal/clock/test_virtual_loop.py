@@ -243,6 +243,14 @@ def test_running_an_idle_loop_is_an_error(loop: asyncio.AbstractEventLoop) -> No
         loop.run_forever()
 
 
+def test_timer_that_never_comes_is_nothing_to_wait_for(loop: asyncio.AbstractEventLoop) -> None:
+    loop.call_at(inf, loop.stop)
+    loop.call_at(1.0, int)
+    with pytest.raises(NothingScheduled):
+        loop.run_forever()
+    assert loop.time() == 1.0
+
+
 # -- running and closing ---------------------------------------------------------------------------------------------
 
 
