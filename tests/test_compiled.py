@@ -84,7 +84,8 @@ def test_constants_of_compiled_modules_are_final() -> None:
         for name, tree in trees(compiled=True)
         for node in tree.body
         if isinstance(node, ast.Assign)
-        for whole in node.targets
+        or (isinstance(node, ast.AnnAssign) and not ast.unparse(node.annotation).startswith("Final"))
+        for whole in (node.targets if isinstance(node, ast.Assign) else [node.target])
         for target in ast.walk(whole)
         if isinstance(target, ast.Name) and target.id.isupper() and len(target.id) > 1  # a single letter is a type
     }

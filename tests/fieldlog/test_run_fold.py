@@ -77,6 +77,12 @@ def test_silence_of_the_loop_is_told_with_its_beginning_before_the_tick_that_end
     assert (silence.for_s, fold.state.stretch) == (1.5, 1)
 
 
+def test_missing_records_are_told_before_the_silence_that_they_leave() -> None:
+    told, fold = folded({**tick(0.0), "n": 1}, {**tick(9.0), "n": 181})
+    assert [type(each) for each in told if isinstance(each, Gap | Silence)] == [Gap, Silence]
+    assert fold.state.stretch > 0
+
+
 def test_position_and_motor_board_know_how_long_nothing_was_said_before() -> None:
     where = {"latitude_deg": 47.0, "longitude_deg": 8.0}
     boards = [record("board", t_s, battery_v=12.0) for t_s in (0.0, 1.0, 31.0)]
@@ -122,6 +128,13 @@ def test_mode_follows_the_events_and_arming_takes_a_hold_back() -> None:
     assert (fold.state.why_disarmed, fold.state.goal_heading_deg) == ("enough", 20.0)
     fold.take(outcome(2.0))
     assert fold.state.mode == "ended"
+
+
+def test_new_goal_counts_and_a_mission_ends_with_disarming() -> None:
+    armed, goal = event("armed", 1.0, goal_heading_deg=20.0), event("goal", 2.0, goal_heading_deg=90.0)
+    _, fold = folded(tick(1.0), armed, tick(1.5), goal, tick(2.0), event("disarmed", 2.0), tick(2.5))
+    assert fold.state.goal_heading_deg == 90.0
+    assert (fold.state.mission_s, fold.state.mission_m) == (1.0, 0.5)
 
 
 def test_header_that_comes_late_does_not_take_the_way_back() -> None:

@@ -45,11 +45,12 @@ def never_late(priority: int = WAYFARER_PRIORITY) -> Iterator[None]:
 
 def put_first(pid: int, priority: int = DAEMON_PRIORITY) -> None:
     """Have a process that runs come before others, with its threads and its children, where the user may do that."""
-    with suppress(PermissionError, ProcessLookupError, FileNotFoundError):
+    with suppress(FileNotFoundError):
         for thread in Path(f"/proc/{pid}/task").iterdir():
-            os.sched_setscheduler(int(thread.name), os.SCHED_RR, os.sched_param(priority))
-            for child in (thread / "children").read_text(encoding="ascii").split():
-                put_first(int(child), priority)
+            with suppress(PermissionError, ProcessLookupError, FileNotFoundError):  # one that ends keeps no other back
+                os.sched_setscheduler(int(thread.name), os.SCHED_RR, os.sched_param(priority))
+                for child in (thread / "children").read_text(encoding="ascii").split():
+                    put_first(int(child), priority)
 
 
 def command(

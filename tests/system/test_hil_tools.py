@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -9,11 +12,46 @@ import pytest
 from tests.system.jitter import jitter
 from tests.system.killer import after_death
 from tests.system.log_recovery import cut_off, numbered_twice, read_back
+from tests.system.subprocesses import DAEMON_PRIORITY, put_first, python
 from tests.system.wheel_history import Commands, first_stop, spans, stop_after, told_to_turn
 
 HEADER = '{"record":"run","t_s":0.0,"schema":2}\n'
 TICKS = "".join(f'{{"record":"tick","n":{n},"t_s":{n / 20}}}\n' for n in range(1, 5))
 OUTCOME = '{"record":"outcome","n":5,"t_s":0.25,"reason":"requested"}\n'
+
+
+# -- what comes before others ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root may give a process a real-time priority")
+def test_process_comes_first_with_its_threads_and_its_children() -> None:
+    code = "import subprocess, threading, sys; threading.Thread(target=sys.stdin.read).start(); "
+    child = "child = subprocess.Popen([sys.executable, '-c', 'input()']); print(child.pid, flush=True)"
+    with subprocess.Popen(python(code + child), stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        pids = [process.pid, int(process.stdout.readline())]
+        put_first(process.pid)
+        threads = [int(thread.name) for pid in pids for thread in Path(f"/proc/{pid}/task").iterdir()]
+        assert len(threads) > 2
+        assert {os.sched_getscheduler(thread) for thread in threads} == {os.SCHED_RR}
+        assert {os.sched_getparam(thread).sched_priority for thread in threads} == {DAEMON_PRIORITY}
+
+
+def test_process_that_has_ended_or_is_another_users_is_left_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    with subprocess.Popen(python("")) as process:
+        process.wait()
+    put_first(process.pid)
+    asked: list[int] = []
+
+    def refused(thread: int, *_: object) -> None:
+        asked.append(thread)
+        raise (PermissionError, ProcessLookupError)[len(asked) % 2]
+
+    monkeypatch.setattr(os, "sched_setscheduler", refused)
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(int).result()
+        put_first(os.getpid())
+        assert len(asked) > 1, "one that cannot be put first keeps no other back"
 
 
 # -- what wheels were told ---------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.views.text.records import HEADER, event, narrated, tick
+from tests.views.text.records import HEADER, event, narrated, record, tick
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.views.export.tables import csv_rows, further_columns
@@ -31,15 +31,15 @@ def logs_show_ticks(*records: Record) -> str:
 def console(*records: Record) -> str:
     lines: list[str] = []
     shown = Console("Say go", lines.append)
-    for record in records:
-        shown.show(record)
+    for each in records:
+        shown.show(each)
     return lines[-1].partition("  ")[2]
 
 
 def live_page(*records: Record) -> str:
     model = PageModel()
-    for record in records:
-        model.take(record)
+    for each in records:
+        model.take(each)
     text: str = model.snapshot()["lines"][-1][1]
     return text
 
@@ -49,7 +49,7 @@ def foxglove(*records: Record) -> str:
     from wayfarer.views.foxglove.notes import KINDS, notes
 
     fold = RunFold()
-    happened = [each for record in records for each in fold.take(record) if isinstance(each, KINDS)]
+    happened = [each for taken in records for each in fold.take(taken) if isinstance(each, KINDS)]
     told = [message for each in happened for message in notes(each)]
     return told[-1].text
 
@@ -65,10 +65,26 @@ def test_every_view_tells_a_new_key_and_a_new_event(view: Callable[..., str]) ->
     assert view(HEADER, TICK, NEW_EVENT) == "moon rose: height 12 degrees"
 
 
+@pytest.mark.parametrize(
+    ("remembered", "told"),
+    [({"side": "left"}, "side left"), ({"side": 1, "path": [], "mood": {}, "name": "", "n2": 0}, "n2 0")],
+)
+def test_what_is_no_number_where_others_remember_one_is_told_and_nothing_is_not(remembered: Record, told: str) -> None:
+    assert logs_show_ticks(HEADER, tick(0.5)) + f", {told}" == logs_show_ticks(HEADER, tick(0.5, **remembered))
+
+
 @pytest.mark.parametrize("view", [console, live_page, foxglove])
 def test_every_view_tells_missing_records_and_ticks(view: Callable[..., str]) -> None:
     assert view(HEADER, {**TICK, "n": 1}, {**tick(0.55), "n": 5}) == "3 records are missing"
     assert view(HEADER, TICK, tick(9.0)) == "no ticks for 8.5 s"
+
+
+@pytest.mark.parametrize("view", [console, live_page, foxglove])
+def test_every_view_tells_what_is_wrong_with_board_and_computer(view: Callable[..., str]) -> None:
+    assert view(HEADER, record("board", 1.0, faults=["overheated"])) == "motor board: overheated"
+    assert view(HEADER, record("computer", 1.0, throttled="0x0"), record("computer", 2.0, throttled="0x1")) == (
+        "computer: power and heat bits 1 (see vcgencmd get_throttled)"
+    )
 
 
 def test_every_view_has_a_new_key_of_a_tick(tmp_path: Path) -> None:
@@ -77,9 +93,11 @@ def test_every_view_has_a_new_key_of_a_tick(tmp_path: Path) -> None:
     titles, *rows = csv_rows(records, further_columns(records))
     assert [row[titles.index("moon_deg")] for row in rows] == ["12.0", "13.0"]
     model = PageModel()
-    for record in records:
-        model.take(record)
+    for each in records:
+        model.take(each)
     assert model.state()["further"] == "moon 13 degrees"
+    model.take(tick(0.6, stars="x" * 10_000))
+    assert len(model.state()["further"]) == 500, "a page is for a telephone"
     pytest.importorskip("bokeh", reason="bokeh is not installed")
     from tests.views.run_report.logs import page_of
     from tests.views.run_report.logs import titles as panels

@@ -14,9 +14,8 @@ from wayfarer.angles import wrap180
 _MAP: Final = Struct(">BBHbb3h3h3h2xhhB")
 BLOCK_BYTES: Final = _MAP.size  # from register 0x00 on
 SILENT_LINE: Final = (0x00, 0xFF)  # what a line reads that nothing drives; no firmware has either number
-_PITCH16_SINCE: Final = (
-    5  # earlier ones have no 16-bit pitch at 0x1A: published drivers agree, the data sheet is silent
-)
+# Earlier firmware has no 16-bit pitch at 0x1A: published drivers agree, the data sheet is silent.
+_PITCH16_SINCE: Final = 5
 # Whether the 8-bit values are rounded or cut off is not documented: they may be one of their own steps away.
 _BEARING_APART_DEG: Final = 360 / 256 + 0.1
 _TILT_APART_DEG: Final = 1.5

@@ -43,7 +43,7 @@ class EscapePlan:
     resets: bool = False
 
 
-_NOTHING: frozenset[Anomaly] = frozenset()
+_NOTHING: Final[frozenset[Anomaly]] = frozenset()
 
 
 class Manoeuvre(ABC):
@@ -274,4 +274,4 @@ class Stride(Manoeuvre):
         return self._hold.wheels(observation.t_s, wrap180(self._heading_deg - observation.heading_deg))
 
 
-MANOEUVRES: tuple[type[Manoeuvre], ...] = (Follow, BackOff, TurnAway, Probe, Stride)
+MANOEUVRES: Final[tuple[type[Manoeuvre], ...]] = (Follow, BackOff, TurnAway, Probe, Stride)

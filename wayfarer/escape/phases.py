@@ -31,6 +31,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import Enum
+from typing import Final
 
 from wayfarer.escape.api import Phase
 
@@ -48,7 +49,7 @@ class PhaseEvent(Enum):
 
 Transitions = Mapping[tuple[Phase, PhaseEvent], Phase]
 
-_SHARED: Transitions = {
+_SHARED: Final[Transitions] = {
     **{(phase, PhaseEvent.OVERWOUND): Phase.FOLLOW for phase in (Phase.FOLLOW, Phase.BACK_OFF, Phase.TURN_AWAY)},
     (Phase.FOLLOW, PhaseEvent.ANOMALY): Phase.BACK_OFF,
     # FOLLOW runs out when it cannot turn to the goal: something holds the tail or the side.
@@ -60,7 +61,7 @@ _SHARED: Transitions = {
     (Phase.TURN_AWAY, PhaseEvent.ANOMALY): Phase.BACK_OFF,
 }
 
-PLEDGE: Transitions = {
+PLEDGE: Final[Transitions] = {
     **_SHARED,
     (Phase.TURN_AWAY, PhaseEvent.DONE): Phase.PROBE,
     (Phase.TURN_AWAY, PhaseEvent.EXHAUSTED): Phase.PROBE,
@@ -72,7 +73,7 @@ PLEDGE: Transitions = {
     (Phase.PROBE, PhaseEvent.OVERWOUND): Phase.FOLLOW,
 }
 
-STRIDES: Transitions = {
+STRIDES: Final[Transitions] = {
     **_SHARED,
     (Phase.TURN_AWAY, PhaseEvent.DONE): Phase.STRIDE,
     (Phase.TURN_AWAY, PhaseEvent.EXHAUSTED): Phase.STRIDE,
@@ -83,6 +84,6 @@ STRIDES: Transitions = {
 }
 
 # Interned once: the control tick must not build strings.
-WHY: Mapping[tuple[Phase, PhaseEvent], str] = {
+WHY: Final[Mapping[tuple[Phase, PhaseEvent], str]] = {
     (phase, event): f"{phase.value}.{event.value}" for phase in Phase for event in PhaseEvent
 }

@@ -12,7 +12,7 @@ from wayfarer.simhal.world.simulated_world import SimulatedWorld
 Outcome = Literal["escaped", "left_bounds", "entrapped", "tipped", "fault"]
 
 # What the log of the run says of each; a trial ends as "fault" by the supervisor, not here.
-ENDINGS: Mapping[Outcome, str] = {
+ENDINGS: Final[Mapping[Outcome, str]] = {
     "escaped": "crossed the destination line",
     "left_bounds": "crossed another edge of the map",
     "entrapped": "used up its path length or its time",

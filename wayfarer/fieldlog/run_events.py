@@ -40,7 +40,10 @@ class Gap(RunEvent):
 
 @dataclass(slots=True)
 class Silence(RunEvent):
-    """No control tick came for longer than ``GAP_S``: from ``began_s``, elapsed seconds as well, until this one."""
+    """The log has no control tick for longer than ``GAP_S``: from ``began_s``, elapsed seconds as well, until this one.
+
+    The loop was held up, or the records are missing; then there is a ``Gap`` as well.
+    """
 
     began_s: float
 

@@ -39,7 +39,7 @@ class RunState:
     ``armed_s`` is the time armed, ``held_s`` the part of it with the wheels held, by cause. ``anomalies`` counts
     beginnings by kind, ``recoveries`` how often the rover backed off, ``exhausted`` the phases that reached their
     bound, ``events`` the events by name. ``episodes`` counts those of all missions, by the phases (``episodes.py``).
-    ``stretch`` counts the places where the log breaks off: records are missing there, or no tick came for a while.
+    ``stretch`` grows wherever the log breaks off: where records are missing, and where there is no tick for a while.
     ``missing`` are the records missing so far, ``dropped`` those that could not be written.
     """
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import starmap
-
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, because, met
-from wayfarer.fieldlog.wording import detail_text, sentence, whole_deg
+from wayfarer.fieldlog.wording import NOTHING, detail_text, sentence, whole_deg
 
 
 def phase_text(tick: Tick) -> str:
@@ -62,7 +60,7 @@ def tick_text(tick: Tick) -> str:
 
 def further_texts(tick: Tick) -> list[str]:
     """Say what else the log has of a tick, whatever that is."""
-    return list(starmap(detail_text, tick.further.items()))
+    return [detail_text(key, value) for key, value in tick.further.items() if value not in NOTHING]
 
 
 def _placed(told: str, tick: Tick) -> str:

@@ -118,8 +118,9 @@ class Tick(RunEvent):
 
     @property
     def further(self) -> dict[str, Any]:
-        """Return what the record says under other keys: new ones, and what a third party's algorithm remembers."""
-        return {key: value for key, value in self.record.items() if key not in _TICK_KEYS and value is not None}
+        """Return what none of these attributes tells: new keys, and what a third party's algorithm remembers."""
+        told = {key: value for key, value in self.record.items() if key not in _TICK_KEYS and value is not None}
+        return {key: value for key, value in told.items() if key not in _NUMBERS or number(self.record, key) is None}
 
     @property
     def duty(self) -> float | None:
@@ -130,8 +131,9 @@ class Tick(RunEvent):
 _TICK_KEYS = frozenset(
     ("record", "t_s", "t_wall", "decision_t_s", "compass", "motion", "contact", "heading_deg", "anomalies",
      "travelled_m", "phase", "why", "applied_left", "applied_right", "level", "cause",
-     *(name for name, each in vars(Tick).items() if isinstance(each, Key | Remembered)))
+     *(name for name, each in vars(Tick).items() if isinstance(each, Key)))
 )  # fmt: skip
+_NUMBERS = frozenset(name for name, each in vars(Tick).items() if isinstance(each, Remembered))
 
 
 @dataclass(slots=True)

@@ -95,7 +95,7 @@ def fault_text(fault: FaultInjected) -> str:
 
 
 def silence_text(silence: Silence) -> str:
-    """Say for how long no control tick came."""
+    """Say for how long the log has no control tick."""
     return f"no ticks for {silence.for_s:.1f} s"
 
 

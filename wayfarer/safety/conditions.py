@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from enum import Enum, IntEnum
+from typing import Final
 
 
 class Level(IntEnum):
@@ -54,7 +55,7 @@ class Condition(Enum):
     DECISION_INVALID = "decision_invalid"
 
 
-LEVELS: Mapping[Condition, Level] = {
+LEVELS: Final[Mapping[Condition, Level]] = {
     Condition.COMPASS_STALE: Level.HOLD,
     Condition.COMPASS_LOST: Level.FAULT,
     Condition.COMPASS_IMPLAUSIBLE: Level.HOLD,

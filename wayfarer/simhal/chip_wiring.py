@@ -21,7 +21,7 @@ from wayfarer.simhal.world.simulated_world import SimulatedWorld
 CHIP_GROUP: Final = "wayfarer.chips"
 
 # Built-in chips, by the driver's name in a rover file.
-BUILT_IN_CHIPS: Mapping[str, str] = {
+BUILT_IN_CHIPS: Final[Mapping[str, str]] = {
     "camera_motion": "wayfarer.simhal.built_in_chips:CAMERA",
     "cmps14": "wayfarer.simhal.built_in_chips:CMPS14",
     "pmw3901": "wayfarer.simhal.built_in_chips:PMW3901",

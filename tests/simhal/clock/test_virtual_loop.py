@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterator
+from math import inf
 
 import pytest
 from hypothesis import given
@@ -166,6 +167,39 @@ def test_time_never_runs_backwards_and_no_timer_is_early(delays_s: list[float]) 
     assert ran_at_s == [max(delay_s, 0.0) for delay_s in sorted(delays_s)]
 
 
+timers = st.tuples(st.one_of(st.integers(-3, 8).map(float), st.just(inf)), st.integers(0, 3), st.booleans())
+
+
+@given(planned=st.lists(timers, min_size=1, max_size=20))
+def test_timers_run_in_the_order_of_the_stock_loop_also_those_of_the_past(
+    planned: list[tuple[float, int, bool]],
+) -> None:
+    """Each timer may cancel another and begin a further one. No two have the same time: the stock loop orders none."""
+
+    def played(factory: LoopFactory) -> list[tuple[float, int]]:
+        loop, ran, begun = factory(), [], list[asyncio.TimerHandle]()
+
+        def begin(number: int, from_s: float) -> None:
+            begun.append(loop.call_at(from_s + planned[number][0] + len(begun) / 4096, run, number))
+
+        def run(number: int) -> None:
+            ran.append((loop.time(), number))
+            _, cancels, begins = planned[number]
+            if cancels:
+                begun[number * cancels % len(begun)].cancel()
+            if begins and len(begun) < 100:
+                begin((number * 5 + 1) % len(planned), float(int(loop.time())))
+
+        for number in range(len(planned)):
+            begin(number, 0.0)
+        loop.call_at(1e4, loop.stop)
+        loop.run_forever()
+        loop.close()
+        return ran
+
+    assert played(virtual_loop) == played(JumpingStockLoop)
+
+
 def test_cancelled_timers_do_not_move_the_clock(loop: asyncio.AbstractEventLoop) -> None:
     loop.call_later(5.0, loop.stop).cancel()
     loop.call_later(1.0, loop.stop)
@@ -207,6 +241,14 @@ def test_waiting_for_nothing_is_an_error_that_names_who_waits() -> None:
 def test_running_an_idle_loop_is_an_error(loop: asyncio.AbstractEventLoop) -> None:
     with pytest.raises(NothingScheduled, match="no task left"):
         loop.run_forever()
+
+
+def test_timer_that_never_comes_is_nothing_to_wait_for(loop: asyncio.AbstractEventLoop) -> None:
+    loop.call_at(inf, loop.stop)
+    loop.call_at(1.0, int)
+    with pytest.raises(NothingScheduled):
+        loop.run_forever()
+    assert loop.time() == 1.0
 
 
 # -- running and closing ---------------------------------------------------------------------------------------------

@@ -123,6 +123,13 @@ def test_no_speed_carries_the_rover_through_a_trunk(max_speed_m_s: float, headin
     assert world.touch is not None
 
 
+def test_attitude_is_that_of_the_body_and_the_ground_together() -> None:
+    world = exact_world(CLEARING)
+    world.heading_rad, world.pitch_deg, world.roll_deg = 0.5, 1.0, 2.0
+    world.ground_pitch_deg, world.ground_roll_deg = 10.0, 20.0
+    assert world.attitude() == (0.5, 11.0, 22.0)
+
+
 def test_a_long_rover_meets_what_is_far_from_its_centre() -> None:
     world = exact_world(forest_of(trees=((25.0, 20.0),)), vehicle=Vehicle(8.0, 0.4, 0.5, 1.0))
     drive(world, 1.0, 1.0, 6.0)

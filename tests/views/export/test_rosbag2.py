@@ -26,6 +26,7 @@ from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views.enu import enu_rotation
 from wayfarer.views.export.export import export
 from wayfarer.views.export.formats import ExportFormat
+from wayfarer.views.export.wall_time import nanoseconds
 
 TYPES = {
     "/imu/data": "sensor_msgs/msg/Imu",
@@ -186,6 +187,10 @@ def test_diagnostics_have_level_cause_and_elapsed_s(tmp_path: Path) -> None:
         "elapsed_s": "2.000", "n": "3", "level": "hold", "cause": "compass_stale", "phase": "follow", "anomalies": "",
     }  # fmt: skip
     assert {(each.name, each.hardware_id) for each in found} == {("wayfarer: gate", "minirover")}
+
+
+def test_no_time_is_before_1970() -> None:
+    assert nanoseconds(-1.0) == 0
 
 
 def test_times_beyond_those_of_ros_are_its_last(tmp_path: Path) -> None:

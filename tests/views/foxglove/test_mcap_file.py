@@ -225,10 +225,10 @@ def test_computer_and_battery_leave_out_what_cannot_be_read(tmp_path: Path) -> N
 
 
 def test_another_algorithms_memory_breaks_nothing(tmp_path: Path) -> None:
-    odd = {"counter_deg": "three", "side": None, "episodes": [1], "place": "home", "path_m": "long", "mood": {"a": 1}}
-    found = round_trip(tmp_path, HEADER, tick(101.0, **odd), tick(101.5))
+    said = {"counter_deg": "three", "episodes": [1], "place": "home", "path_m": "long", "mood": {"a": 1}}
+    found = round_trip(tmp_path, HEADER, tick(101.0, **said, side=None), tick(101.5))
     assert "/counter" not in found.messages
     assert [message.value["translation"]["x"] for message in found.messages["/pose"]] == [0.5, 1.0]
     assert [message.value["path_m"] for message in found.messages["/motion"]] == [0.5, 1.0]
     (further,) = found.messages["/further"]
-    assert further.value == {"place": "home", "path_m": "long", "mood": {"a": 1}}, "what no other channel has"
+    assert further.value == said, "what no other channel has"

@@ -88,6 +88,13 @@ def test_distance_from_the_true_way_is_small_only_where_all_fixes_count() -> Non
     assert track.missed_m()[1] > 2.0, "the fixes themselves are noisy"
 
 
+def test_way_is_moved_to_where_it_shall_begin() -> None:
+    way = Way(*(np.array(column) for column in ([1.0, 2.0], [5.0, 6.0], [7.0, 9.0], [0.0, 0.0]))).beginning_at(
+        1.0, -1.0
+    )
+    assert (way.east_m.tolist(), way.north_m.tolist()) == ([1.0, 2.0], [-1.0, 1.0])
+
+
 def test_fix_in_another_country_is_left_out() -> None:
     near = fixes(LOOP_M, LOOP_M)
     assert believable([ORIGIN._replace(latitude_deg=0.0), *near]) == near

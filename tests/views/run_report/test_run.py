@@ -32,6 +32,7 @@ from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.views.run_report import words
+from wayfarer.views.run_report.events import happenings, is_trouble
 from wayfarer.views.run_report.quantities import PANELS
 from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.run_report.run import write_comparison, write_run_report
@@ -218,11 +219,14 @@ def test_time_without_ticks_is_marked(tmp_path: Path) -> None:
     page = page_of(tmp_path, HEADER, *drive(1.0), *(tick(31.0 + 0.05 * step) for step in range(20)), OUTCOME)
     assert '"no ticks for 30.1 s"' in drawn(page)
     assert "0:00:31.0 no ticks for 30.1 s" in text_of(page)
+    (event,) = (data := read_run(tmp_path / "00001-run")).events
+    assert is_trouble(event)
+    assert [(round(each.t_s, 6), each.layer) for each in happenings(data)] == [(0.95, "trouble")], "it began there"
 
 
 def test_way_and_lines_are_broken_where_no_ticks_came(tmp_path: Path) -> None:
-    boards = [record("board", at_s, battery_v=12.0) for at_s in (0.5, 31.5)]
-    ticks = [*drive(1.0), *(tick(31.0 + 0.05 * step) for step in range(20))]
+    boards = [record("board", at_s, battery_v=12.0) for at_s in (0.5, 6.5)]
+    ticks = [*drive(1.0), *(tick(6.0 + 0.05 * step) for step in range(20))]
     records = sorted([*ticks, *boards], key=lambda each: float(each["t_s"]))
     run = write(tmp_path, [HEADER, *records, OUTCOME])
     data = read_run(run)
@@ -245,9 +249,21 @@ def test_battery_is_not_drawn_across_a_silence_of_the_board(tmp_path: Path) -> N
 
 def test_goals_are_those_that_the_rover_took(tmp_path: Path) -> None:
     ticks = drive()
-    armed = [event("armed", 1.0, goal_heading_deg=20.0), event("goal", 2.0, goal_heading_deg=359.7), *ticks[60:]]
+    armed = [event("armed", 1.0, goal_heading_deg=20.0), event("goal", 2.0, goal_heading_deg=359.7)]
+    armed += [event("goal", 2.5, goal_heading_deg=0.0), *ticks[60:]]
     assert "goal 20°, then 0° seed" in text_of(page_of(tmp_path / "whole", HEADER, *ticks[:20], *armed, OUTCOME))
     assert "goal 0° seed" in text_of(page_of(tmp_path / "late", HEADER, *ticks, OUTCOME))
+    disarmed = [{**each, "phase": "halt", "why": "halt"} for each in ticks]
+    assert "goal none seed" in text_of(page_of(tmp_path / "never armed", HEADER, *disarmed, OUTCOME))
+
+
+def test_further_numbers_are_columns_of_all_ticks_and_only_so_many(tmp_path: Path) -> None:
+    ticks = [tick(0.0), tick(0.05, moon_deg=1.0), tick(0.1, moon_deg="new"), tick(0.15, moon_deg=2, sun=True)]
+    data = read_run(write(tmp_path / "few", [HEADER, *ticks]))
+    assert list(data.further) == ["moon_deg"]
+    np.testing.assert_array_equal(data.further["moon_deg"], [np.nan, 1.0, np.nan, 2.0])
+    many = {f"\x1b{number}": number for number in range(1000)}
+    assert titles(page_of(tmp_path / "many", HEADER, *drive(1.0), tick(1.0, **many)))[-2:] == ["\\x1b10", "\\x1b11"]
 
 
 def test_lost_records_are_no_late_tick(tmp_path: Path) -> None:

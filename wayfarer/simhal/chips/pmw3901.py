@@ -61,7 +61,7 @@ READABLE: Final = {
     0x00: WRITABLE[0x00] + bytes.fromhex("00 01 02 03 04 05 06 07 08 09 0A 0B 0C 16 5F"),
     0x0E: WRITABLE[0x0E] + bytes.fromhex("47 67 73"),
 }
-FACTORY: Mapping[tuple[int, int], int] = MappingProxyType(
+FACTORY: Final[Mapping[tuple[int, int], int]] = MappingProxyType(
     {
         (0x00, 0x00): 0x49,
         (0x00, 0x01): 0x01,

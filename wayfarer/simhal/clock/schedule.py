@@ -190,14 +190,13 @@ class Schedule:
         return True
 
     def _jump(self) -> bool:
-        """Move the clock to the next timer and make all of that moment ready, in order of creation; False without."""
+        """Move the clock to the next timer, and make all ready that are due then; False without a timer."""
         timers = self._timers
         while timers and timers[0].is_cancelled:
             timers.pop(0)
         if not timers or timers[0].when_s == inf:
             return False
-        now_s = timers[0].when_s
-        self._now_s = max(now_s, self._now_s)
+        self._now_s = now_s = max(timers[0].when_s, self._now_s)
         while timers and timers[0].when_s <= now_s:
             what = timers.pop(0)
             if not what.is_cancelled:

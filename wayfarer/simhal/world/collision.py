@@ -168,4 +168,4 @@ class ObstacleGrid:
         return self._cells.get((int(x_m // self._cell_m), int(y_m // self._cell_m)), _NOTHING)
 
 
-_NOTHING: list[Obstacle] = []
+_NOTHING: Final[list[Obstacle]] = []

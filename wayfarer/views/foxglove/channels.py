@@ -158,8 +158,8 @@ def _values(plot: Plot, view: RunEvent, _at: MessageTime) -> Iterator[bytes]:
 
 
 def _further(tick: Tick, _at: MessageTime) -> Iterator[bytes]:
-    if tick.further:
-        yield orjson.dumps(tick.further)
+    if further := tick.further:
+        yield orjson.dumps(further)
 
 
 def _lines(event: RunEvent, at: MessageTime) -> Iterator[Log]:

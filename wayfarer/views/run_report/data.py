@@ -71,12 +71,16 @@ class RunData:
 
     @property
     def goals(self) -> list[tuple[float, float]]:
-        """Return when the rover took each goal, and its heading in degrees; a log may begin after the first."""
+        """Return when the rover took each goal, and its heading in degrees.
+
+        Of a log that begins after the first one, it is that of the first tick in which the rover does not halt: a
+        disarmed rover halts, and its ticks have a goal that nobody gave.
+        """
         events = [event for event in self.events if isinstance(event, Armed | GoalSet)]
         if events:
             told = ((event.elapsed_s, number(event.record, "goal_heading_deg")) for event in events)
             return [(t_s, goal_deg) for t_s, goal_deg in told if goal_deg is not None]
-        known = ~np.isnan(self.ticks["goal_heading_deg"])
+        known = ~np.isnan(self.ticks["goal_heading_deg"]) & (self.ticks["phase"] != PHASES.index(Phase.HALT.value))
         return list(zip(*(self.ticks[name][known][:1].tolist() for name in ("t_s", "goal_heading_deg")), strict=True))
 
     def setting(self, *keys: str) -> float:
