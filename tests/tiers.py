@@ -82,8 +82,10 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> RealTimeInRo
     return RealTimeInRows(config, log)
 
 
-def pytest_xdist_auto_num_workers() -> int:
+def pytest_xdist_auto_num_workers() -> int | None:
     """Return one more than there are cores: two workers wait most of the time at the beginning."""
+    if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
+        return None  # xdist reads it
     return len(os.sched_getaffinity(0)) + 1
 
 

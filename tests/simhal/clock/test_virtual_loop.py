@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import weakref
 from collections.abc import Iterator
 from math import inf
 
@@ -248,6 +249,23 @@ def test_timer_that_never_comes_is_nothing_to_wait_for(loop: asyncio.AbstractEve
     loop.call_at(1.0, int)
     with pytest.raises(NothingScheduled):
         loop.run_forever()
+    assert loop.time() == 1.0
+
+
+def test_time_limits_that_were_kept_do_not_pile_up(loop: asyncio.AbstractEventLoop) -> None:
+    class Work:
+        def late(self) -> None:
+            raise AssertionError("its time limit was cancelled")
+
+    def begin() -> weakref.ref[Work]:
+        work = Work()
+        loop.call_later(60.0, work.late).cancel()
+        return weakref.ref(work)
+
+    kept = [begin() for _ in range(10)]
+    loop.call_later(1.0, loop.stop)
+    assert [work() for work in kept] == [None] * 10
+    loop.run_forever()
     assert loop.time() == 1.0
 
 

@@ -145,6 +145,8 @@ class Schedule:
         place = len(timers)
         while place and timers[place - 1].when_s > when_s:  # few are later: a heap would cost more
             place -= 1
+            if timers[place].is_cancelled:  # no later one need pass it again
+                timers.pop(place)
         timers.insert(place, what)
 
     def wake_at(self, when_s: float) -> WakeUp:
