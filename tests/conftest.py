@@ -14,7 +14,6 @@ from tests.tiers import (
     pytest_collection_modifyitems,
     pytest_ignore_collect,
     pytest_runtest_protocol,
-    pytest_xdist_auto_num_workers,
     pytest_xdist_make_scheduler,
 )
 from wayfarer import cli
@@ -24,7 +23,6 @@ __all__ = [  # hooks
     "pytest_collection_modifyitems",
     "pytest_ignore_collect",
     "pytest_runtest_protocol",
-    "pytest_xdist_auto_num_workers",
     "pytest_xdist_make_scheduler",
 ]
 

@@ -13,13 +13,7 @@ from typing import cast
 
 import pytest
 
-from tests.tiers import (
-    JUDGE_REAL_TIME,
-    PROCESS_FOLDERS,
-    RealTimeInRows,
-    pytest_ignore_collect,
-    pytest_xdist_auto_num_workers,
-)
+from tests.tiers import JUDGE_REAL_TIME, PROCESS_FOLDERS, OneWorkerForRealTime, pytest_ignore_collect
 
 pytest_plugins = ["pytester"]
 
@@ -108,22 +102,12 @@ def test_only_unit_tests_fail_that_start_a_process(suite: pytest.Pytester) -> No
     assert done.stdout.str().splitlines().count(NO_PROCESS) == 2
 
 
-def test_files_that_judge_real_time_go_to_one_worker_a_row_and_all_others_file_by_file() -> None:
-    scope = RealTimeInRows.__new__(RealTimeInRows)._split_scope
-    rows = [{scope(f"{file}test_some.py::test_one[a]") for file in row} for row in JUDGE_REAL_TIME]
-    assert all(len(row) == 1 for row in rows)
-    assert len(set.union(*rows)) == len(JUDGE_REAL_TIME)
+def test_files_that_judge_real_time_go_to_one_worker_and_all_others_file_by_file() -> None:
+    scope = OneWorkerForRealTime.__new__(OneWorkerForRealTime)._split_scope
+    assert len({scope(f"{file}test_some.py::test_one[a]") for file in JUDGE_REAL_TIME}) == 1
     assert scope("tests/escape/test_handler.py::test_one[a]") == "tests/escape/test_handler.py"
 
 
-@pytest.mark.parametrize("file", [file for row in JUDGE_REAL_TIME for file in row])
+@pytest.mark.parametrize("file", JUDGE_REAL_TIME)
 def test_file_that_judges_real_time_is_there(file: str) -> None:
     assert list(Path(__file__).parents[1].glob(f"{file}*"))
-
-
-def test_there_is_a_worker_more_than_cores_unless_the_number_is_set(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("PYTEST_XDIST_AUTO_NUM_WORKERS", raising=False)
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
-    assert pytest_xdist_auto_num_workers() == 3
-    monkeypatch.setenv("PYTEST_XDIST_AUTO_NUM_WORKERS", "1")
-    assert pytest_xdist_auto_num_workers() is None

@@ -6,14 +6,12 @@ long     above about 10 s: soak, kills at random instants, replay of a campaign,
 
 Plain ``pytest`` leaves out ``long``; ``pytest -m unit`` takes one tier. A unit test that starts a process fails.
 
-Each worker takes a file at a time. Files that judge how soon a real process does something mostly wait, so there is a
-worker more than cores; but no more than two of them run at a time, one of each row of ``JUDGE_REAL_TIME``: more would
-crowd each other off the cores.
+Each worker takes a file at a time. One worker takes all files that judge how soon a real process does something: two of
+them would crowd each other off the cores.
 """
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterator
 from multiprocessing import util
@@ -29,13 +27,13 @@ PROCESS_FOLDERS = {
     Path(__file__).parent / folder for folder in ("system", "experiments/report", "views/page", "views/run_report")
 }
 JUDGE_REAL_TIME = (
-    ("tests/system/", "tests/daemon/test_signals.py", "tests/daemon/test_stop_motors.py"),
-    (
-        "tests/drivers/test_real_libraries",  # both: the oldest libraries are installed once
-        "tests/simhal/test_hil_server.py",
-        "tests/views/live/test_browser.py",
-        "tests/views/live/test_demo_page.py",
-    ),
+    "tests/system/",
+    "tests/daemon/test_signals.py",
+    "tests/daemon/test_stop_motors.py",
+    "tests/drivers/test_real_libraries",  # both: the oldest libraries are installed once
+    "tests/simhal/test_hil_server.py",
+    "tests/views/live/test_browser.py",
+    "tests/views/live/test_demo_page.py",
 )
 
 _STARTS = {"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system"}
@@ -61,32 +59,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for node in item.listchain():
             node.own_markers[:] = [mark for mark in node.own_markers if mark.name not in TIERS]
         item.add_marker(tier)
-    items.sort(key=lambda item: (_real_time_row(item.nodeid) is None, -TIERS.index(tiers[item])))
+    items.sort(key=lambda item: (not item.nodeid.startswith(JUDGE_REAL_TIME), -TIERS.index(tiers[item])))
 
 
-def _real_time_row(nodeid: str) -> int | None:
-    """Return the row of ``JUDGE_REAL_TIME`` that the test is in."""
-    return next((row for row, files in enumerate(JUDGE_REAL_TIME) if nodeid.startswith(files)), None)
-
-
-class RealTimeInRows(LoadFileScheduling):  # type: ignore[misc] # no types come with it
-    """Gives a worker a file at a time, and all files of a row of ``JUDGE_REAL_TIME`` to one worker."""
+class OneWorkerForRealTime(LoadFileScheduling):  # type: ignore[misc] # no types come with it
+    """Gives a worker a file at a time, and one worker all files that judge real time."""
 
     def _split_scope(self, nodeid: str) -> str:
-        row = _real_time_row(nodeid)
-        return super()._split_scope(nodeid) if row is None else f"real time {row}"
+        return "real time" if nodeid.startswith(JUDGE_REAL_TIME) else super()._split_scope(nodeid)
 
 
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> RealTimeInRows:
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> OneWorkerForRealTime:
     """Let pytest-xdist hand out the tests so."""
-    return RealTimeInRows(config, log)
-
-
-def pytest_xdist_auto_num_workers() -> int | None:
-    """Return one more than there are cores: two workers wait most of the time at the beginning."""
-    if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
-        return None  # xdist reads it
-    return len(os.sched_getaffinity(0)) + 1
+    return OneWorkerForRealTime(config, log)
 
 
 @pytest.hookimpl(wrapper=True)
