@@ -79,7 +79,7 @@ def test_suspended_daemon_is_noticed_by_the_watchdog_and_comes_back_disarmed(rep
     assert seen["down"]["Result"] == "watchdog"
     assert seen["stops_sent"] == 1, "by ExecStopPost=, before the restart"
     assert (seen["up"]["NRestarts"], seen["mode"]) == ("2", "disarmed")
-    assert seen["took_s"] < 60  # 10 s watchdog, 2 s to abort, 2 s pause, and the start, on a busy computer
+    assert seen["took_s"] < 20  # 10 s watchdog, 2 s to abort, 2 s pause, and the start
 
 
 def test_daemon_that_fails_comes_back_disarmed(report: Report) -> None:
