@@ -89,7 +89,7 @@ def run(
 
 
 def stop_motors(*, config: Config = None) -> None:
-    """Stop the motors without the daemon: those that it drives or drove, and those of the rover file."""
+    """Stop the motors directly, where the daemon does not: those that it drove last, and those of the rover file."""
     from wayfarer.daemon.stop_motors import stop_motors as stop
 
     print(stop(str(ROVER_FILE) if config is None else config))
