@@ -14,7 +14,7 @@ from tests.tiers import (
     pytest_collection_modifyitems,
     pytest_ignore_collect,
     pytest_runtest_protocol,
-    pytest_xdist_make_scheduler,
+    pytest_xdist_auto_num_workers,
 )
 from wayfarer import cli
 
@@ -23,7 +23,7 @@ __all__ = [  # hooks
     "pytest_collection_modifyitems",
     "pytest_ignore_collect",
     "pytest_runtest_protocol",
-    "pytest_xdist_make_scheduler",
+    "pytest_xdist_auto_num_workers",
 ]
 
 Run = Callable[..., tuple[int, str, str]]

@@ -13,10 +13,11 @@ from typing import cast
 
 import pytest
 
-from tests.tiers import JUDGE_REAL_TIME, PROCESS_FOLDERS, OneWorkerForRealTime, pytest_ignore_collect
+from tests.tiers import PROCESS_FOLDERS, pytest_ignore_collect, pytest_xdist_auto_num_workers
 
 pytest_plugins = ["pytester"]
 
+NUMBER = "PYTEST_XDIST_AUTO_NUM_WORKERS"
 NO_PROCESS = "a unit test starts no process: mark it @pytest.mark.process"
 STARTS: dict[str, Callable[[], object]] = {
     "subprocess": lambda: subprocess.run(["true"], check=True),
@@ -102,12 +103,15 @@ def test_only_unit_tests_fail_that_start_a_process(suite: pytest.Pytester) -> No
     assert done.stdout.str().splitlines().count(NO_PROCESS) == 2
 
 
-def test_files_that_judge_real_time_go_to_one_worker_and_all_others_file_by_file() -> None:
-    scope = OneWorkerForRealTime.__new__(OneWorkerForRealTime)._split_scope
-    assert len({scope(f"{file}test_some.py::test_one[a]") for file in JUDGE_REAL_TIME}) == 1
-    assert scope("tests/escape/test_handler.py::test_one[a]") == "tests/escape/test_handler.py"
-
-
-@pytest.mark.parametrize("file", JUDGE_REAL_TIME)
-def test_file_that_judges_real_time_is_there(file: str) -> None:
-    assert list(Path(__file__).parents[1].glob(f"{file}*"))
+@pytest.mark.parametrize(
+    ("expression", "number", "workers"), [("not long", None, 3), ("unit", None, None), ("not long", "1", None)]
+)
+def test_there_is_a_worker_more_than_cores_where_processes_are_waited_for(
+    expression: str, number: str | None, workers: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.delenv(NUMBER, raising=False)
+    if number is not None:
+        monkeypatch.setenv(NUMBER, number)
+    config = SimpleNamespace(getoption={"markexpr": expression}.__getitem__)
+    assert pytest_xdist_auto_num_workers(cast(pytest.Config, config)) == workers

@@ -6,35 +6,25 @@ long     above about 10 s: soak, kills at random instants, replay of a campaign,
 
 Plain ``pytest`` leaves out ``long``; ``pytest -m unit`` takes one tier. A unit test that starts a process fails.
 
-Each worker takes a file at a time. One worker takes all files that judge how soon a real process does something: two of
-them would crowd each other off the cores.
+Each worker takes a file at a time. Tests of processes come first and mostly wait, so there is a worker more than cores.
+Those that judge how soon a process does something put it first (``tests/system/subprocesses.py``).
 """
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 from multiprocessing import util
 from pathlib import Path
-from typing import Any
 
 import pytest
-from xdist.scheduler import LoadFileScheduling
 
 TIERS = ("unit", "process", "long")
 # Drawing takes most of the time of the tests of pages, and is the same on every Python: not a unit test's.
 PROCESS_FOLDERS = {
     Path(__file__).parent / folder for folder in ("system", "experiments/report", "views/page", "views/run_report")
 }
-JUDGE_REAL_TIME = (
-    "tests/system/",
-    "tests/daemon/test_signals.py",
-    "tests/daemon/test_stop_motors.py",
-    "tests/drivers/test_real_libraries",  # both: the oldest libraries are installed once
-    "tests/simhal/test_hil_server.py",
-    "tests/views/live/test_browser.py",
-    "tests/views/live/test_demo_page.py",
-)
 
 _STARTS = {"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system"}
 _in_unit_test = False
@@ -59,19 +49,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for node in item.listchain():
             node.own_markers[:] = [mark for mark in node.own_markers if mark.name not in TIERS]
         item.add_marker(tier)
-    items.sort(key=lambda item: (not item.nodeid.startswith(JUDGE_REAL_TIME), -TIERS.index(tiers[item])))
+    items.sort(key=lambda item: -TIERS.index(tiers[item]))
 
 
-class OneWorkerForRealTime(LoadFileScheduling):  # type: ignore[misc] # no types come with it
-    """Gives a worker a file at a time, and one worker all files that judge real time."""
-
-    def _split_scope(self, nodeid: str) -> str:
-        return "real time" if nodeid.startswith(JUDGE_REAL_TIME) else super()._split_scope(nodeid)
-
-
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> OneWorkerForRealTime:
-    """Let pytest-xdist hand out the tests so."""
-    return OneWorkerForRealTime(config, log)
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
+    """Return one more than there are cores, unless processes are left out or the number is set."""
+    if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ or config.getoption("markexpr") == "unit":
+        return None  # xdist knows
+    return len(os.sched_getaffinity(0)) + 1
 
 
 @pytest.hookimpl(wrapper=True)

@@ -22,7 +22,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from tests.system.nspawn import in_own_mounts
-from tests.system.subprocesses import HARDWARE_PRIORITY, never_late
+from tests.system.subprocesses import HARDWARE_PRIORITY, put_thread_first
 from wayfarer.simhal.hil_buses import HilSerial
 
 SHIM = Path(__file__).with_name("ioctl_shim.c")
@@ -110,10 +110,10 @@ class SerialLine:
         self._thread.start()
 
     def _carry(self, to: HilSerial) -> None:
-        with never_late(HARDWARE_PRIORITY):
-            while not self._unplugged.is_set():
-                if select.select([self._far], [], [], POLL_S)[0]:
-                    to.write(os.read(self._far, 1024))
+        put_thread_first(0, HARDWARE_PRIORITY)
+        while not self._unplugged.is_set():
+            if select.select([self._far], [], [], POLL_S)[0]:
+                to.write(os.read(self._far, 1024))
         to.close()
 
     def block(self) -> None:

@@ -15,7 +15,7 @@ import pytest
 
 from tests.drivers.private_dev import PrivateDev, SerialLine
 from tests.system.hil_setup import Site
-from tests.system.subprocesses import WAYFARER, WAYFARER_PRIORITY
+from tests.system.subprocesses import WAYFARER
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 # The ForestRover has all three buses, and alone a serial line; the MiniRover has its motors and its compass on one.
@@ -81,9 +81,9 @@ class RealSite(Site):
         self.dev.unplug(SERIAL)
         self.line.unplug()
 
-    def start(self, *command: str | Path, priority: int = WAYFARER_PRIORITY) -> subprocess.Popen[bytes]:
+    def start(self, *command: str | Path) -> subprocess.Popen[bytes]:
         """Start a process that sees the private /dev."""
-        return super().start(*self.dev.enter, *command, priority=priority)
+        return super().start(*self.dev.enter, *command)
 
     def run(self, *arguments: str | Path, program: Sequence[str] = WAYFARER) -> subprocess.CompletedProcess[str]:
         """Run a wayfarer command to its end."""

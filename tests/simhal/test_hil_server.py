@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from tests.simhal.chips.bench import Clock
-from tests.system.subprocesses import never_late
+from tests.system.subprocesses import starting
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.drivers.buses import Buses
@@ -36,7 +36,7 @@ AHEAD = WheelCommand(0.5, 0.5)
 @pytest.fixture(autouse=True)
 def on_a_free_computer() -> Iterator[None]:
     """A transfer has 0.1 s."""
-    with never_late():
+    with starting():
         yield
 
 

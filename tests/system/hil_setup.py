@@ -21,7 +21,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
-from tests.system.subprocesses import HARDWARE_PRIORITY, WAYFARER, WAYFARER_PRIORITY, command, never_late, put_first
+from tests.system.subprocesses import HARDWARE_PRIORITY, WAYFARER, command, put_first, starting
 from tests.system.wheel_history import Commands, stop_after
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import SOCKET_NAME
@@ -102,16 +102,17 @@ class Site:
         }
         self.processes: list[subprocess.Popen[bytes]] = []
         server = (sys.executable, "-m", "wayfarer.simhal.hil_server")
-        self.start(*server, "--rover", self.config, "--socket", folder / "bench", priority=HARDWARE_PRIORITY)
+        bench = self.start(*server, "--rover", self.config, "--socket", folder / "bench")
         try:
             self._line = wait_for("the bench listens", self._connect)
         except HilSetupError:
             self._end_processes()
             raise
+        put_first(bench.pid, HARDWARE_PRIORITY)
 
-    def start(self, *command: str | Path, priority: int = WAYFARER_PRIORITY) -> subprocess.Popen[bytes]:
+    def start(self, *command: str | Path) -> subprocess.Popen[bytes]:
         """Start a process of this site."""
-        with (self.folder / "output.txt").open("ab") as output, never_late(priority):
+        with (self.folder / "output.txt").open("ab") as output, starting():
             process: subprocess.Popen[bytes] = subprocess.Popen(
                 command, env=self.environment, stdout=output, stderr=output, cwd=self.folder
             )

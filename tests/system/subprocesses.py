@@ -1,8 +1,11 @@
 """The wayfarer command as a process, under this very Python.
 
 What is tested is wayfarer, not how busy the machine is: one transfer that takes more than 0.1 s stops a rover for good.
-So its processes come before all others, and a daemon that runs comes before a process that starts, which needs a core
-for a second. That takes the rights of root; without them a busy machine can fail the tests.
+So its processes come before all others, and those that run before those that start, which need a core for a second.
+That takes the rights of root; without them a busy machine can fail the tests.
+
+What starts has no real-time priority, only the best of the ordinary ones: Linux lets a process that computes go on for
+0.1 s before it runs another of the same real-time priority.
 """
 
 from __future__ import annotations
@@ -16,8 +19,9 @@ from pathlib import Path
 from typing import Any
 
 COMMAND_S = 60.0
+STARTING_NICENESS = -20  # the best
 # Of real-time processes; what stands for hardware comes first, because hardware never waits for a core.
-WAYFARER_PRIORITY, DAEMON_PRIORITY, HARDWARE_PRIORITY = 1, 2, 3
+DAEMON_PRIORITY, HARDWARE_PRIORITY = 1, 2
 MAIN = "from wayfarer.cli import main; main()"
 
 
@@ -30,27 +34,31 @@ WAYFARER = python(MAIN)
 
 
 @contextmanager
-def never_late(priority: int = WAYFARER_PRIORITY) -> Iterator[None]:
-    """Have this thread come before all others, and the processes that it starts too, where the user may do that."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(priority))
-    except PermissionError:
-        yield
-        return
+def starting() -> Iterator[None]:
+    """Have this thread come before ordinary ones, and what it starts too, where the user may do that."""
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    with suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, STARTING_NICENESS)
     try:
         yield
     finally:
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.setpriority(os.PRIO_PROCESS, 0, before)
 
 
 def put_first(pid: int, priority: int = DAEMON_PRIORITY) -> None:
     """Have a process that runs come before others, with its threads and its children, where the user may do that."""
     with suppress(FileNotFoundError):
         for thread in Path(f"/proc/{pid}/task").iterdir():
-            with suppress(PermissionError, ProcessLookupError, FileNotFoundError):  # one that ends keeps no other back
-                os.sched_setscheduler(int(thread.name), os.SCHED_RR, os.sched_param(priority))
+            with suppress(FileNotFoundError):  # one that ends keeps no other back
+                put_thread_first(int(thread.name), priority)
                 for child in (thread / "children").read_text(encoding="ascii").split():
                     put_first(int(child), priority)
+
+
+def put_thread_first(thread: int, priority: int = DAEMON_PRIORITY) -> None:
+    """Have a thread come before others, where the user may do that; 0 is the one that asks."""
+    with suppress(PermissionError, ProcessLookupError):
+        os.sched_setscheduler(thread, os.SCHED_RR, os.sched_param(priority))
 
 
 def command(
@@ -63,7 +71,7 @@ def command(
         program: what stands for ``wayfarer``.
         options: of ``subprocess.run``.
     """
-    with never_late():
+    with starting():
         return subprocess.run(
             [*program, *arguments], capture_output=True, text=True, check=False, timeout=COMMAND_S, **options
         )

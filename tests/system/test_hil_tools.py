@@ -12,7 +12,7 @@ import pytest
 from tests.system.jitter import jitter
 from tests.system.killer import after_death
 from tests.system.log_recovery import cut_off, numbered_twice, read_back
-from tests.system.subprocesses import DAEMON_PRIORITY, put_first, python
+from tests.system.subprocesses import DAEMON_PRIORITY, STARTING_NICENESS, put_first, python, starting
 from tests.system.wheel_history import Commands, first_stop, spans, stop_after, told_to_turn
 
 HEADER = '{"record":"run","t_s":0.0,"schema":2}\n'
@@ -23,7 +23,20 @@ OUTCOME = '{"record":"outcome","n":5,"t_s":0.25,"reason":"requested"}\n'
 # -- what comes before others ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root may give a process a real-time priority")
+rooted = pytest.mark.skipif(os.geteuid() != 0, reason="only root may put a process first")
+
+
+@rooted
+def test_process_that_starts_comes_before_ordinary_ones_and_after_those_that_run() -> None:
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    with starting(), subprocess.Popen(python("input()"), stdin=subprocess.PIPE) as process:
+        assert os.getpriority(os.PRIO_PROCESS, process.pid) == STARTING_NICENESS
+        assert os.sched_getscheduler(process.pid) == os.SCHED_OTHER
+        process.communicate(b"\n")
+    assert os.getpriority(os.PRIO_PROCESS, 0) == before
+
+
+@rooted
 def test_process_comes_first_with_its_threads_and_its_children() -> None:
     code = "import subprocess, threading, sys; threading.Thread(target=sys.stdin.read).start(); "
     child = "child = subprocess.Popen([sys.executable, '-c', 'input()']); print(child.pid, flush=True)"
