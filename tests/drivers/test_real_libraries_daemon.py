@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.drivers.real_site import FORESTROVER, I2C, SERIAL, SPI, RealSite, each_forestrover, each_site
+from tests.drivers.real_site import I2C, SERIAL, SPI, RealSite, each_forestrover, each_site
 from tests.system.hil_setup import BUSY, wait_for
 from tests.system.wheel_history import first_stop, spans, stop_after
 from wayfarer.daemon.socket.protocol import Refused
@@ -28,12 +28,7 @@ LATE_S = 0.1  # what hung in the wire arrives late, and is taken back by the nex
 CLEARED_BY_ARMING = {"motors_failed"}
 
 
-# A MiniRover loses its motors with its compass; its flow chip is the ForestRover's.
-each_device = pytest.mark.parametrize(
-    ("version", "rover", "device"),
-    [(*each, device) for device in (I2C, SPI) for each in FORESTROVER] + [("installed", "minirover", I2C)],
-    scope="session",
-)
+each_device = pytest.mark.parametrize("device", [I2C, SPI])  # a MiniRover loses its motors with its compass
 
 
 def driving(site: RealSite) -> None:
@@ -99,6 +94,7 @@ def test_parts_pass_the_checks(site: RealSite) -> None:
     assert {name: verdicts[name] for name in asked} == dict.fromkeys(asked, "ok")
 
 
+@each_site
 @each_device
 def test_chip_that_freezes_stops_the_wheels_and_never_the_control_loop(site: RealSite, device: str) -> None:
     driving(site)
@@ -110,6 +106,7 @@ def test_chip_that_freezes_stops_the_wheels_and_never_the_control_loop(site: Rea
     assert_goes_on(site, frozen_s, device)
 
 
+@each_site
 @each_device
 def test_device_that_vanishes_and_comes_back(site: RealSite, device: str) -> None:
     driving(site)
