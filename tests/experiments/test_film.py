@@ -26,15 +26,17 @@ SIM = ("sim", "--physics", "mujoco", "--rover", "forestrover", "--budget-m", "3"
 FAST = ("--video-speed", "20")
 
 
-def no_opengl() -> str:
+@pytest.fixture(scope="module")
+def opengl() -> None:
+    """Something to draw with."""
     try:
         with screen.opengl(64, 64):
-            return ""
+            pass
     except BadInput as error:
-        return str(error)
+        pytest.skip(f"nothing to draw with: {error}")
 
 
-needs_opengl = pytest.mark.skipif(bool(why := no_opengl()), reason=f"nothing to draw with: {why}")
+needs_opengl = pytest.mark.usefixtures("opengl")
 
 
 @pytest.fixture

@@ -172,18 +172,6 @@ def test_light_campaign_says_nothing_of_it_and_loads_no_engine() -> None:
     assert out.splitlines()[-1] == "False"
 
 
-REFUSED = {
-    "friction without it": (("sim", "--friction", "0.5"), "has an effect only with --physics mujoco; add that"),
-    "no friction": ((*SIM, "--friction", "0"), "--friction 0: expected a number, or MIN:MAX"),
-    "too rough": ((*SIM, "--roughness-m", "0.5"), "from 0 to 0.1"),
-}
-
-
-@pytest.mark.parametrize(("arguments", "says"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_run_is_one_line(run: Run, arguments: tuple[str, ...], says: str) -> None:
-    assert says in refusal(run, *arguments)
-
-
 CHASSIS = {"ground_clearance_m": 0.04, "weight_kg": 6.0, "motors_n_m": 4.5, "height_m": 0.2, "wheel_radius_m": 0.05}
 
 

@@ -80,20 +80,8 @@ def test_sweep_of_grounds_with_another_chassis_is_another_sweep(run: Run, tmp_pa
     assert "another sweep: rover.chassis.weight_kg is 7.1 there and 6.1 here" in refusal(run, *sweep, "--resume")
 
 
-def test_other_physics_has_a_ground_of_another_kind(run: Run) -> None:
-    err = refusal(run, *SIM, "--physics", "mujoco", "--ground", "mud")
-    assert "--ground mud belongs to physics-light; with --physics mujoco use --friction" in err
-
-
 @pytest.mark.parametrize("command", [(*SIM, "--ground", "mud"), ("sweep", "ground=ideal,mud", "--out", "never")])
 def test_rover_without_a_body_is_one_line(run: Run, plain: Path, command: tuple[str, ...]) -> None:
     err = refusal(run, *command, "--rover", plain)
     assert "rover 'plain' gives no chassis.weight_kg, and --ground mud needs a body with wheels" in err
     assert str(plain) in err
-
-
-def test_unknown_ground_is_one_line(run: Run, tmp_path: Path) -> None:
-    err = refusal(run, "sweep", "ground=ideal,ice", "--out", tmp_path / "out")
-    assert "ground" in err
-    assert "'leaf-litter'" in err
-    assert not (tmp_path / "out").exists()
