@@ -9,13 +9,14 @@ import shlex
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from threading import Event, Timer
 
 import pytest
 
+from tests.conftest import Run
 from tests.views.text.records import HEADER, SAMPLE_LOGS, drive, event, numbered, outcome, tick, write
 from wayfarer import cli
 from wayfarer.views.text.verdict import NO_OUTCOME
@@ -23,8 +24,6 @@ from wayfarer.views.text.verdict import NO_OUTCOME
 FIRST, SECOND = "00001-20261121T061405Z", "00002-20261121T071405Z"
 LONG_S = 20.0
 (SAMPLE,) = SAMPLE_LOGS.glob("0*")
-
-Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture

@@ -171,11 +171,8 @@ def test_smoothing_keeps_what_is_constant_and_lags_behind_nothing() -> None:
 
 
 REFUSED = {
-    "another world": (("sim", "--trial", "0", "--video", "x.mp4"), "add --physics mujoco"),
-    "no trial": (("sim", "--physics", "mujoco", "--video", "x.mp4"), "choose it with --trial N"),
     "another kind": ((*SIM, "--video", "x.avi"), "--video x.avi: expected a name that ends in .mp4 or .webp"),
     "no such folder": ((*SIM, "--video", "/nowhere/x.mp4"), "--video /nowhere/x.mp4 cannot be written: No such file"),
-    "a pace without a film": (("sim", "--video-speed", "2"), "name its file with --video FILE"),
 }
 
 
