@@ -24,7 +24,9 @@ from wayfarer.views.text.run_summariser import summarise
 
 RUN = "00017-20261121T061405Z"
 (SAMPLE,) = SAMPLE_LOGS.glob("00001-*")
-HEADER, *RECORDS = [record for record in RunReader(SAMPLE) if record["record"] != "truth"]
+HEADER, *DRIVEN = [record for record in RunReader(SAMPLE) if record["record"] != "truth"]
+END_S = DRIVEN[220]["t_s"]  # after two episodes
+RECORDS = [*DRIVEN[:220], DRIVEN[-1] | {"t_s": END_S, "t_wall": DRIVEN[220]["t_wall"]}]
 REAL: Record = HEADER | {"simulated": False, "world": None}  # so that a page draws dead reckoning
 LINES = [orjson.dumps(each) + b"\n" for each in numbered([REAL, *RECORDS])]
 TICKS = [index for index, line in enumerate(LINES) if b'"record":"tick"' in line]

@@ -79,6 +79,7 @@ def eventful(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunData, str]:
     for held in ticks[20:40]:
         held["level"] = "hold"
     ticks[60]["anomalies"] = ["nose_up"]
+    ticks[70]["moon_deg"] = 1.0
     told = [
         event("health", 0.99, level="hold", cause="operator_hold"),
         event("mark", 1.0, text="hit log"),
@@ -111,10 +112,10 @@ def test_trouble_stands_out_and_an_operators_hold_does_not(eventful: tuple[RunDa
     assert re.findall(r"<strong>(.*?)</strong>", page) == ["Wheels held until this clears: the compass is silent"]
 
 
-def test_held_wheels_and_the_battery_are_in_the_time_lines(eventful: tuple[RunData, str]) -> None:
+def test_held_wheels_the_battery_and_a_new_key_are_in_the_time_lines(eventful: tuple[RunData, str]) -> None:
     _, page = eventful
     assert '"Wheels held until this clears, for 1.0 s"' in drawn(page)
-    assert "battery, V" in titles(page)
+    assert {"battery, V", "moon_deg"} <= set(titles(page))
 
 
 def test_way_is_laid_onto_the_fixes_and_its_end_opens_in_a_map(eventful: tuple[RunData, str]) -> None:
