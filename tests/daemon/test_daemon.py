@@ -172,7 +172,7 @@ async def test_log_is_named_so_that_it_is_found_from_any_folder(site: Site, monk
     assert stopped["log"] == site.log()[0]["log"] == told
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1, signal.SIGALRM])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1])
 async def test_signal_stops_the_wheels_at_once_and_ends_the_run_in_order(site: Site, number: signal.Signals) -> None:
     signal.signal(number, signal.SIG_DFL)  # it may be ignored where these tests run
     async with Running(site) as daemon:
