@@ -52,7 +52,7 @@ def log_trial(folder: Path, trial: int = 0, algorithm: str = "forest-pledge", **
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The log of a trial, which nobody may change."""
-    return log_trial(tmp_path_factory.mktemp("driven") / "run", 3, budget_m=10.0)
+    return log_trial(tmp_path_factory.mktemp("driven") / "run", 3, budget_m=5.0)
 
 
 @pytest.fixture
