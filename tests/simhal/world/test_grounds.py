@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Run
-from tests.simhal.commands import refusal, succeed
+from tests.simhal.commands import facts_of, refusal, succeed
 from wayfarer.experiments.report.reading import read_results
-from wayfarer.experiments.report.words import facts
 from wayfarer.simhal.world.grounds import GroundName
 
 SIM = ("sim", "--jobs", "1", "--trials", "1", "--budget-m", "5")
@@ -30,7 +29,7 @@ def test_ground_is_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))["ground"] == "mud"
     results = read_results(tmp_path / "out")
     assert results.rebuild().ground is GroundName.mud
-    assert dict(facts(results.settings))["ground"] == "mud"
+    assert facts_of(results)["ground"] == "mud"
     (log,) = (path for path in (tmp_path / "log").rglob("*") if path.is_file())
     assert json.loads(log.read_text(encoding="utf-8").splitlines()[0])["ground"] == "mud"
 
@@ -41,7 +40,7 @@ def test_ideal_ground_is_what_there_was_before_and_says_nothing(run: Run, tmp_pa
     for file in ("campaign.json", "trials.csv"):
         assert (tmp_path / "unsaid" / file).read_bytes() == (tmp_path / "said" / file).read_bytes()
     assert "ground" not in json.loads((tmp_path / "said" / "campaign.json").read_text(encoding="utf-8"))
-    assert dict(facts(read_results(tmp_path / "said").settings))["ground"] == "ideal"
+    assert facts_of(read_results(tmp_path / "said"))["ground"] == "ideal"
 
 
 @pytest.mark.parametrize(("there", "here"), [("ideal", "mud"), ("mud", "ideal")])
