@@ -7,7 +7,7 @@ import re
 import runpy
 import subprocess
 import sys
-from functools import cache
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_trial
 
-pytestmark = pytest.mark.process
+pytestmark = pytest.mark.process  # a second and more each: not a unit test's
 
 FOLDER = Path(__file__).parents[1] / "examples"
 EXAMPLES = sorted(path.stem for path in FOLDER.glob("*.py"))
@@ -40,18 +40,33 @@ PRINTS = {
 }
 
 
-@cache
-def output_of(name: str, *arguments: str) -> str:
-    """What an example prints; it must not say anything on stderr."""
-    command = [sys.executable, str(FOLDER / f"{name}.py"), *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert not done.stderr
-    return done.stdout.strip()
+Output = Callable[..., str]
+
+
+@pytest.fixture
+def output_of(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Output:
+    """What an example prints as a script, in this process; it must not say anything on stderr."""
+    monkeypatch.syspath_prepend(FOLDER)
+
+    def output_of(name: str, *arguments: str) -> str:
+        monkeypatch.setattr(sys, "argv", [f"{name}.py", *arguments])
+        runpy.run_path(str(FOLDER / f"{name}.py"), run_name="__main__")
+        told = capfd.readouterr()
+        assert not told.err
+        return told.out.strip()
+
+    return output_of
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_example_prints_what_it_shows(name: str) -> None:
+def test_example_prints_what_it_shows(name: str, output_of: Output) -> None:
     assert re.search(".*".join(f"(?:{line})" for line in PRINTS[name]), output_of(name), re.DOTALL)
+
+
+def test_example_runs_as_a_program_of_its_own() -> None:
+    command = [sys.executable, str(FOLDER / "trial_in_a_forest.py")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert (done.stdout.startswith("layout 7"), done.stderr) == (True, "")
 
 
 def test_there_are_ten_short_examples() -> None:
@@ -81,7 +96,7 @@ def test_failsafe_gets_out_where_the_planner_alone_stays_stuck(failsafe_example:
     assert guarded.time_s < alone.time_s / 2
 
 
-def test_agent_of_the_catalogue_ends_as_the_trial_of_that_number() -> None:
+def test_agent_of_the_catalogue_ends_as_the_trial_of_that_number(output_of: Output) -> None:
     campaign = Campaign(("forest-pledge",), 8, load_rover("sim"))
     result = run_trial(campaign.spec(Task("forest-pledge", 7), campaign.make_forest(7)))
     assert f"{result.outcome} after {result.path_m:.1f} m, {result.time_s:.2f} s" in output_of("gym_forest_pledge", "7")

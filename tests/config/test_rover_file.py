@@ -1,18 +1,19 @@
-"""Rover files: what is right loads, what is wrong is told in one line with file, key and what is allowed."""
+"""Rover files: what is right loads, what is wrong is told in one line with file, key and what is allowed.
+
+Any other file is tried in ``tests/fuzz/on_files.py``.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tests.config.rover_texts import complaint, load, rover_toml
 from wayfarer.config.rover_file import RoverConfig, load_rover, part_settings, rover_names
 from wayfarer.daemon.salvage import motors_of
 from wayfarer.daemon.socket.driven import DrivenBoard
-from wayfarer.errors import BadConfig, BadInput, UnknownName
+from wayfarer.errors import BadConfig, UnknownName
 
 
 @pytest.mark.parametrize("name", rover_names())
@@ -133,33 +134,6 @@ def test_folder_or_path_that_no_file_can_have_is_refused(tmp_path: Path, name: s
 def test_unknown_rover_offers_those_there_are() -> None:
     with pytest.raises(UnknownName, match="unknown rover 'simm': did you mean sim"):
         load_rover("simm")
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("fuzz")
-
-
-WORDS = st.sampled_from(["name", "vehicle", "rates", "safety", "length_m", "track_m", "control_hz", "x"])
-VALUES = st.sampled_from(["1", "-1", "nan", "inf", '"a"', "true", "[1, 2]", "{a = 1}", "1979-05-27", "0x10", "1e400"])
-LINES = st.one_of(
-    st.builds("{} = {}".format, WORDS, VALUES),
-    st.builds("[{}]".format, WORDS),
-    st.builds("{}.{} = {}".format, WORDS, WORDS, VALUES),
-    st.text(max_size=8),
-)
-
-
-@given(
-    st.lists(LINES, max_size=8).map(lambda lines: "\n".join(lines).encode("utf-8", "replace")) | st.binary(max_size=40)
-)
-@settings(deadline=None)
-def test_any_file_is_a_rover_or_a_bad_configuration(folder: Path, content: bytes) -> None:
-    try:
-        load(folder, content)
-    except BadInput as error:
-        assert isinstance(error, BadConfig)
-        assert "rover.toml: " in str(error)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The rows beyond the paper at work: what they promise, and how they differ from Forest-Pledge."""
+"""The rows beyond the paper: how they differ from Forest-Pledge. Their promises are in ``tests/test_testing.py``."""
 
 from __future__ import annotations
 
@@ -10,12 +10,6 @@ from tests.escape.walk import SETTINGS, VEHICLE, Walk
 from wayfarer.angles import wrap180
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.catalogue import BEYOND_THE_PAPER
-from wayfarer.testing import check_algorithm
-
-
-@pytest.mark.parametrize("name", BEYOND_THE_PAPER)
-def test_row_keeps_the_promises_of_an_algorithm(name: str) -> None:
-    check_algorithm(BEYOND_THE_PAPER[name])
 
 
 @pytest.mark.parametrize("name", BEYOND_THE_PAPER)

@@ -7,6 +7,7 @@ import socket
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,8 +16,15 @@ from tests.experiments.fake_trials import MANY, campaign_of, started
 from tests.experiments.test_run_campaign import lines_in, run_into
 from wayfarer import cli
 from wayfarer.errors import BadInput
-from wayfarer.experiments import dask_cluster
 from wayfarer.experiments.results_folder import PARTIAL, TRIALS
+
+
+@pytest.fixture
+def dask_cluster() -> Any:
+    """The module, which imports Dask."""
+    from wayfarer.experiments import dask_cluster
+
+    return dask_cluster
 
 
 @pytest.fixture
@@ -86,7 +94,9 @@ def refused_by(dask: DaskProcesses, out: Path) -> str:
     return said
 
 
-def test_worker_that_came_later_with_another_version_runs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_worker_that_came_later_with_another_version_runs_nothing(
+    dask_cluster: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     class Here:
         address = "tcp://10.0.0.9:4000"
 
@@ -96,7 +106,7 @@ def test_worker_that_came_later_with_another_version_runs_nothing(monkeypatch: p
     assert dask_cluster._run_checked(dask_cluster.version(), max, 3, 4) == 4
 
 
-def test_version_follows_the_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_version_follows_the_source(dask_cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "__init__.py").write_text("")
     (tmp_path / "rovers").mkdir()
     monkeypatch.setattr("wayfarer.__file__", str(tmp_path / "__init__.py"))
@@ -141,13 +151,11 @@ def test_scheduler_that_is_not_there_is_one_line_before_anything_is_made(
 
 
 def test_something_else_that_listens_is_no_scheduler(
-    silent: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    dask_cluster: Any,
+    silent: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(dask_cluster, "ANSWER_S", 0.2)
     assert "no answer" in refused(silent, tmp_path / "out", capsys)
-
-
-@pytest.mark.parametrize("option", [["--jobs", "2"], ["--trial", "0"], ["--log", "logs"]])
-def test_what_cannot_be_had_from_a_cluster_is_refused(option: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["sim", "--cluster", "tcp://127.0.0.1:1", *option]) == 2
-    assert option[0] in capsys.readouterr().err

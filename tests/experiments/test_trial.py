@@ -1,4 +1,4 @@
-"""A trial runs the daemon's own code, and follows from its spec alone."""
+"""A trial runs the daemon's own code. That it follows from its spec alone is in ``test_trajectory.py``."""
 
 from __future__ import annotations
 
@@ -25,14 +25,6 @@ OPEN = replace(CLEARING, forest=3, noise=4, shortest_path_m=37.5)
 
 def spec_of(algorithm: str = "forest-pledge", *, seed: int = 5, budget_m: float = 1000.0) -> TrialSpec:
     return TrialSpec(17, algorithm, generate_forest(1, 0, 0), seed, load_rover("sim"), budget_m=budget_m)
-
-
-def test_same_spec_gives_the_same_result() -> None:
-    assert run_trial(spec_of()) == run_trial(spec_of())
-
-
-def test_other_noise_gives_another_path() -> None:
-    assert run_trial(spec_of(seed=5)).path_m != run_trial(spec_of(seed=6)).path_m
 
 
 def test_result_says_which_trial_it_is_and_adds_up() -> None:

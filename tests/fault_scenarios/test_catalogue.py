@@ -15,7 +15,7 @@ from wayfarer.fault_scenarios.catalogue.held_by_tests import HELD_BY_TESTS, Faul
 from wayfarer.fault_scenarios.command import ScenarioRunner
 from wayfarer.fault_scenarios.judge import judge
 from wayfarer.fault_scenarios.recorder import RunRecorder
-from wayfarer.fault_scenarios.runner import RunResult
+from wayfarer.fault_scenarios.runner import RunResult, without_faults
 from wayfarer.fault_scenarios.scenario import Reached, Scenario
 from wayfarer.hal import WheelCommand
 
@@ -34,10 +34,10 @@ def runs_of(name: str) -> tuple[RunResult, RunResult]:
 
 
 def rows() -> list[object]:
+    """The rows, beside each other those that share a run without faults: the runner remembers a few."""
+    ordered = sorted(SCENARIOS.values(), key=lambda scenario: repr(without_faults(scenario)))
     long = [pytest.mark.long]
-    return [
-        pytest.param(name, marks=long if scenario.rover == CAMERA_ROVER else []) for name, scenario in SCENARIOS.items()
-    ]
+    return [pytest.param(each.name, marks=long if each.rover == CAMERA_ROVER else []) for each in ordered]
 
 
 @pytest.mark.parametrize("fault", HELD_BY_TESTS.values(), ids=HELD_BY_TESTS)

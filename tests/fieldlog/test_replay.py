@@ -9,6 +9,7 @@ from dataclasses import replace as with_fields
 from math import nan
 from pathlib import Path
 from random import Random
+from shutil import copytree
 from typing import Any
 
 import pytest
@@ -46,6 +47,18 @@ def log_trial(folder: Path, trial: int = 0, algorithm: str = "forest-pledge", **
     planned = Campaign((algorithm,), trial + 1, campaign.pop("rover", SIM), **campaign)
     run_trial(planned.spec(Task(algorithm, trial), planned.make_forest(trial)), folder)
     return folder
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The log of a trial, which nobody may change."""
+    return log_trial(tmp_path_factory.mktemp("driven") / "run", 3, budget_m=5.0)
+
+
+@pytest.fixture
+def run(driven: Path, tmp_path: Path) -> Path:
+    """A log of a trial, to be changed."""
+    return Path(copytree(driven, tmp_path / "run"))
 
 
 def ticks(run: Path) -> list[dict[str, Any]]:
@@ -124,8 +137,7 @@ def test_changed_manoeuvre_is_caught_in_its_wheels(tmp_path: Path) -> None:
         ("why", None),
     ],
 )
-def test_whatever_a_tick_concluded_is_compared(tmp_path: Path, key: str, logged: str | float | None) -> None:
-    run = log_trial(tmp_path / "run", 3, budget_m=10.0)
+def test_whatever_a_tick_concluded_is_compared(run: Path, key: str, logged: str | float | None) -> None:
     changed = ticks(run)[50]["n"]
     rewrite(run, lambda record: record | {key: logged} if record.get("n") == changed else record)
     found = replay(run)
@@ -135,8 +147,7 @@ def test_whatever_a_tick_concluded_is_compared(tmp_path: Path, key: str, logged:
     )  # fmt: skip
 
 
-def test_replay_goes_as_far_as_records_are_missing(tmp_path: Path) -> None:
-    run = log_trial(tmp_path / "run", 3, budget_m=10.0)
+def test_replay_goes_as_far_as_records_are_missing(run: Path) -> None:
     lost = ticks(run)[30]["n"]
     rewrite(run, lambda record: None if record.get("n") == lost else record)
     found = replay(run)
@@ -157,8 +168,7 @@ def test_replay_goes_as_far_as_records_are_missing(tmp_path: Path) -> None:
         {"record": "event", "name": "arming", "goal_heading_deg": [0.0]},
     ],
 )  # fmt: skip
-def test_replay_goes_as_far_as_a_record_that_no_rover_wrote(tmp_path: Path, change: dict[str, Any]) -> None:
-    run = log_trial(tmp_path / "run", 3, budget_m=10.0)
+def test_replay_goes_as_far_as_a_record_that_no_rover_wrote(run: Path, change: dict[str, Any]) -> None:
     garbled = ticks(run)[30]
     rewrite(run, lambda record: record | change if record.get("n") == garbled["n"] else record)
     found = replay(run)
@@ -168,8 +178,10 @@ def test_replay_goes_as_far_as_a_record_that_no_rover_wrote(tmp_path: Path, chan
     assert found.cut_elapsed_s >= garbled["t_s"] - began_t_s  # or the record after it, where the reader drops it
 
 
-def test_command_tells_each_run_and_ends_with_the_worst(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    agrees, cut, gone = (log_trial(tmp_path / name, 3, budget_m=5.0) for name in ("agrees", "cut", "gone"))
+def test_command_tells_each_run_and_ends_with_the_worst(
+    driven: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    agrees, cut, gone = (Path(copytree(driven, tmp_path / name)) for name in ("agrees", "cut", "gone"))
     rewrite(cut, lambda record: None if record.get("n") == ticks(agrees)[9]["n"] else record)
     rewrite(gone, lambda record: record | {"algorithm": "no-such"} if record["record"] == "run" else record)
     assert cli.run(["replay", str(agrees)]) == 0
@@ -186,8 +198,7 @@ def test_command_tells_each_run_and_ends_with_the_worst(tmp_path: Path, capsys: 
     assert f"travelled_m was {almost_m!r} and is {late['travelled_m']!r} today" in capsys.readouterr().out
 
 
-def test_log_that_was_cut_off_agrees_up_to_there(tmp_path: Path) -> None:
-    run = log_trial(tmp_path / "run", 3, budget_m=10.0)
+def test_log_that_was_cut_off_agrees_up_to_there(run: Path) -> None:
     whole = (run / "run.jsonl").read_bytes()
     (run / "run.jsonl").write_bytes(whole[: len(whole) * 2 // 3])
     found = replay(run)
@@ -208,9 +219,8 @@ def test_log_that_was_cut_off_agrees_up_to_there(tmp_path: Path) -> None:
     ],
 )
 def test_log_that_says_too_little_of_what_ran_is_refused_in_a_line(
-    tmp_path: Path, change: dict[str, Any], said: str
+    run: Path, change: dict[str, Any], said: str
 ) -> None:
-    run = log_trial(tmp_path / "run", 3, budget_m=5.0)
     rewrite(run, lambda record: record | change if record["record"] == "run" else record)
     with pytest.raises(BadInput, match=said) as refused:
         replay(run)
@@ -319,30 +329,39 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     await running
 
 
-def test_run_with_holds_failures_and_people_agrees(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def eventful(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The log of that run, which nobody may change."""
+    folder = tmp_path_factory.mktemp("eventful") / "run"
     board = BoardSettings(battery_low_v=11.0, battery_critical_v=10.0, battery_low_s=3.0)
     safety = with_fields(SIM.safety, start_delay_s=1.5)
-    eventful_run(tmp_path, SIM.model_copy(update={"board": board, "safety": safety}))
-    assert replay(tmp_path) == Replay(len(ticks(tmp_path)), None)
-    causes = {tick["cause"] for tick in ticks(tmp_path)}
+    eventful_run(folder, SIM.model_copy(update={"board": board, "safety": safety}))
+    return folder
+
+
+def test_run_with_holds_failures_and_people_agrees(eventful: Path) -> None:
+    assert replay(eventful) == Replay(len(ticks(eventful)), None)
+    causes = {tick["cause"] for tick in ticks(eventful)}
     assert causes >= {None, "operator_hold", "compass_stale", "motion_stale", "board_silent", "motors_failed"}
     assert causes >= {"battery_low", "battery_critical", "board_disagrees", "undervoltage", "power_unstable"}
-    named = [record["name"] for record in records(tmp_path) if record["record"] == "event"]
+    named = [record["name"] for record in records(eventful) if record["record"] == "event"]
     assert (named.count("armed"), named.count("disarmed")) == (4, 4)
 
 
-def test_drive_that_went_unheard_is_part_of_what_is_replayed(tmp_path: Path) -> None:
+def test_drive_that_went_unheard_is_part_of_what_is_replayed(eventful: Path, tmp_path: Path) -> None:
     """The test above can fail: without the hold in the log, the rover of today drives on."""
-    eventful_run(tmp_path, SIM)
-    rewrite(tmp_path, lambda record: record | {"name": "mark"} if record.get("name") == "hold" else record)
-    found = replay(tmp_path).difference
+    run = Path(copytree(eventful, tmp_path / "run"))
+    rewrite(run, lambda record: record | {"name": "mark"} if record.get("name") == "hold" else record)
+    found = replay(run).difference
     assert found is not None
     assert (found.key, found.logged, found.today) == ("level", "hold", "well")
 
 
 @pytest.mark.parametrize("other", [{"says_left": 0.0, "says_right": 0.0}, {"flags": "0x0"}])
-def test_what_the_board_and_the_supply_said_is_part_of_what_is_replayed(tmp_path: Path, other: dict[str, Any]) -> None:
+def test_what_the_board_and_the_supply_said_is_part_of_what_is_replayed(
+    eventful: Path, tmp_path: Path, other: dict[str, Any]
+) -> None:
     """The test above can fail: with another word from outside, today's rover concludes otherwise."""
-    eventful_run(tmp_path, SIM)
-    rewrite(tmp_path, lambda record: record | other if other.keys() <= record.keys() else record)
-    assert replay(tmp_path).difference is not None
+    run = Path(copytree(eventful, tmp_path / "run"))
+    rewrite(run, lambda record: record | other if other.keys() <= record.keys() else record)
+    assert replay(run).difference is not None

@@ -21,6 +21,7 @@ from tests.fuzz.target import Case, Target, Try, reading
 from wayfarer.config import calibration_file
 from wayfarer.config.rover_file import load_rover, rover_names
 from wayfarer.daemon.stop_motors import stop_motors
+from wayfarer.errors import BadConfig, WayfarerError
 from wayfarer.experiments.report.reading import read_results
 from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line
@@ -81,7 +82,11 @@ def check_finite(value: Any) -> None:
 
 
 def _load_rover(path: Path) -> str:
-    config = load_rover(str(path))
+    try:
+        config = load_rover(str(path))
+    except WayfarerError as error:
+        assert isinstance(error, BadConfig) and f"{path.name}: " in str(error)
+        raise
     check_finite(config)
     return f"a rover with {len(config.parts)} parts"
 
@@ -107,7 +112,7 @@ def _toml_value(value: Any) -> str:
 ROVER = Target(
     "rover",
     ["wayfarer.config.rover_file", "wayfarer.config.messages"],
-    lambda kept: bytes_of([*ROVERS, *kept], WORDS) | json_of(ROVER_TABLES).map(_toml),
+    lambda kept: bytes_of([b"", *ROVERS, *kept], WORDS) | json_of(ROVER_TABLES).map(_toml),
     lambda: reading_a_file("rover.toml", _load_rover),
 )
 

@@ -24,7 +24,6 @@ from wayfarer.fieldlog.replay import replay
 from wayfarer.views.export.export import export
 from wayfarer.views.export.formats import ExportFormat, Output
 from wayfarer.views.run_report.reading import read_run
-from wayfarer.views.run_report.run import write_run_report
 from wayfarer.views.text.listing import lines, rows
 from wayfarer.views.text.run_narrator import Telling
 from wayfarer.views.text.run_summariser import summarise
@@ -201,6 +200,8 @@ RUN_READING = Target(
 
 
 def _report(run: Path) -> str:
+    from wayfarer.views.run_report.run import write_run_report  # and Bokeh with it, which few fuzz
+
     write_run_report(run, run.parent / "report.html")
     return "a page"
 

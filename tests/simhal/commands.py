@@ -1,8 +1,9 @@
-"""A command that must succeed, or must refuse in one line."""
+"""A command that must succeed, or must refuse in one line, and what a report says of a campaign."""
 
 from __future__ import annotations
 
 from tests.conftest import Run
+from wayfarer.experiments.report.reading import Results
 
 
 def succeed(run: Run, *arguments: object) -> str:
@@ -17,3 +18,10 @@ def refusal(run: Run, *arguments: object) -> str:
     code, out, err = run(*arguments)
     assert (code, out, err.count("\n")) == (2, "", 1)
     return err
+
+
+def facts_of(results: Results) -> dict[str, str]:
+    """Return what the head of the report says."""
+    from wayfarer.experiments.report.words import facts  # and Bokeh with it
+
+    return dict(facts(results.settings))

@@ -251,16 +251,3 @@ def test_deadman_acts_at_its_own_time_even_if_nobody_looks_until_much_later(sens
     soon_m, late_m = (path_m(silent_s) for silent_s in (2.0, 60.0))
     assert late_m == pytest.approx(soon_m, abs=1e-3)
     assert 0.2 < late_m < 1.4 * (0.3 + 0.1), "at most full speed for the timeout and the motors' lag"
-
-
-@virtual
-async def test_driving_again_after_the_deadman_drives() -> None:
-    world, rover = rover_in(CLEARING, load_rover("sim"), Depth.BUS)
-    assert await opens(rover)
-    await rover.motors.drive(AHEAD)
-    await asyncio.sleep(5.0)
-    await rover.compass.read()
-    assert world.commanded == STOP
-    applied = await rover.motors.drive(AHEAD)
-    assert world.commanded == pytest.approx(tuple(applied))
-    assert applied.left > 0.4

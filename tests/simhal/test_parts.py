@@ -177,15 +177,6 @@ def test_reading_the_parts_does_not_disturb_the_world(looks_s: list[float]) -> N
 
 
 @virtual
-async def test_parts_close_twice_and_after_no_opening() -> None:
-    for part in device_depth(steady_world(), RandomStreams(0), BARE).parts.values():
-        await part.close()
-        await part.open()
-        await part.close()
-        await part.close()
-
-
-@virtual
 async def test_receiver_tells_where_the_rover_is_as_well_as_receivers_do() -> None:
     world = steady_world()
     receiver = SimReceiver(world, RandomStreams(0))

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.views.text.records import HEADER, event, narrated, record, tick
+from tests.views.text.records import HEADER, event, narrated, record, tick, write
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.views.export.tables import csv_rows, further_columns
 from wayfarer.views.live.page_model import PageModel
+from wayfarer.views.run_report.quantities import panels_of
+from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.text.console import Console
 from wayfarer.views.text.run_narrator import Telling
 
@@ -98,8 +100,4 @@ def test_every_view_has_a_new_key_of_a_tick(tmp_path: Path) -> None:
     assert model.state()["further"] == "moon 13 degrees"
     model.take(tick(0.6, stars="x" * 10_000))
     assert len(model.state()["further"]) == 500, "a page is for a telephone"
-    pytest.importorskip("bokeh", reason="bokeh is not installed")
-    from tests.views.run_report.logs import page_of
-    from tests.views.run_report.logs import titles as panels
-
-    assert panels(page_of(tmp_path, *records))[-1] == "moon_deg"
+    assert panels_of([read_run(write(tmp_path, records))])[-1].title == "moon_deg"

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.views import palette
 from wayfarer.views.live.document import document
-from wayfarer.views.page.frame import write_page
 
 CONTRAST = 3.0  # WCAG 2.1, success criterion 1.4.11
 APART = 0.06  # of OKLab: three times the difference that is just noticeable, 0.02
@@ -103,5 +102,7 @@ def test_no_other_file_has_a_colour_but_the_interface_of_the_pages() -> None:
 
 
 def test_pages_take_the_phases_from_the_palette(tmp_path: Path) -> None:
+    from wayfarer.views.page.frame import write_page  # and Bokeh with it
+
     live, report = document().html.decode(), write_page(tmp_path / "page.html", "A page", []).read_text()
     assert all(palette.css() in page for page in (live, report))

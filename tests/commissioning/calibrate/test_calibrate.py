@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -25,8 +25,6 @@ from wayfarer.config.calibration_file import Calibration, FlowEntry, MotorsEntry
 from wayfarer.errors import BadInput, BadReading, NotResponding, WayfarerError
 from wayfarer.hal import MotionReading
 from wayfarer.simhal.random_streams import RandomStreams
-
-Deeds = dict[str, Callable[[], Awaitable[None]]]
 
 
 class Teachable(Needle):

@@ -132,7 +132,7 @@ async def test_clients_that_take_all_places_keep_no_stop_out(path: Path, daemon:
 FLOODS = {"half a line": b"{", "a request": STATUS, "many requests": STATUS * 100, "nothing": b""}
 
 
-STOPS = 100
+STOPS = 40
 ATTACK = """
 import socket, sys
 kept = []
@@ -156,7 +156,7 @@ async def test_flood_of_new_clients_refuses_no_stop(path: Path, daemon: FakeDaem
     async with serve(daemon, path):
         attackers = [subprocess.Popen([sys.executable, "-c", ATTACK, str(path), said.hex()]) for _ in range(4)]
         try:
-            await asyncio.sleep(0.5)
+            await asyncio.sleep(0.2)
             for _ in range(STOPS):
                 await asyncio.to_thread(ask, {"do": "stop"}, path)
         finally:

@@ -7,6 +7,8 @@ import re
 import shutil
 import subprocess
 import sys
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -29,15 +31,21 @@ ENTRAPPED = 2  # of them
 
 @pytest.fixture(scope="module")
 def folder(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The finished campaign with its report."""
+    """The finished campaign with the report that the command wrote."""
     folder = Path(shutil.copytree(finished, tmp_path_factory.mktemp("reported") / "out"))
-    write_report(folder, gallery=GALLERY, jobs=1)
+    with redirect_stdout(StringIO()) as told:
+        command.report(str(folder), gallery=GALLERY, jobs=1)
+    assert told.getvalue() == f"the report is {folder / PAGE}\n"
     return folder
 
 
 @pytest.fixture(scope="module")
 def text(folder: Path) -> str:
     return (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_command_writes_the_page_and_nothing_else(folder: Path, finished: Path) -> None:
+    assert {path.name for path in folder.iterdir()} - {path.name for path in finished.iterdir()} == {PAGE}
 
 
 def test_page_is_well_formed_and_its_ids_are_unique(text: str) -> None:
@@ -94,16 +102,18 @@ def test_texts_name_the_trials(text: str, folder: Path) -> None:
         assert f"{float(row.split(',')[6]):.1f}" == path_m
 
 
-def test_another_process_writes_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+def test_another_process_writes_the_same_bytes_where_it_is_told(folder: Path, tmp_path: Path) -> None:
     """Python's hashes of strings, and with them the order of sets, differ from process to process."""
     code = (
         "import pathlib, sys; from wayfarer.experiments.report.campaign import write_report;"
         f"write_report(pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2]), gallery={GALLERY}, jobs=1)"
     )
-    out = tmp_path / "again.html"
+    out, before = tmp_path / "mine" / "page.html", sorted(folder.rglob("*"))
     environment = {**os.environ, "PYTHONHASHSEED": "1"}
     subprocess.run([sys.executable, "-c", code, str(folder), str(out)], env=environment, check=True)
     assert out.read_bytes() == (folder / PAGE).read_bytes()
+    assert [path.name for path in out.parent.iterdir()] == ["page.html"]
+    assert sorted(folder.rglob("*")) == before
 
 
 def test_page_says_why_trials_were_entrapped(finished: Path, text: str) -> None:
@@ -139,23 +149,6 @@ def test_names_cannot_break_out_of_the_page(tmp_path: Path, finished: Path) -> N
     for name in ("campaign.json", TABLE):
         path = folder / name
         path.write_text(path.read_text().replace("cv-react", "<b>&$x$"))
-    text = write_report(folder, gallery=1, jobs=1).read_text()
+    text = write_report(folder, gallery=0, jobs=1).read_text()
     assert Outline(text).tags["b"] == 0
     assert "&lt;b&gt;&amp;$x$" in text
-
-
-def test_page_can_go_elsewhere(finished: Path, tmp_path: Path) -> None:
-    out, before = tmp_path / "mine" / "page.html", sorted(finished.rglob("*"))
-    assert write_report(finished, out, gallery=0, jobs=1) == out
-    assert [path.name for path in out.parent.iterdir()] == ["page.html"]
-    assert sorted(finished.rglob("*")) == before
-
-
-# --- the command
-
-
-def test_command_says_where_the_report_is(finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = Path(shutil.copytree(finished, tmp_path / "out"))
-    command.report(str(folder), gallery=1, jobs=1)
-    assert capsys.readouterr().out == f"the report is {folder / 'report.html'}\n"
-    assert {path.name for path in folder.iterdir()} - {path.name for path in finished.iterdir()} == {PAGE}

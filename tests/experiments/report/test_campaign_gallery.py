@@ -18,8 +18,14 @@ from wayfarer.experiments.report.worst_trials import RerunTrial, choose, ending,
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 
 
-def again(rows: Sequence[TrialRow], folder: Path, jobs: int = 1) -> list[RerunTrial]:
-    return run_again(read_results(folder).rebuild(), rows, jobs, lambda _: None)
+@pytest.fixture(scope="module")
+def worst(finished: Path) -> list[RerunTrial]:
+    """The four worst trials, run again."""
+    return again(choose(read_results(finished).by_algorithm, 4), finished)
+
+
+def again(rows: Sequence[TrialRow], folder: Path) -> list[RerunTrial]:
+    return run_again(read_results(folder).rebuild(), rows, 1, lambda _: None)
 
 
 @st.composite
@@ -65,11 +71,9 @@ def test_fewer_drawings_than_algorithms_show_the_worst() -> None:
     assert [row.algorithm for row in choose(by_name, 2)] == ["levy-walk", "cv-react"]
 
 
-def test_way_is_that_of_the_trial_in_the_table(finished: Path) -> None:
-    rows = choose(read_results(finished).by_algorithm, 4)
-    ran = again(rows, finished)
-    assert [each.row for each in ran] == rows
-    for each in ran:
+def test_way_is_that_of_the_trial_in_the_table(finished: Path, worst: list[RerunTrial]) -> None:
+    assert [each.row for each in worst] == choose(read_results(finished).by_algorithm, 4)
+    for each in worst:
         assert each.trace is not None
         start, *_, end = each.trace.points
         assert (start.x_m, start.y_m) == campaign_of().make_forest(each.row.trial).start_m
@@ -77,11 +81,10 @@ def test_way_is_that_of_the_trial_in_the_table(finished: Path) -> None:
         assert (end.y_m >= 50.0) is escaped
 
 
-def test_a_pool_gives_the_same_ways_and_tells_of_each_trial(finished: Path) -> None:
-    rows = choose(read_results(finished).by_algorithm, 3)
+def test_a_pool_gives_the_same_ways_and_tells_of_each_trial(finished: Path, worst: list[RerunTrial]) -> None:
     told: list[Done] = []
-    ran = run_again(read_results(finished).rebuild(), rows, 2, told.append)
-    assert ran == again(rows, finished)
+    rows = [each.row for each in worst]
+    assert run_again(read_results(finished).rebuild(), rows, 2, told.append) == worst
     assert {done.row.key for done in told} == {row.key for row in rows}
 
 

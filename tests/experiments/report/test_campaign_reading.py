@@ -94,13 +94,6 @@ def test_damaged_table_is_refused(folder: Path, spoil: Callable[[str], str]) -> 
         read_results(folder)
 
 
-def test_row_that_is_none_is_named_by_its_line(folder: Path) -> None:
-    lines = (folder / TABLE).read_text().splitlines()
-    (folder / TABLE).write_text("\n".join([*lines[:3], "nonsense", *lines[4:]]))
-    with pytest.raises(BadInput, match=r"trials\.csv, line 4 is not a row"):
-        read_results(folder)
-
-
 # --- the copy of the forests
 
 

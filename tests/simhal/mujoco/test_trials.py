@@ -16,12 +16,11 @@ from pyarrow import parquet
 
 from tests.conftest import Run
 from tests.experiments import fake_trials
-from tests.simhal.commands import refusal, succeed
+from tests.simhal.commands import facts_of, refusal, succeed
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.report.reading import read_results
-from wayfarer.experiments.report.words import facts
 from wayfarer.experiments.rows import KINDS, TERRAIN
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
@@ -71,7 +70,7 @@ def test_campaign_says_what_it_ran_on_and_can_be_rebuilt(run: Run, tmp_path: Pat
     succeed(run, *SIM, "--friction", "0.2:0.6", "--out", tmp_path / "out", "--resume")
     results = read_results(tmp_path / "out")
     assert results.rebuild().terrains == Terrains(friction=Range(0.2, 0.6))
-    said = dict(facts(results.settings))
+    said = facts_of(results)
     assert said["MuJoCo, friction"] == "0.2 to 0.6, drawn for each trial"
     assert said["MuJoCo, torque_scale"] == "1"
 
@@ -170,18 +169,6 @@ def test_light_campaign_says_nothing_of_it_and_loads_no_engine() -> None:
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert out.splitlines()[-1] == "False"
-
-
-REFUSED = {
-    "friction without it": (("sim", "--friction", "0.5"), "has an effect only with --physics mujoco; add that"),
-    "no friction": ((*SIM, "--friction", "0"), "--friction 0: expected a number, or MIN:MAX"),
-    "too rough": ((*SIM, "--roughness-m", "0.5"), "from 0 to 0.1"),
-}
-
-
-@pytest.mark.parametrize(("arguments", "says"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_run_is_one_line(run: Run, arguments: tuple[str, ...], says: str) -> None:
-    assert says in refusal(run, *arguments)
 
 
 CHASSIS = {"ground_clearance_m": 0.04, "weight_kg": 6.0, "motors_n_m": 4.5, "height_m": 0.2, "wheel_radius_m": 0.05}

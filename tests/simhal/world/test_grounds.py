@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Run
-from tests.simhal.commands import refusal, succeed
+from tests.simhal.commands import facts_of, refusal, succeed
 from wayfarer.experiments.report.reading import read_results
-from wayfarer.experiments.report.words import facts
 from wayfarer.simhal.world.grounds import GroundName
 
 SIM = ("sim", "--jobs", "1", "--trials", "1", "--budget-m", "5")
@@ -30,7 +29,7 @@ def test_ground_is_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))["ground"] == "mud"
     results = read_results(tmp_path / "out")
     assert results.rebuild().ground is GroundName.mud
-    assert dict(facts(results.settings))["ground"] == "mud"
+    assert facts_of(results)["ground"] == "mud"
     (log,) = (path for path in (tmp_path / "log").rglob("*") if path.is_file())
     assert json.loads(log.read_text(encoding="utf-8").splitlines()[0])["ground"] == "mud"
 
@@ -41,7 +40,7 @@ def test_ideal_ground_is_what_there_was_before_and_says_nothing(run: Run, tmp_pa
     for file in ("campaign.json", "trials.csv"):
         assert (tmp_path / "unsaid" / file).read_bytes() == (tmp_path / "said" / file).read_bytes()
     assert "ground" not in json.loads((tmp_path / "said" / "campaign.json").read_text(encoding="utf-8"))
-    assert dict(facts(read_results(tmp_path / "said").settings))["ground"] == "ideal"
+    assert facts_of(read_results(tmp_path / "said"))["ground"] == "ideal"
 
 
 @pytest.mark.parametrize(("there", "here"), [("ideal", "mud"), ("mud", "ideal")])
@@ -80,20 +79,8 @@ def test_sweep_of_grounds_with_another_chassis_is_another_sweep(run: Run, tmp_pa
     assert "another sweep: rover.chassis.weight_kg is 7.1 there and 6.1 here" in refusal(run, *sweep, "--resume")
 
 
-def test_other_physics_has_a_ground_of_another_kind(run: Run) -> None:
-    err = refusal(run, *SIM, "--physics", "mujoco", "--ground", "mud")
-    assert "--ground mud belongs to physics-light; with --physics mujoco use --friction" in err
-
-
 @pytest.mark.parametrize("command", [(*SIM, "--ground", "mud"), ("sweep", "ground=ideal,mud", "--out", "never")])
 def test_rover_without_a_body_is_one_line(run: Run, plain: Path, command: tuple[str, ...]) -> None:
     err = refusal(run, *command, "--rover", plain)
     assert "rover 'plain' gives no chassis.weight_kg, and --ground mud needs a body with wheels" in err
     assert str(plain) in err
-
-
-def test_unknown_ground_is_one_line(run: Run, tmp_path: Path) -> None:
-    err = refusal(run, "sweep", "ground=ideal,ice", "--out", tmp_path / "out")
-    assert "ground" in err
-    assert "'leaf-litter'" in err
-    assert not (tmp_path / "out").exists()

@@ -5,12 +5,12 @@ from __future__ import annotations
 import io
 import json
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import gpxpy
 import pytest
-import xmlschema
 from geojson_pydantic import FeatureCollection
 from gpxpy.gpx import GPX
 from hypothesis import HealthCheck, given, settings
@@ -22,7 +22,6 @@ from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import Damage, Record
 from wayfarer.views.export.formats import ExportFormat
 
-SCHEMA = xmlschema.XMLSchema(Path(__file__).with_name("gpx.xsd"))
 BEGAN = datetime.fromtimestamp(BEGAN_WALL_S, UTC)
 
 
@@ -58,9 +57,16 @@ def written(form: ExportFormat, folder: Path, records: list[Record]) -> str:
     return text.getvalue()
 
 
+@cache
+def schema() -> Any:
+    import xmlschema  # half a second, which the workers without these tests do not need
+
+    return xmlschema.XMLSchema(Path(__file__).with_name("gpx.xsd"))
+
+
 def gpx(folder: Path, records: list[Record]) -> GPX:
     text = written(ExportFormat.gpx, folder, records)
-    SCHEMA.validate(text)
+    schema().validate(text)
     return gpxpy.parse(text)
 
 

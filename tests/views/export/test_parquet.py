@@ -90,8 +90,11 @@ def test_another_algorithms_memory_has_the_type_of_its_values(tmp_path: Path) ->
     assert told["board_battery_v"].null_count == 3, "a name that the log uses for something else"
 
 
-def test_long_run_is_written_in_blocks_and_the_same_log_gives_the_same_bytes(tmp_path: Path) -> None:
-    ticks = drive(0.0, 501.0)
+def test_long_run_is_written_in_blocks_and_the_same_log_gives_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wayfarer.views.export.parquet.BLOCK_ROWS", 100)
+    ticks = drive(0.0, 6.0)
     assert table(tmp_path, *ticks).num_rows == len(ticks)
     written = (tmp_path / "run.parquet").read_bytes()
     assert parquet.ParquetFile(tmp_path / "run.parquet").num_row_groups == 2

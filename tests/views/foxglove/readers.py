@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,6 +12,8 @@ from mcap.reader import make_reader
 from mcap.records import Schema
 
 from tests.views.foxglove.protobuf import Descriptors
+
+descriptors = cache(Descriptors)  # the same few come with thousands of messages
 
 
 class Message(NamedTuple):
@@ -32,7 +35,6 @@ def read(path: Path) -> Exported:
     messages: dict[str, list[Message]] = defaultdict(list)
     schemas: dict[str, Schema] = {}
     in_order: list[tuple[str, Message]] = []
-    descriptors: dict[str, Descriptors] = {}
     with path.open("rb") as file:
         for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages(log_time_order=False):
             assert schema is not None
@@ -40,8 +42,7 @@ def read(path: Path) -> Exported:
             if channel.message_encoding == "json":
                 value = json.loads(message.data)
             else:
-                decoder = descriptors.setdefault(channel.topic, Descriptors(schema.data))
-                value = decoder.decode(f".{schema.name}", message.data)
+                value = descriptors(schema.data).decode(f".{schema.name}", message.data)
             found = Message(message.log_time, value)
             messages[channel.topic].append(found)
             in_order.append((channel.topic, found))

@@ -8,7 +8,6 @@ from collections.abc import AsyncIterator
 from typing import Any
 
 import aiohttp
-import pytest
 
 from tests.views.live.records import run_log
 from tests.views.live.test_server import TOKEN, Rover, Site, first, serving
@@ -64,12 +63,11 @@ async def replies_to(site: Site, *requests: dict[str, Any]) -> list[dict[str, An
     return replies
 
 
-@pytest.mark.parametrize("request_", REQUESTS, ids=lambda request: str(request["do"]))
-async def test_run_that_is_no_demo_refuses_them_in_words(request_: dict[str, Any]) -> None:
+async def test_run_that_is_no_demo_refuses_them_in_words() -> None:
     async with serving() as site:
-        (reply,) = await replies_to(site, request_)
-        assert reply["ok"] is False
-        assert "only for wayfarer demo" in reply["why"]
+        for request, reply in zip(REQUESTS, await replies_to(site, *REQUESTS), strict=True):
+            assert reply["ok"] is False, request
+            assert "only for wayfarer demo" in reply["why"], request
         assert site.rover.asked == []
 
 
@@ -81,11 +79,12 @@ async def test_demo_is_asked_for_each() -> None:
         assert site.rover.asked == [], "no part of the rover takes part"
 
 
-@pytest.mark.parametrize("times", [None, "6", True, 0, -1, 1e9, []])
-async def test_speed_that_cannot_be_is_refused(times: Any) -> None:
+async def test_speed_that_cannot_be_is_refused() -> None:
+    wrong: list[Any] = [None, "6", True, 0, -1, 1e9, []]
+    asked = [{"do": "speed", "times": times} for times in wrong]
     async with demonstrated() as (site, demo):
-        (reply,) = await replies_to(site, {"do": "speed", "times": times})
-        assert "from 0.1 to 1000" in reply["why"]
+        for request, reply in zip(asked, await replies_to(site, *asked), strict=True):
+            assert "from 0.1 to 1000" in reply["why"], request
         assert demo.asked == []
 
 
@@ -118,12 +117,11 @@ async def test_state_of_a_rover_says_nothing_of_a_demo() -> None:
         assert "demo" not in await first(connection, "state")
 
 
-@pytest.mark.parametrize(("age_s", "why"), [(0.5, "not held"), (1.5, "was old"), (float("inf"), "was old")])
-async def test_age_of_a_page_is_counted_on_the_viewers_clock(age_s: float, why: str) -> None:
+async def test_age_of_a_page_is_counted_on_the_viewers_clock() -> None:
     async with demonstrated() as (site, demo):
-        demo.age = age_s
-        (reply,) = await replies_to(site, {"do": "resume", "state_t_s": 1.0})
-        assert why in reply["why"]
+        for demo.age, why in ((0.5, "not held"), (1.5, "was old"), (float("inf"), "was old")):
+            (reply,) = await replies_to(site, {"do": "resume", "state_t_s": 1.0})
+            assert why in reply["why"], demo.age
 
 
 async def test_next_run_is_shown_from_its_beginning_to_everybody() -> None:

@@ -11,6 +11,8 @@ from typing import Any
 from tests.views.text import records
 from tests.views.text.records import event, numbered, outcome, record, write
 from wayfarer.fieldlog.reader import Record
+from wayfarer.views.run_report.data import RunData
+from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.run_report.run import write_run_report
 
 HEADER: Record = records.HEADER | {
@@ -73,6 +75,11 @@ def write_log(folder: Path, all_records: Iterable[Record], tail: bytes = b"") ->
 
 def page_of(tmp_path: Path, *all_records: Record, tail: bytes = b"") -> str:
     return write_run_report(write_log(tmp_path / "00001-run", all_records, tail)).read_text(encoding="utf-8")
+
+
+def data_of(tmp_path: Path, *all_records: Record) -> RunData:
+    """What the page is made of, not drawn."""
+    return read_run(write_log(tmp_path / "00001-run", all_records))
 
 
 def bare(page: str) -> str:
