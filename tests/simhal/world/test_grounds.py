@@ -88,7 +88,7 @@ def test_other_physics_has_a_ground_of_another_kind(run: Run) -> None:
 @pytest.mark.parametrize("command", [(*SIM, "--ground", "mud"), ("sweep", "ground=ideal,mud", "--out", "never")])
 def test_rover_without_a_body_is_one_line(run: Run, plain: Path, command: tuple[str, ...]) -> None:
     err = refusal(run, *command, "--rover", plain)
-    assert "rover 'plain' gives no chassis.weight_kg, and --ground mud needs a body with wheels" in err
+    assert "rover 'plain' has no chassis.weight_kg, and --ground mud needs a body with wheels" in err
     assert str(plain) in err
 
 

@@ -118,7 +118,7 @@ async def test_state_of_a_rover_says_nothing_of_a_demo() -> None:
         assert "demo" not in await first(connection, "state")
 
 
-@pytest.mark.parametrize(("age_s", "why"), [(0.5, "not held"), (1.5, "was old"), (float("inf"), "was old")])
+@pytest.mark.parametrize(("age_s", "why"), [(0.5, "not held"), (1.5, "an old state"), (float("inf"), "an old state")])
 async def test_age_of_a_page_is_counted_on_the_viewers_clock(age_s: float, why: str) -> None:
     async with demonstrated() as (site, demo):
         demo.age = age_s

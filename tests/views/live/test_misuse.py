@@ -20,8 +20,8 @@ ENDS = {aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSING, aiohttp.WSMsgType.CL
     ("shown", "why"),
     [
         (0.0, "not held"), (0.5, "not held"),  # seconds ago: it reaches the rover
-        (1.1, "look again"), (3600.0, "look again"), (-1.1, "look again"),  # it waited, or its page is of another run
-        (None, "look again"), ("now", "look again"), ([], "look again"), ({}, "look again"),
+        (1.1, "press again"), (3600.0, "press again"), (-1.1, "press again"),  # it waited, or is of another run
+        (None, "press again"), ("now", "press again"), ([], "press again"), ({}, "press again"),
     ],
     ids=str,
 )  # fmt: skip

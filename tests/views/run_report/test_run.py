@@ -146,7 +146,7 @@ def test_way_is_laid_onto_the_fixes_and_its_end_opens_in_a_map(tmp_path: Path) -
     page = page_of(tmp_path, HEADER, *sorted([*drive(4.0), *fixes], key=lambda each: float(each["t_s"])), OUTCOME)
     check_page(page)
     assert "Dead reckoning is laid onto all fixes at once: turned by 0.0°" in text_of(page)
-    assert "End of the fitted way (the last fix is above, under “where”): 47.0000" in text_of(page)
+    assert "End of the fitted path (the last fix is above, under “where”): 47.0000" in text_of(page)
     latitude, longitude = re.findall(r'href="geo:([\d.]+),([\d.]+)\?q=', page)[0]
     assert float(latitude) == pytest.approx(47.0 + 3.95 / 111_320.0, abs=2e-6)  # the end of the way, not the last fix
     assert float(longitude) == pytest.approx(8.0, abs=2e-6)
