@@ -10,13 +10,13 @@
     │   └── UnknownName           no such algorithm, driver or rover: offers the nearest names
     ├── DriverError               a part did not do what was asked
     │   ├── NotResponding         no answer from the part
-    │   ├── PowerLost             the part lost its power for a moment, and has forgotten what it was told
+    │   ├── PowerLost             the part lost its power for a moment, and has forgotten its commands
     │   ├── WrongPart             something answered, but it is another part
     │   └── BadReading            an answer that cannot be true (range, NaN, checksum)
     ├── NotArmed                  the rover was asked to arm and was not; nothing has changed
     ├── MissingPart               an algorithm needs a part that this rover does not have
     ├── MissingPackage            something needs a package that is not installed
-    └── NothingScheduled          virtual time cannot go on: every task waits for something that cannot come
+    └── NothingScheduled          virtual time cannot continue: every task waits for an event that cannot occur
 
 The control socket's own (``Refused``, ``NoDaemon``, ``AlreadyRunning``) stand beside its code.
 
@@ -72,7 +72,7 @@ class NotResponding(DriverError):
 
 
 class PowerLost(DriverError):
-    """The part lost its power for a moment, and has forgotten what it was told."""
+    """The part lost its power for a moment, and has forgotten its commands."""
 
     def __init__(self, where: str) -> None:
         super().__init__(f"{where}: lost its power for a moment; check its plugs and its battery, then arm again")
@@ -108,7 +108,7 @@ class MissingPackage(WayfarerError):
 
 
 class NothingScheduled(WayfarerError):
-    """Virtual time cannot go on: every task waits for something that nothing can bring."""
+    """Virtual time cannot continue: every task waits for an event that cannot occur."""
 
 
 def in_one_line(error: BaseException) -> str:

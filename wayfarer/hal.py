@@ -223,10 +223,10 @@ class DriveMotors(Driver, Protocol):
 
 @runtime_checkable
 class StatusLight(Driver, Protocol):
-    """A light (or a buzzer) that tells a person at ten metres what the rover is about to do."""
+    """A light (or a buzzer) that shows a person at ten metres what the rover is about to do."""
 
     async def show(self, colour: Colour) -> None:
-        """Show a colour until told otherwise.
+        """Show a colour until the next call.
 
         Raises:
             NotResponding: the light did not acknowledge.

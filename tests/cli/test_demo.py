@@ -64,9 +64,9 @@ def test_demo_says_where_the_page_is_how_it_ended_and_what_to_try_next(served: S
     code, out, _ = run("demo", "--live-port", "0")
     assert code == 0
     first, *rest = out.splitlines()
-    assert first.startswith("open this page, the rover waits for you: http://127.0.0.1:")
+    assert first.startswith("open this page; the rover starts when it is open: http://127.0.0.1:")
     assert "the simulated rover has escaped after 76.0 m" in rest
-    assert any("the page stays" in line and "Ctrl-C" in line for line in rest)
+    assert any("the page and its buttons stay" in line and "Ctrl-C" in line for line in rest)
     (log,) = (line for line in rest if line.startswith("the field log: "))
     assert Path(log.partition(": ")[2]).is_dir()
     assert any("wayfarer sim" in line for line in rest)

@@ -139,8 +139,8 @@ def test_without_a_package_its_scenarios_are_skipped_and_fail_nothing(tmp_path: 
     ("options", "instead"),
     [
         (["faults", "--only", "camera-black,camera-gone"], ""),
-        (["faults", "--trials", "3"], "; or draw none of it: --depth device, or --rover forestrover"),
-        (["faults", "--trials", "3", "--rover", "minirover"], "; or draw none of it: --depth device"),
+        (["faults", "--trials", "3"], "; or leave such trials out: --depth device, or --rover forestrover"),
+        (["faults", "--trials", "3", "--rover", "minirover"], "; or leave such trials out: --depth device"),
         (["sim", "--rover", "minirover", "--depth", "bus"], "; or use --depth device"),
         (["sweep", "footprint_m=0.2", "--rover", "minirover", "--depth", "bus", "--out", "out"], "; or use --depth"),
         (["run", "--sim", "--config", "minirover", "--depth", "bus"], "; or use --depth device"),
@@ -182,7 +182,7 @@ def test_row_that_a_test_holds_names_the_test(asked: str, run: Run) -> None:
     assert code == 2
     assert out == ""
     test = HELD_BY_TESTS["sigkill"].test
-    assert err == f"wayfarer: sigkill: a test in wayfarer's checkout holds it: pytest {test}\n"
+    assert err == f"wayfarer: sigkill: covered by a test in wayfarer's checkout: pytest {test}\n"
 
 
 def test_row_of_a_scenario_and_a_test_runs_the_one_and_names_the_other(run: Run) -> None:
@@ -191,7 +191,7 @@ def test_row_of_a_scenario_and_a_test_runs_the_one_and_names_the_other(run: Run)
     assert HELD_BY_TESTS["algorithm-raises"].test in "".join(out.split())
     assert out.splitlines()[-2:] == [
         "1 of 1 scenarios as expected: 1 in virtual time; 1 skipped",
-        "0 of 1 rows of the catalogue as expected; 1 not wholly tried",
+        "0 of 1 rows of the catalogue as expected; 1 not fully tested",
     ]
 
 
@@ -241,7 +241,7 @@ def test_page_has_every_kind_with_its_parameters(layer: Layer) -> None:
 
 
 def test_page_names_the_test_of_every_fault_that_a_test_holds() -> None:
-    section = PAGE.partition("## Faults that tests hold\n")[2].partition("\n#")[0]
+    section = PAGE.partition("## Faults covered by tests\n")[2].partition("\n#")[0]
     assert kinds_page.HELD_HEAD in section
     assert [line for line in section.splitlines() if line.startswith("| ") and "`" in line] == kinds_page.held()
 

@@ -94,7 +94,7 @@ def test_export_writes_a_file_named_as_the_run_where_one_is(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run("export", 1) == (0, f"the run is in {FIRST}.csv\n", f"Next: xdg-open {FIRST}.csv\n")
+    assert run("export", 1) == (0, f"the export is in {FIRST}.csv\n", f"Next: xdg-open {FIRST}.csv\n")
     assert len(Path(f"{FIRST}.csv").read_text().splitlines()) == 122
     code, _, err = run("export", 1)
     assert code == 2

@@ -115,7 +115,7 @@ def test_answer_of_a_daemon_of_another_version_is_one_line(
     Daemon(monkeypatch, answer)
     assert cli.run(arguments) == 1
     said = capsys.readouterr().err
-    assert said.startswith("wayfarer: it was done, but the daemon's answer is not as expected")
+    assert said.startswith("wayfarer: the command was carried out, but the daemon's answer is not as expected")
     assert said.count("\n") == 1
 
 

@@ -73,10 +73,13 @@ def test_driver_of_a_third_party_is_named_by_module_and_attribute(tmp_path: Path
     ("tables", "said"),
     [
         ('[parts.compass]\ndriver = "cmps41"\n', "key 'parts.compass.driver': unknown driver 'cmps41': did you mean"),
-        ('[parts.compass]\ndriver = "pmw3901"\n', "key 'parts.compass.driver': 'pmw3901' is no compass, but a motion"),
+        (
+            '[parts.compass]\ndriver = "pmw3901"\n',
+            "key 'parts.compass.driver': 'pmw3901' is not a driver for compass, but for motion",
+        ),
         ('[parts.compass]\ndriver = "no_such:x"\n', "key 'parts.compass.driver': driver 'no_such:x': cannot import"),
         ('[parts.compass]\nbus = "/dev/i2c-1"\n', "key 'parts.compass.driver' is missing"),
-        ("[parts.compass]\ndriver = 3\n", "key 'parts.compass.driver' = 3: input should be a text; it names"),
+        ("[parts.compass]\ndriver = 3\n", "key 'parts.compass.driver' = 3: input should be a text; allowed are"),
         (COMPASS + "adress = 0x61\n", "unknown key 'parts.compass.adress'; did you mean 'address'?"),
         (COMPASS + 'address = "0x60"\n', "key 'parts.compass.address' = '0x60': input should be"),
         (COMPASS + "heading_offset_deg = 181\n", "key 'parts.compass.heading_offset_deg' = 181: input should be less"),

@@ -213,7 +213,7 @@ def test_limit_of_a_device_s_name_is_said(tmp_path: Path) -> None:
 
 def test_name_with_a_zero_byte_is_refused(tmp_path: Path) -> None:
     said = complaint(tmp_path, rover_toml(rest='[parts.compass]\ndriver = "cmps14"\nbus = "/dev/i2c\\u0000"'))
-    assert said.endswith("key 'parts.compass.bus' = '/dev/i2c\\x00': a zero byte, which no name can have (line 10)")
+    assert said.endswith("key 'parts.compass.bus' = '/dev/i2c\\x00': a NUL byte, which no name can have (line 10)")
 
 
 @pytest.mark.parametrize("text", [f"{'k' * 6000} = 1\n", f'name = "test"\n[parts.{"p" * 6000}]\ndriver = "cmps14"\n'])

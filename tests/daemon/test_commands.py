@@ -132,7 +132,7 @@ async def test_marks_without_end_cost_two_records_a_second_and_stops_are_still_t
     assert taken == len(run.log.named("mark"))
     assert 5 + 2.0 * 5 - 1 <= taken <= 5 + 2.0 * 5
     (why,) = refused
-    assert why.startswith("not noted: of all marks together 5 are taken at once, and 2 a second for long; wait")
+    assert why.startswith("not noted: all clients together may send 5 marks at once, and 2 a second for long; wait")
     assert await run.commands.hold() == {"held": True}
 
 

@@ -298,7 +298,7 @@ def test_environment_without_the_command_is_refused(root: Path, tmp_path: Path) 
 
 @pytest.mark.parametrize("folder", ["my rover", "100%", "a$b", 'a"b', "grün"])
 def test_path_that_systemd_would_read_otherwise_is_refused(tmp_path: Path, folder: str) -> None:
-    with pytest.raises(BadInput, match="without blanks or signs"):
+    with pytest.raises(BadInput, match="without spaces or signs"):
         install.unit_text(tmp_path, environment(tmp_path / folder))
 
 

@@ -86,7 +86,7 @@ def test_silent_board_is_told_with_what_to_do(rover_file: Path) -> None:
 
 def test_board_that_goes_on_turning_is_told_with_what_to_do(rover_file: Path) -> None:
     bench.buses.i2c("/dev/i2c-1").attach(0x16, StuckThunderBorg(bench.by_i2c, bench.clock))
-    with pytest.raises(WayfarerError, match=r"was told to stop and still says .*: switch its power off"):
+    with pytest.raises(WayfarerError, match=r"was commanded to stop and still says .*: switch its power off"):
         stop(rover_file, BUSES + THUNDERBORG + "address = 0x16\n")
 
 
@@ -164,7 +164,7 @@ def test_value_that_does_not_say_where_the_board_is_does_not_keep_the_wheels_tur
 ) -> None:
     said = stop(rover_file, BUSES + table)
     assert (bench.by_serial if "sabertooth" in table else bench.by_i2c).commanded == STILL
-    assert said.endswith(f"([parts.motors] {left_out}: of no use, left out)")
+    assert said.endswith(f"([parts.motors] {left_out}: unusable, left out)")
 
 
 @pytest.mark.parametrize("where", ['address = "x"', "address = 0x1G", "bus = 3.5.1", 'address = 0x17 "'])

@@ -107,7 +107,7 @@ def test_file_that_others_could_have_written_is_not_believed_and_that_is_told(ro
         stop(rover_file, BUSES + SABERTOOTH)
     assert refused.value.exit_code == 1, "what is driven may be another board than the rover file's"
     assert bench.by_i2c.commanded != STILL
-    assert str(refused.value).endswith(f"; {record}: not believed: others may write to it (mode 0646); remove it")
+    assert str(refused.value).endswith(f"; {record}: rejected: others may write to it (mode 0646); remove it")
 
 
 @pytest.mark.process

@@ -118,9 +118,9 @@ def test_usual_block_is_decoded() -> None:
 @pytest.mark.parametrize(
     ("block", "why"),
     [
-        (NOTHING_MEASURED, "the accelerometer feels no gravity"),
-        (bytes(31), "firmware reads 0x00: nobody drives the line"),
-        (b"\xff" * 31, "firmware reads 0xFF: nobody drives the line"),
+        (NOTHING_MEASURED, "the accelerometer measures no gravity"),
+        (bytes(31), "firmware reads 0x00: the line is not driven"),
+        (b"\xff" * 31, "firmware reads 0xFF: the line is not driven"),
         (with_bytes(1, 0x00, 0x0E, 0x10)(USUAL), "bearing 360.0"),
         (with_bytes(0x1A, 0x03, 0x85)(USUAL), "pitch"),
         (with_bytes(0x1A, 0xFF, 0x75)(USUAL), "pitch"),  # 1.9 degrees from -12

@@ -247,7 +247,7 @@ async def test_nobody_there_is_told_with_the_remedy() -> None:
 
 async def test_a_server_that_hangs_up_at_once_or_says_nothing_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     async with served(saying(then_hangs_up=True)) as client:
-        with pytest.raises(NotResponding, match="without a word"):
+        with pytest.raises(NotResponding, match="without an answer"):
             await client.open()
     monkeypatch.setattr(gpsd, "ANSWER_S", 0.05)
     async with served(saying()) as client:

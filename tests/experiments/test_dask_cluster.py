@@ -65,14 +65,15 @@ def test_interrupted_on_one_cluster_it_is_resumed_on_another_after_the_first_was
         code, (last,) = ended(campaign)
     kept = lines_in(out / PARTIAL) - 1
     assert code == 130
-    assert last == f"interrupted: {kept} of {MANY} trials are kept in {out}; add --resume to go on"
+    assert last == f"interrupted: {kept} of {MANY} trials are kept in {out}; continue with --resume"
     with started(out, dask.address) as campaign:
         assert eventually(lambda: lines_in(out / PARTIAL) > kept + 5)
         kill(dask.scheduler)
         code, said = ended(campaign)
     assert (code, said[0]) == (1, f"{kept} of {MANY} trials are in {out} already")
     assert said[1:] == [
-        f"wayfarer: the scheduler at {dask.address} is gone; what --out keeps is safe: add --resume when it is back"
+        f"wayfarer: the scheduler at {dask.address} is gone; the results in --out are kept: "
+        "add --resume when it is back"
     ]
     assert run_into(out, campaign_of(MANY), resume=True) == run_into(tmp_path / "whole", campaign_of(MANY))
 

@@ -171,7 +171,7 @@ def test_command_is_done_by_the_run_and_stop_ends_a_pause(demo: Demo, forwarded:
 
 
 def test_command_without_a_run_is_refused(demo: Demo, forwarded: Any) -> None:
-    with pytest.raises(Refused, match="no run is on"):
+    with pytest.raises(Refused, match="no run is active"):
         asyncio.run(forwarded.stop())
     assert demo.age_s(0.0) == float("inf")
 

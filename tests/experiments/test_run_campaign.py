@@ -214,7 +214,7 @@ def test_signal_keeps_finished_trials_and_resuming_ends_in_the_same_bytes(
         stdout, stderr = process.communicate(timeout=UP_S)
     *_, last = stderr.splitlines()
     count = rf"(\d+) of {fake_trials.MANY} trials"
-    told = re.fullmatch(rf"interrupted: {count} are kept in {re.escape(str(out))}; add --resume to go on", last)
+    told = re.fullmatch(rf"interrupted: {count} are kept in {re.escape(str(out))}; continue with --resume", last)
     assert told, stderr
     assert int(told[1]) == lines_in(out / PARTIAL) - 1
     assert (process.returncode, stdout) == (130, "")

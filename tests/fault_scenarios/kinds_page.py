@@ -67,4 +67,4 @@ def _value(value: Any) -> str:
 if __name__ == "__main__":
     for each_layer in Layer:
         print(f"\n### `{each_layer}`\n", HEAD, *rows(each_layer), sep="\n")
-    print("\n## Faults that tests hold\n", HELD_HEAD, *held(), sep="\n")
+    print("\n## Faults covered by tests\n", HELD_HEAD, *held(), sep="\n")

@@ -95,7 +95,7 @@ def test_events_count_where_they_are_named_as_causes() -> None:
 
 def test_fault_that_changes_nothing_for_the_field_code_fails() -> None:
     result = judged("nothing", Expectation(Reached.NONE, 0.0))
-    assert result.problems == ("the field code read nothing else than without the fault",)
+    assert result.problems == ("the fault changed nothing that the field code read",)
 
 
 def test_fault_that_never_began_fails() -> None:

@@ -222,7 +222,7 @@ def test_rover_without_parts_is_tried_at_device_depth_only(tmp_path: Path) -> No
     file.write_text('name = "bare"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.0\n')
     assert {draw_scenario(seed, str(file)).depth for seed in range(20)} == {Depth.DEVICE}
     assert run_scenario(draw_scenario(0, str(file))).broken == ()
-    with pytest.raises(BadInput, match="has not the parts that bus depth needs; use --depth device"):
+    with pytest.raises(BadInput, match="lacks the parts that bus depth needs; use --depth device"):
         draw_scenario(0, str(file), Depth.BUS)
 
 

@@ -239,16 +239,16 @@ LONG_NO_COMPASS = Fault(3.0, 6.0, "compass", "silent")
 ARMED = Command(0.0, "arm")
 SLOW_START: dict[str, Any] = {"settings": {"safety": {"start_delay_s": 3.0}}}
 ON_A_WIRE: dict[str, Any] = {"rover": "forestrover", "depth": Depth.BUS, "settings": {"safety": {"start_delay_s": 0.0}}}
-WHEELS_TURN = "rule 2: wheels are told"
+WHEELS_TURN = "rule 2: wheels are commanded to"
 DRIVES_IN_A_HOLD = "rule 2: motion commanded at level hold"
-NOBODY_READ = "which no compass said of late"
+NOBODY_READ = "which no recent compass reading has"
 
 BROKEN: list[tuple[Break, tuple[Fault, ...], dict[str, Any], str]] = [
     (gate_drives, (), {"ask": ()}, "rule 1: motion commanded while disarmed"),
     (gate_drives, (), SLOW_START, "rule 1: motion commanded while arming"),
     (disarming_is_forgotten, (), {"ask": (ARMED, Command(3.0, "disarm"))}, "rule 1: motion commanded"),
     (rover_arms_itself, (), {"ask": ()}, "rule 1: the rover armed itself"),
-    (gate_drives, (NO_COMPASS, LATE_BOARD), {}, "rule 2: wheels are told 0.30, 0.30"),
+    (gate_drives, (NO_COMPASS, LATE_BOARD), {}, "rule 2: wheels are commanded to 0.30, 0.30"),
     (gate_drives_in_a_hold, (BRIEFLY_NO_COMPASS,), {}, DRIVES_IN_A_HOLD),
     (condition_is_taken_for_another, (BRIEFLY_NO_COMPASS,), {}, DRIVES_IN_A_HOLD),
     (driver_sends_no_stop, (BRIEFLY_NO_COMPASS,), {"ask": (Command(1.0, "arm"),)}, WHEELS_TURN),

@@ -107,7 +107,7 @@ BAD = {
     "wrong target": (
         '"compass"\nkind',
         '"contact"\nkind',
-        "key 'fault.target' = 'contact': 'nack' can happen to compass, motion or motors (line 16)",
+        "key 'fault.target' = 'contact': 'nack' applies to compass, motion or motors (line 16)",
     ),
     "parameter out of range": ("chance = 0.5", "chance = 2.0", "allowed is 0 to 1 (line 18)"),
     "mistyped parameter": ("chance", "chanse", "unknown key 'fault.chanse'; did you mean 'chance'? (line 18)"),
@@ -138,7 +138,7 @@ BAD = {
     "rover file": ('"forestrover"', '"./no.toml"', "no.toml: no such file"),
     "algorithm": ('"forest-pledge"', '"pledg"', "unknown algorithm 'pledg'"),
     "command": ('"arm"', '"go"', "key 'command.do' = 'go': input should be 'arm', 'disarm'"),
-    "wires without drivers": ('"bus"', '"device"', "kind 'nack' is on a bus: it needs depth = \"bus\" (line 16)"),
+    "wires without drivers": ('"bus"', '"device"', "kind 'nack' happens on a bus: it needs depth = \"bus\" (line 16)"),
     "name that is no folder": ('"loose-plug"', '"../up"', "key 'name' = '../up': string should match"),
     "one pair of brackets": ("[[scenario]]", "[scenario]", "write [[scenario]], in double brackets"),
     "mistyped table": ("[[scenario]]", "[[scenari]]", "unknown key 'scenari'; did you mean 'scenario'?"),

@@ -74,7 +74,7 @@ def test_row_is_as_expected_if_all_its_scenarios_are() -> None:
     ]
     assert list(summed_up([MET, SKIPPED, SKIPPED._replace(row=9), MISSED])) == [
         "1 of 2 scenarios as expected: 2 in virtual time; 2 skipped",
-        "0 of 3 rows of the catalogue as expected; 2 not wholly tried",
+        "0 of 3 rows of the catalogue as expected; 2 not fully tested",
     ]
 
 

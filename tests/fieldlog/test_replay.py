@@ -214,8 +214,8 @@ def test_log_that_was_cut_off_agrees_up_to_there(run: Path) -> None:
         ({"part": 2}, "begins with part 2"),
         ({"schema": 1}, "has schema 1, this wayfarer knows 2"),
         ({"config": {"name": "x", "speed": 3}}, "its own settings"),
-        ({"config": None}, "does not say all that ran"),
-        ({"record": "event", "name": "opened"}, "does not begin with what ran"),
+        ({"config": None}, "is incomplete"),
+        ({"record": "event", "name": "opened"}, "does not begin with a header"),
     ],
 )
 def test_log_that_says_too_little_of_what_ran_is_refused_in_a_line(

@@ -40,7 +40,8 @@ def check(
     *,
     config: Config = None,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print JSON for scripts (docs/json.md); asks nothing, no wheel turns.")
+        bool,
+        typer.Option("--json", help="Print JSON for scripts (docs/json.md). Asks no questions and turns no wheel."),
     ] = False,
     logs: Logs = None,
 ) -> None:
@@ -75,7 +76,7 @@ def calibrate(
     from wayfarer.errors import BadInput
 
     if not terminal.is_there():
-        raise BadInput("calibrating asks questions: run it in a terminal")
+        raise BadInput("calibration asks questions: run it in a terminal")
     person = terminal.Terminal()
     _at_the_rover(
         config,

@@ -68,13 +68,13 @@ def disarm() -> None:
 def hold() -> None:
     """Pause: stop the wheels until `wayfarer resume`; the mission continues after that."""
     _ask("hold")
-    print("held; wayfarer resume goes on")
+    print("held; continue with wayfarer resume")
 
 
 def resume() -> None:
     """Continue the mission after `wayfarer hold`."""
     _ask("resume")
-    print("going on")
+    print("resumed")
 
 
 def goal(heading_deg: Heading, *, north: North = "magnetic") -> None:
@@ -109,7 +109,8 @@ def _as_this_version() -> Iterator[None]:
         yield
     except (LookupError, TypeError, ValueError, AttributeError):
         raise WayfarerError(
-            "it was done, but the daemon's answer is not as expected: it may be of another version, restart it"
+            "the command was carried out, but the daemon's answer is not as expected: "
+            "it may be another version, restart it"
         ) from None
 
 

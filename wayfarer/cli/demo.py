@@ -74,14 +74,14 @@ def demo(
     page = live_page(None, live_port, shown)
     folder = logs or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
     with tempfile.TemporaryDirectory(prefix="wayfarer-") as own, shown.serve_page(page):
-        print(f"open this page, the rover waits for you: {page.url}", flush=True)
+        print(f"open this page; the rover starts when it is open: {page.url}", flush=True)
         if not no_browser:
             Thread(target=open_page, args=[page.url], daemon=True).start()  # some browsers do not return until they end
         _run_all(shown, found, folder, Path(own) / "control.sock")  # where no other daemon is disturbed
 
 
 def _run_all(shown: Demo, algorithm: Algorithm, logs: Path, socket: Path) -> None:
-    """Run one forest after the other, until nobody has the page open or a signal ends a run."""
+    """Run one forest after the other, until no viewer has the page open or a signal ends a run."""
     from wayfarer.daemon.daemon import serve
 
     for forest in _until_interrupted(shown.seeds()):
@@ -142,7 +142,7 @@ def _last_words(end: RunEnd, logs: Path) -> str:
     from wayfarer.fieldlog.folders import run_folders
 
     run = run_folders(logs)[-1]
-    stays = "" if end.reason == "signal" else "\nthe page stays, with its buttons, until you close it or press Ctrl-C"
+    stays = "" if end.reason == "signal" else "\nthe page and its buttons stay until you close the page or press Ctrl-C"
     return f"""
 {end.text}{stays}
 the field log: {run}
@@ -150,5 +150,5 @@ the field log: {run}
 next: wayfarer report {run}
       wayfarer demo --seed 44              another forest, a harder one
       wayfarer demo --algorithm levy-walk  another algorithm in the same forest
-      wayfarer sim --trials 1000           the same code in 1000 trials, counted
+      wayfarer sim --trials 1000           the same code in 1000 trials, with a table
       wayfarer run --sim --live            the daemon as it runs on a rover, in real time: arm it yourself"""

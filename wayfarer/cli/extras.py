@@ -32,7 +32,7 @@ NEEDS = {
 
 
 def require(what: str) -> None:
-    """Refuse to go on without what one of ``NEEDS`` needs; called before anything of it is imported.
+    """Refuse to continue if packages of one of ``NEEDS`` are missing; called before they are imported.
 
     Raises:
         MissingPackage: a package is missing; the text says how to install it.

@@ -133,7 +133,7 @@ def faults(
     of_chance: dict[str, object] = {"--seed": seed, "--depth": depth}
     in_mujoco: dict[str, object] = {"--friction": friction, "--torque-scale": torque_scale}
     if detector:
-        _refuse(of_catalogue | of_chance, "--detector has its own trials; leave out {}")
+        _refuse(of_catalogue | of_chance, "--detector uses its own trials; leave out {}")
     elif trials is not None:
         _refuse(of_catalogue, "--trials draws its own faults; leave out {}")
     else:

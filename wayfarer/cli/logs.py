@@ -72,7 +72,7 @@ def list_runs(*, logs: Logs = None, as_json: AsJson = False) -> None:
     folder = log_folder(logs)
     found = rows(folder, wall_clock(0.0))
     if not found:
-        raise BadInput(f"{folder} holds no run; say where runs are logged with --logs DIR")
+        raise BadInput(f"{folder} holds no run; give the folder of the logs with --logs DIR")
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     if as_json:
         print_json({"runs": found})
@@ -226,7 +226,7 @@ def export(
     found = find_run(run, log_folder(logs))
     form = _form(form, out)
     if out == STDOUT and form.output is not Output.TEXT:
-        raise BadInput(f"{form} is no text for a terminal: name a file with --out, or leave it out")
+        raise BadInput(f"{form} is not text: give a file with --out, or leave out --out")
     if form.needs:
         require(form.needs)
     if out == STDOUT:
@@ -234,7 +234,7 @@ def export(
         return
     file = out or Path(f"{run_title(found)}.{form}")
     damage = export_run(found, form, file, overwrite=force)
-    print(f"the run is in {file}")
+    print(f"the export is in {file}")
     _tell_damage(damage)
     say_next(*form.opened_by, file)
 
@@ -250,7 +250,9 @@ def _form(wanted: ExportFormat | None, out: Path | None) -> ExportFormat:
     if wanted and named and wanted is not named:
         raise BadInput(f"--out {out} ends in .{ending}, --format is {wanted}: change one, or leave --format out")
     if ending and not (wanted or named):
-        raise BadInput(f"--out {out}: a run is written as {', '.join(ExportFormat)}; end the name so, or say --format")
+        raise BadInput(
+            f"--out {out}: a run is written as {', '.join(ExportFormat)}; use one of these endings, or give --format"
+        )
     return wanted or named or ExportFormat.csv
 
 

@@ -108,7 +108,7 @@ def chosen(config: str | None, default: str | None = None) -> str:
     if ROVER_FILE.exists():
         return str(ROVER_FILE)
     raise BadInput(
-        f"no rover: there is no {ROVER_FILE}; name one with --config (see wayfarer list), or try wayfarer run --sim"
+        f"no rover file {ROVER_FILE}; name a rover with --config (see wayfarer list), or try wayfarer run --sim"
     )
 
 

@@ -183,7 +183,7 @@ def sim(
 
 
 def _require(in_mujoco: bool, video: Path | None, out: Path | None, cluster: str | None) -> None:
-    """Refuse to go on without the packages that a run needs."""
+    """Refuse to continue without the packages that a run needs."""
     require("simulating")
     if in_mujoco:
         require("--physics mujoco")

@@ -105,5 +105,5 @@ def with_a_person(run: Callable[[], Coroutine[Any, Any, T]]) -> T:
 
 
 def is_there() -> bool:
-    """Tell whether a person sits at the terminal."""
+    """Return whether a person sits at the terminal."""
     return sys.stdin.isatty() and sys.stdout.isatty()

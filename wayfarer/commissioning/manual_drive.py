@@ -17,7 +17,7 @@ RATE_HZ = 20.0  # of commands: a ThunderBorg stops after 0.25 s without one; and
 
 @asynccontextmanager
 async def wheels_stopped_after(motors: DriveMotors) -> AsyncGenerator[None]:
-    """Stop the wheels on the way out, whatever happened; ``halt`` first, for no cancellation can cut it short."""
+    """Stop the wheels at the end, in any case; ``halt`` first, because a cancellation cannot interrupt it."""
     try:
         yield
     finally:

@@ -84,7 +84,7 @@ class TurnResponse:
     """How fast a body turns: not at all up to ``from_duty``, and ``deg_s_per_duty`` times what is beyond it.
 
     All in turn duty, half the difference of the two sides' duties. ``stood_at_duty`` is the highest one tried that did
-    not turn it, 0 where all did; clearly above ``from_duty`` where a turn takes more to begin than to go on.
+    not turn it, 0 where all did; clearly above ``from_duty`` where a turn takes more to begin than to continue.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT

@@ -28,7 +28,7 @@ _LONG_KEY = re.compile(rf"'([^']{{{_SHOWN},}})'")
 
 
 def validated(kind: type[T], table: Mapping[str, Any], prefix: str = "") -> T:
-    """Return a table as a model, or as a settings dataclass that knows no other keys; ``prefix`` stands before a key.
+    """Return a table as a model, or as a settings dataclass that knows no other keys; ``prefix`` is put before a key.
 
     Raises:
         BadConfig: it cannot be one; the text names the key and what is allowed.
@@ -59,7 +59,7 @@ def key_and_problem(error: ValidationError) -> str:
 
 
 def explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
-    """Say what is wrong with one key of a model or a settings class; ``prefix`` stands before the key."""
+    """Say what is wrong with one key of a model or a settings class; ``prefix`` is put before the key."""
     text = problem["msg"].removeprefix("Value error, ")
     if not problem["loc"]:
         return f"key '{prefix[:-1]}': {text}" if prefix else text
@@ -92,7 +92,7 @@ def shown(value: object) -> str:
 
 
 def at_line(text: str, said: str, section: str = "", prefix: str = "") -> str:
-    """Return where in a file's text the key stands that an explanation names, or the table that lacks it.
+    """Return where in a file's text the key is that an explanation names, or the table that lacks it.
 
     ``section`` is the table that was explained, as ``line_of`` counts it, and ``prefix`` what stands before its keys.
     """

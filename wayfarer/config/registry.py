@@ -51,7 +51,7 @@ def find_algorithm(name: str) -> Algorithm:
     installed = installed_points(ALGORITHM_GROUP)
     if name in REMOVED and name not in installed:
         raise BadInput(
-            f"algorithm '{name}' was removed: nothing showed that it gains over forest-pledge; take nose-pledge "
+            f"algorithm '{name}' was removed: no measurement showed a gain over forest-pledge; use nose-pledge "
             "(docs/better-escape.md has the figures)"
         )
     found, origin = _find("algorithm", name, installed, algorithm_names())

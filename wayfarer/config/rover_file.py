@@ -141,17 +141,19 @@ def part_settings(part: str, table: Mapping[str, Any]) -> tuple[Any, Any]:
                 f"key '{key}.{setting}' = {shown(value)}: {len(value.encode())} bytes; allowed are at most {_TEXT_MAX}"
             )
         if isinstance(value, str) and "\0" in value:
-            raise ValueError(f"key '{key}.{setting}' = {shown(value)}: a zero byte, which no name can have")
+            raise ValueError(f"key '{key}.{setting}' = {shown(value)}: a NUL byte, which no name can have")
     name = settings.pop("driver", None)
     if not isinstance(name, str):
         found = "is missing" if name is None else f"= {shown(name)}: input should be a text"
-        raise ValueError(f"key '{key}.driver' {found}; it names the driver: {', '.join(driver_names())}")
+        raise ValueError(f"key '{key}.driver' {found}; allowed are: {', '.join(driver_names())}")
     try:
         driver = find_driver(name)
     except BadInput as error:
         raise ValueError(f"key '{key}.driver': {error}") from None
     if (other := getattr(driver, "part", None)) != part:
-        raise ValueError(f"key '{key}.driver': '{name}' is no {part}" + (f", but a {other}" if other else ""))
+        raise ValueError(
+            f"key '{key}.driver': '{name}' is not a driver for {part}" + (f", but for {other}" if other else "")
+        )
     try:
         return driver, validated(driver.Settings, settings, f"{key}.")
     except BadConfig as error:
@@ -183,7 +185,7 @@ def load_rover(name_or_path: str) -> RoverConfig:
 
 
 def line_in(name_or_path: str, key: str) -> int | None:
-    """Return on which line of a rover file, shipped or not, a dotted key stands; None where it has its default."""
+    """Return on which line of a rover file, shipped or not, a dotted key is; None where it has its default."""
     return line_of(_text_of(name_or_path), key)
 
 

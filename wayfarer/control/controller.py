@@ -130,7 +130,7 @@ class Controller:
         self._log.event("disarmed", t_s, reason=reason)
 
     def hold(self, t_s: float, *, held: bool) -> None:
-        """Hold the wheels, or let them go on; the mission stays what it is."""
+        """Hold the wheels, or let them continue; the mission stays what it is."""
         if held is not self.held:  # asked again and again, it changes nothing, and the log has better things to keep
             self.held = held
             self._log.event("hold" if held else "resume", t_s)
@@ -250,7 +250,7 @@ class Controller:
         self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
 
     def _lose_motors(self, t_s: float, error: DriverError) -> WheelCommand:
-        """Without an acknowledgement nobody knows what the wheels do: latch a fault; the board's deadman stops them.
+        """Without an acknowledgement the state of the wheels is unknown: latch a fault; the board's deadman stops them.
 
         A command that hangs in the wire may still get through: a stop follows right behind it.
         """
@@ -276,4 +276,4 @@ def _checked(applied: WheelCommand) -> WheelCommand:
     left, right = applied
     if abs(left) <= 1.0 >= abs(right):
         return applied
-    raise BadReading(f"motors: duties of {left:g} and {right:g} applied, possible are -1 to 1: their driver is wrong")
+    raise BadReading(f"motors: duties of {left:g} and {right:g} applied, allowed are -1 to 1: their driver has a bug")

@@ -61,7 +61,7 @@ class RateLimiter:
         self._at_s: float | None = None
 
     def take(self, now_s: float) -> bool:
-        """Tell whether it may be done now, and count it if so. ``now_s`` never goes back."""
+        """Return whether it may be done now, and count it if so. ``now_s`` never goes back."""
         if self._at_s is not None:
             self._left = min(self._most, self._left + (now_s - self._at_s) * self._rate_hz)
         self._at_s = now_s

@@ -21,7 +21,7 @@ class RunLog(Protocol):
         """Take a position."""
 
     def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
-        """Take what the motor board says of itself, and the duties that it says it applies (None: it does not tell)."""
+        """Take what the motor board reports, and the duties that it applies (None: not reported)."""
 
     def close(self, reason: str, text: str) -> None:
         """Write the outcome and end the log."""
@@ -68,7 +68,7 @@ class Tee:
             log.position(fix)
 
     def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
-        """Take what the motor board says of itself."""
+        """Take what the motor board reports."""
         for log in self._logs:
             log.board(t_s, health, duties)
 

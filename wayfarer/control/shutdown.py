@@ -26,9 +26,9 @@ class Shutdown:
         self.confirmed = False  # whether the latest stop went out, and the board says nothing else
 
     async def stop_wheels(self) -> None:
-        """Stop the wheels and ask the board whether they stand.
+        """Stop the wheels and ask the board whether they are stopped.
 
-        Where that hangs, or the board says otherwise, the stop is sent once more without waiting, and the log says so:
+        Where that hangs, or the board says otherwise, the stop is sent again without waiting, and the log says so:
         the board's own deadman does the rest.
         """
         self.confirmed = False

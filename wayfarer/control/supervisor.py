@@ -118,14 +118,14 @@ class Supervisor:
             self._opening.cancel()
 
     def is_fresh(self) -> bool:
-        """Tell whether the control tick runs and every sensor that the run needs has spoken of late."""
+        """Return whether the control tick runs and every sensor that the run needs has spoken of late."""
         last = self.controller.last
         if last is None or asyncio.get_running_loop().time() - last.t_s > FRESH_S:
             return False
         return STALE.isdisjoint(self.controller.conditions)
 
     async def run(self) -> RunEnd:
-        """Open the parts and run until a limit or ``finish``; the wheels are stopped whatever happens.
+        """Open the parts and run until a limit or ``finish``; the wheels are stopped in any case.
 
         Raises:
             DriverError: a part did not open.

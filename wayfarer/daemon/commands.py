@@ -26,10 +26,10 @@ REMEDIES: Mapping[Condition, tuple[str, str]] = {
     Condition.MOTION_GONE: ("a loose wire, or no power", "check the motion sensor's wires and power; wayfarer check"),
     Condition.BOARD_FAULT: ("a low battery, a short circuit or a hot board", "wayfarer check says which"),
     Condition.BOARD_DISAGREES: (
-        "the motor board applies another duty than it is told",
-        "take the battery off the motors, check the board's wires and that no other program commands it",
+        "the motor board applies another duty than commanded",
+        "disconnect the motors' battery, check the board's wires and that no other program commands it",
     ),
-    Condition.BATTERY_CRITICAL: ("the battery is almost empty", "charge it or change it"),
+    Condition.BATTERY_CRITICAL: ("the battery is almost empty", "charge it or replace it"),
     Condition.POWER_UNSTABLE: ("the computer's supply dips again and again", "give it a separate 5 V supply"),
 }
 
@@ -160,7 +160,7 @@ class RoverCommands:
         """Write a person's note into the log, unless there are so many that no person wrote them."""
         if not self._marks.take(_now_s()):
             raise Refused(
-                f"not noted: of all marks together {ASKED_AT_ONCE} are taken at once, and {ASKED_HZ:g} a second for"
+                f"not noted: all clients together may send {ASKED_AT_ONCE} marks at once, and {ASKED_HZ:g} a second for"
                 " long; wait a second and mark again"
             )
         self._log.event("mark", _now_s(), text=text)

@@ -8,7 +8,7 @@ from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand, troubles_
 
 
 class DryMotors:
-    """Motors that are opened, asked and stopped, but never told to turn; implements ``hal.DriveMotors``."""
+    """Motors that are opened, asked and stopped, but never commanded to turn; implements ``hal.DriveMotors``."""
 
     def __init__(self, motors: DriveMotors) -> None:
         self._motors = motors
@@ -29,7 +29,7 @@ class DryMotors:
         await self._motors.close()
 
     async def drive(self, command: WheelCommand) -> WheelCommand:  # noqa: ARG002
-        """Command zero, whatever was wanted."""
+        """Command zero, independent of the wanted duties."""
         return await self._motors.drive(STOP)
 
     async def stop(self) -> None:

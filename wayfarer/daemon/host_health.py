@@ -57,7 +57,7 @@ def monitor_host_health(
 
 
 def health(logs: Path, root: Path = Path("/")) -> Health:
-    """Return what the computer says of itself, None for what it does not: not every one is a Raspberry Pi."""
+    """Return what the computer reports, None for what it does not: not every one is a Raspberry Pi."""
     cpu_mc = _text(root, CPU_TEMPERATURE)
     return {
         "cpu_c": int(cpu_mc) / 1000.0 if cpu_mc and cpu_mc.lstrip("-").isdecimal() else None,

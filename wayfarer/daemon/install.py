@@ -58,7 +58,7 @@ def unit_text(root: Path = HERE, python: Path = Path(sys.executable)) -> str:
     if not os.access(executable, os.X_OK):
         raise BadInput(f"{executable}: no such command; install wayfarer into the environment of {python} first")
     if not re.fullmatch(r"[\w/.+@-]+", str(executable), re.ASCII):
-        raise BadInput(f"{executable}: a unit file cannot name such a path plainly; choose one without blanks or signs")
+        raise BadInput(f"{executable}: a unit file cannot hold this path unquoted; choose one without spaces or signs")
     check_reachable(executable, python)
     return _template().replace("@WAYFARER@", str(executable)).replace("@GROUPS@", " ".join(_groups(root)))
 
@@ -167,7 +167,7 @@ def _groups(root: Path) -> list[str]:
 
 
 def _place_rover_file(rover: str | None, path: Path) -> str:
-    """Copy the chosen rover file, unless there is one: calibration and thresholds in it are somebody's work."""
+    """Copy the chosen rover file, unless there is one already: its settings must not be lost."""
     if path.exists():
         load_rover(str(path))  # a file that cannot be used is better told now than at the next start
         return f"kept {path}"
@@ -218,7 +218,7 @@ def _give(*command: str) -> None:
 
 
 def _make_folder(path: Path) -> None:
-    """Make a folder, and those above it, for everyone to enter, whatever the caller's umask."""
+    """Make a folder, and those above it, for everyone to enter, independent of the caller's umask."""
     if not path.is_dir():
         _make_folder(path.parent)
         path.mkdir()

@@ -61,7 +61,7 @@ def _stop_board(driven: DrivenBoard) -> str:
     try:
         kept = asyncio.run(_usable(driver, given, buses))
         left_out = ", ".join(key for key in given if key not in kept)
-        return f"{asyncio.run(_stop(driver, kept, buses))} ([parts.motors] {left_out}: of no use, left out)"
+        return f"{asyncio.run(_stop(driver, kept, buses))} ([parts.motors] {left_out}: unusable, left out)"
     except WayfarerError:
         raise
     except Exception as error:
@@ -110,7 +110,7 @@ async def _confirmed(motors: DriveMotors) -> str:
     if turning is None:
         return f"stop was sent to {motors.name}, which cannot confirm it"
     if turning != STOP:
-        raise WayfarerError(f"{motors.name} was told to stop and still says {turning}: switch its power off")
+        raise WayfarerError(f"{motors.name} was commanded to stop and still says {turning}: switch its power off")
     return f"{motors.name} says that the wheels are stopped"
 
 

@@ -40,7 +40,7 @@ class Outcome(NamedTuple):
 
 
 def stop_motors(name_or_path: str) -> str:
-    """Stop the wheels that a daemon drives or drove, and a rover's; say of each how far that is certain.
+    """Stop the wheels that a daemon drives or drove, and those of the rover file; report how certain each stop is.
 
     Args:
         name_or_path: a shipped rover, or a rover file. Where it cannot be used and a daemon has recorded what it
@@ -102,7 +102,7 @@ def _add(boards: list[BoardToStop], new: BoardToStop) -> None:
 
 
 def _is_trusted(owner: int) -> bool:
-    """Tell whether what this user wrote may be done with the rights of this process."""
+    """Return whether what this user wrote may be done with the rights of this process."""
     return owner in {0, os.geteuid()}
 
 

@@ -32,7 +32,7 @@ HALT_AGAIN_S = 0.1  # a stop may be lost on the bus; it is repeated for as long 
 
 
 class SystemdNotifier:
-    """Tells systemd how the service does (sd_notify); where nobody listens, it does nothing.
+    """Notifies systemd of the service's state (sd_notify); without systemd it does nothing.
 
     Nothing here raises or waits: being watched must never hinder control.
 
@@ -163,7 +163,7 @@ class WatchdogFeed(PartialLog):
         self._guard.beat()
 
     def event(self, name: str, t_s: float, **details: object) -> None:  # noqa: ARG002
-        """Show what systemctl should; once the wheels are stopped for good nobody need guard them."""
+        """Set the text for systemctl; after the final stop the wheels need no more guarding."""
         if name == "wheels_stopped":
             self._guard.stop()
             self._notifier.tell("STOPPING=1")

@@ -2,8 +2,8 @@
 
 It is judged by what a healthy drive can do on any ground. Ground that grips holds a body back, so a turn may be any
 part of what was told, down to none; ground that is slippery lets it turn on for a while. No ground turns it further
-than it was told or the other way, as a dead side does. A trunk along which it slides does so now and then; a drive that
-turns as told, in a window in which a dead side would have shown, is cleared of what was found before. So is one that
+than it was told or the other way, as a dead side does. A trunk along which it slides does so at times; a drive that
+turns as commanded, in a window in which a dead side would have shown, clears earlier findings. So does one that
 turns the body on the spot about its middle: one with a dead side turns it about that side.
 """
 
@@ -66,7 +66,7 @@ class DriveSample:
 
 
 class Suspicion(NamedTuple):
-    """When to tell of a side, which one, and whether the body hardly got on when it showed."""
+    """When to report a side, which one, and whether the body hardly moved when it was noticed."""
 
     tell_t_s: float
     side: int
@@ -99,7 +99,7 @@ class DriveMonitor:
         self.until_t_s = -inf
 
     def update(self, interval: Interval, gained_deg: float, ahead_m: float, *, trusted: bool) -> None:
-        """Take in a tick: what the wheels were told since the last, and the heading and way gained since the start.
+        """Take in a tick: the wheel commands since the last, and the heading and distance gained since the start.
 
         It is ``trusted`` unless the compass is in doubt, or the forest is in the way: such windows are dropped.
         """
@@ -138,7 +138,7 @@ class DriveMonitor:
             self._clear_sides(then, now)
 
     def _add_told(self, driven_s: float, left: float, right: float) -> None:
-        """Add what the wheels were told for so long."""
+        """Add what the wheels were commanded for so long."""
         share, deg_s_per_duty = driven_s / (driven_s + self._lag_s), self._deg_s_per_duty
         left_deg_s = self._left_deg_s = self._left_deg_s + (left * deg_s_per_duty - self._left_deg_s) * share
         right_deg_s = self._right_deg_s = self._right_deg_s + (right * deg_s_per_duty - self._right_deg_s) * share
@@ -195,14 +195,14 @@ class DriveMonitor:
         return rate_deg_s * turns_on_s
 
     def _clear_sides(self, then: DriveSample, now: DriveSample) -> None:
-        """Forget what was told of either side, if it would have shown in this window as well."""
+        """Forget what was found of either side, if it would have shown in this window as well."""
         margin_deg, measured_deg = self._settings.drive_margin_deg, now.gained_deg - then.gained_deg
         left_deg, right_deg = now.left_deg - then.left_deg, now.right_deg - then.right_deg
         if abs(measured_deg + right_deg) > margin_deg < abs(measured_deg - left_deg):
             self._forget_sides()
 
     def _forget_sides(self) -> None:
-        """Forget what was told of a side that lags."""
+        """Forget what was found of a side that lags."""
         self._told = deque(each for each in self._told if each[1] == REVERSED)
 
     def _compare(self, then: DriveSample, now: DriveSample) -> None:
@@ -231,7 +231,7 @@ class DriveMonitor:
             self._suspect = Suspicion(now.t_s + settings.drive_confirm_s - 1e-6, side, held)
 
     def _held(self, then: DriveSample, now: DriveSample) -> bool:
-        """Tell whether the body was seen to get on by hardly anything: what holds it may turn it as well.
+        """Return whether the body hardly moved ahead: what holds it may also turn it.
 
         One side alone drives it half as far as both. Where nothing at all was seen, nobody knows.
         """
@@ -240,7 +240,7 @@ class DriveMonitor:
         return moved_m != 0.0 and self._way * moved_m < self._settings.immobilised_below * self._way * told_m
 
     def _both_push(self, now: DriveSample, side: int) -> bool:
-        """Tell whether the body goes on as fast as both sides drive it, and not as fast as without the one.
+        """Return whether the body goes on as fast as both sides drive it, and not as fast as without the one.
 
         Of late, as a side may just have died. A sense that cannot tell which way never shows it.
         """
@@ -267,7 +267,7 @@ class DriveMonitor:
             self._tell(now.t_s, REVERSED, settings.reversed_turns)
 
     def _about_the_middle(self, then: DriveSample, now: DriveSample) -> bool:
-        """Tell whether the body was seen to turn about its middle: one with a dead side turns about that side.
+        """Return whether the body was seen to turn about its middle: one with a dead side turns about that side.
 
         Then its middle moves by half a track for each radian. Where nothing at all was seen, nobody knows.
         """
@@ -275,7 +275,7 @@ class DriveMonitor:
         return 0.0 < abs(now.ahead_m - then.ahead_m) < abs(turned_m) / 4
 
     def _goes_straight_on(self, then: DriveSample, now: DriveSample) -> bool:
-        """Tell whether the wheels drive the body ahead or back: one that only coasts, or is shoved, gets slower.
+        """Return whether the wheels drive the body ahead or back: one that only coasts, or is shoved, gets slower.
 
         A body with one side in mud goes ahead as well, so that this alone raises no suspicion.
         """

@@ -52,7 +52,7 @@ class MotionMonitor:
         """Take in a tick.
 
         Args:
-            interval: what the wheels were told since the previous one.
+            interval: the wheel commands since the previous one.
             turned_deg: how far the rover has turned since then.
             reading: what the sensor says, if anything.
             conditions: takes what is found.

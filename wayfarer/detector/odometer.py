@@ -10,8 +10,8 @@ from wayfarer.safety.interval import Interval
 class Odometer:
     """Adds up the ground covered, ``covered_m``, forwards and backwards both counted up.
 
-    Readings come less often than ticks. In between the rover is taken to go on as it did: by the share of the commanded
-    distance that the latest reading saw. Without a sensor that is all of it.
+    Readings come less often than ticks. In between the rover is assumed to continue as before: by the share of the
+    commanded distance that the latest reading saw. Without a sensor that is all of it.
 
     Args:
         quality_min: of a reading that is believed, 0 to 1.

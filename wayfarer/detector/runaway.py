@@ -48,12 +48,12 @@ class RunawayMonitor:
         self.found = self._moving_s >= self._for_s
 
     def _halt(self) -> None:
-        """Begin to count again: the rover stands, or may still."""
+        """Begin to count again: the rover does not move, or may still do so."""
         self._moving_s, self._way = 0.0, 0.0
         self.found = False
 
     def _slows_down(self, stood_s: float, speed_m_s: float) -> bool:
-        """Tell whether the speed has fallen, over as long as a motion must last, by what it loses at the least."""
+        """Return whether the speed has fallen, over as long as a motion must last, by what it loses at the least."""
         speeds = self._coasting
         speeds.append((stood_s, speed_m_s))
         while len(speeds) > 1 and stood_s - speeds[1][0] >= self._for_s:

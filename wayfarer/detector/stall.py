@@ -4,8 +4,8 @@ A body gains speed no faster than the ground's grip allows, ``gain_m_s2`` at the
 with what it *could* have moved, not with what was commanded:
 
 * **It stands**: over ``immobilised_s`` it moved by less than a share of what was possible from the speed that it had
-  before. What starts on mud, what was reversing a moment ago and what goes on with spinning wheels does not stand; what
-  met a wall on the move does, as soon as the window is over.
+  before. A body that starts on mud, was reversing a moment ago or continues with spinning wheels does not stand; a
+  body that met a wall while moving does, as soon as the window is over.
 * **It gets nowhere**: over ``nowhere_s`` it moved by less than that share of what was possible since it was told to
   drive this way. It slides along a trunk.
 
@@ -141,7 +141,7 @@ class StallMonitor:
         self._could_m -= oldest.possible_m
 
     def _stands(self) -> bool:
-        """Tell whether the body stands: over the newest intervals that fill the short window."""
+        """Return whether the body does not move: over the newest intervals that fill the short window."""
         count, span_s, commanded_m, seen_m = 0, 0.0, 0.0, 0.0
         for interval in reversed(self._intervals):
             count += 1

@@ -54,7 +54,7 @@ class TiltMonitor:
             conditions.append(Condition.OVERTURNED)
 
     def _tips(self, tilt: Anomaly) -> bool:
-        """Tell whether the body will be tilted too far towards that side in a moment."""
+        """Return whether the body will be tilted too far towards that side in a moment."""
         if len(self._readings) < 3:
             return False
         side = _TILTS.index(tilt)

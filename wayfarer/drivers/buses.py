@@ -35,7 +35,7 @@ class I2CBus(Protocol):
         """Write, stop, read ``count`` bytes; no other transfer on this bus comes in between."""
 
     def post(self, address: int, data: bytes) -> None:
-        """Write without waiting and whatever becomes of it, from any thread; it never raises."""
+        """Write without waiting and without a report of success, from any thread; it never raises."""
 
 
 class SPIBus(Protocol):
@@ -64,7 +64,7 @@ class SerialPort(Protocol):
         """
 
     def post(self, data: bytes) -> None:
-        """Write without waiting and whatever becomes of it, from any thread; it never raises."""
+        """Write without waiting and without a report of success, from any thread; it never raises."""
 
 
 class Frame(NamedTuple):

@@ -109,7 +109,7 @@ class CMPS14:
         """Nothing to release."""
 
     async def read(self) -> CompassReading:
-        """Return heading and tilt; what fails is asked for once more at once, within the same call.
+        """Return heading and tilt; what fails is asked for again at once, within the same call.
 
         Raises:
             NotResponding: no answer, twice.
@@ -200,7 +200,7 @@ class CMPS14:
             raise BadReading(f"{self.name}: {why}")
 
     async def _insist(self, count: int) -> bytes:
-        """Read, and once more where that fails: one lost transfer must not end a run before it has begun."""
+        """Read, and again where that fails: one lost transfer must not end a run before it has begun."""
         try:
             return await self._read(count)
         except NotResponding:

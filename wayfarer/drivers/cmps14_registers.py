@@ -82,9 +82,9 @@ def decode(data: bytes) -> RegisterBlock:
 def flaw(block: RegisterBlock, version: int) -> str | None:
     """Return why a block cannot be true, or None. ``version`` is what register 0x00 said when it was read alone."""
     if block.version in SILENT_LINE:
-        return f"firmware reads 0x{block.version:02X}: nobody drives the line, check power and wires"
+        return f"firmware reads 0x{block.version:02X}: the line is not driven, check power and wires"
     if not any(block.accel):
-        return "the accelerometer feels no gravity: still booting, or a dead sensor; turn its power off and on"
+        return "the accelerometer measures no gravity: still booting, or a dead sensor; turn its power off and on"
     garbled = _garbled(block, version)
     return f"{garbled}: {_CORRUPTED}" if garbled else None
 
@@ -105,7 +105,7 @@ def _garbled(block: RegisterBlock, version: int) -> str | None:
 
 
 def has_strange_pitch(block: RegisterBlock) -> bool:
-    """Tell whether a block has something else where a CMPS14 has its 16-bit pitch."""
+    """Return whether a block has something else where a CMPS14 has its 16-bit pitch."""
     return abs(block.pitch_deg) > 90.0 or abs(block.pitch_deg - block.pitch8_deg) > _TILT_APART_DEG
 
 

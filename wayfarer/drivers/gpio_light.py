@@ -47,7 +47,7 @@ class GpioLight(GpioPart):
         self._settings = settings
 
     async def show(self, colour: Colour) -> None:
-        """Show a colour until told otherwise. One that this light does not have is shown by all it has: never dark."""
+        """Show a colour until the next call. One that this light does not have is shown by all it has: never dark."""
         with self._using() as lamps:
             lit = {part for part in lamps if getattr(colour, part) > 0.0}
             if not lit and any(colour):

@@ -117,7 +117,7 @@ class GpioMotors(GpioPart):
         }
 
     def _stopped(self) -> bool:
-        """Stop each side, whatever becomes of the other; tell whether both were held and obeyed."""
+        """Stop each side, even if the other fails; return whether both were held and obeyed."""
         obeyed = 0
         for motor in self._devices.values():
             with suppress(Exception):

@@ -169,7 +169,7 @@ class Gpsd:
         except ValueError:
             raise WrongPart(self.name, "gpsd's VERSION", f"more than {LINE_LIMIT} bytes without a line end") from None
         if not greeting:
-            raise ConnectionResetError("it hung up without a word")
+            raise ConnectionResetError("it hung up without an answer")
         if parse(greeting).get("class") != "VERSION":
             raise WrongPart(self.name, "gpsd's VERSION", repr(greeting[:40]))
         self._writer.write(WATCH)

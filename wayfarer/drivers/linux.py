@@ -154,7 +154,7 @@ class LibCamera:
         try:
             self._camera = Picamera2(number)
         except IndexError:  # how picamera2 says that there is none (its issue 1081)
-            raise OSError("no camera is connected, or its ribbon sits badly") from None
+            raise OSError("no camera is connected, or its ribbon cable is loose") from None
         except RuntimeError as error:
             raise OSError(errno.EBUSY, str(error)) from None
         frame_us = round(1e6 / rate_hz)

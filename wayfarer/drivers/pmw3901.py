@@ -66,7 +66,7 @@ class PMW3901Settings:
 
     def __post_init__(self) -> None:
         if self.forward[1] == self.right[1]:
-            raise ValueError(f"forward '{self.forward}' and right '{self.right}' lie on one axis; they cross")
+            raise ValueError(f"forward '{self.forward}' and right '{self.right}' lie on one axis; use one x and one y")
 
     @property
     def m_per_count(self) -> float:
@@ -224,7 +224,7 @@ class PMW3901:
         return answer[1]
 
     def _silence(self, answer: bytes) -> NotResponding | None:
-        """Return the error for a line on which nobody speaks, or None if somebody does."""
+        """Return the error for a line without an answer, or None if there is one."""
         if set(answer) not in ({0x00}, {0xFF}):
             return None
         return NotResponding(

@@ -79,7 +79,7 @@ class SabertoothSettings:
         bits_per_s = (drive_bytes * control_hz + _SETTINGS_BYTES / _RESEND_S) * _BITS_PER_BYTE
         if bits_per_s <= _LOAD_MAX * self.baud:
             return None
-        return f"baud = {self.baud}: commands, and a stop behind them, would queue on the wire"
+        return f"baud = {self.baud}: commands would queue on the wire, and a stop would wait behind them"
 
 
 class Sabertooth:

@@ -35,8 +35,8 @@ _FAILSAFE_TRIES = 5  # as PiBorg's own MonsterBorg scripts
 _FULL_VOLTS, _FULL_RAW = 36.3, 1023
 
 _DOES_NOT_ARM = (
-    f"the failsafe does not arm: {_FAILSAFE_TRIES} times switched on, and it reads off; nothing would stop the wheels "
-    "if this computer fell silent: switch the board off and on, shorten the I2C cable"
+    f"the failsafe does not arm: {_FAILSAFE_TRIES} times switched on, and it still reads off; nothing would stop the "
+    "wheels if this computer failed: switch the board off and on, shorten the I2C cable"
 )
 
 

@@ -48,7 +48,7 @@ class ThunderBorgLight:
         """Nothing to release; the last colour stays."""
 
     async def show(self, colour: Colour) -> None:
-        """Show a colour until told otherwise, in 255 steps of each part."""
+        """Show a colour until the next call, in 255 steps of each part."""
         if colour == self._shown:
             return
         red, green, blue = (round(_FULL * part) for part in colour)

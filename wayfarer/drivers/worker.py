@@ -52,7 +52,7 @@ class Worker(WaitingThread):
 
         def in_time() -> T:
             if clock() > begins_by_s:
-                raise NotResponding(f"{self.name}: a transfer was not begun within {deadline_s:g} s, and is dropped")
+                raise NotResponding(f"{self.name}: a transfer did not begin within {deadline_s:g} s, and was dropped")
             return job()
 
         with self._changed:
@@ -76,7 +76,7 @@ class Worker(WaitingThread):
                 raise  # the job's own: a driver in the kernel gave the bus up
             self._give_up()
             raise NotResponding(
-                f"{self.name}: no end of a transfer within {deadline_s:g} s; a device holds the bus, "
+                f"{self.name}: a transfer did not end within {deadline_s:g} s; a device holds the bus, "
                 "check power and wiring"
             ) from None
 
@@ -100,7 +100,7 @@ class Worker(WaitingThread):
                     await asyncio.shield(asyncio.wrap_future(self._ended))
 
     def _give_up(self) -> None:
-        """Drop all that waits behind a job that hangs, be that a call, one that nobody awaits any more, or a stop."""
+        """Drop all that waits behind a job that hangs: a call, an abandoned call, or a stop."""
         with self._changed:
             self._overdue = self._busy
             dropped, self._jobs = self._jobs, deque()

@@ -19,7 +19,7 @@ from wayfarer.units import Degrees, DegreesPerSecond, Gain, Metres, MetresPerSec
 
 
 class Anomaly(Enum):
-    """What tells a blind rover that it met something; the order is that of the log, not of severity."""
+    """The signs by which a blind rover notices an obstacle, in the order of the log, not of severity."""
 
     IMMOBILISED = "immobilised"
     NOSE_UP = "nose_up"
@@ -62,7 +62,7 @@ class Observation(NamedTuple):
 
     @property
     def covered_m(self) -> float:
-        """The distance covered so far, as well as it is known."""
+        """The best estimate of the distance covered so far."""
         return self.travelled_m if self.measured_m is None else self.measured_m
 
 

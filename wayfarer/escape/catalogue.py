@@ -118,19 +118,19 @@ _BRISK = partial(PlanScaling, turn=1.33, straight=0.5, radius=1.17)
 _ROWS_BEYOND = (
     _forest_pledge_with(
         "retrying-pledge",
-        "Forest-Pledge, wide and brisk, that first tries straight ahead once more",
+        "Forest-Pledge with turns of 40 degrees that first retries straight ahead",
         _BRISK,
         partial(RetryAhead, on_the_way),
     ),
     _forest_pledge_with(
         "tight-pledge",
-        "Retrying Pledge in tight arcs: for ground that slips often",
+        "Retrying Pledge with tight arcs, for ground with frequent slips",
         _TIGHT,
         partial(RetryAhead, on_the_way),
     ),
     _forest_pledge_with(
         "nose-pledge",
-        "Retrying Pledge that tries only where the nose did not rise, but there always",
+        "Retrying Pledge that retries where the nose did not rise, and only there",
         _BRISK,
         partial(RetryAhead, nose_level),
     ),

@@ -65,7 +65,7 @@ class Manoeuvre(ABC):
 
     @abstractmethod
     def event(self, observation: Observation) -> PhaseEvent | None:
-        """Return what ends the manoeuvre now, or None to go on."""
+        """Return what ends the manoeuvre now, or None to continue."""
 
     @abstractmethod
     def wheels(self, observation: Observation) -> WheelCommand:
@@ -89,7 +89,7 @@ class Manoeuvre(ABC):
 
 
 def _ahead(observation: Observation) -> bool:
-    """Tell whether what is wrong concerns driving on: a touch behind alone, left over from backing off, does not."""
+    """Return whether what is wrong concerns driving on: a touch behind alone, left over from backing off, does not."""
     contact = observation.contact
     if contact is None or contact.sides != _BEHIND:
         return True
@@ -158,7 +158,7 @@ class BackOff(Manoeuvre):
         return self._turns.wheels(-self._settings.reverse_m_s, 0.0)
 
     def _blocked_behind(self, observation: Observation) -> bool:
-        """Tell whether reversing met something; a touch counts only behind, the front may still be clearing."""
+        """Return whether reversing met something; a touch counts only behind, the front may still be clearing."""
         if observation.contact is not None and Side.REAR in observation.contact.sides:
             return Anomaly.TOUCHED in observation.anomalies
         return any(anomaly is not Anomaly.TOUCHED for anomaly in self._fresh(observation))

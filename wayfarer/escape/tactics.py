@@ -72,12 +72,12 @@ NOSE_UP_DEG: Final = 3.0
 
 
 def on_the_way(context: AnomalyContext) -> bool:
-    """Tell whether the rover was following its goal: along a wall, contacts are what is to be expected."""
+    """Return whether the rover was following its goal: along a wall, contacts are what is to be expected."""
     return context.new_episode
 
 
 def nose_level(context: AnomalyContext) -> bool:
-    """Tell whether the nose did not rise: nothing that can be climbed is ahead."""
+    """Return whether the nose did not rise: nothing that can be climbed is ahead."""
     return context.nose_up_deg < NOSE_UP_DEG
 
 

@@ -61,7 +61,7 @@ class TurnController:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the ground as well."""
+        """Forget the learnt dead zone as well."""
         self.dead_zone = self._first_dead_zone
         self._t_s: float | None = None
         self._heading_deg = 0.0
@@ -77,7 +77,7 @@ class TurnController:
         self._pushes = self.stands = False
 
     def observe(self, t_s: float, heading_deg: float, applied: WheelCommand | None) -> float:
-        """Take the heading at a tick, and compare what the body did since the last one with what it was told.
+        """Take the heading at a tick, and compare what the body did since the last one with its commands.
 
         ``applied`` is what the wheels really did since then, None where that is not known: then what was asked for.
         Returns the heading gained since then, 0 at the first tick: degrees, clockwise positive, half a turn at most.

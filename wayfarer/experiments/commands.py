@@ -114,7 +114,7 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
     from wayfarer.simhal.world.world import World
 
     if missing := [part for part in NEEDED if part not in config.parts]:
-        lacks = f"rover '{config.name}' has no [parts.{missing[0]}] to run the driver of; use --depth device"
+        lacks = f"rover '{config.name}' has no [parts.{missing[0]}], so there is no driver to run; use --depth device"
         raise BadConfig(with_place(where, f"key 'parts.{missing[0]}' is missing: {lacks}"))
     if why := missing_package(config, Depth.BUS):
         raise MissingPackage(f"{why}; or use --depth device")
@@ -136,8 +136,8 @@ def at_site(campaign: Campaign, scenario: str) -> Campaign:
     """
     if missing := campaign.rover.chassis.missing(AT_A_BRANCH):
         raise BadConfig(
-            f"rover '{campaign.rover.name}' gives no chassis.{missing[0]}, and --scenario asks how it meets a branch;"
-            " take --rover forestrover or minirover, or add it to [chassis] of its file as theirs have it"
+            f"rover '{campaign.rover.name}' has no chassis.{missing[0]}, which --scenario needs for branches;"
+            " use --rover forestrover or minirover, or add the key to [chassis] of its file, as in their files"
         )
     here = replace(campaign, scenario=scenario)
     return replace(here, rover=here.site.equip(campaign.rover)) if here.site else here

@@ -114,14 +114,14 @@ def connected(address: str) -> Iterator[Cluster]:
             yield Cluster(partial(ClusterExecutor, client), sum(client.nthreads().values()))
         except KilledWorker as error:
             raise WayfarerError(
-                f"a chunk of trials ended one worker of {address} after another, most likely for want of memory; "
-                "what --out keeps is safe: add --resume"
+                f"a group of trials ended several workers of {address}, most likely for lack of memory; "
+                "the results in --out are kept: continue with --resume"
             ) from error
         except (CancelledError, OSError) as error:
             if client.status == "running":
                 raise
             raise WayfarerError(
-                f"the scheduler at {address} is gone; what --out keeps is safe: add --resume when it is back"
+                f"the scheduler at {address} is gone; the results in --out are kept: add --resume when it is back"
             ) from error
 
 
@@ -154,7 +154,7 @@ async def _kind(address: str) -> str:
 
 
 def _no_scheduler(address: str, why: str) -> BadInput:
-    return BadInput(f"no Dask scheduler at '{address}': {why}; give the address that `dask scheduler` names")
+    return BadInput(f"no Dask scheduler at '{address}': {why}; give the address that `dask scheduler` prints")
 
 
 def _run_checked(expected: str, fn: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:

@@ -44,7 +44,7 @@ class _Run(NamedTuple):
 class Demo:
     """Runs that follow each other; implements ``daemon.viewer.Viewer`` and ``views.live.demo_controls.DemoControls``.
 
-    ``pace`` is that of every run's loop. ``watched`` is set for the run that is on when somebody sees the page.
+    ``pace`` is that of every run's loop. ``watched`` is set for the run that is on when a viewer has opened the page.
 
     Args:
         seed: of the first forest; the next one has the next seed.
@@ -79,7 +79,7 @@ class Demo:
         asyncio.run_coroutine_threadsafe(coroutine, self._page_loop).result()
 
     def seeds(self) -> Iterator[int]:
-        """Give the seed of each run, once it is asked for, until nobody has the page open any more."""
+        """Give the seed of each run, once it is asked for, until no viewer has the page open."""
         while True:
             self.pace.paused, self.pace.stood_s = False, 0.0
             self.watched = asyncio.Event()
@@ -136,7 +136,7 @@ class Demo:
         return DemoState(self._seed, self.pace.speed, self.pace.paused, self._log)
 
     def seen(self) -> None:
-        """Have the run begin: somebody sees the page."""
+        """Have the run begin: a viewer has opened the page."""
         if not self._seen:
             self._seen = True
             if (run := self._run) is not None:
@@ -148,7 +148,7 @@ class Demo:
         return float("inf") if run is None else (run.loop.time() - t_s) / self.pace.speed
 
     def pause(self, paused: bool) -> None:
-        """Let the run's time stand still, or go on."""
+        """Let the run's time stand still, or continue."""
         self.pace.paused = paused
         self._wake()
 
@@ -171,7 +171,7 @@ class Demo:
             Refused: there is no run, or it has just ended; or the run refuses it.
         """
         if (run := self._run) is None:
-            raise Refused("no run is on: press Restart or Another forest")
+            raise Refused("no run is active: press Restart or Another forest")
         if verb in {"stop", "hold", "resume"}:
             self.pause(False)  # what they do takes time
         try:

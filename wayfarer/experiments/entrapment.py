@@ -39,12 +39,12 @@ class Cause(StrEnum):
 
 
 EXPLAINED = {
-    Cause.CLOSED: "no way leads to the goal line or over an edge, for a body of this width",
-    Cause.CANNOT_TURN: f"away from obstacles, under {TURNS_BELOW_SHARE:.0%} of the turn that was asked for came about",
-    Cause.WEDGED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body, against something",
-    Cause.STALLED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body and was hardly against anything",
-    Cause.NARROW: "a way out is as wide as this body, none as wide as its diagonal: it cannot turn everywhere",
-    Cause.ORBITING: f"under {NEW_BELOW_SHARE:.0%} of the places where it was were new to it",
+    Cause.CLOSED: "no free path leads to the goal line or over an edge, for a body of this width",
+    Cause.CANNOT_TURN: f"away from obstacles, under {TURNS_BELOW_SHARE:.0%} of the commanded turn was completed",
+    Cause.WEDGED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body, touching something",
+    Cause.STALLED: f"it stayed within {IN_ONE_PLACE_LENGTHS:g} lengths of its body and touched hardly anything",
+    Cause.NARROW: "a path out is as wide as this body, none as wide as its diagonal: it cannot turn everywhere",
+    Cause.ORBITING: f"under {NEW_BELOW_SHARE:.0%} of the places that it visited were new",
     Cause.OUT_OF_TIME: "it still came to new places when its time or path was used up",
 }
 
@@ -92,7 +92,7 @@ def entrapment(forest: Forest, rover: RoverConfig, trace: Trace) -> Entrapment:
 
 
 def _driven(points: Sequence[TrajectoryPoint]) -> Sequence[TrajectoryPoint]:
-    """Return the way without the time at its end in which a rover that gave up stands."""
+    """Return the path without the standstill at its end after the rover gave up."""
     last = max((number for number, point in enumerate(points) if point.phase is not Phase.HALT), default=0)
     return points[: last + 2]
 

@@ -129,7 +129,7 @@ class MakeExecutor(Protocol):
 
 
 class SpawnedProcesses(ProcessPoolExecutor):
-    """A pool of that many processes; an error or a stop terminates them, whatever they run."""
+    """A pool of that many processes; an error or a stop terminates them, even while they run."""
 
     def __init__(self, jobs: int, *, initializer: Callable[..., object], initargs: tuple[Any, ...]) -> None:
         self._others = set(multiprocessing.active_children())

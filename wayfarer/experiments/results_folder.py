@@ -66,7 +66,7 @@ class ResultsFolder:
 
     @property
     def complete(self) -> bool:
-        """Tell whether the final files are there."""
+        """Return whether the final files are there."""
         return (self.path / TRIALS).exists() and not (self.path / PARTIAL).exists()
 
     def keep_forests(self, content: bytes) -> None:
@@ -79,7 +79,7 @@ class ResultsFolder:
             write_whole(self.path / FORESTS, content)
 
     def append(self, row: TrialRow) -> None:
-        """Keep a finished trial, whatever happens to this process next.
+        """Keep a finished trial, safe from a crash of this process.
 
         Raises:
             WayfarerError: the folder cannot be written any more.
@@ -120,7 +120,7 @@ class ResultsFolder:
         if not any(self.path.iterdir()):
             write_whole(self.path / f"{kind_of(self._settings)}.json", _json(self._settings))
         elif not resume:
-            raise BadInput(f"{self.path} is not empty; give a new folder, or add --resume to go on with what is in it")
+            raise BadInput(f"{self.path} is not empty; give a new folder, or add --resume to continue what is in it")
         else:
             refuse_another(self.path, self._settings)
         path, columns, mode = self.path / TRIALS, self._columns, "rb"
@@ -137,7 +137,7 @@ class ResultsFolder:
             yield
         except OSError as error:
             raise WayfarerError(
-                f"{self.path} cannot be written any more: {error.strerror or error}; mend that, then --resume goes on"
+                f"{self.path} cannot be written any more: {error.strerror or error}; fix that, then use --resume"
             ) from error
 
 

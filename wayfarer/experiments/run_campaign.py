@@ -77,7 +77,7 @@ class CampaignResult:
 
     @property
     def interrupted(self) -> bool:
-        """Tell whether trials are missing."""
+        """Return whether trials are missing."""
         return self.trials < self.total
 
     @property
@@ -195,6 +195,6 @@ def _worker_death_explained(rows: Sized, stop: threading.Event) -> Iterator[None
         if stop.wait(SAME_SIGNAL_S):
             return  # what ended the workers, such as a shutdown, asks this process too
         raise WayfarerError(
-            f"a worker process died after {len(rows)} trials, most likely for want of memory; "
-            "what --out keeps is safe: add --resume, with fewer --jobs"
+            f"a worker process died after {len(rows)} trials, most likely for lack of memory; "
+            "the results in --out are kept: continue with --resume and fewer --jobs"
         ) from error

@@ -109,7 +109,7 @@ def run_shown(
     with shown_progress(aside, kept, todo.by_algorithm(), jobs) as progress:
         finished = run_campaign.run(plan, folder, jobs=jobs, progress=progress, executor=executor, run_trial=run_trial)
     if finished.interrupted:
-        where = f"kept in {folder.path}; add --resume to go on" if folder else "done; with --out DIR they are kept"
+        where = f"kept in {folder.path}; continue with --resume" if folder else "done; with --out DIR they are kept"
         say(aside, f"interrupted: {finished.trials} of {finished.total} trials are {where}")
     return finished
 

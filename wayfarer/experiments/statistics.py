@@ -30,7 +30,7 @@ class Estimate(NamedTuple):
 
 
 class SampleSpread(NamedTuple):
-    """Mean, sample standard deviation and median; None where there are too few values to tell."""
+    """Mean, sample standard deviation and median; None if there are too few values."""
 
     mean: float | None
     sd: float | None

@@ -65,7 +65,7 @@ class TrialStore(Iterable[TrialRow]):
         return self._tasks.only(array("q", (number for number, at in enumerate(self._starts) if at == NOWHERE)))
 
     def append(self, row: TrialRow) -> None:
-        """Keep a finished trial, whatever happens to this process next.
+        """Keep a finished trial, safe from a crash of this process.
 
         Raises:
             OSError: the file takes no more.

@@ -1,7 +1,7 @@
 """Runs a trial again to record its true path, with phases and slips.
 
 No rover knows its own position. A trace is what a log sees that looks at the simulated world beside the rover's
-records; it is thinned on the way, because an entrapped rover takes 80,000 ticks.
+records; it is thinned while it is read, because an entrapped rover takes 80,000 ticks.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class TrialResult(NamedTuple):
-    """What the outcome monitor says of one trial.
+    """The outcome monitor's result of one trial.
 
     ``interventions``, and of which kind they were, at a field site, where a person helps the rover; ``friction`` and
     what follows where it was in MuJoCo.

@@ -44,5 +44,5 @@ def run_batch(run: Callable[[TaskT], DoneT], tasks: Sequence[TaskT], jobs: int |
                 done += 1
                 advance()
     except BrokenExecutor as error:
-        text = f"a worker process died after {done} {what}, most likely for want of memory: try fewer --jobs"
+        text = f"a worker process died after {done} {what}, most likely for lack of memory: try fewer --jobs"
         raise WayfarerError(text) from error

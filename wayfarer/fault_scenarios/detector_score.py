@@ -74,7 +74,7 @@ class DetectorScorer(PartialLog):
     """Watches a run from both sides: the world at each of its steps, the detector at each control tick.
 
     In physics-light what slips or touches is held. A body with wheels (``on_wheels``) that slips is not, and one that
-    touches may slide along: it is held while it goes on with less than ``immobilised_below`` of what is commanded.
+    touches may slide along: it is held while it continues with less than ``immobilised_below`` of what is commanded.
     """
 
     def __init__(self, config: RoverConfig, *, on_wheels: bool = False) -> None:
@@ -113,7 +113,7 @@ class DetectorScorer(PartialLog):
         return there
 
     def _held(self, world: SimulatedWorld, driven_m_s: float) -> bool:
-        """Tell whether something holds the body."""
+        """Return whether something holds the body."""
         if not self._on_wheels:
             return world.slipping or world.touch is not None or world.body_faults.snagged
         if world.t_s - self._seen_s >= SPEED_OVER_S:

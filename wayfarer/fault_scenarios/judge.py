@@ -104,7 +104,7 @@ class _Response:
             yield Answer(Reached.NOTE, name, t_s)
 
     def _counts(self, answer: Answer) -> bool:
-        """Tell whether an answer is one to the fault: an event, or what a person did, only where it is expected."""
+        """Return whether an answer is one to the fault: an event, or what a person did, only where it is expected."""
         by_itself = answer.level > Reached.NOTE and answer.cause != Condition.OPERATOR_HOLD.value
         return answer.cause in self._expect.causes or (not self._expect.causes and by_itself)
 
@@ -151,11 +151,11 @@ class _Response:
         if self._escape is not None:
             yield from _later(self._escape.why, self._escape.t_s - self._begun_s, self._expect.within_s)
         elif self._expect.answer:
-            yield f"the escape logic never answered by {' or '.join(self._expect.answer)}"
+            yield f"the escape logic never responded with {' or '.join(self._expect.answer)}"
 
     def _unwanted(self) -> Iterator[str]:
         came = {answer.cause for answer in self._said} | {moment.why for moment in self._ticks}
-        yield from (f"there was '{name}', which must not come" for name in self._expect.never if name in came)
+        yield from (f"there was '{name}', which must not occur" for name in self._expect.never if name in came)
 
     def _gaps(self) -> Iterator[str]:
         most_s = self._expect.ticks_within_s
@@ -166,7 +166,7 @@ class _Response:
 
 def _unchanged(changed: FaultEffect | None, begun_s: float) -> Iterator[str]:
     if changed is None:
-        yield "the field code read nothing else than without the fault"
+        yield "the fault changed nothing that the field code read"
     elif changed.t_s < begun_s - ROUNDING_S:
         yield f"the runs differ before the fault began: {changed.what} at {changed.t_s:.2f} s"
 

@@ -137,7 +137,7 @@ def _summary(rows: Sequence[RandomTrial], broken: Sequence[RandomTrial]) -> Iter
     yield f"ended: {_counts(row.ended for row in rows)}"
     yield f"worst level: {_counts(row.level for row in rows)}"
     yield f"worst cause: {_counts(row.cause or 'none' for row in rows)}"
-    yield f"wheels that no wire and no deadman could stop: in {sum(row.excused > 0 for row in rows)} trials"
+    yield f"wheels that neither a command nor a deadman could stop: in {sum(row.excused > 0 for row in rows)} trials"
     yield f"broken rules: in {len(broken)} trials"
 
 

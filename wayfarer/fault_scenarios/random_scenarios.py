@@ -123,7 +123,7 @@ def refuse_missing_package(rover: str | None, depth: Depth | None) -> None:
     for name in (rover,) if rover else ROVERS:
         if why := missing_package(_rover(name), depth or Depth.BUS):
             instead = "--depth device" if rover else "--depth device, or --rover forestrover"
-            raise MissingPackage(f"{why}; or draw none of it: {instead}")
+            raise MissingPackage(f"{why}; or leave such trials out: {instead}")
 
 
 def draw_scenario(seed: int, rover: str | None = None, depth: Depth | None = None) -> Scenario:
@@ -140,7 +140,7 @@ def draw_scenario(seed: int, rover: str | None = None, depth: Depth | None = Non
     drawn_depth = chance.choice(depths)
     depth = depth or drawn_depth
     if depth not in depths:
-        raise BadInput(f"rover '{config.name}' has not the parts that {depth} depth needs; use --depth {depths[0]}")
+        raise BadInput(f"rover '{config.name}' lacks the parts that {depth} depth needs; use --depth {depths[0]}")
     for_s = round(chance.uniform(*LASTS_S))
     return Scenario(
         f"random-{seed}",

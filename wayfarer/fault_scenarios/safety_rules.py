@@ -152,7 +152,7 @@ class Invariants(PartialLog):
         if self._way_is_broken(since_s) and self._board is not None and self._board.stops_by_s >= t_s - ROUNDING_S:
             self.excused += 1
         else:
-            told = f"rule 2: wheels are told {commanded[0]:.2f}, {commanded[1]:.2f} since {since_s:.2f} s"
+            told = f"rule 2: wheels are commanded to {commanded[0]:.2f}, {commanded[1]:.2f} since {since_s:.2f} s"
             self._suspected.append(Suspicion(t_s, since_s, told))
 
     def _judge_suspected(self, may_move_from_s: float) -> None:
@@ -188,7 +188,7 @@ class Invariants(PartialLog):
             self._break(t_s, f"rule 4: a decision saw {seen}")
         attitude = (seen.heading_deg, seen.pitch_deg, seen.roll_deg)
         if record.decision.wheels != STOP and attitude not in {each[1:4] for each in readings}:
-            self._break(t_s, f"rule 4: a decision saw {attitude}, which no compass said of late")
+            self._break(t_s, f"rule 4: a decision saw {attitude}, which no recent compass reading has")
         if not all(isfinite(duty) and abs(duty) <= 1.0 for duty in record.applied):
             self._break(t_s, f"rule 4: duties of {record.applied} were applied")
 

@@ -38,7 +38,7 @@ TABLES: tuple[Any, ...] = (
 
 
 class _FileLocation(NamedTuple):
-    """Where in a file something stands: for the one line that says what is wrong with it.
+    """Where in a file something is: for the one line that says what is wrong with it.
 
     ``section`` is the table as ``line_of`` counts it, ``shown`` what a person reads before its keys.
     """
@@ -140,7 +140,7 @@ def _scenario(place: _FileLocation, table: dict[str, Any], folder: Path) -> Scen
 
 @cache
 def _scenario_table() -> type:
-    """Return what may stand in a ``[[scenario]]``."""
+    """Return what is allowed in a ``[[scenario]]``."""
     own = _fields_of(Scenario, apart=("about", "expect", "faults", "commands"))
     return make_dataclass("ScenarioTable", [*own, ("about", Line, ""), *TABLES], kw_only=True)
 
@@ -161,7 +161,7 @@ def _fault(place: _FileLocation, table: dict[str, Any]) -> Fault:
         raise place.error(f"key 'fault.kind': {UnknownName('kind of fault', str(name), KINDS)}")
     kind, target = KINDS[name], table.get("target")
     if target is not None and target not in kind.targets:
-        raise place.error(f"key 'fault.target' = {target!r}: '{name}' can happen to {_either(kind.targets)}")
+        raise place.error(f"key 'fault.target' = {target!r}: '{name}' applies to {_either(kind.targets)}")
     checked = place.check(_fault_table(name), table)
     params = kind.params(**{each.name: getattr(checked, each.name) for each in fields(kind.params)})
     measured = _measured(checked.target)
@@ -172,7 +172,7 @@ def _fault(place: _FileLocation, table: dict[str, Any]) -> Fault:
 
 @cache
 def _fault_table(kind: str) -> type:
-    """Return what may stand in the table of a fault: of every fault, and of this kind."""
+    """Return what is allowed in the table of a fault: of every fault, and of this kind."""
     every: list[Any] = [("at_s", Moment), ("target", str), ("kind", str), ("for_s", Duration, inf)]
     return make_dataclass("FaultTable", [*every, *_fields_of(KINDS[kind].params)], kw_only=True)
 

@@ -25,11 +25,11 @@ def rover_of(scenario: Scenario) -> RoverConfig:
 
 
 def misfit(config: RoverConfig, depth: Depth, fault: Fault) -> str | None:
-    """Say why a fault cannot happen to a rover at a depth, None where it can."""
+    """Return why a fault does not apply to a rover at a depth, None where it can."""
     if KINDS[fault.kind].layer is Layer.BUS and depth is not Depth.BUS:
-        return f"kind '{fault.kind}' is on a bus: it needs depth = \"bus\""
+        return f"kind '{fault.kind}' happens on a bus: it needs depth = \"bus\""
     if depth is Depth.BUS and (missing := [part for part in NEEDED if part not in config.parts]):
-        return f"rover '{config.name}' has no [parts.{missing[0]}] to run the driver of; it needs depth = \"device\""
+        return f"rover '{config.name}' has no [parts.{missing[0]}], so no driver to run; it needs depth = \"device\""
     if config.parts and fault.target not in {"world", "process", *config.parts}:
         return f"rover '{config.name}' has no [parts.{fault.target}]"
     return misplaced(fault, config) if KINDS[fault.kind].layer is Layer.BUS else None

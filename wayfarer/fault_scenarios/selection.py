@@ -20,7 +20,7 @@ Selected = tuple[list[Scenario], list[Result]]
 def without_held_by_tests(rows: Sequence[Row]) -> Selected:
     """Select what simulated time can show; the others are skipped, with the test that holds each."""
     elsewhere = [
-        not_run(row, f"a test in wayfarer's checkout holds it: pytest {row.test}")
+        not_run(row, f"covered by a test in wayfarer's checkout: pytest {row.test}")
         for row in rows
         if isinstance(row, FaultTest)
     ]
@@ -54,7 +54,7 @@ def chosen(rows: Sequence[Row], asked: str) -> list[Row]:
     for item in filter(None, map(str.strip, asked.split(","))):
         found = [row for row in rows if item in {row.name, str(row.row)}]
         if not found and item.isdecimal():
-            raise BadInput(f"nothing tries row {item}; --list shows the rows that there are")
+            raise BadInput(f"no scenario and no test has row {item}; --list shows all rows")
         if not found:
             raise UnknownName("scenario", item, {row.name for row in rows})
         wanted += found

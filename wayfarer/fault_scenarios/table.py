@@ -93,7 +93,7 @@ def summed_up(results: Sequence[Result], untried: Sequence[int] = ()) -> Iterato
     if rows:
         failed = {each.row for each in run if not each.passed}
         in_part = {each.row for each in results if each.skipped and each.row is not None} - failed
-        skipped = f"; {len(in_part)} not wholly tried" if in_part else ""
+        skipped = f"; {len(in_part)} not fully tested" if in_part else ""
         yield f"{len(rows - failed - in_part)} of {len(rows) + len(untried)} rows of the catalogue as expected{skipped}"
 
 

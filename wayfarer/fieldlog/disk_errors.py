@@ -33,7 +33,7 @@ def error_advice(error: OSError) -> str:
 
 
 class DiskErrorReporter:
-    """Tells of each kind of trouble once, until all is well again with every source of trouble.
+    """Reports each kind of disk error once, until all sources of errors work again.
 
     Args:
         tell: takes a line for the person; must not wait.

@@ -29,7 +29,7 @@ class Episode:
 
 @dataclass(slots=True)
 class EpisodeBegan(RunEvent):
-    """An episode; the fold goes on writing in it until it ends."""
+    """An episode; the fold continues to write in it until it ends."""
 
     episode: Episode
 
@@ -42,7 +42,7 @@ class EpisodeTracker:
         self._from_m = 0.0
 
     def take(self, tick: Tick, before: Tick) -> list[RunEvent]:
-        """Begin, go on with or end an episode."""
+        """Begin, continue with or end an episode."""
         episode, phase = self._episode, tick.phase
         told: list[RunEvent] = []
         if episode is None:

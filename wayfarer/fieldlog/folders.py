@@ -73,7 +73,7 @@ def find_run(name: str | None, logs: Path) -> Path:
     runs = run_folders(logs)
     if name is None or name == "last":
         if not runs:
-            raise BadInput(f"{logs} holds no run; say where runs are logged with --logs DIR, or give a run's folder")
+            raise BadInput(f"{logs} holds no run; give the folder of the logs with --logs DIR, or give a run's folder")
         return runs[-1]
     number = int(name) if name.isdecimal() and len(name) <= LONGEST_NAME else None
     found = [run for run in runs if run.name == name or (number is not None and run_number(run) == number)]

@@ -92,7 +92,7 @@ class FieldLog:
             self._write("urgent", "position", fix.t_s, fix._asdict())
 
     def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
-        """Write what the motor board says of itself."""
+        """Write what the motor board reports."""
         left, right = duties or (None, None)
         self._write("bulk", "board", t_s, {**health._asdict(), "says_left": left, "says_right": right})
 

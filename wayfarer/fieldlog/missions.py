@@ -9,7 +9,7 @@ from wayfarer.fieldlog.typed import Tick
 
 
 class MissionTracker:
-    """Follows the events and the ticks of one run, and writes into its state how it stands."""
+    """Follows the events and the ticks of one run, and updates its state."""
 
     def __init__(self, state: RunState) -> None:
         self._state = state

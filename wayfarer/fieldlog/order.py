@@ -72,7 +72,7 @@ class Order:
         yield from self.rest()
 
     def forget_times(self) -> None:
-        """Believe the time of the next record, whatever came before; numbers must grow on."""
+        """Believe the time of the next record, independent of earlier records; numbers must grow on."""
         self._seen = Seen(n=self._seen.n, bare=self._seen.bare)
 
     def _decide(self, count: int) -> list[Record]:

@@ -69,7 +69,7 @@ SAID = {
     "nul": ("1 line is filled with NUL bytes", "lines are filled with NUL bytes"),
     "oversized": ("1 line is far too long", "lines are far too long"),
     "garbled": ("1 line is no record", "lines are no records"),
-    "wrong": ("1 record holds a value that cannot be", "records hold values that cannot be"),
+    "wrong": ("1 record holds an impossible value", "records hold impossible values"),
     "disordered": ("1 record is out of order", "records are out of order"),
     "unreadable": ("1 part of the log cannot be read", "parts of the log cannot be read"),
     "headless": ("1 part of the log does not begin with its header", "parts of the log do not begin with their header"),
@@ -119,7 +119,7 @@ class RunReader:
         self.damage.disordered = order.dropped
 
     def _whole(self) -> Iterator[Record]:
-        """Give the records of all segments that are whole, in whatever order they stand."""
+        """Give the records of all segments that are whole, in any order."""
         readable = False
         for segment in self.segments:
             begun = False

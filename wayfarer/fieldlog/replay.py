@@ -93,15 +93,15 @@ class Rerun:
 
     def __init__(self, header: Record, config: RoverConfig | None) -> None:
         if header["record"] != "run":
-            raise BadInput("its log does not begin with what ran")
+            raise BadInput("its log does not begin with a header")
         if header["schema"] != SCHEMA:
             raise BadInput(f"its log has schema {header['schema']}, this wayfarer knows {SCHEMA}")
         if header.get("part", 1) != 1:
-            raise BadInput(f"its log begins with part {header['part']}, what was before is gone")
+            raise BadInput(f"its log begins with part {header['part']}, earlier parts are missing")
         try:
             self._make(header, config or _config_of(header))
         except (KeyError, TypeError, AttributeError):
-            raise BadInput("its first record does not say all that ran") from None
+            raise BadInput("its first record is incomplete") from None
 
     def _make(self, header: Record, config: RoverConfig) -> None:
         algorithm = find_algorithm(header["algorithm"])

@@ -61,7 +61,7 @@ class SegmentRotation:
             self.begin(line)
 
     def begin(self, line: bytes) -> Segment:
-        """Make the segment that begins with a line, whatever became of the one before.
+        """Make the segment that begins with a line, even if the one before failed.
 
         Raises:
             OSError: it cannot be made.

@@ -189,5 +189,5 @@ BY_NAME: Mapping[str, type[Noted]] = {
 
 
 def event_name(event: Record) -> str:
-    """Return the name of an event, whatever has become of it."""
+    """Return the name of an event, also of a damaged one."""
     return name(event, "name") or "event"

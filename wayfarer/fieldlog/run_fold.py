@@ -49,7 +49,7 @@ Events = list[RunEvent]
 
 
 class RunFold:
-    """Takes the records of one run; ``state`` is how it stands after the last one.
+    """Takes the records of one run; ``state`` is the state after the last one.
 
     Args:
         reckons: work out by dead reckoning where the rover is. Lines of text need no places, and without them the

@@ -25,7 +25,7 @@ class LowBattery:
 
 @dataclass(slots=True)
 class RunState:
-    """How a run stands.
+    """The state of a run.
 
     ``first`` and ``last`` are the records at both ends, ``elapsed_s`` the seconds from the one to the other, and
     ``lasted_s`` those to the latest of all: a position is a little older than the record before it. Before the first

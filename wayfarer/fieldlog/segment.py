@@ -50,7 +50,7 @@ class Segment:
         self._count(bytes(data))
 
     def sync(self) -> None:
-        """Return when the disk has it all, and the file is still the one at its path with nobody else's hand in it."""
+        """Return when all is on the disk, and the file at its path is still this one, unchanged by other programs."""
         try:
             os.fdatasync(self._file)
             ours, there = os.fstat(self._file), self._path.stat()

@@ -59,7 +59,7 @@ def tick_text(tick: Tick) -> str:
 
 
 def further_texts(tick: Tick) -> list[str]:
-    """Say what else the log has of a tick, whatever that is."""
+    """Say what else the log has of a tick."""
     return [detail_text(key, value) for key, value in tick.further.items() if value not in NOTHING]
 
 

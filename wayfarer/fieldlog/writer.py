@@ -38,7 +38,7 @@ class LineSink(Protocol):
         """
 
     def bulk(self, line: bytes) -> None:
-        """Take a line of which there are many, and without which the log still tells the story."""
+        """Take a line of a frequent kind, without which the log is still useful."""
 
     def urgent(self, line: bytes) -> None:
         """Take a line that must be on the disk soon, and that is dropped last."""

@@ -47,5 +47,5 @@ class Arming:
         return None
 
     def too_late(self, t_s: float) -> bool:
-        """Tell whether the heading has not come to rest for so long that arming must be refused."""
+        """Return whether the heading has not come to rest for so long that arming must be refused."""
         return t_s > self._delay_ends_s + PATIENCE * self._settings.settle_s

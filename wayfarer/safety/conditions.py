@@ -12,11 +12,11 @@ from typing import Final
 
 
 class Level(IntEnum):
-    """How severe: 0 is well; the motor board's own deadman (S4) acts without us and is not listed."""
+    """Severity of a condition. The motor board's own deadman (S4) acts without wayfarer and is not listed."""
 
     WELL = -1
     NOTE = 0  # S0: written to the log
-    DEGRADE = 1  # S1: go on with less
+    DEGRADE = 1  # S1: continue with limits
     HOLD = 2  # S2: wheels zero, resumes when the condition clears
     FAULT = 3  # S3: wheels zero, latched until re-armed
 

@@ -39,7 +39,7 @@ class EntrapmentMonitor:
         """Take one tick and return whether the rover is entrapped: it has got nowhere for too long.
 
         Args:
-            interval: what the wheels were told since the last tick.
+            interval: the wheel commands since the last tick.
             anomalous: whether an anomaly is there now.
             motion: what the motion sensor saw since the last tick, None where it has not spoken.
         """
@@ -84,6 +84,6 @@ class EntrapmentMonitor:
             self._seen_m.append(max(-most_m, min(most_m, motion.forward_m)) if known else most_m)
 
     def _covers_ground(self) -> bool:
-        """Tell whether the ground went by in this run, as far as the sensor can tell."""
+        """Return whether the ground went by in this run, as far as the sensor can tell."""
         believed_m = sorted(self._seen_m)[: len(self._seen_m) - len(self._seen_m) // ONE_OF]
         return not self._sees_ground or sum(believed_m) >= self._settings.covered_m

@@ -12,9 +12,9 @@ from wayfarer.hal import STOP, WheelCommand
 class Interval:
     """From the previous control tick to this one; the first part of the record of a tick.
 
-    ``t_s`` is the time of this tick, ``told`` what the wheels were told before it, and ``dt_s`` the time since the
+    ``t_s`` is the time of this tick, ``told`` the wheel command before it, and ``dt_s`` the time since the
     previous one, 0 at the first. ``driven_s`` is for how much of ``dt_s`` the wheels obeyed: before a late tick the
-    motor board's deadman has stopped them. ``forward_m`` is how far the wheels were told to go in ``driven_s``, in
+    motor board's deadman has stopped them. ``forward_m`` is how far the wheels were commanded to go in ``driven_s``, in
     metres, negative in reverse.
     """
 
@@ -49,7 +49,7 @@ class IntervalTimer:
         self._last_t_s: float | None = None
 
     def measure(self, tick: Interval) -> None:
-        """Fill in how long the interval is that ends at this tick, and how far the wheels were told to go in it."""
+        """Fill in the length of the interval that ends at this tick, and the distance commanded in it."""
         last_t_s, self._last_t_s = self._last_t_s, tick.t_s
         if last_t_s is None:
             return

@@ -60,5 +60,5 @@ class ResumeWarning:
 
 
 def _holds(conditions: Sequence[Condition]) -> bool:
-    """Tell whether the rover itself holds its wheels."""
+    """Return whether the rover itself holds its wheels."""
     return any(LEVELS[each] >= Level.HOLD and each is not Condition.OPERATOR_HOLD for each in conditions)

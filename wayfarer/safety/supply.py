@@ -1,7 +1,7 @@
 """Conditions from the computer's power supply, as a Raspberry Pi's firmware reports it. Pure: time is an input.
 
-A supply that sags when the motors start resets the computer: the rover goes on with less duty while the voltage is too
-low, and holds for a while where it dips again and again.
+A supply that sags when the motors start resets the computer: the rover continues with less duty while the voltage is
+too low, and holds for a while if it dips repeatedly.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ DIPS, DIPS_S = 3, 60.0  # "repeated 3x/min": field catalogue, fault 32
 
 
 class SupplyMonitor:
-    """Turns the firmware's flags into conditions; ``flags`` are the latest, None where the computer does not tell.
+    """Turns the firmware's flags into conditions; ``flags`` are the latest, None where the computer does not report it.
 
     ``noticed`` says whether there was a dip so far: before the first there is no condition.
     """

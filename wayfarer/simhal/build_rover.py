@@ -114,5 +114,5 @@ def _receiver(world: SimulatedWorld, streams: RandomStreams, config: RoverConfig
 
 
 def _has_bumper(config: RoverConfig) -> bool:
-    """Tell whether the rover of the file has one; a rover without any parts in its file has all that is simulated."""
+    """Return whether the rover of the file has one; a rover without any parts in its file has all that is simulated."""
     return "contact" in config.parts or not config.parts

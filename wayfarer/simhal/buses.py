@@ -41,7 +41,7 @@ class SerialChip(Protocol):
     """A chip that listens on a serial line."""
 
     def receive(self, data: bytes) -> None:
-        """Take bytes, in whatever pieces they come."""
+        """Take bytes, in pieces of any length."""
 
 
 class FakeI2C:

@@ -38,7 +38,7 @@ class HilConnection:
             self._connection.connect(path)
         except OSError as error:
             self._connection.close()
-            raise OSError(f"no bench at {path}: {error.strerror}") from None
+            raise OSError(f"no HIL server at {path}: {error.strerror}") from None
         self._answers = self._connection.makefile("rb")
 
     def ask(self, do: str, **details: object) -> dict[str, Any]:
@@ -50,7 +50,7 @@ class HilConnection:
         self._connection.sendall(orjson.dumps({"do": do, **details}) + b"\n")
         line = self._answers.readline()
         if not line:
-            raise OSError("the bench has ended")
+            raise OSError("the HIL server has ended")
         reply: dict[str, Any] = orjson.loads(line)
         if "error" in reply:
             raise OSError(reply["errno"], reply["error"])
@@ -121,7 +121,7 @@ class HilBuses(LinuxBuses):
         Raises:
             BadInput: always; a real camera would not see the simulated world.
         """
-        raise BadInput(f"camera {name}: the bench serves no camera; name another [parts.motion]")
+        raise BadInput(f"camera {name}: the HIL server has no camera; name another [parts.motion]")
 
 
 def buses() -> HilBuses:

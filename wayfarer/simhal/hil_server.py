@@ -13,10 +13,10 @@ boards' own deadmen. ``WAYFARER_BENCH`` names the socket; it exists to try the d
 Both ends speak one JSON object a line. Transfers name a bus and give their bytes in hex, a list of pieces; on I2C no
 piece means a read alone. Beside them
 
-* ``{"do": "look", "since_s": 0.0}`` tells how the world is and what its wheels were told since then;
+* ``{"do": "look", "since_s": 0.0}`` returns the state of the world and the wheel commands since then;
 * ``{"do": "power_cycle"}`` interrupts the motor board's power for a moment;
 * ``{"do": "inject", "target": "motors", "kind": "failsafe_off"}`` begins a fault of the bus layer (``faults.KINDS``);
-* ``{"do": "hang", "bus": "/dev/i2c-1", "for_s": 1.0}`` holds a bus: what is under way ends late, as told.
+* ``{"do": "hang", "bus": "/dev/i2c-1", "for_s": 1.0}`` holds a bus: what is under way ends late, as commanded.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ KEPT_COMMANDS = 2000  # 50 s of two sides at 20 Hz
 
 
 class RecordedWorld(World):
-    """A world that remembers what its wheels were told: (time that it is true from, left duty, right duty)."""
+    """A world that remembers what its wheels were commanded: (time that it is true from, left duty, right duty)."""
 
     def __init__(
         self, forest: Forest, vehicle: Vehicle, physics: Physics, streams: RandomStreams, starts_s: float = 0.0
@@ -111,7 +111,7 @@ class HilServer:
         for part, table in config.parts.items():
             self._wiring.attach(part, table)
             if self._wires.cameras:
-                raise BadConfig(f"rover '{config.name}': the bench serves no camera; name another [parts.{part}]")
+                raise BadConfig(f"rover '{config.name}': the HIL server has no camera; name another [parts.{part}]")
 
     def step(self) -> None:
         """Let time pass: first for the deadmen, then for the world."""

@@ -158,7 +158,7 @@ def test_a_compass_without_commands_is_only_measured(rig: Rig) -> None:
     assert not isinstance(rig.compass, CalibratableCompass)
     someone = person(rig)
     assert rig.calibrate(someone, "compass").compass is not None
-    assert any("takes no commands" in text for text in someone.told)
+    assert any("accepts no calibration" in text for text in someone.told)
 
 
 def test_quarter_turns_by_eighty_degrees_are_found_out(rig: Rig) -> None:
@@ -201,7 +201,7 @@ def test_a_push_gives_the_scale(rig: Rig, factor: float) -> None:
         (-1.0, 0.0, 0.8, r"the other way round: .*\[parts\.motion\]"),
         (0.0, 1.0, 0.8, r"a quarter turn round: .*\[parts\.motion\]"),
         (0.01, 0.0, 0.8, r"hardly pushed, .*\[parts\.motion\]"),
-        (0.09, 0.0, 0.8, r"2 m were seen as 0\.18 m; .*\[parts\.motion\]"),
+        (0.09, 0.0, 0.8, r"2 m was measured as 0\.18 m; .*\[parts\.motion\]"),
         (1.0, 0.0, 0.1, "saw nothing"),
     ],
 )

@@ -47,7 +47,7 @@ def watched(tmp_path: Path) -> Watched:
 def test_of_a_board_that_cannot_be_asked_nothing_is_claimed(watched: Watched) -> None:
     found = watched.look(board.motor_board)
     assert found.verdict is CheckVerdict.OK
-    assert found.found == "its port opens; it cannot answer, and its deadman of 0.3 s is not proved by this"
+    assert found.found == "its port opens; it cannot answer, and its deadman of 0.3 s is not tested by this"
     assert watched.look(board.motor_faults).verdict is CheckVerdict.SKIPPED
 
 

@@ -76,7 +76,7 @@ def test_without_a_person_no_wheel_turns_and_every_check_says_why(rig: Rig) -> N
     assert rig.motors.commands == []
     motion = [finding for finding in findings if finding.name in NAMES]
     assert [finding.verdict for finding in motion] == [SKIPPED] * 5
-    assert all("nobody to ask" in finding.found for finding in motion)
+    assert all("it needs a person" in finding.found for finding in motion)
 
 
 @pytest.mark.parametrize(("dead", "asked"), [(False, True), (True, False)])
@@ -225,18 +225,18 @@ def test_each_side_is_turned_alone_ahead_and_back(rig: Rig) -> None:
     ("answers", "side", "found", "remedy"),
     [
         (
-            {"Did the right wheels turn, only they, and ahead": False},
-            "right", "turn back instead of ahead", "change reverse_right under [parts.motors]",
+            {"Did the right wheels turn, only they, and forwards": False},
+            "right", "turn backwards instead of forwards", "change reverse_right under [parts.motors]",
         ),
         (
-            {"Did the left wheels turn, only they, and ahead": False, "left wheels turn, but back": False},
+            {"Did the left wheels turn, only they, and forwards": False, "left wheels turn, but backwards": False},
             "left", "the right wheels turned instead", "change left under [parts.motors]",
         ),
         (
             {"Did the left": False, "Did the right wheels turn instead": False},
-            "left", "did not turn as told", "the motor's two wires",
+            "left", "did not turn as commanded", "the motor's two wires",
         ),
-        ({"left wheels turn again": False}, "left", "turn ahead, but not back", "swap the plugs"),
+        ({"left wheels turn again": False}, "left", "turn forwards, but not backwards", "swap the plugs"),
     ],
 )  # fmt: skip
 def test_what_was_seen_of_a_side_names_the_setting_or_the_wires(

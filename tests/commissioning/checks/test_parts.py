@@ -35,7 +35,7 @@ from wayfarer.config.calibration_file import (
     stamp,
 )
 from wayfarer.errors import BadReading, NotResponding, WrongPart
-from wayfarer.hal import MotorHealth, Side
+from wayfarer.hal import MotionReading, MotorHealth, Side
 
 OK, WARN, FAIL, SKIPPED = CheckVerdict.OK, CheckVerdict.WARN, CheckVerdict.FAIL, CheckVerdict.SKIPPED
 
@@ -105,7 +105,7 @@ def health(volts: float | None, *faults: str) -> dict[str, Any]:
         (calibrated.compass_level, {"compass": {"level": 3}}, OK, "level 3 of 3"),
         (calibrated.compass_level, {"compass": {"level": 2}}, OK, "level 2 of 3"),
         (calibrated.compass_level, {"compass": {"level": 1}}, FAIL, "at least 2 is needed"),
-        (calibrated.compass_level, {"compass": {"level": None}}, SKIPPED, "does not tell"),
+        (calibrated.compass_level, {"compass": {"level": None}}, SKIPPED, "does not report it"),
         (calibrated.compass_level, {"compass": {"dead": True}}, SKIPPED, "does not answer"),
         (calibrated.heading_at_rest, {"compass": {"dead": True}}, SKIPPED, "does not answer"),
     ],
@@ -134,6 +134,18 @@ def test_silent_part_on_a_bus_that_cannot_be_used_gives_the_step_that_helps(
         assert "usermod -aG i2c" in rig.look(parts.compass).remedy
     (rig.host.root / "dev/i2c-1").unlink()
     assert rig.look(parts.compass).remedy == "sudo raspi-config nonint do_i2c 0 && sudo reboot"
+
+
+def test_missing_package_is_the_cause_and_its_installation_the_remedy(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def read() -> MotionReading:
+        raise NotResponding("camera 0: No module named 'picamera2'; sudo apt install python3-picamera2")
+
+    monkeypatch.setattr(rig.motion, "read", read)
+    finding = rig.look(parts.motion)
+    assert finding.cause == "a Python package is not installed"
+    assert finding.remedy == "sudo apt install python3-picamera2"
 
 
 @pytest.mark.parametrize(

@@ -80,7 +80,7 @@ def test_forestrovers_port_is_on_the_header_of_its_pi_5() -> None:
         ("50000", CheckVerdict.WARN, "since boot"),
         ("8", CheckVerdict.WARN, "slowed down"),
         ("20000", CheckVerdict.OK, "no under-voltage"),
-        ("garbage", CheckVerdict.SKIPPED, "does not tell"),
+        ("garbage", CheckVerdict.SKIPPED, "does not report it"),
     ],
 )
 def test_power_is_judged_by_the_firmware_flags(rig: Rig, flags: str, verdict: CheckVerdict, found: str) -> None:

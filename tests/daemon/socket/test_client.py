@@ -161,7 +161,7 @@ def test_daemon_that_does_not_even_accept_is_reported_in_time(path: Path) -> Non
     ],
 )
 def test_something_else_at_the_socket_is_reported(path: Path, says: bytes) -> None:
-    told = "what answers there is no wayfarer daemon: b" if says else "without an answer: it may be ending"
+    told = "the program that answers there is no wayfarer daemon: b" if says else "without an answer: it may be ending"
     with something_else(path, says), pytest.raises(WayfarerError, match=told):
         ask(STATUS, path)
 

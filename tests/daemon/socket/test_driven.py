@@ -47,7 +47,7 @@ def test_next_daemon_s_takes_the_place_of_one_that_was_left(path: Path, record: 
 
 
 def test_folder_that_cannot_be_written_to_is_told(path: Path) -> None:
-    with pytest.raises(BadInput, match=r"motors\.json: what is driven cannot be written down: No such file"):
+    with pytest.raises(BadInput, match=r"motors\.json: the record of the motors cannot be written: No such file"):
         write_record(path.parent / "none" / "control.sock", DRIVEN)
 
 
@@ -85,7 +85,7 @@ def says(text: str) -> Callable[[Path], object]:
 )
 def test_what_cannot_be_believed_is_told(record: Path, done: Callable[[Path], object], why: str) -> None:
     done(record)
-    with pytest.raises(BadInput, match=rf"motors\.json: not believed: {why}"):
+    with pytest.raises(BadInput, match=rf"motors\.json: rejected: {why}"):
         read_record(record)
 
 

@@ -101,7 +101,7 @@ def test_impossible_value_is_refused_with_its_range(do: str, key: str, value: ob
         ({"do": "goal", "heading_deg": None}, "goal needs heading_deg"),
         ({"do": "goal", "heading_deg": 1.0, "north": "grid"}, "north must be magnetic or true, not 'grid'"),
         ({"do": "goal", "heading_deg": 1.0, "north": ["true"]}, "north must be magnetic or true, not "),
-        ({"do": "arm", "north": "true"}, "north without a heading"),
+        ({"do": "arm", "north": "true"}, "north without heading_deg"),
         ({"do": "mark"}, "mark needs text: a text of 1 to 500 characters"),
     ],
 )

@@ -116,7 +116,10 @@ async def test_another_user_is_turned_away(
     monkeypatch.setattr(os, "geteuid", lambda: own)
     async with serve(daemon, path), RawClient(path) as client:
         reply = await client.reply_to(b'{"do": "stop"}\n')
-        assert reply == {"ok": False, "why": f"this daemon obeys user {own} and root only, not user 1001: use sudo"}
+        assert reply == {
+            "ok": False,
+            "why": f"this daemon accepts requests from user {own} and root only, not user 1001: use sudo",
+        }
         assert await client.is_closed()
     assert daemon.told == []
 

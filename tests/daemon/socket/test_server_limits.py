@@ -74,7 +74,8 @@ async def test_new_client_takes_the_place_of_the_one_silent_longest(path: Path, 
             assert (await client.reply_to(STATUS))["ok"]
         await until(lambda: not serving._under_way)
         assert await answers(path)
-        assert (await two.reply())["why"].startswith("dropped for another client, as the one silent longest: ")
+        why = (await two.reply())["why"]
+        assert why.startswith("disconnected to make room for another client, as the one silent longest: ")
         assert await two.is_closed()
         for client in (one, three):
             assert (await client.reply_to(STATUS))["ok"]
@@ -90,7 +91,7 @@ async def test_request_under_way_is_not_dropped_for_a_new_client_but_half_a_line
         async with RawClient(path) as begun:
             begun.writer.write(STATUS[:9])
             assert await answers(path)
-            assert (await begun.reply())["why"].startswith("dropped for another client")
+            assert (await begun.reply())["why"].startswith("disconnected to make room for another client")
             assert await begun.is_closed()
         async with RawClient(path) as second:
             second.writer.write(b'{"do": "arm"}\n')

@@ -288,5 +288,5 @@ def test_rover_without_a_body_is_refused_for_mujoco_before_the_first_episode(tmp
         encoding="utf-8",
     )
     ForestEnv(str(file)).close()
-    with pytest.raises(BadConfig, match=r"rover 'plain' gives no chassis\.weight_kg"):
+    with pytest.raises(BadConfig, match=r"rover 'plain' has no chassis\.weight_kg"):
         ForestEnv(str(file), terrains=Terrains())

@@ -182,8 +182,8 @@ def rover_file(chassis: dict[str, float], width_m: float = 0.4) -> str:
 
 
 UNBUILDABLE = {
-    "no chassis": (rover_file({}), "rover 'plain' gives no chassis.weight_kg, and --physics mujoco needs a body"),
-    "a gap": (rover_file({"weight_kg": 6.0, "motors_n_m": 4.5}), "rover 'plain' gives no chassis.wheel_radius_m"),
+    "no chassis": (rover_file({}), "rover 'plain' has no chassis.weight_kg, and --physics mujoco needs a body"),
+    "a gap": (rover_file({"weight_kg": 6.0, "motors_n_m": 4.5}), "rover 'plain' has no chassis.wheel_radius_m"),
     "a diameter": (
         rover_file({**CHASSIS, "wheel_radius_m": 0.13}),
         "two wheels behind each other do not fit into vehicle.length_m = 0.4",

@@ -82,5 +82,5 @@ def test_sweep_of_grounds_with_another_chassis_is_another_sweep(run: Run, tmp_pa
 @pytest.mark.parametrize("command", [(*SIM, "--ground", "mud"), ("sweep", "ground=ideal,mud", "--out", "never")])
 def test_rover_without_a_body_is_one_line(run: Run, plain: Path, command: tuple[str, ...]) -> None:
     err = refusal(run, *command, "--rover", plain)
-    assert "rover 'plain' gives no chassis.weight_kg, and --ground mud needs a body with wheels" in err
+    assert "rover 'plain' has no chassis.weight_kg, and --ground mud needs a body with wheels" in err
     assert str(plain) in err

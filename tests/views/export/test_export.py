@@ -72,7 +72,7 @@ def test_output_that_is_refused_more_room_is_one_line_and_leaves_nothing_behind(
 
 @pytest.mark.parametrize(
     ("place", "said"),
-    [("nowhere/out.csv", "No such file or directory"), ("long" * 100, "File name too long"), ("", "is there already")],
+    [("nowhere/out.csv", "No such file or directory"), ("long" * 100, "File name too long"), ("", "exists already")],
 )
 def test_place_that_cannot_be_is_told_in_one_line(run: Path, tmp_path: Path, place: str, said: str) -> None:
     for form in (ExportFormat.csv, ExportFormat.rosbag2):

@@ -218,7 +218,7 @@ def test_what_is_there_is_never_replaced(tmp_path: Path, there: str) -> None:
         out.mkdir()
     else:
         out.symlink_to(tmp_path / "nowhere")
-    with pytest.raises(BadInput, match=r"^[^\n]*out is there already, and no folder is replaced[^\n]*$"):
+    with pytest.raises(BadInput, match=r"^[^\n]*out exists already, and a folder is never replaced[^\n]*$"):
         export(write(tmp_path / "run", [HEADER, tick(0.0)]), ExportFormat.rosbag2, out, overwrite=True)
     assert {each.name for each in tmp_path.iterdir()} == {"run", "out"}
     assert not list(tmp_path.glob("out/*"))

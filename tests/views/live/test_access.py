@@ -37,9 +37,9 @@ def test_name_that_was_made_to_lead_here_is_refused(access: Access, host: str) -
 def test_others_need_the_token(access: Access, peer: str) -> None:
     access.check_page(peer, ABROAD, TOKEN)
     for wrong in ("", "s3cre", "s3crets", "sécret", "\udcff\udcfe"):
-        with pytest.raises(Refused, match="token included"):
+        with pytest.raises(Refused, match="with the token"):
             access.check_page(peer, ABROAD, wrong)
-        with pytest.raises(Refused, match="token included"):
+        with pytest.raises(Refused, match="with the token"):
             access.check_socket(peer, ABROAD, wrong)
 
 
@@ -64,7 +64,7 @@ def test_connection_without_an_origin_is_no_page(access: Access) -> None:
 
 @pytest.mark.parametrize("header", ["Forwarded", "Via", "X-Forwarded-For", "X-Real-IP"])
 def test_proxy_that_would_make_everybody_local_is_refused(access: Access, header: str) -> None:
-    with pytest.raises(Refused, match="no proxy"):
+    with pytest.raises(Refused, match="not work through a proxy"):
         access.check_page("127.0.0.1", {**HOME, header: "203.0.113.9"}, TOKEN)
 
 

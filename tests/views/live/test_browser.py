@@ -130,7 +130,7 @@ def test_resume_on_a_page_that_is_old_starts_no_wheels_later(browser_page: OpenP
     opened.page.locator("#hold").click()
     opened.page.locator("#resume").wait_for()
     daemon.process.send_signal(signal.SIGSTOP)
-    opened.page.locator("#banner", has_text="The rover says nothing").wait_for(timeout=3000)
+    opened.page.locator("#banner", has_text="No data from the rover").wait_for(timeout=3000)
     assert text(opened, "#age").startswith("old")
     assert opened.page.locator("#resume").is_disabled()
     assert opened.page.locator("#send-mark").is_disabled()

@@ -119,7 +119,7 @@ async def test_state_of_a_rover_says_nothing_of_a_demo() -> None:
 
 async def test_age_of_a_page_is_counted_on_the_viewers_clock() -> None:
     async with demonstrated() as (site, demo):
-        for demo.age, why in ((0.5, "not held"), (1.5, "was old"), (float("inf"), "was old")):
+        for demo.age, why in ((0.5, "not held"), (1.5, "an old state"), (float("inf"), "an old state")):
             (reply,) = await replies_to(site, {"do": "resume", "state_t_s": 1.0})
             assert why in reply["why"], demo.age
 

@@ -72,7 +72,7 @@ def records(path: Path) -> list[dict[str, Any]]:
 def test_demo_says_what_is_seen_and_everything_fits_a_finger(browser_page: OpenPage, demo: Daemon) -> None:
     opened = watch(browser_page, demo)
     page = opened.page
-    page.locator("#demo", has_text="A rover without eyes").wait_for()
+    page.locator("#demo", has_text="A rover without vision").wait_for()
     page.locator("#pace", has_text="Shown 6 times as fast").wait_for()
     page.locator("#legend li", has_text="Probes").wait_for(timeout=30_000)
     told = page.locator("#legend li").all_inner_texts()
@@ -158,7 +158,7 @@ def test_sigterm_after_the_run_ends_the_demo_well(browser_page: OpenPage, demo: 
     opened.page.locator("#stop").click()
     opened.page.locator("#next").wait_for()
     assert demo.process.stdout is not None
-    assert any("the page stays" in line for line in iter(demo.process.stdout.readline, ""))
+    assert any("the page and its buttons stay" in line for line in iter(demo.process.stdout.readline, ""))
     opened.page.wait_for_timeout(200)  # between the daemon's handlers and the demo's a signal would kill
     demo.process.send_signal(signal.SIGTERM)
     assert demo.process.wait(timeout=10) == 0

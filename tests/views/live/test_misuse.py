@@ -19,7 +19,7 @@ ENDS = {aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSING, aiohttp.WSMsgType.CL
 async def test_resume_reaches_the_rover_from_a_page_of_now_alone() -> None:
     shown: dict[str, list[object]] = {
         "not held": [0.0, 0.5],  # seconds ago: it reaches the rover
-        "look again": [1.1, 3600.0, -1.1, None, "now", [], {}],  # it waited, or its page is of another run
+        "press again": [1.1, 3600.0, -1.1, None, "now", [], {}],  # it waited, or its page is of another run
     }
     async with serving() as site:
         for why, at in ((why, at) for why, ages in shown.items() for at in ages):

@@ -121,7 +121,7 @@ def test_held_wheels_the_battery_and_a_new_key_are_in_the_time_lines(eventful: t
 def test_way_is_laid_onto_the_fixes_and_its_end_opens_in_a_map(eventful: tuple[RunData, str]) -> None:
     _, page = eventful
     assert "Dead reckoning is laid onto all fixes at once: turned by 0.0°" in text_of(page)
-    assert "End of the fitted way (the last fix is above, under “where”): 47.0000" in text_of(page)
+    assert "End of the fitted path (the last fix is above, under “where”): 47.0000" in text_of(page)
     latitude, longitude = re.findall(r'href="geo:([\d.]+),([\d.]+)\?q=', page)[0]
     assert float(latitude) == pytest.approx(47.0 + 3.95 / 111_320.0, abs=2e-6)  # the end of the way, not the last fix
     assert float(longitude) == pytest.approx(8.0, abs=2e-6)
@@ -190,7 +190,7 @@ def test_simulated_run_shows_the_forest_and_how_far_dead_reckoning_drifted(tmp_p
     records = sorted([*drive(), *truth], key=lambda each: float(each["t_s"]))
     page = page_of(tmp_path, {**HEADER, "simulated": True, "world": WORLD}, *records, OUTCOME)
     check_page(page)
-    assert "At the end dead reckoning is 1.8 m from the true way" in text_of(page)
+    assert "At the end dead reckoning is 1.8 m from the true path" in text_of(page)
     assert '"Rect"' in drawn(page)  # the fallen trunk
 
 

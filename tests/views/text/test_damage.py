@@ -135,7 +135,7 @@ def test_one_damaged_header_costs_that_header_only(tmp_path: Path, schema: int |
     write(run, [HEADER | {"part": 2, "t_s": LONG[MIDDLE]["t_s"]}, *LONG[MIDDLE:]])
     verdict = judge(run)
     assert (verdict.integrity, verdict.records) == (LogIntegrity.PARTIAL, len(LONG))
-    assert "1 record holds a value that cannot be" in str(verdict)
+    assert "1 record holds an impossible value" in str(verdict)
     tail = RunTail(run)
     assert list(tail.take())
     tail.close()

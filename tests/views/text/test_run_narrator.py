@@ -23,7 +23,7 @@ def tone(each: Record) -> Tone:
 def test_first_line_says_what_runs_and_whether_the_beginning_is_gone() -> None:
     first, second = narrated([HEADER | {"dry_run": True, "part": 3}])
     assert str(first) == "0:00:00.00  run of minirover, forest-pledge, dry run, wayfarer 9.9"
-    assert (second.text, second.tone) == ("the log begins with part 3: what came before is gone", Tone.WARNING)
+    assert (second.text, second.tone) == ("the log begins with part 3: earlier parts are missing", Tone.WARNING)
 
 
 def test_change_of_phase_is_a_line_with_what_was_felt() -> None:
@@ -106,7 +106,7 @@ def test_computer_is_told_when_its_power_sags() -> None:
     bits = [None, "0", "0x50005", "50005", "0x0"]
     lines = told(*(record("computer", count, throttled=each) for count, each in enumerate(bits)))
     assert [line[12:].partition(" (")[0] for line in lines] == [
-        "computer: power and heat bits 50005", "computer: power and heat are well again",
+        "computer: power and heat bits 50005", "computer: power and heat are normal again",
     ]  # fmt: skip
 
 

@@ -221,5 +221,5 @@ def test_every_line_fits_a_terminal() -> None:
 
 def test_nothing_at_all_is_a_summary_too() -> None:
     assert summary_text("1", summarise([]), Damage()).startswith(
-        "run        1\n           unknown rover: the log does not say what ran, "
+        "run        1\n           unknown rover: the log has no header\n"
     )

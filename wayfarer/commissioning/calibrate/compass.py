@@ -83,7 +83,7 @@ async def calibrate_compass(compass: Compass, person: Person, t_wall: float) -> 
     if isinstance(compass, CalibratableCompass):
         await _teach(compass, person)
     else:
-        await person.say(f"{compass.name} takes no commands: only its error is measured.")
+        await person.say(f"{compass.name} accepts no calibration: only its error is measured.")
     error_deg = residual_deg([await _heading(compass, person, text) for text in QUARTERS])
     if error_deg > FOLLOWS_WITHIN_DEG:
         raise WayfarerError(
@@ -96,7 +96,7 @@ async def calibrate_compass(compass: Compass, person: Person, t_wall: float) -> 
 
 
 async def _teach(compass: CalibratableCompass, person: Person) -> None:
-    """Turn about until the levels are full, and store that; calibration is off again whatever happens."""
+    """Ask for turns until the levels are full, and store the calibration; calibrating ends in any case."""
     if await person.ask("Forget the stored calibration first (right after the compass was moved to another place)?"):
         await compass.erase_profile()
     try:
@@ -130,7 +130,7 @@ async def _until_full(compass: CalibratableCompass, person: Person) -> None:
 
 
 async def _heading(compass: Compass, person: Person, text: str) -> float:
-    """Return the mean heading of a second, once the rover stands as told."""
+    """Return the mean heading of a second, once the rover is placed as asked."""
     await person.wait(text)
     mean_deg, _ = circular_mean(await sample_headings(compass.read, STEADY_S))
     return mean_deg

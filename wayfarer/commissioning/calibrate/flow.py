@@ -33,7 +33,7 @@ async def calibrate_flow(motion: MotionSensor, person: Person, quality_min: floa
     """
     distance_m = await person.number("How many metres are you going to push it, along a measured line?", DISTANCE_M)
     if not DISTANCE_MIN_M <= distance_m <= DISTANCE_MAX_M:
-        raise BadInput(f"a push of {distance_m:g} m: {DISTANCE_MIN_M:g} to {DISTANCE_MAX_M:g} m are of use")
+        raise BadInput(f"a push of {distance_m:g} m: {DISTANCE_MIN_M:g} to {DISTANCE_MAX_M:g} m are allowed")
     await person.wait("Set the rover at the line's start, wheels free, and step behind it.")
     if isinstance(motion, ChangeSensor) and not (await motion.read()).signed:
         return await calibrate_picture(motion, person, distance_m, t_wall)
@@ -49,8 +49,8 @@ async def calibrate_flow(motion: MotionSensor, person: Person, quality_min: floa
     scale = distance_m / seen.forward_m
     if not SCALE_MIN <= scale <= SCALE_MAX:
         raise WayfarerError(
-            f"{motion.name}: {distance_m:g} m were seen as {seen.forward_m:.2f} m; correct the lens height or the "
-            "scale under [parts.motion] and push again"
+            f"{motion.name}: a push of {distance_m:g} m was measured as {seen.forward_m:.2f} m; correct the "
+            "lens height or the scale under [parts.motion] and push again"
         )
-    await person.say(f"{distance_m:g} m were seen as {seen.forward_m:.2f} m: scale {scale:.3f}.")
+    await person.say(f"A push of {distance_m:g} m was measured as {seen.forward_m:.2f} m: scale {scale:.3f}.")
     return FlowEntry(**stamp(motion.name, t_wall), scale=scale)

@@ -1,7 +1,7 @@
 """Short drives on free ground with a person beside the rover, and the sensor readings during them.
 
 Commands pass the gate of a mission (``gate.Gate``: highest duty, growth of duty), and the wheels are stopped after
-each drive whatever happens. A rover that tilts is not on free ground any more: it stops and says so.
+each drive in any case. A rover that tilts is not on free ground any more: it stops and says so.
 """
 
 from __future__ import annotations

@@ -29,9 +29,9 @@ ARC_SETTLES_S = 0.6  # from rest
 AHEAD_S = 3.0  # a body with a gain of 0.5 m/s2, on the most slippery ground, takes 2 s to 1 m/s
 SPARE_M = 0.5
 ON_FREE_GROUND = (
-    "The rover is going to turn on the spot both ways, up to its highest duty, and to drive to and fro, for about"
-    " {minutes:.1f} minutes. Does it stand on free, level ground of the kind that it is to drive on, with nothing and"
-    " nobody within {room_m:g} m of it? (Ctrl-C stops it at once)"
+    "The rover is going to turn on the spot both ways, up to its highest duty, and to drive forwards and backwards, for"
+    " about {minutes:.1f} minutes. Does it stand on free, level ground of the kind that it will drive on, with"
+    " nothing and nobody within {room_m:g} m of it? (Ctrl-C stops it at once)"
 )
 
 
@@ -81,8 +81,8 @@ async def _on_the_spot(ground: FreeGround, duty_max: float, way: float) -> TurnR
             points.append((duty, way * rate_deg_s(await ground.drive(wanted, WATCHED_S))))
             if points[-1][1] < -TURNS_FROM_DEG_S:
                 raise WayfarerError(
-                    "stopped: the rover turns the other way than it is told; a side is reversed, or left and right are"
-                    " swapped: put it on blocks, and wayfarer check tells which setting to change"
+                    "stopped: the rover turns opposite to its command; a side is reversed, or left and right are"
+                    " swapped: put it on blocks; wayfarer check finds which setting to change"
                 )
     return turn_response(points)
 

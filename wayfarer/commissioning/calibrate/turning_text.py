@@ -49,14 +49,14 @@ def _advice(entry: TurningEntry, config: RoverConfig) -> Iterator[str]:
         yield f"It hardly turns on the spot {which}, or not at all: {EASE_TURNING}."
         return
     if _uneven(one, other):
-        yield "One way it turns less easily: look for a gear that drags, a soft tyre, or weight on one side."
+        yield "It turns less easily in one direction: look for a gear that drags, a soft tyre, or weight on one side."
     escape = config.escape
     if entry.arc is None:
-        yield f"It hardly curves at {escape.cruise_m_s:g} m/s: lower [escape] cruise_m_s, or {EASE_TURNING}."
+        yield f"It hardly turns in an arc at {escape.cruise_m_s:g} m/s: lower [escape] cruise_m_s, or {EASE_TURNING}."
     else:
         turn_deg_s = degrees(escape.cruise_m_s / escape.probe_radius_m)
         duty = entry.arc.from_duty + turn_deg_s / entry.arc.deg_s_per_duty
-        yield f"A probe's curve (radius {escape.probe_radius_m:g} m) takes a turn duty of {duty:.2f}."
+        yield f"A probe's curve (radius {escape.probe_radius_m:g} m) needs a turn duty of {duty:.2f}."
     vehicle = calibrated(config, Calibration(turning=entry)).vehicle
     yield (
         f"From its next start wayfarer run takes vehicle.track_m = {vehicle.track_m:.2f} and"
@@ -75,7 +75,7 @@ def arc_duty_max(config: RoverConfig) -> float:
 
 
 def _uneven(one: TurnResponse, other: TurnResponse) -> bool:
-    """Tell whether a body turns clearly better one way than the other."""
+    """Return whether a body turns clearly better one way than the other."""
     slope = max(one.deg_s_per_duty, other.deg_s_per_duty)
     return (
         abs(one.from_duty - other.from_duty) > UNEVEN_DUTY

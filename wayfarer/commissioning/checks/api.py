@@ -140,7 +140,7 @@ def fail(name: str, found: str, cause: str, remedy: str) -> Finding:
 
 
 def passed(findings: Iterable[Finding]) -> bool:
-    """Tell whether nothing failed: the rover may be armed."""
+    """Return whether nothing failed: the rover may be armed."""
     return all(finding.verdict is not CheckVerdict.FAIL for finding in findings)
 
 

@@ -21,7 +21,8 @@ async def motor_board(inspection: Inspection) -> Finding:
         return silent(inspection, name, "motors", error)
     if motors.deadman_s is not None and not answers:
         return ok(
-            name, f"its port opens; it cannot answer, and its deadman of {motors.deadman_s:g} s is not proved by this"
+            name,
+            f"its port opens; it cannot answer, and its deadman of {motors.deadman_s:g} s is not tested by this",
         )
     if motors.deadman_s is not None:
         return ok(name, f"answers; its deadman stops the wheels {motors.deadman_s:g} s after the last command")
@@ -44,7 +45,7 @@ async def battery(inspection: Inspection) -> Finding:
         return ok("battery", f"{volts:.1f} V; not judged, the rover file gives no [board] battery_low_v")
     found = f"{volts:.1f} V, the limit is {low_v:g} V"
     if volts < low_v:
-        return fail("battery", found, "it is empty, cold or old", "charge it, warm it or change it")
+        return fail("battery", found, "it is empty, cold or old", "charge it, warm it or replace it")
     return ok("battery", found)
 
 

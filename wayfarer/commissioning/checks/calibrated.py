@@ -32,7 +32,7 @@ async def compass_level(inspection: Inspection) -> Finding:
     except DriverError:
         return skipped(name, "the compass does not answer")
     if level is None:
-        return skipped(name, "the compass does not tell")
+        return skipped(name, "the compass does not report it")
     if level < least:
         cause = "its profile is not stored, or there is iron or current near it"
         return fail(name, f"level {level} of 3, at least {least} is needed", cause, f"{AWAY}; wayfarer calibrate")
@@ -79,7 +79,7 @@ async def calibrated(kind: str, inspection: Inspection) -> Finding:
 
 def _missing(name: str, kind: str, path: Path) -> Finding:
     if kind == "turning":  # a rover that was not measured learns it while it drives
-        return skipped(name, f"not in {path}; to have it measured, on free ground: wayfarer calibrate turning")
+        return skipped(name, f"not in {path}; to measure it, on free ground: wayfarer calibrate turning")
     return warn(name, f"not in {path}", "it was never calibrated, or by another user", "wayfarer calibrate")
 
 

@@ -50,7 +50,7 @@ async def proved(inspection: Inspection) -> Finding:
     """Check that the deadman of a board that cannot be asked was seen to stop the wheels, with today's settings."""
     motors, path = inspection.rover.motors, inspection.host.calibration_file
     if not await _only_seen(motors):
-        return skipped(NAME, "only of a board that has one and cannot be asked")
+        return skipped(NAME, "only for a board that has one and cannot report it")
     try:
         proof = load(path).deadman
     except BadInput as error:
@@ -65,19 +65,19 @@ async def proved(inspection: Inspection) -> Finding:
 
 
 async def _only_seen(motors: DriveMotors) -> bool:
-    """Tell whether only a person can see that these motors have a deadman; one that answers badly can be asked."""
+    """Return whether only a person can see that these motors have a deadman; one that answers badly can be asked."""
     with suppress(DriverError):
         return motors.deadman_s is not None and not await can_be_asked(motors)
     return False
 
 
 def _unproved(inspection: Inspection, found: str) -> Finding:
-    cause = "this board cannot be asked, and its deadman is off until that setting has reached it"
+    cause = "this board cannot report its deadman, which is off until that setting has reached it"
     if reason := inspection.config.safety.deadman_unproved_because:
         return warn(
             NAME, f"{found}; the rover file allows it: {reason}", cause, "stay within reach of its power switch"
         )
-    return fail(NAME, found, cause, f"{PROVE}; or say why not in [safety] deadman_unproved_because")
+    return fail(NAME, found, cause, f"{PROVE}; or give a reason in [safety] deadman_unproved_because")
 
 
 def _changes(before: dict[str, Any], now: dict[str, Any]) -> str:

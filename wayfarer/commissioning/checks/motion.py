@@ -3,7 +3,7 @@
 Nothing here turns a wheel before a person has agreed that the rover stands on blocks; without a person to ask all of it
 is skipped. Each drive is a second long or less, but for the silence that the deadman must end: a board that cannot be
 asked is given its deadman and 2.65 s more, and no silence is longer than 5 s. The wheels are stopped after each drive
-whatever happens, before anybody is asked what was seen.
+in any case, before anybody is asked what was seen.
 
 No duty exceeds the rover file's ``safety.duty_max``.
 """
@@ -49,15 +49,15 @@ PUSHED_MIN_M = 0.15
 UNKNOWN_MAX = 0.5  # share of readings without quality beyond which nothing was seen
 
 NO_DEADMAN = (
-    "the board was not told, or its command timeout does not work",
+    "the board did not get the timeout, or its timeout does not work",
     "switch the board off and on and check again; do not let it drive before this is right",
 )
 
 
 async def check_motion(inspection: Inspection, ask: Ask | None) -> list[Finding]:
-    """Return what each check with motion found; ``ask`` None: there is nobody to agree."""
+    """Return what each check with motion found; ``ask`` None: there is no person to agree."""
     if ask is None:
-        return [skipped(name, "nobody to ask; run it at a terminal") for name in (*WHEEL_CHECKS, "push")]
+        return [skipped(name, "it needs a person; run it at a terminal") for name in (*WHEEL_CHECKS, "push")]
     return [*await _on_blocks(ask, inspection), await push(ask, inspection)]
 
 
@@ -109,7 +109,7 @@ async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
         return skipped(name, "this board has none")
     silence_s, duty = await _silence_s(motors), min(DEADMAN_DUTY, inspection.config.safety.duty_max)
     if silence_s > SILENCE_MAX_S:
-        long = f"with a deadman of {motors.deadman_s:g} s, wheels that nobody commands would turn for {silence_s:.1f} s"
+        long = f"with a deadman of {motors.deadman_s:g} s, wheels without commands would turn for {silence_s:.1f} s"
         return skipped(name, f"{long}; set a shorter timeout under [parts.motors]")
     if not await can_be_asked(motors):
         return await _deadman_seen(name, ask, inspection, motors.deadman_s, silence_s, duty)
@@ -133,7 +133,7 @@ async def _deadman_seen(
     try:
         keep_proof(inspection, tripped=tripped)
     except WayfarerError as error:
-        return fail(name, f"{found}; not kept: {error}", "the card, or the file's owner", "mend that and check again")
+        return fail(name, f"{found}; not kept: {error}", "the card, or the file's owner", "fix that and check again")
     if not tripped:
         return fail(name, found, *NO_DEADMAN)
     return ok(name, f"{found}; kept in {inspection.host.calibration_file}")
@@ -159,15 +159,18 @@ async def side(which: str, ask: Ask, inspection: Inspection) -> Finding:
     name, other = f"{which} wheels", "right" if which == "left" else "left"
     motors, duty = inspection.rover.motors, min(DUTY, inspection.config.safety.duty_max)
     await _turn(motors, which, duty)
-    if not await ask(f"Did the {which} wheels turn, only they, and ahead (their tops moved forward)?"):
+    if not await ask(f"Did the {which} wheels turn, only they, and forwards (their tops moved to the front)?"):
         return await _name_the_mistake(name, which, other, ask)
     await _turn(motors, which, -duty)
-    if not await ask(f"Did the {which} wheels turn again, only they, and back?"):
+    if not await ask(f"Did the {which} wheels turn again, only they, and backwards?"):
         cause = "half of the board's output, or of its wiring, is dead"
         return fail(
-            name, "turn ahead, but not back", cause, f"swap the plugs of the {which} and {other} motors to tell"
+            name,
+            "turn forwards, but not backwards",
+            cause,
+            f"swap the plugs of the {which} and {other} motors to find out",
         )
-    return ok(name, "turn ahead and back")
+    return ok(name, "turn forwards and backwards")
 
 
 async def _turn(motors: DriveMotors, which: str, duty: float) -> None:
@@ -177,14 +180,14 @@ async def _turn(motors: DriveMotors, which: str, duty: float) -> None:
 
 
 async def _name_the_mistake(name: str, which: str, other: str, ask: Ask) -> Finding:
-    if await ask(f"Did the {which} wheels turn, but back?"):
+    if await ask(f"Did the {which} wheels turn, but backwards?"):
         remedy = f"change reverse_{which} under [parts.motors]: true if it is false or not there, else false"
-        return fail(name, "turn back instead of ahead", "the motor is wired the other way round", remedy)
+        return fail(name, "turn backwards instead of forwards", "the motor is wired the other way round", remedy)
     if await ask(f"Did the {other} wheels turn instead?"):
         remedy = "change left under [parts.motors] to the board's other channel (A or B, 1 or 2), or swap the pins"
         return fail(name, f"the {other} wheels turned instead", "left and right are swapped", remedy)
     cause = "no motor power, a loose motor wire, or a blocked gear"
-    return fail(name, "did not turn as told", cause, "check battery, fuse, motor switch and the motor's two wires")
+    return fail(name, "did not turn as commanded", cause, "check battery, fuse, motor switch and the motor's two wires")
 
 
 async def notices_being_stuck(_ask: Ask, inspection: Inspection) -> Finding:
@@ -203,8 +206,13 @@ async def notices_being_stuck(_ask: Ask, inspection: Inspection) -> Finding:
     if not found:
         cause = "a wheel moved in the sensor's view, or [detector] immobilised_* fit no drive at "
         cause += f"{min(STALL_DUTY, config.safety.duty_max) * config.vehicle.max_speed_m_s:g} m/s"
-        return fail(name, "the wheels turned, and the rover believed that it moved", cause, "clear its view; try again")
-    return ok(name, "wheels that turn on blocks are noticed")
+        return fail(
+            name,
+            "the wheels turned on blocks, and the rover was not noticed as stuck",
+            cause,
+            "clear its view; try again",
+        )
+    return ok(name, "wheels that turn without motion are noticed")
 
 
 async def _watch_stall(inspection: Inspection) -> tuple[bool, float]:

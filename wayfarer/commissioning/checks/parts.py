@@ -44,8 +44,10 @@ def _advice(where: str, part: str, error: DriverError) -> tuple[str, str]:
     """Return why a part may fail, and what to do; of a silent one by where its name says that it is connected."""
     if isinstance(error, WrongPart):
         return "another part is at this address, or the wires are swapped", f"correct [parts.{part}] in the rover file"
+    if re.search(r"No module named|is not installed|is missing \(", str(error)):
+        return "a Python package is not installed", str(error).partition("; ")[2] or "install it"
     if isinstance(error, BadReading):
-        return "long or loose wires corrupt what it says", "shorten and fasten its wires; use 100 kHz or less"
+        return "long or loose wires corrupt its data", "shorten and fasten its wires; use 100 kHz or less"
     if bus := re.search(r"/dev/i2c-(\d+)", where):
         remedy = f"check its four wires and its power switch; `i2cdetect -y {bus[1]}` must show its address"
         return "no power, a loose wire, or another address", remedy

@@ -97,7 +97,7 @@ async def device(name: str, inspection: Inspection) -> Finding:
             "on a Pi 5 the header's pins 14 and 15 are /dev/ttyAMA0",
             "dtparam=uart0=on in /boot/firmware/config.txt, reboot, and /dev/ttyAMA0 in the rover file",
         )
-    return ok(name, "there, and may be used")
+    return ok(name, "present, and this user may use it")
 
 
 def _user() -> str:
@@ -109,7 +109,7 @@ def _user() -> str:
 
 
 def power_flags(root: Path = Path("/")) -> int | None:
-    """Return the flags of ``wayfarer.safety.supply``, None where the computer does not tell."""
+    """Return the flags of ``wayfarer.safety.supply``, None where the computer does not report it."""
     try:
         return int((root / THROTTLED.lstrip("/")).read_text(encoding="ascii"), 16)
     except (OSError, ValueError):
@@ -120,12 +120,14 @@ async def power(inspection: Inspection) -> Finding:
     """Check whether the computer gets its voltage and keeps cool, as the Raspberry Pi's firmware sees it."""
     name, flags = "computer power", power_flags(inspection.host.root)
     if flags is None:
-        return skipped(name, "this computer does not tell")
+        return skipped(name, "this computer does not report it")
     cause, remedy = "its supply sags, most of all when the motors start", "give it a separate 5 V supply, thick wires"
     if flags & UNDER_VOLTAGE_NOW:
         return fail(name, f"under-voltage now (flags {flags:#x})", cause, remedy)
     if flags & SLOWED_NOW:
-        return warn(name, f"slowed down now (flags {flags:#x})", "it is too hot", "shade it, give its case air")
+        return warn(
+            name, f"slowed down now (flags {flags:#x})", "it is too hot", "put it in the shade, let air into its case"
+        )
     if flags & UNDER_VOLTAGE_SINCE_BOOT:
         return warn(name, f"there was under-voltage since boot (flags {flags:#x})", cause, remedy)
     return ok(name, "no under-voltage since boot")
@@ -167,7 +169,7 @@ async def log(trouble: Callable[[], str | None], inspection: Inspection) -> Find
     text = trouble()
     if text is None:
         return ok("log", "is being written")
-    return fail("log", text, "records of this run are being lost", "mend that; the log goes on within a second")
+    return fail("log", text, "records of this run are being lost", "fix that; the log continues within a second")
 
 
 async def clock(inspection: Inspection) -> Finding:

@@ -50,7 +50,7 @@ def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: floa
         except BlockingIOError:
             raise _no_answer(place, timeout_s) from None
         except OSError as error:
-            raise WayfarerError(f"{place}: the daemon broke off ({error.strerror}): see its log") from None
+            raise WayfarerError(f"{place}: the daemon closed the connection ({error.strerror}): see its log") from None
     return _read_reply(place, reply)
 
 
@@ -118,5 +118,5 @@ def _read_reply(place: Path, reply: bytes) -> dict[str, Any]:
     except (BadInput, KeyError):
         why = None
     if not isinstance(why, str) or not why.strip():
-        raise WayfarerError(f"{place}: what answers there is no wayfarer daemon: {reply[:40]!r}")
+        raise WayfarerError(f"{place}: the program that answers there is no wayfarer daemon: {reply[:40]!r}")
     raise Refused(why)

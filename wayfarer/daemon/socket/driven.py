@@ -54,11 +54,11 @@ def write_record(socket_path: Path, driven: DrivenBoard) -> None:
             with os.fdopen(file, "w", encoding="utf-8") as writer:
                 json.dump(driven._asdict(), writer)
     except OSError as error:
-        raise BadInput(f"{path}: what is driven cannot be written down: {error.strerror}") from None
+        raise BadInput(f"{path}: the record of the motors cannot be written: {error.strerror}") from None
 
 
 def remove_record(socket_path: Path) -> None:
-    """Remove the record: the wheels stand, and nobody drives them any more."""
+    """Remove the record: the wheels are stopped, and no daemon drives them."""
     with suppress(OSError):
         socket_path.with_name(NAME).unlink(missing_ok=True)
 
@@ -90,7 +90,7 @@ def read_record(path: Path) -> FoundRecord | None:
         return None
     except OSError as error:
         why = "is a symlink" if error.errno == errno.ELOOP else f"cannot be read: {error.strerror}"
-        raise BadInput(f"{path}: not believed: it {why}") from None
+        raise BadInput(f"{path}: rejected: it {why}") from None
     finally:
         os.close(folder)
 
@@ -101,7 +101,7 @@ def _read(path: Path, folder: int) -> FoundRecord | None:
     with os.fdopen(file, "rb") as reader:
         about = os.fstat(file)
         if why := _doubt(about, os.fstat(folder)):
-            raise BadInput(f"{path}: not believed: {why}; remove it")
+            raise BadInput(f"{path}: rejected: {why}; remove it")
         text = reader.read(MOST_BYTES)
     try:
         fields = json.loads(text)
@@ -109,7 +109,7 @@ def _read(path: Path, folder: int) -> FoundRecord | None:
         if not isinstance(driven.motors["driver"], str) or not isinstance(driven.buses, str):
             raise TypeError
     except (ValueError, TypeError, KeyError, RecursionError):
-        raise BadInput(f"{path}: not believed: no daemon wrote this; remove it") from None
+        raise BadInput(f"{path}: rejected: no daemon wrote this; remove it") from None
     return FoundRecord(driven, about.st_uid)
 
 

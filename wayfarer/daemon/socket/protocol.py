@@ -52,7 +52,7 @@ class Commands(Protocol):
         """Stop the wheels until the rover is re-armed."""
 
     async def hold(self) -> Details:
-        """Stop the wheels until ``resume``; the mission goes on."""
+        """Stop the wheels until ``resume``; the mission continues."""
 
     async def resume(self) -> Details:
         """Let the wheels turn again after ``hold``."""
@@ -129,7 +129,7 @@ def check(fields: Mapping[str, object]) -> Request:
         if key not in keys:
             raise BadInput(f"{do} needs {key}: {_CHECKS[key].wanted}")
     if "north" in keys and "heading_deg" not in keys:
-        raise BadInput(f"{do} got a north without a heading: north says how heading_deg is meant, give both")
+        raise BadInput(f"{do} got north without heading_deg: north says which north the heading counts from, give both")
     return Request(do, {key: _checked(key, value) for key, value in keys.items()})
 
 

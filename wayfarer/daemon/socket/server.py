@@ -132,7 +132,9 @@ class ControlServer:
     def _admit(self, writer: StreamWriter) -> None:
         user = peer_uid(writer.get_extra_info("socket"))
         if user not in {os.geteuid(), 0}:
-            raise Refused(f"this daemon obeys user {os.geteuid()} and root only, not user {user}: use sudo")
+            raise Refused(
+                f"this daemon accepts requests from user {os.geteuid()} and root only, not user {user}: use sudo"
+            )
         if len(self._clients) >= self._limits.clients:
             self._make_room()
 
@@ -142,7 +144,8 @@ class ControlServer:
         if silent is None:
             raise Refused(f"{len(self._clients)} clients are being answered, which is the limit: try again")
         _turn_away(
-            self._clients.pop(silent), Refused("dropped for another client, as the one silent longest: connect again")
+            self._clients.pop(silent),
+            Refused("disconnected to make room for another client, as the one silent longest: connect again"),
         )
         silent.cancel()
 
@@ -228,7 +231,7 @@ def peer_uid(connection: Any) -> int:
 
 
 def _bind(path: Path) -> socket.socket:
-    """Return a socket at a path that nobody else can connect to: it gets its mode before it listens."""
+    """Return a socket at a path that no other user can connect to: it gets its mode before it listens."""
     bound = socket.socket(socket.AF_UNIX)
     try:
         bound.bind(str(path))

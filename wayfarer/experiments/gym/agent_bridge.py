@@ -95,7 +95,7 @@ class AgentBridge:
         return {"counter_deg": 0.0, "episodes": 0}
 
     def _run(self) -> None:
-        """Run the trial; whatever becomes of it, the agent hears, because it waits."""
+        """Run the trial; the agent is notified of every end, because it waits."""
         _BRIDGE.set(self)
         try:
             with asyncio.Runner(loop_factory=VirtualLoop) as runner:

@@ -141,7 +141,7 @@ class SweptAxis(BaseModel):
 
     @property
     def numeric(self) -> bool:
-        """Tell whether all values are numbers."""
+        """Return whether all values are numbers."""
         return not any(isinstance(value, str | bool) for value in self.values)
 
 
@@ -187,7 +187,7 @@ class SweepResults:
 
 
 def is_sweep(folder: Path) -> bool:
-    """Tell whether a folder is a sweep's."""
+    """Return whether a folder is a sweep's."""
     return (folder / SWEEP_SETTINGS).is_file()
 
 

@@ -60,7 +60,7 @@ def _leave_room(made: Figure) -> None:
 
 
 def _ways(made: Figure, trials: Sequence[DrawnTrial], phase: Phase) -> None:
-    """Draw the parts of all ways in a phase, and put points on them that tell what the rover did there."""
+    """Draw the parts of all paths in a phase, and put points on them that tell what the rover did there."""
     lines = [way_in(trial.trace.points, phase) for trial in trials]
     ways = source(number=range(len(trials)))
     for name, at in (("xs", 0), ("ys", 1)):
@@ -77,7 +77,7 @@ PLACE = (("east", "@x{0.0} m"), ("north", "@y{0.0} m"))
 
 
 def way_in(points: Sequence[TrajectoryPoint], phase: Phase) -> tuple[list[float], list[float]]:
-    """Return the parts of a way in a phase as one line with gaps; a part ends where the next phase begins."""
+    """Return the parts of a path in a phase as one line with gaps; a part ends where the next phase begins."""
     x_m: list[float] = []
     y_m: list[float] = []
     for point, after in pairwise(points):

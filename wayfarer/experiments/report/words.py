@@ -37,14 +37,14 @@ NO_SHORTEST_PATHS = (
 )
 NOTHING_TO_DRAW = "No trial is drawn."
 GALLERY = (
-    "Failures first, then the longest paths; every algorithm has its turn before one has a second. These are "
-    "therefore not typical trials but the worst. Each was run again for its drawing and came out as in trials.csv, "
-    "digit for digit. Choose one to see its forest and its way."
+    "Failures first, then the longest paths; each algorithm is drawn once before one is drawn again. These are "
+    "therefore not typical trials but the worst. Each was run again for its drawing and gave the result in trials.csv, "
+    "digit for digit. Choose one to see its forest and its path."
 )
 BUTTONS = ("previous", "next", "whole forest", "where it was entrapped")
 MAP_CAPTION = (
     "Trunks and trees are to scale, north is up. Triangle: start, points to the goal; cross: end; green line: goal "
-    "line; broken square: the ground that an entrapped rover kept to in the second half of its trial."
+    "line; broken square: the area that an entrapped rover stayed in during the second half of its trial."
 )
 ENTRAPPED = (
     "Of the trials that are drawn above; --gallery N draws N of them. A cause is found from the second half of what "
@@ -146,7 +146,7 @@ def trial_text(row: TrialRow, slips: int) -> str:
 
 
 def trial_layers() -> Iterator[html.Layer]:
-    """Yield the boxes that hide parts of the way, which are the key to its colours too."""
+    """Yield the boxes that hide parts of the path, which are the key to its colours too."""
     for phase, colour in palette.PHASES.items():
         yield html.Layer(phase, PHASES[phase], colour)
     yield html.Layer("slips", "Slips", palette.ANOMALY)
@@ -156,7 +156,7 @@ def entrapped_text(found: Entrapment) -> str:
     """Say why a trial was entrapped, and by which figures."""
     turned = "" if found.turned is None else f", {found.turned:.0%} of the turns asked for in the open"
     return (
-        f"{str(found.why).capitalize()}. It kept to {found.extent_m:.1f} m, was against something "
+        f"{str(found.why).capitalize()}. It kept to {found.extent_m:.1f} m, touched something "
         f"for {found.touching:.0%} of the time{turned}, and {found.new:.0%} of its places were new."
     )
 
@@ -169,7 +169,7 @@ def no_gallery(reason: BadInput) -> str:
 def not_drawn(version: str) -> str:
     """Say why the trials that are named next have no drawing; the table is of ``version``."""
     return (
-        f"Not drawn, because they came out in another way when wayfarer {__version__} ran them again (the table is of "
+        f"Not drawn, because their results were different when wayfarer {__version__} ran them again (the table is of "
         f"wayfarer {version}): the code or an algorithm has changed since, and a drawing would show another run."
     )
 

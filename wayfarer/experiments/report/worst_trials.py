@@ -21,7 +21,7 @@ from wayfarer.experiments.trial_setup import TrialSpec
 
 
 class RerunTrial(NamedTuple):
-    """A trial that was run again: its way, or why the way that it took this time is not the one in the table."""
+    """A trial that was run again: its way, or why the path that it took this time is not the one in the table."""
 
     row: TrialRow
     trace: Trace | None
@@ -62,7 +62,7 @@ def run_again(
                 progress(done)
     except BrokenExecutor as error:
         raise WayfarerError(
-            "a worker process died while trials were run again, most likely for want of memory; try --jobs 1"
+            "a worker process died while trials were run again, most likely for lack of memory; try --jobs 1"
         ) from error
     return [found[row.key] for row in rows]
 
@@ -81,7 +81,7 @@ def _traced(campaign: Campaign, row: TrialRow) -> tuple[TrialRow, Done, Trace | 
 
 
 def _compare(row: TrialRow, done: Done, trace: Trace | None) -> RerunTrial:
-    """Return the way only where the trial came out as in the table, in every column."""
+    """Return the path only where the trial gave the result of the table, in every column."""
     if done.fault is not None:
         return RerunTrial(row, None, f"cannot be run again: {done.fault.text}")
     again = done.row._replace(ticks=None)

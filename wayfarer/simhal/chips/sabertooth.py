@@ -126,7 +126,7 @@ class SabertoothChip(MotorBoardChip):
         self._stop(self._clock())
 
     def receive(self, data: bytes) -> None:
-        """Take bytes, in whatever pieces they come; an address begins a new packet, whatever became of the last."""
+        """Take bytes, in pieces of any length; an address begins a new packet, even if the last one is incomplete."""
         self.tick()
         packet = self._packet
         for byte in data:

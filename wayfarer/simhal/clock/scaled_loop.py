@@ -52,7 +52,7 @@ class FastSelector(SelectSelector):
         self.now_s = self._clock_s = monotonic()
 
     def select(self, timeout: float | None = None) -> list[tuple[SelectorKey, int]]:
-        """Wait, at most ``timeout`` seconds of the loop, and let time go on."""
+        """Wait, at most ``timeout`` seconds of the loop, and let time continue."""
         return self._stand_still(timeout) if self._pace.paused else self._go_on(timeout, self._pace.speed)
 
     def _go_on(self, timeout: float | None, speed: float) -> list[tuple[SelectorKey, int]]:

@@ -39,7 +39,7 @@ class Handle(Scheduled):
         self.is_cancelled = True
 
     def cancelled(self) -> bool:
-        """Tell whether it was cancelled."""
+        """Return whether it was cancelled."""
         return self.is_cancelled
 
     def run(self) -> None:

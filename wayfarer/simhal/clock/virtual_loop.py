@@ -142,11 +142,11 @@ class VirtualLoop(asyncio.AbstractEventLoop):
             self.stop()
 
     def is_running(self) -> bool:
-        """Tell whether the loop runs."""
+        """Return whether the loop runs."""
         return self._running
 
     def is_closed(self) -> bool:
-        """Tell whether the loop was closed."""
+        """Return whether the loop was closed."""
         return self._closed
 
     def close(self) -> None:
@@ -193,7 +193,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
     # -- errors and debugging ------------------------------------------------------------------------------------
 
     def get_debug(self) -> bool:
-        """Tell whether asyncio's debug mode is on."""
+        """Return whether asyncio's debug mode is on."""
         return self._debug
 
     def set_debug(self, enabled: bool) -> None:

@@ -64,13 +64,13 @@ class WiredPart:
 
 
 def misplaced(fault: Fault, config: RoverConfig) -> str | None:
-    """Say why a fault of this layer cannot happen to a rover, None where it can."""
+    """Return why a fault of this layer does not apply to a rover, None where it can."""
     if fault.target not in config.parts:
         return f"rover '{config.name}' has no [parts.{fault.target}]"
     table = config.parts[fault.target]
     if {driver_name(table), _bus_of(fault.target, table)[0]} & set(_FITS[fault.kind]):
         return None
-    return f"rover '{config.name}': '{fault.kind}' cannot happen to driver = \"{table['driver']}\""
+    return f"rover '{config.name}': '{fault.kind}' does not apply to driver = \"{table['driver']}\""
 
 
 def _bus_of(part: str, table: Mapping[str, Any]) -> tuple[str, str, Any]:
@@ -186,7 +186,7 @@ def _board_fault(wired: WiredPart, _: object, __: Random) -> Iterator[None]:
 
 
 def _ignores(wired: WiredPart, _: object, __: Random) -> AbstractContextManager[None]:
-    """Let requests through and nothing that drives: the board goes on with what it had."""
+    """Let requests through and nothing that drives: the board continues with what it had."""
     return listed(wired.wire.writes, lambda data: data if len(data) == 1 else None)
 
 

@@ -61,7 +61,7 @@ class Hang:
             async with asyncio.timeout(self._deadline_s):
                 await self._back.wait()
         except TimeoutError:
-            raise NotResponding(f"{self._name}: no end of a transfer within {self._deadline_s:g} s") from None
+            raise NotResponding(f"{self._name}: a transfer did not end within {self._deadline_s:g} s") from None
         if not done:
             raise NotResponding(f"{self._name}: no answer")
         return done[0]

@@ -92,7 +92,7 @@ class Injector:
                 loop.call_later(fault.at_s, self.begin, number, fault)
 
     def _pump(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Let the world go on, and chips act, even if no part asks: faults may silence all of them."""
+        """Let the world continue, and chips act, even if no part asks: faults may silence all of them."""
         self._world.tick_chips()
         self._world.advance_to(loop.time())
         if self._faults:
@@ -105,7 +105,7 @@ class Injector:
             self._lasting.pop(number).close()
 
     def begin(self, number: int, fault: Fault) -> None:
-        """Begin a fault now, whatever its time; it lasts as long as it says. ``number`` tells it from others."""
+        """Begin a fault now, independent of its time; it lasts as long as it says. ``number`` tells it from others."""
         if not self._faults:
             return
         loop = asyncio.get_running_loop()

@@ -89,14 +89,14 @@ class Slope:
 
 @dataclass(frozen=True, slots=True)
 class Shove:
-    """Something moves the body ahead at ``speed_m_s``, whatever its wheels do: a slope, or motors that run away."""
+    """Something moves the body ahead at ``speed_m_s``, independent of its wheels: a slope, or motors that run away."""
 
     speed_m_s: Annotated[float, Interval(ge=-2, le=2)] = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """The sides turn ``left_gain`` and ``right_gain`` times as fast as told: 0 dead, -1 wired the wrong way."""
+    """The sides turn ``left_gain`` and ``right_gain`` times as fast as commanded: 0 dead, -1 wired the wrong way."""
 
     left_gain: Gain = 1.0
     right_gain: Gain = 1.0
@@ -161,7 +161,7 @@ class Negated:
 
 @dataclass(frozen=True, slots=True)
 class Becomes:
-    """A value that is ``value`` whatever was measured."""
+    """A value that is ``value``, independent of the measured value."""
 
     of: str = "quality"
     value: float = 0.0
@@ -235,7 +235,7 @@ class FlippedBits:
 
 @dataclass(frozen=True, slots=True)
 class Spikes:
-    """One answer in ``every`` says that the ground moved ahead by ``counts``, whatever it did."""
+    """One answer in ``every`` says that the ground moved ahead by ``counts``, independent of the motion."""
 
     counts: Annotated[int, Interval(ge=1, le=32_767)] = 469
     every: Annotated[int, Interval(ge=1, le=1000)] = 10
@@ -291,42 +291,42 @@ _WORLD, _PROCESS = ("world",), ("process",)
 KINDS: Mapping[str, FaultKind] = {
     "slip": FaultKind(Layer.WORLD, "the wheels lose their grip until they pull back", _WORLD),
     "snag": FaultKind(Layer.WORLD, "something holds the body", _WORLD),
-    "magnetic_anomaly": FaultKind(Layer.WORLD, "iron nearby bends the field", _WORLD, MagneticAnomaly),
-    "motor_field": FaultKind(Layer.WORLD, "the motors' current bends the field", _WORLD, MotorField),
+    "magnetic_anomaly": FaultKind(Layer.WORLD, "iron nearby distorts the magnetic field", _WORLD, MagneticAnomaly),
+    "motor_field": FaultKind(Layer.WORLD, "the motors' current distorts the magnetic field", _WORLD, MotorField),
     "slope": FaultKind(Layer.WORLD, "the ground tilts the body", _WORLD, Slope),
-    "shove": FaultKind(Layer.WORLD, "something else moves the body", _WORLD, Shove),
+    "shove": FaultKind(Layer.WORLD, "an outside force moves the body", _WORLD, Shove),
     "drive": FaultKind(Layer.WORLD, "a side is weak, dead or wired the wrong way", _WORLD, Drive),
     "dead_band": FaultKind(Layer.WORLD, "motors do not turn at a low duty", _WORLD, DeadBand),
     "battery": FaultKind(Layer.WORLD, "the battery's voltage", _WORLD, Battery),
     "silent": FaultKind(Layer.READING, "the part does not answer", _PARTS),
-    "frozen": FaultKind(Layer.READING, "the last reading again and again, with a fresh time", _SENSES),
-    "offset": FaultKind(Layer.READING, "a value is off", _SENSES, Offset),
+    "frozen": FaultKind(Layer.READING, "the last reading is repeated, with a new time", _SENSES),
+    "offset": FaultKind(Layer.READING, "a value has a constant error", _SENSES, Offset),
     "jumps": FaultKind(Layer.READING, "a value jumps now and then", _SENSES, Jumps),
-    "noisy": FaultKind(Layer.READING, "a value with noise", _SENSES, Noise),
+    "noisy": FaultKind(Layer.READING, "a value has added noise", _SENSES, Noise),
     "drifts": FaultKind(Layer.READING, "a value drifts away", _SENSES, Drifts),
     "negated": FaultKind(Layer.READING, "a value has the wrong sign", _SENSES, Negated),
-    "becomes": FaultKind(Layer.READING, "a value is what it is not", _SENSES, Becomes),
-    "saturated": FaultKind(Layer.READING, "a value has a limit", _SENSES, Saturated),
-    "garbage": FaultKind(Layer.READING, "numbers that mean nothing", _SENSES, Garbage),
-    "not_a_number": FaultKind(Layer.READING, "a value is no number", _SENSES, NotANumber),
-    "delayed": FaultKind(Layer.READING, "readings come late, with their old time", _SENSES, Delayed),
-    "late_answer": FaultKind(Layer.READING, "the part takes its time to answer", _PARTS, LateAnswer),
+    "becomes": FaultKind(Layer.READING, "a value is replaced by a wrong one", _SENSES, Becomes),
+    "saturated": FaultKind(Layer.READING, "a value is clipped at a limit", _SENSES, Saturated),
+    "garbage": FaultKind(Layer.READING, "random numbers in place of readings", _SENSES, Garbage),
+    "not_a_number": FaultKind(Layer.READING, "a value is NaN or infinite", _SENSES, NotANumber),
+    "delayed": FaultKind(Layer.READING, "readings arrive late, with their old time", _SENSES, Delayed),
+    "late_answer": FaultKind(Layer.READING, "the part answers late", _PARTS, LateAnswer),
     "nack": FaultKind(Layer.BUS, "transfers are not acknowledged", _ON_A_BUS, Lost),
     "hang": FaultKind(Layer.BUS, "a device holds the whole bus", _ON_A_BUS),
-    "flipped_bits": FaultKind(Layer.BUS, "answers with wrong bits", _ON_A_BUS, FlippedBits),
-    "shifted_block": FaultKind(Layer.BUS, "answers that are shifted", _ON_A_BUS, Shifted),
-    "wrong_id": FaultKind(Layer.BUS, "the part says that it is another", _ON_A_BUS, WrongId),
+    "flipped_bits": FaultKind(Layer.BUS, "answers have wrong bits", _ON_A_BUS, FlippedBits),
+    "shifted_block": FaultKind(Layer.BUS, "the bits of answers are shifted", _ON_A_BUS, Shifted),
+    "wrong_id": FaultKind(Layer.BUS, "the part reports a wrong identity", _ON_A_BUS, WrongId),
     "reset": FaultKind(Layer.BUS, "the part loses its power, and with it its settings", _ON_A_BUS),
-    "all_00": FaultKind(Layer.BUS, "answers of nothing but zeros", _ON_A_BUS),
-    "all_ff": FaultKind(Layer.BUS, "answers of nothing but ones", _ON_A_BUS),
-    "lost_bytes": FaultKind(Layer.BUS, "written bytes that get lost", ("motors",), LostBytes),
+    "all_00": FaultKind(Layer.BUS, "answers contain only zeros", _ON_A_BUS),
+    "all_ff": FaultKind(Layer.BUS, "answers contain only ones", _ON_A_BUS),
+    "lost_bytes": FaultKind(Layer.BUS, "some written bytes are lost", ("motors",), LostBytes),
     "failsafe_off": FaultKind(Layer.BUS, "the board's deadman does not arm", ("motors",)),
     "board_fault": FaultKind(Layer.BUS, "the board reports a drive fault", ("motors",)),
     "ignores": FaultKind(Layer.BUS, "the board acknowledges commands and does not follow them", ("motors",)),
-    "dark": FaultKind(Layer.BUS, "nothing to be seen: a leaf on the lens, or the night", ("motion",)),
+    "dark": FaultKind(Layer.BUS, "the picture is dark: a leaf on the lens, or night", ("motion",)),
     "spikes": FaultKind(Layer.BUS, "garbage that looks like motion of the ground", ("motion",), Spikes),
-    "same_picture": FaultKind(Layer.BUS, "the camera gives the same picture again and again", ("motion",)),
-    "uncalibrated": FaultKind(Layer.BUS, "the part says that its calibration is gone", ("compass",)),
+    "same_picture": FaultKind(Layer.BUS, "the camera repeats the same picture", ("motion",)),
+    "uncalibrated": FaultKind(Layer.BUS, "the part reports that its calibration is lost", ("compass",)),
     "task_crash": FaultKind(Layer.PROCESS, "a bug in a driver ends its task", _PARTS),
     "loop_stall": FaultKind(Layer.PROCESS, "the event loop is blocked, or the clock jumps", _PROCESS, LoopStall),
     "undervoltage": FaultKind(Layer.PROCESS, "the computer's supply sags", _PROCESS, Undervoltage),

@@ -84,7 +84,7 @@ class Mud:
             self._cells[first : first + len(columns)] = b"\1" * len(columns)
 
     def lies_at(self, x_m: float, y_m: float) -> bool:
-        """Tell whether there is mud at a point."""
+        """Return whether there is mud at a point."""
         column, row = int(x_m / MUD_CELL_M), int(y_m / MUD_CELL_M)
         return 0 <= column < self._side and 0 <= row < self._side and bool(self._cells[row * self._side + column])
 

@@ -169,7 +169,7 @@ class Contacts:
         self.belly = 1 + len(obstacles)
 
     def with_obstacles(self) -> bool:
-        """Tell whether belly or wheels touch any obstacle, felt or not."""
+        """Return whether belly or wheels touch any obstacle, felt or not."""
         return any(0 < geom < self.belly for pair in self._data.contact.geom.tolist() for geom in pair)
 
     def feel(self) -> tuple[Obstacle | None, bool]:

@@ -21,7 +21,7 @@ Place = tuple[float, float]
 
 
 class NoRoom(RuntimeError):
-    """There is no free ground near the rover to put it down on; the trial cannot go on."""
+    """There is no free ground near the rover to put it down on; the trial cannot continue."""
 
 
 class Placing:

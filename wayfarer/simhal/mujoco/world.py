@@ -96,7 +96,7 @@ class MujocoWorld:
     # -- what the parts and the outcome monitor see --------------------------------------------------------------------
 
     def attitude(self) -> tuple[float, float, float]:
-        """Return heading (radians), pitch and roll (degrees): of the body, whatever is under it, and of gravity."""
+        """Return heading (radians), pitch and roll (degrees): of the body relative to gravity."""
         return self.heading_rad, self.pitch_deg + self.ground_pitch_deg, self.roll_deg + self.ground_roll_deg
 
     @property

@@ -54,7 +54,7 @@ class Climbing:
         return duty * self._deg_s * self._grip
 
     def is_on(self, obstacle: Obstacle, pitch_deg: float) -> bool:
-        """Tell whether the body is up so far that the branch is under its belly."""
+        """Return whether the body is up so far that the branch is under its belly."""
         return self._length_m * abs(sin(radians(pitch_deg))) >= 2.0 * obstacle.radius_m
 
 

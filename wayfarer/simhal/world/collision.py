@@ -91,7 +91,7 @@ class BodyOutline:
         self._box = Box(-self.half_width_m, -self.half_length_m, self.half_width_m, self.half_length_m)
 
     def overlaps(self, obstacle: Obstacle, x_m: float, y_m: float, sin_h: float, cos_h: float) -> bool:
-        """Tell whether the body, centred at (x, y) and heading where (sin, cos) says, overlaps the obstacle."""
+        """Return whether the body, centred at (x, y) and heading where (sin, cos) says, overlaps the obstacle."""
         near_x, near_y = obstacle.nearest(x_m, y_m)
         dx, dy = near_x - x_m, near_y - y_m
         distance_sq = dx * dx + dy * dy

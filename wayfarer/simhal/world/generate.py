@@ -47,7 +47,7 @@ START_AREA = Box(20.733, 11.773, 30.517, 13.857)  # free of centre lines, so tha
 
 
 def generate_forest(layout: int, noise: int, seed: int, trees_per_ha: float = TREES_PER_HA) -> Forest:
-    """Return the forest of these numbers: the same for ever, whatever else is drawn.
+    """Return the forest of these numbers: always the same, independent of other random draws.
 
     Fallen trunks depend on ``layout`` and ``seed``, standing trees on ``noise`` too; a denser forest has the trees of a
     sparser one, and more. There is room for 1,000 trees a hectare.

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class GroundName(StrEnum):
-    """What the wheels stand on; on ``ideal`` the body goes and turns as it is told, as in the paper's simulator."""
+    """What the wheels stand on; on ``ideal`` the body goes and turns as commanded, as in the paper's simulator."""
 
     ideal = "ideal"
     leaf_litter = "leaf-litter"

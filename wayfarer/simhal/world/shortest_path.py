@@ -31,7 +31,7 @@ Mask = NDArray[np.bool_]
 
 
 def shortest_path_m(forest: Forest, rover_width_m: float = ROVER_WIDTH_M) -> float | None:
-    """Return the length of the shortest path from start to goal line, metres; None when there is no way.
+    """Return the length of the shortest path from start to goal line, metres; None when there is no path.
 
     ``rover_width_m`` is the width of the narrowest gap that the rover fits through, at least 0.
     """
@@ -49,7 +49,7 @@ def shortest_path_m(forest: Forest, rover_width_m: float = ROVER_WIDTH_M) -> flo
 
 
 def is_closed(forest: Forest, rover_width_m: float = ROVER_WIDTH_M) -> bool:
-    """Tell whether a rover of that width can get neither to the goal line nor to any edge of the world."""
+    """Return whether a rover of that width can get neither to the goal line nor to any edge of the world."""
     start_x_m, start_y_m = forest.start_m
     from_start_m = np.hypot(CENTRES_M - start_x_m, CENTRES_M[:, np.newaxis] - start_y_m)
     travelled_m = _wave_m(from_start_m, _blocked(forest, rover_width_m / 2.0))

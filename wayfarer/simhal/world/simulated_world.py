@@ -32,7 +32,7 @@ class Touch(NamedTuple):
 class BodyFaults:
     """What is wrong with the body.
 
-    Each side turns ``gain`` times as fast as it is told to (0 is dead, -1 wired the wrong way), and not at all below a
+    Each side turns ``gain`` times as fast as commanded (0 is dead, -1 wired the wrong way), and not at all below a
     duty of ``dead_band``. A ``snagged`` body cannot move, ``shove_m_s`` moves it ahead whatever its wheels do.
     """
 

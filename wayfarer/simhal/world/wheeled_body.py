@@ -21,7 +21,7 @@ CLEARANCE_PER_RADIUS: Final = 0.041 / 0.065
 
 
 class WheelGeometry(NamedTuple):
-    """Where the four wheels stand: half the wheelbase, half the distance between left and right, and their radius."""
+    """Where the four wheels are: half the wheelbase, half the distance between left and right, and their radius."""
 
     half_base_m: float
     half_track_m: float
@@ -50,7 +50,7 @@ class WheeledBody(NamedTuple):
 
     @property
     def wheels(self) -> WheelGeometry:
-        """Where the wheels stand: their outer edges are the body's outline."""
+        """Where the wheels are: their outer edges are the body's outline."""
         radius_m = self.wheel_radius_m
         return WheelGeometry(self.length_m / 2.0 - radius_m, (self.width_m - self.tyre_width_m) / 2.0, radius_m)
 
@@ -81,8 +81,8 @@ def body_of(name: str, vehicle: Vehicle, chassis: Chassis, asked_by: str) -> Whe
     """
     if missing := chassis.missing(ON_WHEELS):
         raise BadConfig(
-            f"rover '{name}' gives no chassis.{missing[0]}, and {asked_by} needs a body with wheels;"
-            " take --rover sim, forestrover or minirover, or add [chassis] to its file as theirs have it"
+            f"rover '{name}' has no chassis.{missing[0]}, and {asked_by} needs a body with wheels;"
+            " use --rover sim, forestrover or minirover, or add [chassis] to its file, as in their files"
         )
     weight_kg, motors_n_m, radius_m, height_m = (getattr(chassis, key) for key in ON_WHEELS)
     given_m = chassis.ground_clearance_m

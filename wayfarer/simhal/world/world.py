@@ -61,7 +61,7 @@ class World:
         starts_s: the time on the clock of its parts at which the world begins.
         chassis: with it the body drives over low branches and may climb onto others; without it all are trunks, and
             every rover rears up alike.
-        skid: with it the wheels have the grip of a ground; without it the body goes and turns as it is told.
+        skid: with it the wheels have the grip of a ground; without it the body goes and turns as commanded.
     """
 
     def __init__(
@@ -218,7 +218,7 @@ class World:
         return left_m_s + shove_m_s, right_m_s + shove_m_s
 
     def _break_free(self) -> bool:
-        """Tell whether the wheels, which turn without grip, have begun to pull back: that frees them."""
+        """Return whether the wheels, which turn without grip, have begun to pull back: that frees them."""
         if not self._pulls_back:
             self._left_m_s = self._right_m_s = 0.0
             return False

@@ -22,7 +22,7 @@ def export(run: Path, form: ExportFormat, out: Path, *, overwrite: bool) -> Dama
         if form.output is Output.FOLDER:
             return _export_folder(run, form, out)
         if out.is_dir() or (out.exists() and not overwrite):
-            raise BadInput(f"{out} is there already: name another file with --out, or replace a file with --force")
+            raise BadInput(f"{out} exists already: name another file with --out, or replace it with --force")
         with whole_file(out) as draft:
             if form.output is Output.BYTES:
                 with draft.open("wb") as messages:
@@ -37,6 +37,8 @@ def export(run: Path, form: ExportFormat, out: Path, *, overwrite: bool) -> Dama
 
 def _export_folder(run: Path, form: ExportFormat, out: Path) -> Damage:
     if os.path.lexists(out):
-        raise BadInput(f"{out} is there already, and no folder is replaced: name another one with --out, or remove it")
+        raise BadInput(
+            f"{out} exists already, and a folder is never replaced: name another one with --out, or remove it"
+        )
     with whole_folder(out) as draft:
         return form.write(run, draft)

@@ -100,7 +100,7 @@ def read_places(run: Path, form: str) -> Places:
                     fixes.append(_on_globe(event))
     if not fixes:
         raise BadInput(
-            f"{run} has no GPS position, so there is no {form}: dead reckoning has no latitude. Take csv, parquet or "
+            f"{run} has no GPS position, so there is no {form}: dead reckoning has no latitude. Use csv, parquet or "
             f"mcap; for the next run give the rover a receiver (parts.position in its file)"
         )
     fixes.sort(key=attrgetter("t_s"))
@@ -163,7 +163,7 @@ def _around(t_s: float, fixes: Sequence[Fix]) -> Sequence[Fix]:
 
 
 def _reckoned_m(poses: Sequence[ReckonedPose], from_t_s: float, to_t_s: float) -> tuple[float, float]:
-    """Return metres north and east between two times by dead reckoning; none where it knows of no way."""
+    """Return metres north and east between two times by dead reckoning; none where it knows of no path."""
     if not poses:
         return 0.0, 0.0
     begins, ends = (poses[max(0, bisect_right(poses, t_s, key=attrgetter("t_s")) - 1)] for t_s in (from_t_s, to_t_s))

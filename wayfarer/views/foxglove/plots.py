@@ -44,7 +44,7 @@ class Plot(NamedTuple):
 FURTHER: Mapping[str, Any] = {
     "type": "object",
     "title": "wayfarer.further",
-    "description": "What else the log has of a tick, under its own keys, such as what another algorithm remembers.",
+    "description": "Other keys of a tick's record, such as the memory of another algorithm.",
 }
 KINDS: Mapping[type[RunEvent], str] = {Tick: "tick", Board: "board", Computer: "computer", Truth: "truth"}
 
@@ -85,11 +85,11 @@ _DERIVED: Mapping[str, Callable[[Any], object]] = {
 PLOTS: Mapping[str, Plot] = {
     "/heading": Plot(
         Tick,
-        "Where the rover looks and where it wants to go, in degrees clockwise from magnetic north.",
+        "Heading of the rover and of its goal, in degrees clockwise from magnetic north.",
         {
             "heading_deg": "heading, 0 to 360",
             "goal_heading_deg": "goal heading, 0 to 360",
-            "error_deg": "turn that is left to the goal, -180 to 180, clockwise positive",
+            "error_deg": "remaining turn to the goal, -180 to 180, clockwise positive",
         },
     ),
     "/tilt": Plot(
@@ -99,7 +99,7 @@ PLOTS: Mapping[str, Plot] = {
     ),
     "/phase": Plot(
         Tick,
-        "What the rover does, and whether it is well.",
+        "Phase and health of the rover.",
         {
             "phase": "what the rover does",
             "why": "the phase, or in its first tick the event that began it",
@@ -109,7 +109,7 @@ PLOTS: Mapping[str, Plot] = {
     ),
     "/counter": Plot(
         Tick,
-        "What the escape handler remembers; other algorithms than the paper's may remember other things.",
+        "Memory of the escape handler; algorithms other than the paper's may remember other things.",
         {
             "counter_deg": "C: heading gained since the episode began, clockwise positive",
             "side": "tau: the side to turn to, 1 clockwise, -1 counter-clockwise",
@@ -129,22 +129,22 @@ PLOTS: Mapping[str, Plot] = {
             "applied_right": "duty that the motors took, right",
         },
     ),
-    "/anomalies": Plot(Tick, "What is wrong in the forest, as the rover notices it.", ANOMALIES),
+    "/anomalies": Plot(Tick, "Anomalies that the rover has detected.", ANOMALIES),
     "/motion": Plot(
         Tick,
-        "What the motion sensor saw since it was last asked, and how far the rover went.",
+        "Readings of the motion sensor since the last tick, and the distance so far.",
         {
             "forward_m": "displacement ahead",
             "right_m": "displacement to the right",
-            "quality": "0: nothing can be said, to 1",
-            "path_m": "way by dead reckoning, forwards and backwards both counted up",
-            "travelled_m": "way as the wheels were commanded",
-            "covered_m": "way as the motion sensor saw it, as commanded where that cannot be believed",
+            "quality": "0 (unusable) to 1",
+            "path_m": "distance by dead reckoning, forwards and backwards added up",
+            "travelled_m": "distance as commanded",
+            "covered_m": "distance by the motion sensor, as commanded where the sensor is not usable",
         },
     ),
     "/battery": Plot(
         Board,
-        "What the motor board says of itself.",
+        "Status that the motor board reports.",
         {"battery_v": "battery, volts", "faults": f"what is wrong with the board, or {NOTHING}"},
     ),
     "/computer": Plot(
@@ -153,19 +153,19 @@ PLOTS: Mapping[str, Plot] = {
         {
             "cpu_c": "temperature of the processor, degrees Celsius",
             "throttled": "power and heat bits of a Raspberry Pi, hexadecimal",
-            "load_1min": "processes that want to run, mean of a minute",
-            "disk_free_mb": "room for logs, MB",
+            "load_1min": "processes that run or wait, mean of a minute",
+            "disk_free_mb": "free disk space for logs, MB",
             "log_dropped": "records that could not be written so far",
         },
     ),
     "/truth_contact": Plot(
         Truth,
-        "What really holds the rover; only in simulated runs.",
+        "Ground truth of slips and contacts; only in simulated runs.",
         {"slipping": "the wheels slip", "touching": "the body touches something"},
     ),
     "/time": Plot(
         Tick,
-        "By what names other tools find this tick.",
+        "Times and number of this tick, as other tools show them.",
         {
             "elapsed_s": "seconds since the log began, as in tables and in wayfarer replay",
             "t_s": "the rover's monotonic clock, seconds",

@@ -97,7 +97,7 @@ def point(x_m: float, y_m: float) -> Point3:
 
 
 def path_scene(time: Timestamp, frame: str, points: list[Point3]) -> SceneUpdate:
-    """Return the way on which a frame came, in the map."""
+    """Return the path on which a frame came, in the map."""
     lines = [_line(points, COLOURS[frame])]
     return SceneUpdate(entities=[SceneEntity(timestamp=time, frame_id=MAP, id=f"{frame} path", lines=lines)])
 

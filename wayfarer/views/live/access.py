@@ -31,15 +31,13 @@ class Access:
             Refused: the text says why.
         """
         if any(header in headers for header in OF_PROXIES):
-            raise Refused("this page works through no proxy: open it at the address that wayfarer printed")
+            raise Refused("this page does not work through a proxy: open it at the address that wayfarer printed")
         if is_local(peer):
             name = host_name(headers.get("Host", "")) or ""
             if name != "localhost" and not is_local(name):
                 raise Refused("on this computer the page is at localhost or 127.0.0.1, and at no other name")
         elif not compare_digest(_bytes(token), self._token):
-            raise Refused(
-                "open the page at the whole address that wayfarer printed when it was started, token included"
-            )
+            raise Refused("open the page at the complete address that wayfarer printed at its start, with the token")
 
     def check_socket(self, peer: str, headers: Mapping[str, str], token: str) -> None:
         """Allow a WebSocket connection.

@@ -30,7 +30,7 @@ def bind(host: str, port: int) -> socket.socket:
         both = family is socket.AF_INET6 and socket.has_dualstack_ipv6()
         bound = socket.create_server(address, family=family, dualstack_ipv6=both)
     except UnicodeError:
-        raise BadInput(f"{host} can be no computer's name: choose an address of this one with --live-host") from None
+        raise BadInput(f"{host} is not a host name: choose an address of this one with --live-host") from None
     except OSError as error:
         raise BadInput(_why_not(host, port, error)) from None
     bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVED_BYTES)  # connections inherit it

@@ -77,7 +77,7 @@ class ClientSession:
         try:
             await self._viewer.follow()
         except TooSlow:
-            await self.end("nothing was acknowledged for too long")
+            await self.end("no update was acknowledged for too long")
         except ConnectionError:
             pass
         except Exception:
@@ -110,12 +110,12 @@ class ClientSession:
             return
         request = check({key: value for key, value in fields.items() if key != SHOWN})
         if request.do not in VERBS:
-            raise Refused(f"{request.do} is not done from the page: use wayfarer {request.do} in a terminal")
+            raise Refused(f"{request.do} is not possible from the page: use wayfarer {request.do} in a terminal")
         now_s = asyncio.get_running_loop().time()
         if request.do not in STOPPING and not self._rate_limiter.take(now_s):
-            raise Refused("too much was asked for at once: wait a second and ask again")
+            raise Refused("too many requests at once: wait a second and try again")
         if request.do == "resume" and not self._is_new(fields.get(SHOWN), now_s):
-            raise Refused("the page that this was pressed on was old: look again, and press it if it is still right")
+            raise Refused("the page showed an old state: look at the new one, and press again if it is still right")
         await perform(request, self._commands, None)
 
     def _do_in_demo(self, fields: dict[str, object]) -> None:
@@ -125,7 +125,7 @@ class ClientSession:
         demo_controls.perform(fields, self._demo)
 
     def _is_new(self, state_t_s: object, now_s: float) -> bool:
-        """Tell whether a state is of now; one from the future is of another run. What is no time is not."""
+        """Return whether a state is of now; one from the future is of another run. What is no time is not."""
         if not isinstance(state_t_s, int | float):
             return False
         age_s = now_s - state_t_s if self._demo is None else self._demo.age_s(state_t_s)

@@ -31,13 +31,13 @@ class DemoControls(Protocol):
         """Return how the demo is."""
 
     def seen(self) -> None:
-        """Note that somebody sees the page."""
+        """Note that a viewer has opened the page."""
 
     def age_s(self, t_s: float) -> float:
         """Return how long ago, in seconds of the viewer's clock, it was ``t_s`` on the clock of the run."""
 
     def pause(self, paused: bool) -> None:
-        """Let the time of the demo stand still, or go on."""
+        """Let the time of the demo stand still, or continue."""
 
     def run_at(self, speed: float) -> None:
         """Let the time of the demo go ``speed`` times as fast as the clock, and end a pause."""

@@ -168,12 +168,12 @@ class LivePage:
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
         try:
             if request.method != "GET" or request.path not in self._routes:
-                return _plain(404, "there is nothing here but a page at / and its connection at /ws")
+                return _plain(404, "only the page at / and its WebSocket at /ws are served here")
             return await self._routes[request.path](request)
         except Refused as refusal:
             return _plain(403, str(refusal))
         except web.HTTPBadRequest:
-            return _plain(400, "this is where the page itself connects, with a WebSocket: open / instead")
+            return _plain(400, "only the page itself connects here, with a WebSocket: open / instead")
         except OSError:
             raise  # the client has gone
         except Exception:

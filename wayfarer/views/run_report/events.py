@@ -77,7 +77,7 @@ def told(event: Noted | Silence) -> str:
 
 
 def is_trouble(event: Noted | Silence) -> bool:
-    """Return whether an event tells of something that went wrong; a hold that somebody asked for did not."""
+    """Return whether an event tells of something that went wrong; a hold that an operator asked for did not."""
     if isinstance(event, Silence):
         return True
     tone = event_tone(event.record)

@@ -113,7 +113,7 @@ def _draw_happenings(map_: Figure, track: Track) -> None:
 
 
 def _draw_ends(map_: Figure, track: Track, colour: str) -> None:
-    """Mark where the way begins again after a gap, its start if the log has it, and its end."""
+    """Mark where the path begins again after a gap, its start if the log has it, and its end."""
     way = track.way
     behind = np.flatnonzero(np.isnan(way.east_m)) + 1
     map_.scatter(way.east_m[behind], way.north_m[behind], marker="diamond", size=9, fill_color=palette.PAPER, **EDGE)
@@ -124,7 +124,7 @@ def _draw_ends(map_: Figure, track: Track, colour: str) -> None:
 
 
 def _draw_cursors(map_: Figure, tracks: Sequence[Track]) -> None:
-    """Put in what the cursor needs: the ways over time, unseen, and a ring on each at the time of the cursor."""
+    """Put in what the cursor needs: the paths over time, unseen, and a ring on each at the time of the cursor."""
     for at, track in enumerate(tracks):
         way = _thinned(track.way)
         over_time = source(t=way.t_s, x=way.east_m, y=way.north_m)
@@ -134,7 +134,7 @@ def _draw_cursors(map_: Figure, tracks: Sequence[Track]) -> None:
 
 
 def _thinned(way: Way) -> Way:
-    """Return every so many points of a way, with its gaps and its end."""
+    """Return every so many points of a path, with its gaps and its end."""
     every = max(1, -(-way.t_s.size // POINTS))
     kept = np.arange(way.t_s.size) % every == 0
     kept[-1:] = True

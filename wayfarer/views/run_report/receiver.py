@@ -43,7 +43,7 @@ class Fit(NamedTuple):
 
     @property
     def turned_deg(self) -> float:
-        """Return by how much the way was turned clockwise."""
+        """Return by how much the path was turned clockwise."""
         return round(-degrees(float(np.angle(self.factor))), 3) + 0.0  # not -0.0
 
     @property
@@ -77,10 +77,10 @@ def paired(fixes: Sequence[MapFix]) -> tuple[list[MapFix], Places]:
 
 
 def fit(fixes: Sequence[MapFix], origin: Coordinates) -> Fit | None:
-    """Return the similarity that lays the way by dead reckoning onto the fixes; None where nothing can be compared.
+    """Return the similarity that lays the path by dead reckoning onto the fixes; None where nothing can be compared.
 
     Weighted least squares over all fixes, with Cauchy's weights, so that single wild fixes do not count, and with
-    ``FREEDOM`` as the standard deviation of what the way may be turned and stretched by before any fix.
+    ``FREEDOM`` as the standard deviation of what the path may be turned and stretched by before any fix.
     """
     compared, reckoned_m = paired(fixes)
     if not compared:

@@ -76,7 +76,7 @@ def spans(ticks: Columns, values: Floats, most: int = BINS) -> list[ValueSpan]:
 
 
 def pieces(inside: NDArray[np.bool_], *columns: Floats) -> list[Floats]:
-    """Return the parts of a way that begin at points inside, as one line with gaps; each goes on to the next point."""
+    """Return the parts of a path that begin at points inside, as one line with gaps; each goes on to the next point."""
     changes = np.flatnonzero(np.diff(np.concatenate(([0], inside[:-1], [0]))))
     parts = [slice(first, end + 1) for first, end in changes.reshape(-1, 2)]
     return [np.concatenate([[], *(np.append(column[part], np.nan) for part in parts)]) for column in columns]

@@ -22,7 +22,7 @@ Point = tuple[float, float]  # metres east and north
 
 
 class Way(NamedTuple):
-    """A way over time, metres east and north; all but the time is NaN where records are missing."""
+    """A path over time, metres east and north; all but the time is NaN where records are missing."""
 
     t_s: Floats
     east_m: Floats
@@ -36,12 +36,12 @@ class Way(NamedTuple):
         return float(np.interp(t_s, self.t_s, self.east_m)), float(np.interp(t_s, self.t_s, self.north_m))
 
     def beginning_at(self, east_m: float, north_m: float) -> Way:
-        """Return the way moved so that it begins there."""
+        """Return the path moved so that it begins there."""
         first_m = self.east_m[:1].sum(), self.north_m[:1].sum()
         return self._replace(east_m=self.east_m - first_m[0] + east_m, north_m=self.north_m - first_m[1] + north_m)
 
     def mapped(self, onto: Fit) -> Way:
-        """Return the way laid onto the receiver's fixes."""
+        """Return the path laid onto the receiver's fixes."""
         places_m = onto(self.east_m + 1j * self.north_m)
         return self._replace(east_m=places_m.real, north_m=places_m.imag)
 
@@ -77,7 +77,7 @@ class Track:
 
     @property
     def drift_m(self) -> float:
-        """Return how far dead reckoning is from the true way at the end; NaN where one of them is not known."""
+        """Return how far dead reckoning is from the true path at the end; NaN where one of them is not known."""
         if self.reckoned is None or not (self.reckoned.t_s.size and self.way.t_s.size):
             return nan
         return hypot(self.reckoned.east_m[-1] - self.way.east_m[-1], self.reckoned.north_m[-1] - self.way.north_m[-1])
@@ -85,7 +85,7 @@ class Track:
     def missed_m(self, *, true: bool = False) -> tuple[float, float]:
         """Return the median distance of dead reckoning from the fixes, unfitted (from the first fix) and fitted.
 
-        It is in metres, at the times of the fixes; with ``true`` it is that from the true way of a simulated rover.
+        It is in metres, at the times of the fixes; with ``true`` it is that from the true path of a simulated rover.
         """
         if not self.fit or not self.origin:
             return nan, nan
@@ -96,7 +96,7 @@ class Track:
         return float(np.median(np.abs(pinned_m - there_m))), float(np.median(np.abs(self.fit(reckoned_m) - there_m)))
 
     def from_start(self) -> Track:
-        """Return the way alone, beginning at zero."""
+        """Return the path alone, beginning at zero."""
         return Track(self.data, self.way.beginning_at(0.0, 0.0))
 
     def goals(self) -> Iterator[tuple[Point, float]]:
@@ -136,7 +136,7 @@ def tracks_of(runs: Sequence[RunData]) -> list[Track]:
 
 
 def _way(columns: Columns, east: str, north: str) -> Way:
-    """Return the way of a table of ``RunData``, as far as it is known; it bridges no place where the log breaks off."""
+    """Return the path of a table of ``RunData``, as far as it is known, with a gap where the log has one."""
     known = {name: columns[name][~np.isnan(columns[east])] for name in ("t_s", east, north, "phase", "stretch")}
     t_s, *others = (known[name] for name in ("t_s", east, north, "phase"))
     at = np.flatnonzero(breaks(known)) + 1

@@ -19,27 +19,27 @@ from wayfarer.views.run_report.track import Track
 from wayfarer.views.text.summary_text import summary_facts
 
 NO_WAY = "The log has no heading, so the path of the rover is unknown."
-NO_TICKS = "No time lines: the log has no control ticks, or they hold no values."
+NO_TICKS = "No time lines: the log has no control ticks, or ticks without values."
 NO_FOREST = "The log is of a simulated run, but its forest or its true path is missing or cannot be read."
 LAST_GOALS = 5  # as many stand in the header
 BANDS = "Colours behind the lines: what the rover did; none: it stood."
 PANELS = (
-    "Drag over a panel to zoom, or use Ctrl and the wheel. Lines keep every extreme, and are broken where nothing is "
-    "known."
+    "Drag over a panel to zoom, or use Ctrl and the wheel. Lines keep every extreme, and have gaps where data "
+    "are missing."
 )
 RECKONED = (
-    "The way by dead reckoning: measured motion, else the wheels' commands, and the compass. Slip stretches it, an "
+    "The path by dead reckoning: measured motion, else the wheels' commands, and the compass. Slip stretches it, an "
     "error of the compass turns it. Star: start; cross: end; arrow: goal."
 )
 TRUE = (
-    "Where the simulated rover really went (coloured), and where dead reckoning had it (dashed). Star: start; cross: "
+    "The true path of the simulated rover (coloured), and its path by dead reckoning (dashed). Star: start; cross: "
     "end; arrow: goal."
 )
-FIXES = "Small crosses: what the receiver said; thin circles: its error."
+FIXES = "Small crosses: the receiver's fixes; thin circles: their error."
 FOREST = "Brown: fallen trunks; green dots: trees; green line: goal line."
 GAPS = (
-    "White diamonds: records are missing there, or no ticks came for a while. Nobody knows how the rover moved "
-    "meanwhile; the way goes on where it broke off."
+    "White diamonds: records are missing there, or no ticks came for a while. The motion in between is unknown; the "
+    "path continues from where it ended."
 )
 SAME_SETTINGS = "Nothing: both runs had the same rover file."
 
@@ -90,7 +90,7 @@ def fitted(track: Track, run: str) -> str:
     """Say how well dead reckoning does, as far as that is known; ``run`` names the run where there are two."""
     parts = []
     if not isnan(track.drift_m):
-        parts.append(f"At the end dead reckoning is {track.drift_m:.1f} m from the true way.")
+        parts.append(f"At the end dead reckoning is {track.drift_m:.1f} m from the true path.")
     if track.fit is not None:
         pinned_m, fitted_m = track.missed_m()
         parts.append(
@@ -106,7 +106,7 @@ def where_link(track: Track, run: str) -> str:
     if track.end_deg is None:
         return ""
     latitude, longitude = (f"{degrees:.6f}" for degrees in track.end_deg)
-    whose = "End of the fitted way (the last fix is above, under “where”)" if track.fit else "The last fix"
+    whose = "End of the fitted path (the last fix is above, under “where”)" if track.fit else "The last fix"
     at = f"{latitude},{longitude}"
     osm = f"https://www.openstreetmap.org/?mlat={latitude}&mlon={longitude}#map=18/{latitude}/{longitude}"
     links = f"{html.link(f'geo:{at}?q={at}', 'open in a map')}, {html.link(osm, 'OpenStreetMap')}"

@@ -125,7 +125,7 @@ def happened(event: RunEvent) -> Iterator[Told]:
         case BoardFaults(faults=faults):
             yield f"motor board: {', '.join(faults) or 'well again'}", Tone.FAULT if faults else Tone.PLAIN
         case PowerChanged(bits=""):
-            yield "computer: power and heat are well again", Tone.PLAIN
+            yield "computer: power and heat are normal again", Tone.PLAIN
         case PowerChanged(bits=bits):
             yield f"computer: power and heat bits {bits} (see vcgencmd get_throttled)", Tone.WARNING
         case FaultInjected():
@@ -133,6 +133,6 @@ def happened(event: RunEvent) -> Iterator[Told]:
         case RunBegan(header=header):
             yield run_text(header), Tone.PLAIN
             if event.late:
-                yield f"the log begins with part {header.part}: what came before is gone", Tone.WARNING
+                yield f"the log begins with part {header.part}: earlier parts are missing", Tone.WARNING
         case Ended():
             yield outcome_text(event), Tone.END

@@ -51,7 +51,7 @@ class RunSummariser:
                     self._clock_steps_s.append(event.by_s)
 
     def summary(self, state: RunState) -> RunSummary:
-        """Return the summary of a run that stands like this."""
+        """Return the summary of a run with this state."""
         header, ended, events = state.header, state.ended, state.events
         late_s = header.setting("safety", "tick_late_s") or LATE_S
         return RunSummary(

@@ -15,7 +15,7 @@ from wayfarer.views.text.verdict import NO_OUTCOME
 
 
 def summary_text(run: str, summary: RunSummary, damage: Damage) -> str:
-    """Return what became of a run, as lines; what there is nothing to tell of is left out."""
+    """Return the summary of a run as lines, without empty parts."""
     return "\n".join(
         f"{title if first else '':<11}{text}"
         for title, texts in summary_facts(run, summary, damage)
@@ -46,7 +46,7 @@ def summary_facts(run: str, summary: RunSummary, damage: Damage, *, utc: bool = 
 
 def _about(summary: RunSummary) -> str:
     if summary.version is None and summary.simulated is None:
-        return "unknown rover: the log does not say what ran, or whether it was simulated"
+        return "unknown rover: the log has no header"
     about = [summary.rover or "unknown rover", summary.algorithm, "simulated" if summary.simulated else None]
     about += [None if summary.trial is None else f"trial {summary.trial}"]
     about += ["dry run" if summary.dry_run else None, f"wayfarer {summary.version}" if summary.version else None]

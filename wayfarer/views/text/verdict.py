@@ -39,7 +39,7 @@ class LogVerdict(NamedTuple):
 
 
 def judge(run: Path) -> LogVerdict:
-    """Read a whole run and say what it is worth; one that still goes on has no outcome, and is partial at best."""
+    """Read a whole run and return its integrity; an unfinished run has no outcome, and is at best partial."""
     records, ended = 0, False
     try:
         reader = RunReader(run)

@@ -36,7 +36,7 @@ class FieldSite:
     has_receiver: bool = False
 
     def layout(self, number: int, seed: int, vehicle: Vehicle) -> Forest:
-        """Return a layout on which the body starts free and a way to the goal line exists; the same for ever.
+        """Return a layout on which the body starts free and a path to the goal line exists; always the same.
 
         Raises:
             ValueError: a negative number.

@@ -41,7 +41,7 @@ function takeNews(news) {
 }
 
 function takeReply(reply) {
-  const done = { stop: "Stopped", hold: "Held", resume: "Going on", mark: "Noted" };
+  const done = { stop: "Stopped", hold: "Held", resume: "Resumed", mark: "Noted" };
   say(reply.ok ? done[reply.do] ?? "" : `Not done: ${reply.why}`); // a demo's buttons show what they did
 }
 
@@ -118,7 +118,7 @@ function afterwards() {
 
 function lostText(silentS) {
   const old = silentS === null ? "" : ` What you see is ${ago(silentS)} old.`;
-  if (connection.isOpen) return `The rover says nothing.${old}`;
+  if (connection.isOpen) return `No data from the rover.${old}`;
   const next = connection.pauseS > 0 ? ` Next try in ${Math.ceil(connection.pauseS)} s.` : " Trying.";
   const restarted = connection.failures > 3 ? " If wayfarer was restarted, open the address that it printed." : "";
   return `No connection to the rover.${old}${next}${restarted}`;
