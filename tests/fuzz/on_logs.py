@@ -26,7 +26,7 @@ from wayfarer.views.export.formats import ExportFormat, Output
 from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.run_report.run import write_run_report
 from wayfarer.views.text.listing import lines, rows
-from wayfarer.views.text.run_narrator import Telling
+from wayfarer.views.text.run_narrator import Verbosity
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.tail import RunTail
@@ -104,8 +104,8 @@ def _runs(use: Callable[[Path], str]) -> Iterator[Try]:
 
 def _tell(run: Path) -> str:
     """See that what is told of a log is fit for a terminal, and that it is told to the end."""
-    for telling in Telling:
-        assert all(str(line).isprintable() for line in narrated(RunReader(run), telling))
+    for verbosity in Verbosity:
+        assert all(str(line).isprintable() for line in narrated(RunReader(run), verbosity))
     reader = RunReader(run)
     found = summarise(reader)
     assert all(line.isprintable() for line in summary_text("17", found, reader.damage).splitlines())

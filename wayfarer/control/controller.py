@@ -25,7 +25,7 @@ from wayfarer.detector.odometer import Odometer
 from wayfarer.errors import BadReading, DriverError
 from wayfarer.escape.api import EscapeHandler, Observation
 from wayfarer.hal import STOP, PositionFix, WheelCommand
-from wayfarer.safety.arming import Arming
+from wayfarer.safety.arming import ArmingSequence
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.entrapment import EntrapmentMonitor
 from wayfarer.safety.gate import Gate
@@ -97,7 +97,7 @@ class Controller:
         self.goal_heading_deg = 0.0
         self.mission: Mission | None = None
         self.held = False
-        self._arming: Arming | None = None
+        self._arming: ArmingSequence | None = None
         self._travelled_m = 0.0
         self._held_s = 0.0
         self._applied = STOP
@@ -107,7 +107,7 @@ class Controller:
     # -- commands ------------------------------------------------------------------------------------------------
 
     def arm(self, t_s: float, goal_heading_deg: float | None) -> None:
-        """Begin to arm: after the start delay the wheels may turn. See ``Arming`` for the goal heading.
+        """Begin to arm: after the start delay the wheels may turn. See ``ArmingSequence`` for the goal heading.
 
         The motors must have been opened just before: only that makes sure that they answer and that their deadman is
         on.
@@ -116,7 +116,7 @@ class Controller:
         self._entrapment.reset()
         self._detector.begin_mission()
         self.mission = None
-        self._arming = Arming(self._safety, t_s, goal_heading_deg)
+        self._arming = ArmingSequence(self._safety, t_s, goal_heading_deg)
         self.mode = Mode.ARMING
         delay_s = self._safety.start_delay_s
         self._log.event("arming", t_s, start_delay_s=delay_s, goal_heading_deg=goal_heading_deg)
@@ -230,7 +230,7 @@ class Controller:
             tick.told,
         )
 
-    def _continue_arming(self, t_s: float, arming: Arming, conditions: tuple[Condition, ...]) -> None:
+    def _continue_arming(self, t_s: float, arming: ArmingSequence, conditions: tuple[Condition, ...]) -> None:
         compass = self._detector.compass
         goal_heading_deg = arming.update(compass) if compass is not None else None
         stops = [condition.value for condition in conditions if LEVELS[condition] >= Level.DEGRADE]

@@ -9,7 +9,7 @@ from wayfarer.detector.contact import ContactMonitor
 from wayfarer.detector.drive import DriveMonitor
 from wayfarer.detector.motion import MotionMonitor
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.tick import Tick
+from wayfarer.detector.tick import DetectorTick
 from wayfarer.detector.tilt import TiltMonitor
 from wayfarer.detector.turnable import TurnabilityMonitor
 from wayfarer.escape.api import Anomaly, Vehicle
@@ -51,7 +51,7 @@ class Detector:
         self.compass: CompassReading | None = None
         self.contact: ContactReading | None = None
 
-    def update(self, tick: Tick) -> None:
+    def update(self, tick: DetectorTick) -> None:
         """Take in one tick, and fill in its anomalies and conditions."""
         t_s, contact = tick.t_s, tick.contact
         if not self._started:

@@ -65,7 +65,7 @@ class DriveSample:
         self.ahead_m = ahead_m
 
 
-class Suspicion(NamedTuple):
+class SuspectedSide(NamedTuple):
     """When to tell of a side, which one, and whether the body hardly got on when it showed."""
 
     tell_t_s: float
@@ -94,7 +94,7 @@ class DriveMonitor:
         self._window: deque[DriveSample] = deque()
         self._before: deque[DriveSample] = deque(maxlen=RATE_TICKS + 1)  # the last ones before the window
         self._told: deque[tuple[float, int]] = deque()
-        self._suspect: Suspicion | None = None
+        self._suspect: SuspectedSide | None = None
         self.condition = Condition.DRIVE_ASYMMETRY
         self.until_t_s = -inf
 
@@ -150,7 +150,7 @@ class DriveMonitor:
         else:
             self._anticlockwise_deg -= turn_deg
 
-    def _confirm(self, t_s: float, suspect: Suspicion, applied: WheelCommand, *, trusted: bool) -> None:
+    def _confirm(self, t_s: float, suspect: SuspectedSide, applied: WheelCommand, *, trusted: bool) -> None:
         """Tell of the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.
 
         Where hardly any side but that one was told to push, the anomaly may be that side's as well: that is told, but
@@ -228,7 +228,7 @@ class DriveMonitor:
             self._tell(now.t_s, REVERSED, settings.reversed_turns)
         held = self._held(then, now)
         if self._suspect is None or (self._suspect.held and not held):
-            self._suspect = Suspicion(now.t_s + settings.drive_confirm_s - 1e-6, side, held)
+            self._suspect = SuspectedSide(now.t_s + settings.drive_confirm_s - 1e-6, side, held)
 
     def _held(self, then: DriveSample, now: DriveSample) -> bool:
         """Tell whether the body was seen to get on by hardly anything: what holds it may turn it as well.

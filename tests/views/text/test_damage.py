@@ -17,7 +17,7 @@ from wayfarer.fieldlog.folders import find_run
 from wayfarer.fieldlog.reader import Damage, Record, RunReader, read_header
 from wayfarer.views.export.formats import ExportFormat, Output
 from wayfarer.views.text.listing import lines, rows
-from wayfarer.views.text.run_narrator import Telling
+from wayfarer.views.text.run_narrator import Verbosity
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary import RunSummary
 from wayfarer.views.text.summary_text import summary_text
@@ -34,8 +34,8 @@ def use_every_tool(run: Path) -> None:
     if judge(run).integrity is LogIntegrity.UNREADABLE:
         return
     reader = RunReader(run)
-    for telling in Telling:
-        assert all(str(line).isprintable() for line in narrated(RunReader(run), telling))
+    for verbosity in Verbosity:
+        assert all(str(line).isprintable() for line in narrated(RunReader(run), verbosity))
     found = summarise(reader)
     assert summary_text("17", found, reader.damage)
     assert json.dumps(asdict(found), allow_nan=False)

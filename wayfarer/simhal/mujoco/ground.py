@@ -95,7 +95,7 @@ def _middles_within(at_m: float, reach_m: float, side: int) -> range:
     return range(max(first, 0), max(min(last, side - 1), first - 1) + 1)
 
 
-class Footing:
+class WheelFriction:
     """Gives each wheel the friction of what is under it; ``first`` is the first of the four wheels' geoms."""
 
     def __init__(self, model: Any, data: Any, mud: Mud, first: int, friction: float) -> None:

@@ -14,10 +14,10 @@ from math import cos, inf, radians, sin
 import mujoco
 import numpy as np
 
-from wayfarer.simhal.mujoco.ground import Footing, Mud, rough_ground
+from wayfarer.simhal.mujoco.ground import Mud, WheelFriction, rough_ground
 from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Contacts, build, refuse
 from wayfarer.simhal.mujoco.motion import Displacement, gravity_m_s2, pose_of, shove_n
-from wayfarer.simhal.mujoco.placing import Placing
+from wayfarer.simhal.mujoco.placement import Placement
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.collision import low_trunks_of, obstacles_of
@@ -84,8 +84,10 @@ class MujocoWorld:
         self._warned = self.data.warning.number  # how often the engine has warned of each trouble
         self._rover = self.model.body(ROVER).id
         self._contacts = Contacts(self.data, obstacles, len(felt))
-        self._footing = Footing(self.model, self.data, self._mud, self._contacts.belly + 1, terrain.friction)
-        self._placing = Placing(self.model, self.data, body, field, self._contacts)
+        self._wheel_friction = WheelFriction(
+            self.model, self.data, self._mud, self._contacts.belly + 1, terrain.friction
+        )
+        self._placement = Placement(self.model, self.data, body, field, self._contacts)
         self._slips = self._tilts = False
         self._hanging_s = 0.0
         self._displacement = Displacement()
@@ -128,7 +130,7 @@ class MujocoWorld:
     def slipping(self, slips: bool) -> None:
         if slips:
             self._mud.spill(self.x_m, self.y_m)
-            self._footing.update()
+            self._wheel_friction.update()
 
     # -- what is done to it ----------------------------------------------------------------------------------------
 
@@ -156,7 +158,7 @@ class MujocoWorld:
             NoRoom: there is no such place within some lengths of the body.
         """
         x_m, y_m, heading_rad = self.x_m, self.y_m, self.heading_rad
-        for place in self._placing.free_places(x_m, y_m, heading_rad, distance_m):
+        for place in self._placement.free_places(x_m, y_m, heading_rad, distance_m):
             self._put_down(*place, heading_rad)
             if self._is_clear():
                 break
@@ -199,7 +201,7 @@ class MujocoWorld:
         self._feel_contacts()
         self._feel_slip(speed_m_s)
         if self._mud.anywhere:
-            self._footing.update()
+            self._wheel_friction.update()
         if self.body_faults.shove_m_s:
             self._shove(speed_m_s)
         if self._tilts or self.ground_pitch_deg or self.ground_roll_deg:
@@ -250,7 +252,7 @@ class MujocoWorld:
     def _put_down(self, x_m: float, y_m: float, heading_rad: float) -> None:
         """Put the body down and let it come to rest, with its wheels at rest as well."""
         self._hold(False)
-        self._placing.lift_to(x_m, y_m, heading_rad)
+        self._placement.lift_to(x_m, y_m, heading_rad)
         self.data.ctrl[:] = 0.0
         self.data.xfrc_applied[self._rover] = 0.0
         self.model.opt.gravity[:] = gravity_m_s2(0.0, 0.0, heading_rad)  # a slope pulls again from the next look on

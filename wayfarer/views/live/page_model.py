@@ -21,7 +21,7 @@ from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.tick_wording import further_texts, why_text
 from wayfarer.fieldlog.typed import RunEvent, Tick, Truth
 from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, because, disarmed_text, level_text
-from wayfarer.views.text.run_narrator import RunNarrator, Telling
+from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
 from wayfarer.views.trail import Trail
 
 LINES = 200  # about the run; half an hour of a rover that drives
@@ -40,7 +40,7 @@ class PageModel:
 
     def __init__(self) -> None:
         self._fold = RunFold()
-        self._narrator = RunNarrator(Telling.CHANGES)
+        self._narrator = RunNarrator(Verbosity.CHANGES)
         self._trail = Trail(TRACK_POINTS, TRACK_SPACING_M)
         self._lines: deque[list[str]] = deque(maxlen=LINES)
         self._marks: deque[list[Any]] = deque(maxlen=MARKS)

@@ -15,7 +15,7 @@ from wayfarer.fieldlog import vocabulary
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot, source
 from wayfarer.views.run_report.data import LEVELS, PHASES, RunData
-from wayfarer.views.run_report.events import LAYERS, LOOK, columns, happenings
+from wayfarer.views.run_report.events import LAYERS, LOOK, columns, event_marks
 from wayfarer.views.run_report.series import spans
 
 SHADE = 0.16  # of a phase's colour, behind the lines
@@ -46,27 +46,27 @@ def time_panel(name: str, height_px: int, time: Range1d, **settings: Any) -> Fig
     return made
 
 
-class Shared(NamedTuple):
+class PanelBackground(NamedTuple):
     """The phases of one run by name, and its events by layer, for all panels."""
 
     phases: Mapping[str, ColumnDataSource]
     events: Mapping[str, ColumnDataSource]
 
 
-def shared_by_panels(data: RunData) -> Shared:
+def panel_background(data: RunData) -> PanelBackground:
     """Return what all panels of a run show behind their lines."""
     bands = spans(data.ticks, data.ticks["phase"])
     inside = {phase: [each for each in bands if PHASES[int(each.value)] == phase] for phase in palette.PHASES}
-    told = happenings(data)
+    told = event_marks(data)
     found = {layer.name: [each for each in told if each.layer == layer.name] for layer in LAYERS}
-    return Shared(
+    return PanelBackground(
         {phase: source(x0=[each.start_s for each in spans_], x1=[each.end_s for each in spans_])
          for phase, spans_ in inside.items() if spans_},
         {layer: source(**columns(each)) for layer, each in found.items() if each},
     )  # fmt: skip
 
 
-def background(made: Figure, shared: Sequence[Shared]) -> None:
+def background(made: Figure, shared: Sequence[PanelBackground]) -> None:
     """Draw the phases of a single run, and its events but anomalies, behind a panel."""
     if len(shared) > 1:
         return
@@ -79,7 +79,7 @@ def background(made: Figure, shared: Sequence[Shared]) -> None:
             layer(each.name, made.vspan("t", source=shared[0].events[each.name], **look))
 
 
-def events_panel(runs: Sequence[RunData], time: Range1d, shared: Sequence[Shared]) -> Figure:
+def events_panel(runs: Sequence[RunData], time: Range1d, shared: Sequence[PanelBackground]) -> Figure:
     """Return the panel of all events: a row for each layer and for when the wheels were held, of each run."""
     rows = [
         (run, name, text) for run, data in enumerate(runs)
