@@ -30,7 +30,7 @@ from wayfarer.views.text.run_narrator import Verbosity
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.tail import RunTail
-from wayfarer.views.text.verdict import judge
+from wayfarer.views.text.verdict import check_log
 
 RUN = "00017-20261121T061405Z"
 (SAMPLE,) = SAMPLE_LOGS.glob("00001-*")
@@ -111,7 +111,7 @@ def _tell(run: Path) -> str:
     assert all(line.isprintable() for line in summary_text("17", found, reader.damage).splitlines())
     json.dumps(asdict(found), allow_nan=False)
     assert all(line.isprintable() for line in lines(rows(run.parent, 0.0), 80))
-    verdict = judge(run)
+    verdict = check_log(run)
     assert str(verdict).isprintable()
     assert sum(1 for _ in _followed(run)) <= len(run.joinpath("run.jsonl").read_bytes().split(b"\n"))
     return f"{verdict.integrity.name}, {found.reason is None} {bool(reader.damage.lines)} {found.where is None}"

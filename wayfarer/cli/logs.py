@@ -190,13 +190,13 @@ def check(
     """Read logs completely, and report lost or damaged records."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.views.text.scripting import print_json
-    from wayfarer.views.text.verdict import judge
+    from wayfarer.views.text.verdict import check_log
 
     folder = log_folder(logs)
     found = [find_run(name, folder) for name in runs or ["last"]]
     verdicts = []
     for run in found:
-        verdicts.append(judge(run))
+        verdicts.append(check_log(run))
         if not as_json:
             print(f"{run_title(run)}: {painted(str(verdicts[-1]), TONES[verdicts[-1].integrity.name])}")
     if as_json:

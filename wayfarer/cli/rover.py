@@ -64,7 +64,7 @@ def run(
     refuse(
         (asks_simulation and not sim, "--depth and --seed are for the simulated rover: add --sim, or leave them out")
     )
-    name = chosen(config, default="sim" if sim else None)
+    name = chosen_rover(config, default="sim" if sim else None)
     loaded = load_rover(name)
     folder = log_folder(logs)
     if seed is None:  # a real run draws its seed; the log's first record has it
@@ -95,7 +95,7 @@ def stop_motors(*, config: Config = None) -> None:
     print(stop(str(ROVER_FILE) if config is None else config))
 
 
-def chosen(config: str | None, default: str | None = None) -> str:
+def chosen_rover(config: str | None, default: str | None = None) -> str:
     """Return the rover file to use: the one that was named, or else the system's own.
 
     Raises:

@@ -19,7 +19,7 @@ from wayfarer.config.chassis import Chassis
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.config.messages import at_line, line_of, one_line, shown, validated, with_short_keys
 from wayfarer.config.registry import check_buses, driver_names, find_driver
-from wayfarer.config.wiring import clash
+from wayfarer.config.wiring import wiring_conflict
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.escape.api import EscapeSettings, Vehicle
@@ -108,7 +108,7 @@ class RoverConfig(BaseModel):
     def _parts_have_their_drivers(cls, parts: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
         """Refuse a part whose driver is unknown or does not understand its settings, and two parts on one wire."""
         made = [(part, *part_settings(part, table)) for part, table in parts.items()]
-        if why := clash(made):
+        if why := wiring_conflict(made):
             raise ValueError(why)
         return parts
 

@@ -75,7 +75,7 @@ class ThunderBorgLink:
         Raises:
             NotResponding: not acknowledged three times.
         """
-        await self._insist(lambda: self._bus.write(self._address, bytes(data)))
+        await self._retry(lambda: self._bus.write(self._address, bytes(data)))
 
     async def request(self, command: int, count: int) -> bytes:
         """Return the first ``count`` bytes of the answer.
@@ -84,7 +84,7 @@ class ThunderBorgLink:
             NotResponding: not acknowledged three times.
             BadReading: three answers to something else.
         """
-        return (await self._insist(lambda: self._ask_once(command)))[:count]
+        return (await self._retry(lambda: self._ask_once(command)))[:count]
 
     async def identify(self) -> None:
         """Make sure that a ThunderBorg answers.
@@ -114,7 +114,7 @@ class ThunderBorgLink:
             )
         return bytes(answer)
 
-    async def _insist(self, transfer: Callable[[], Awaitable[T]]) -> T:
+    async def _retry(self, transfer: Callable[[], Awaitable[T]]) -> T:
         clock = asyncio.get_running_loop().time
         ends_s = clock() + _RETRY_WITHIN_S
         for _ in range(_RETRIES):

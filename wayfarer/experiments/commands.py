@@ -80,11 +80,11 @@ def _check_model(body: WheeledBody, where: str) -> None:
     Raises:
         BadConfig: it does not.
     """
-    from wayfarer.simhal.mujoco.model import build
+    from wayfarer.simhal.mujoco.model import build_model
     from wayfarer.simhal.mujoco.terrain import Terrain
 
     try:
-        build(body, Terrain(0.5, 0.0, 1.0), None, [])
+        build_model(body, Terrain(0.5, 0.0, 1.0), None, [])
     except ValueError as error:
         what = " ".join(str(error).split())
         raise BadConfig(f"{where}: MuJoCo cannot build this rover ({what}); correct its vehicle or chassis") from None

@@ -63,8 +63,8 @@ def print_results(console: Console, results: Sequence[Result], untried: Sequence
     for line in LEGEND:
         say(console, line)
     _section(console, "Not as expected", [f"{each.name}: {problem}" for each in results for problem in each.problems])
-    _section(console, "Remarks", _told_once((each.remark, each.name) for each in results))
-    _section(console, "Skipped", _told_once((each.skipped, each.name) for each in results))
+    _section(console, "Remarks", _with_names((each.remark, each.name) for each in results))
+    _section(console, "Skipped", _with_names((each.skipped, each.name) for each in results))
     if untried:
         _section(console, "Untried", [f"no scenario for row {', '.join(map(str, untried))} of the field catalogue"])
     console.print()
@@ -97,7 +97,7 @@ def summed_up(results: Sequence[Result], untried: Sequence[int] = ()) -> Iterato
         yield f"{len(rows - failed - in_part)} of {len(rows) + len(untried)} rows of the catalogue as expected{skipped}"
 
 
-def _told_once(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
+def _with_names(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
     """Give remarks, each once, with the names of what it is about."""
     about: dict[str, list[str]] = {}
     for remark, name in remarks:

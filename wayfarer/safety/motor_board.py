@@ -49,7 +49,7 @@ class MotorBoardMonitor:
         self.health = health
         conditions = [Condition.BOARD_FAULT] if health.faults and self._faulty else []
         self._faulty = bool(health.faults)
-        disagrees = duties is not None and not _told(duties, applied)
+        disagrees = duties is not None and not _were_commanded(duties, applied)
         if disagrees and self.doubtful:
             conditions.append(Condition.BOARD_DISAGREES)
         self.doubtful = disagrees
@@ -66,6 +66,6 @@ class MotorBoardMonitor:
         self.conditions = (Condition.BOARD_SILENT,)
 
 
-def _told(duties: WheelCommand, applied: Sequence[WheelCommand]) -> bool:
+def _were_commanded(duties: WheelCommand, applied: Sequence[WheelCommand]) -> bool:
     """Return whether each side's duty was commanded; what is no number never was."""
     return all(any(abs(duty - command[side]) <= SAME_DUTY for command in applied) for side, duty in enumerate(duties))

@@ -14,7 +14,7 @@ from wayfarer.escape.api import Phase
 from wayfarer.experiments.entrapment import Entrapment
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
-from wayfarer.fieldlog.vocabulary import PHASES
+from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot, source
@@ -41,7 +41,7 @@ def trials_map(trials: Sequence[DrawnTrial]) -> Figure:
     _leave_room(made)
     draw_forests(made, [trial.forest for trial in trials])
     for phase in Phase:
-        if phase.value in palette.PHASES:
+        if phase.value in palette.PHASE_COLOURS:
             _ways(made, trials, phase)
     _marks(made, trials)
     shown = GroupFilter(column_name="number", group=0, name=SHOWN)
@@ -65,12 +65,12 @@ def _ways(made: Figure, trials: Sequence[DrawnTrial], phase: Phase) -> None:
     ways = source(number=range(len(trials)))
     for name, at in (("xs", 0), ("ys", 1)):
         ways.data[name] = [source(way=line[at]).data["way"] for line in lines]
-    colour = palette.PHASES[phase.value]
+    colour = palette.PHASE_COLOURS[phase.value]
     line = made.multi_line("xs", "ys", source=ways, line_color=colour, line_width=2, line_join="round")
-    told = _columns(trials, lambda trial: _told(trial.trace.points, phase), ("x", "y", "t_s"))
+    told = _columns(trials, lambda trial: _reached(trial.trace.points, phase), ("x", "y", "t_s"))
     points = made.scatter("x", "y", source=told, size=7, alpha=0.0, hover_alpha=0.8, color=colour)
     layer(phase.value, line, points)
-    made.add_tools(hover([points], ("phase", PHASES[phase.value]), ("after", "@t_s{0} s"), *PLACE))
+    made.add_tools(hover([points], ("phase", PHASE_TEXTS[phase.value]), ("after", "@t_s{0} s"), *PLACE))
 
 
 PLACE = (("east", "@x{0.0} m"), ("north", "@y{0.0} m"))
@@ -90,7 +90,7 @@ def way_in(points: Sequence[TrajectoryPoint], phase: Phase) -> tuple[list[float]
     return x_m, y_m
 
 
-def _told(points: Sequence[TrajectoryPoint], phase: Phase) -> list[tuple[float, ...]]:
+def _reached(points: Sequence[TrajectoryPoint], phase: Phase) -> list[tuple[float, ...]]:
     return [(point.x_m, point.y_m, point.t_s) for point in points[::TOLD_EVERY] if point.phase is phase]
 
 

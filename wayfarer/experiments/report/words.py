@@ -12,7 +12,7 @@ from wayfarer.experiments.report.ratio_figure import quantile, ratios
 from wayfarer.experiments.report.reading import CampaignResults, CampaignSettings
 from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
-from wayfarer.fieldlog.vocabulary import PHASES
+from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
 from wayfarer.views import palette
 from wayfarer.views.page import html
 
@@ -147,8 +147,8 @@ def trial_text(row: TrialRow, slips: int) -> str:
 
 def trial_layers() -> Iterator[html.PlotLayer]:
     """Yield the boxes that hide parts of the way, which are the key to its colours too."""
-    for phase, colour in palette.PHASES.items():
-        yield html.PlotLayer(phase, PHASES[phase], colour)
+    for phase, colour in palette.PHASE_COLOURS.items():
+        yield html.PlotLayer(phase, PHASE_TEXTS[phase], colour)
     yield html.PlotLayer("slips", "Slips", palette.ANOMALY)
 
 

@@ -102,12 +102,12 @@ def place_of(fault: Fault, config: RoverConfig, buses: TamperedBuses) -> WiredPa
     return WiredPart(driver, settings, kind, line.chip, line.wire, line.hang)
 
 
-def _nack(wired: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
+def _nack(wired: WiredPart, params: Any, rng: Random) -> AbstractContextManager[None]:
     left = params.most
 
     def is_lost() -> bool:
         nonlocal left
-        lost: bool = left > 0 and chance.random() < params.chance
+        lost: bool = left > 0 and rng.random() < params.chance
         left -= lost
         return lost
 
@@ -121,12 +121,12 @@ def _hang(wired: WiredPart, _: object, __: Random) -> Iterator[None]:
     wired.hang.end()
 
 
-def _flipped_bits(wired: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
+def _flipped_bits(wired: WiredPart, params: Any, rng: Random) -> AbstractContextManager[None]:
     def flip(data: bytes) -> bytes:
-        if chance.random() >= params.chance or not data:
+        if rng.random() >= params.chance or not data:
             return data
         wrong: int = int.from_bytes(data, "big")
-        for bit in chance.sample(range(len(data) * 8), min(params.bits, len(data) * 8)):
+        for bit in rng.sample(range(len(data) * 8), min(params.bits, len(data) * 8)):
             wrong ^= 1 << bit
         return wrong.to_bytes(len(data), "big")
 
@@ -171,9 +171,9 @@ def _reset(wired: WiredPart, _: object, __: Random) -> Iterator[None]:
     power_cycle()
 
 
-def _lost_bytes(wired: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
+def _lost_bytes(wired: WiredPart, params: Any, rng: Random) -> AbstractContextManager[None]:
     def lose(data: bytes) -> bytes:
-        return bytes(byte for byte in data if chance.random() >= params.chance)
+        return bytes(byte for byte in data if rng.random() >= params.chance)
 
     return listed(wired.wire.writes, lose)
 

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from wayfarer.simhal.mujoco.ground import Mud, WheelFriction, rough_ground
-from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Contacts, build, refuse
+from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Contacts, build_model, raise_unstable
 from wayfarer.simhal.mujoco.motion import Displacement, gravity_m_s2, pose_of, shove_n
 from wayfarer.simhal.mujoco.placement import Placement
 from wayfarer.simhal.mujoco.terrain import Terrain
@@ -79,7 +79,7 @@ class MujocoWorld:
         # What passes under the belly is there for the wheels, but nothing that a bumper feels.
         felt = obstacles_of(forest, body.clearance_m)
         obstacles = felt + low_trunks_of(forest, body.clearance_m)
-        self.model = build(body, terrain, field, obstacles, step_s)
+        self.model = build_model(body, terrain, field, obstacles, step_s)
         self.data = mujoco.MjData(self.model)
         self._warned = self.data.warning.number  # how often the engine has warned of each trouble
         self._rover = self.model.body(ROVER).id
@@ -129,7 +129,7 @@ class MujocoWorld:
     @slipping.setter
     def slipping(self, slips: bool) -> None:
         if slips:
-            self._mud.spill(self.x_m, self.y_m)
+            self._mud.add_patch(self.x_m, self.y_m)
             self._wheel_friction.update()
 
     # -- what is done to it ----------------------------------------------------------------------------------------
@@ -195,7 +195,7 @@ class MujocoWorld:
 
     def _look(self) -> None:
         if self._warned.any() or self.x_m != self.x_m:  # NaN
-            refuse(self.data, self.t_s)
+            raise_unstable(self.data, self.t_s)
         ahead_m = self._displacement.look(self._pose)
         speed_m_s = ahead_m / (LOOK_EVERY * self._step_s)
         self._feel_contacts()

@@ -7,7 +7,7 @@ from math import radians
 from typing import Any, NamedTuple
 
 from wayfarer.fieldlog.run_events import Marked, Noted, Silence
-from wayfarer.fieldlog.vocabulary import ANOMALIES
+from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS
 from wayfarer.fieldlog.wording import Tone, event_text, event_tone, silence_text
 from wayfarer.views import palette
 from wayfarer.views.page.html import PlotLayer
@@ -52,22 +52,22 @@ def event_marks(data: RunData) -> list[EventMark]:
 def _anomalies(data: RunData) -> Iterator[EventMark]:
     for onset in data.onsets:
         shape, turned_deg = palette.ANOMALY_MARKERS[onset.kind]
-        yield EventMark(onset.elapsed_s, "anomaly", ANOMALIES[onset.kind], shape, turned_deg)
+        yield EventMark(onset.elapsed_s, "anomaly", ANOMALY_TEXTS[onset.kind], shape, turned_deg)
 
 
 def _events(data: RunData) -> Iterator[EventMark]:
     for event in data.events:
         if isinstance(event, Marked):
-            yield EventMark(event.elapsed_s, "mark", told(event), "hex")
+            yield EventMark(event.elapsed_s, "mark", event_words(event), "hex")
         elif isinstance(event, Silence):
-            yield EventMark(event.began_s, "trouble", told(event))
+            yield EventMark(event.began_s, "trouble", event_words(event))
         else:
             by_hand = event_tone(event.record) is Tone.PERSON
             layer = "trouble" if is_trouble(event) else "person" if by_hand else "other"
-            yield EventMark(event.elapsed_s, layer, told(event))
+            yield EventMark(event.elapsed_s, layer, event_words(event))
 
 
-def told(event: Noted | Silence) -> str:
+def event_words(event: Noted | Silence) -> str:
     """Return an event in words; a person's mark with its number."""
     if isinstance(event, Silence):
         return silence_text(event)

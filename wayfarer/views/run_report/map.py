@@ -35,7 +35,7 @@ def map_plot(tracks: Sequence[Track]) -> Figure:
     draw_forests(map_, [track.forest for track in tracks[:1] if track.forest])
     side_m = _leave_room(map_, tracks)
     for at, track in enumerate(tracks):
-        colours = palette.PHASES if len(tracks) == 1 else dict.fromkeys(PHASES, palette.RUNS[at])
+        colours = palette.PHASE_COLOURS if len(tracks) == 1 else dict.fromkeys(PHASES, palette.RUNS[at])
         _draw_fixes(map_, track)
         _draw_ways(map_, track, colours)
         _draw_goals(map_, track, side_m)

@@ -9,11 +9,11 @@ from math import isnan
 from wayfarer.fieldlog.episodes import Episode
 from wayfarer.fieldlog.fields import span
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.vocabulary import ANOMALIES, because
+from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, because
 from wayfarer.views.page import html
 from wayfarer.views.run_report import words
 from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.events import is_trouble, told
+from wayfarer.views.run_report.events import event_words, is_trouble
 
 ROWS = 500  # of a table; the log has all of them
 
@@ -27,7 +27,7 @@ def anomalies_table(data: RunData) -> str:
     rows = []
     for kind, count in sorted(counts.items(), key=lambda item: -item[1]):
         often = f"{count / hundred_m:.1f}" if hundred_m > 0.0 else ""
-        rows.append(("", (ANOMALIES.get(kind, kind), f"{count}", f"{count / total:.0%}", often)))
+        rows.append(("", (ANOMALY_TEXTS.get(kind, kind), f"{count}", f"{count / total:.0%}", often)))
     caption = "Anomalies by cause. Each is counted when it begins."
     return html.table(caption, ("cause", "times", "share", "in 100 m"), rows)
 
@@ -55,7 +55,7 @@ def events_list(data: RunData) -> str:
         return html.paragraph("No events.")
     lines = [html.paragraph("What people asked for, and what the rover reported."), "<ul>"]
     for event in data.events[:ROWS]:
-        text = escape(told(event))
+        text = escape(event_words(event))
         text = f"<strong>{text}</strong>" if is_trouble(event) else text
         lines.append(f"<li>{span(event.elapsed_s, 1)} {text}</li>")
     return "\n".join([*lines, "</ul>", _rest(data.events)])

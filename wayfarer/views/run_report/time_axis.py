@@ -14,7 +14,7 @@ from bokeh.plotting import ColumnDataSource
 from wayfarer.fieldlog import vocabulary
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot, source
-from wayfarer.views.run_report.data import LEVELS, PHASES, RunData
+from wayfarer.views.run_report.data import LEVEL_NUMBERS, PHASES, RunData
 from wayfarer.views.run_report.events import LAYERS, LOOK, columns, event_marks
 from wayfarer.views.run_report.series import spans
 
@@ -56,7 +56,7 @@ class PanelBackground(NamedTuple):
 def panel_background(data: RunData) -> PanelBackground:
     """Return what all panels of a run show behind their lines."""
     bands = spans(data.ticks, data.ticks["phase"])
-    inside = {phase: [each for each in bands if PHASES[int(each.value)] == phase] for phase in palette.PHASES}
+    inside = {phase: [each for each in bands if PHASES[int(each.value)] == phase] for phase in palette.PHASE_COLOURS}
     told = event_marks(data)
     found = {layer.name: [each for each in told if each.layer == layer.name] for layer in LAYERS}
     return PanelBackground(
@@ -71,7 +71,7 @@ def background(made: Figure, shared: Sequence[PanelBackground]) -> None:
     if len(shared) > 1:
         return
     for phase, bands in shared[0].phases.items():
-        colour = palette.PHASES[phase]
+        colour = palette.PHASE_COLOURS[phase]
         layer(phase, made.vstrip("x0", "x1", source=bands, fill_color=colour, fill_alpha=SHADE, line_color=None))
     for each in LAYERS:
         if each.name != "anomaly" and each.name in shared[0].events:
@@ -108,16 +108,16 @@ def events_panel(runs: Sequence[RunData], time: Range1d, shared: Sequence[PanelB
 
 
 def _was_held(data: RunData) -> bool:
-    return bool((data.ticks["level"] >= LEVELS["degrade"]).any())
+    return bool((data.ticks["level"] >= LEVEL_NUMBERS["degrade"]).any())
 
 
 def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]:
     """Draw when the rover's own condition made the gate hold the wheels, or do with less."""
     held = spans(data.ticks, data.ticks["level"])
-    for level, colour in palette.LEVELS.items():
-        bars = [each for each in held if each.value == LEVELS[level]]
+    for level, colour in palette.LEVEL_COLOURS.items():
+        bars = [each for each in held if each.value == LEVEL_NUMBERS[level]]
         if bars:
-            words = [f"{vocabulary.LEVELS[level]}, for {each.end_s - each.start_s:.1f} s" for each in bars]
+            words = [f"{vocabulary.LEVEL_TEXTS[level]}, for {each.end_s - each.start_s:.1f} s" for each in bars]
             begins_s = [each.start_s for each in bars]
             times = source(t=begins_s, right=[each.end_s for each in bars], what=words)
             yield made.hbar(y=row, left="t", right="right", height=0.6, source=times, color=colour)
@@ -125,8 +125,8 @@ def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]
 
 def _states(made: Figure, run: int, data: RunData) -> None:
     """Put in, unseen, what the cursor reads of phase and level: where each changes."""
-    phases = {index: vocabulary.PHASES[phase] for index, phase in enumerate(PHASES)}
-    levels = {int(value): vocabulary.LEVELS[level] for level, value in LEVELS.items()}
+    phases = {index: vocabulary.PHASE_TEXTS[phase] for index, phase in enumerate(PHASES)}
+    levels = {int(value): vocabulary.LEVEL_TEXTS[level] for level, value in LEVEL_NUMBERS.items()}
     for name, words in (("phase", phases), ("level", levels)):
         bands = spans(data.ticks, data.ticks[name])
         changes = source(x=[band.start_s for band in bands], value=[words[int(band.value)] for band in bands])

@@ -38,7 +38,7 @@ class LogVerdict(NamedTuple):
         return "; ".join([f"{self.integrity.name.lower()}: {records}", *self.wrong])
 
 
-def judge(run: Path) -> LogVerdict:
+def check_log(run: Path) -> LogVerdict:
     """Read a whole run and say what it is worth; one that still goes on has no outcome, and is partial at best."""
     records, ended = 0, False
     try:
