@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 
 class CalibrationStep(StrEnum):
-    """What can be calibrated."""
+    """What can be calibrated, as ``commissioning.calibrate.STEPS``; Typer takes no list of literals."""
 
     compass = "compass"
     flow = "flow"

@@ -47,7 +47,7 @@ def _speed(value: float) -> float:
 def demo(
     *,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Random seed: forest and noise.")] = SEED,
-    algorithm: options.Algorithm = "forest-pledge",
+    algorithm: options.AlgorithmOption = "forest-pledge",
     speed: Annotated[
         float,
         typer.Option(

@@ -10,7 +10,7 @@ import typer
 
 from wayfarer.cli.extras import require
 from wayfarer.cli.log_folder import log_folder
-from wayfarer.cli.options import ROVER_FILE, Algorithm, Config, Logs, examples, refuse
+from wayfarer.cli.options import ROVER_FILE, AlgorithmOption, Config, Logs, examples, refuse
 from wayfarer.cli.trial_options import DepthName
 from wayfarer.cli.viewer_options import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.errors import BadInput
@@ -36,7 +36,7 @@ def run(
     config: Config = None,
     sim: Annotated[bool, typer.Option("--sim", help="Run on the simulated rover, in real time.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Run everything, but do not drive the motors.")] = False,
-    algorithm: Algorithm = "forest-pledge",
+    algorithm: AlgorithmOption = "forest-pledge",
     logs: Logs = None,
     depth: Annotated[
         DepthName | None,

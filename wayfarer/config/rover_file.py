@@ -17,11 +17,11 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from wayfarer.config.chassis import Chassis
 from wayfarer.config.log_settings import LogSettings
-from wayfarer.config.messages import at_line, line_of, one_line, shown, validated, with_short_keys
+from wayfarer.config.messages import at_line, line_of, shown, validated, with_short_keys
 from wayfarer.config.registry import check_buses, driver_names, find_driver
 from wayfarer.config.wiring import wiring_conflict
 from wayfarer.detector import DetectorSettings
-from wayfarer.errors import BadConfig, BadInput, UnknownName
+from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.safety.gate import STALL_LIMIT_S
 from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, SafetySettings

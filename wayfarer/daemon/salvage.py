@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from wayfarer.daemon.socket.driven import DrivenBoard
-from wayfarer.errors import BadConfig, BadInput, in_one_line
+from wayfarer.errors import BadConfig, BadInput, kind_and_text
 
 SHIPPED = Path(__file__).parents[1] / "rovers"
 
@@ -49,7 +49,7 @@ def _read(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         found = _salvaged(text)
         if "driver" not in found["parts"]["motors"]:
-            raise BadConfig(f"not valid TOML: {in_one_line(error)}") from None
+            raise BadConfig(f"not valid TOML: {kind_and_text(error)}") from None
         return found
 
 

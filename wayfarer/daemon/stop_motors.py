@@ -17,7 +17,7 @@ from typing import NamedTuple
 from wayfarer.daemon.salvage import motors_of, rover_path
 from wayfarer.daemon.socket.driven import DrivenBoard, known_records, read_record
 from wayfarer.daemon.stop_board import stop_board
-from wayfarer.errors import BadInput, WayfarerError, in_one_line
+from wayfarer.errors import BadInput, WayfarerError, kind_and_text, one_line
 
 RIGHTS_S = 15.0  # for a stop with another user's rights: TimeoutStopSec in the unit
 MOST_SAID = 500  # characters of what another user's code has to say
@@ -138,10 +138,10 @@ def _stop_as(owner: int, driven: DrivenBoard) -> str:
             check=False,
         )
     except (OSError, KeyError, subprocess.SubprocessError) as error:
-        why = f"no process of user {owner}, whose file this is, could stop them ({in_one_line(error)})"
+        why = f"no process of user {owner}, whose file this is, could stop them ({kind_and_text(error)})"
         raise WayfarerError(f"nothing may have been stopped: {why}; switch the motors' power off") from None
     said = "".join(each if each.isprintable() else " " for each in done.stdout + done.stderr)
-    said = " ".join(said.split())[-MOST_SAID:]
+    said = one_line(said)[-MOST_SAID:]
     if done.returncode != 0:
         raise WayfarerError(said or "nothing may have been stopped; switch the motors' power off")
     return f"{said} (stopped as user {owner}, whose file this is)"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from wayfarer.config.chassis import AT_A_BRANCH
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig, with_place
-from wayfarer.errors import BadConfig, BadInput, MissingPackage
+from wayfarer.errors import BadConfig, BadInput, MissingPackage, one_line
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.simhal.world.grounds import GroundName
@@ -86,8 +86,9 @@ def _check_model(body: WheeledBody, where: str) -> None:
     try:
         build_model(body, Terrain(0.5, 0.0, 1.0), None, [])
     except ValueError as error:
-        what = " ".join(str(error).split())
-        raise BadConfig(f"{where}: MuJoCo cannot build this rover ({what}); correct its vehicle or chassis") from None
+        raise BadConfig(
+            f"{where}: MuJoCo cannot build this rover ({one_line(error)}); correct its vehicle or chassis"
+        ) from None
 
 
 def check_rover(config: RoverConfig, depth: str, where: str) -> None:

@@ -9,6 +9,7 @@ from rich.console import Console
 from wayfarer.experiments.paired_statistics import Comparison, Difference
 from wayfarer.experiments.rows import SUCCESSES
 from wayfarer.experiments.statistics import Estimate
+from wayfarer.experiments.tables import number_text
 from wayfarer.views.text.terminal_table import Column, print_in_full, table
 
 LEGEND = """change: against the baseline, mean over pairs of the same forest and noise
@@ -73,7 +74,7 @@ def _worst(one: Comparison) -> str:
 NAME: Column[Comparison] = Column("algorithm", lambda one: one.algorithm, left=True)
 GAINS: tuple[Column[Comparison], ...] = (
     Column("trials", lambda one: str(one.trials)),
-    Column("SPL", lambda one: "" if one.spl is None else f"{one.spl:.3f}"),
+    Column("SPL", lambda one: number_text(one.spl, 3)),
     Column("SPL change\n[95 %]", lambda one: _gain(one.spl_gain, 3), wraps=True),
     Column("path change, m\n[95 %]", lambda one: _gain(one.path_gain_m, 1), wraps=True),
 )

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.experiments.tables import Layout, PaperColumn, mean_and_sd, number, success
+from wayfarer.experiments.tables import Layout, PaperColumn, mean_and_sd, number_text, success
 
 
 class FieldTrials(NamedTuple):
@@ -35,7 +35,7 @@ PAPER: Mapping[tuple[str, str, str], FieldTrials] = {
 def _interventions(summary: AlgorithmSummary) -> str:
     """Return how many there were in ten trials, with those of each kind where they were told apart."""
     in_ten = [
-        number(10.0 * mean)
+        number_text(10.0 * mean)
         for mean in (summary.interventions_mean, summary.overturned_mean, summary.off_wheels_mean)
         if mean is not None
     ]
@@ -44,7 +44,7 @@ def _interventions(summary: AlgorithmSummary) -> str:
 
 OUTCOMES = (
     PaperColumn("trials", lambda s: str(s.trials), papers=lambda _: "10"),
-    PaperColumn("success %\n[95 %]", success, papers=lambda p: number(10.0 * p.successes)),
+    PaperColumn("success %\n[95 %]", success, papers=lambda p: number_text(10.0 * p.successes)),
     PaperColumn("entrapped", lambda s: str(s.entrapped), papers=lambda p: str(10 - p.successes)),
     PaperColumn("left\nbounds", lambda s: str(s.left_bounds)),
 )
@@ -54,15 +54,15 @@ MEASURES = (
         lambda s: mean_and_sd(s.escape_mean_s, s.escape_sd_s),
         papers=lambda p: mean_and_sd(p.mean_s, p.sd_s),
     ),
-    PaperColumn("median\ns", lambda s: number(s.escape_median_s)),
+    PaperColumn("median\ns", lambda s: number_text(s.escape_median_s)),
     PaperColumn(
         "interventions\nin ten trials",
         _interventions,
-        papers=lambda p: number(float(p.interventions)),
+        papers=lambda p: number_text(float(p.interventions)),
     ),
     PaperColumn("path m\nmean ± SD", lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m)),
-    PaperColumn("SPL", lambda s: number(s.spl, 3)),
-    PaperColumn("anomalies", lambda s: number(s.anomalies_mean)),
+    PaperColumn("SPL", lambda s: number_text(s.spl, 3)),
+    PaperColumn("anomalies", lambda s: number_text(s.anomalies_mean)),
 )
 
 

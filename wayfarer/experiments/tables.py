@@ -45,14 +45,14 @@ class Layout(NamedTuple):
     paper: Mapping[str, Any]
 
 
-def number(value: float | None, decimals: int = 1) -> str:
+def number_text(value: float | None, decimals: int = 1) -> str:
     """Return a number with so many decimals, nothing where it is not known."""
     return "" if value is None else f"{value:.{decimals}f}"
 
 
 def mean_and_sd(mean: float | None, sd: float | None) -> str:
     """Return a mean with its standard deviation, as far as they are known."""
-    return number(mean) if sd is None else f"{number(mean)} ± {sd:.1f}"
+    return number_text(mean) if sd is None else f"{number_text(mean)} ± {sd:.1f}"
 
 
 def success(summary: AlgorithmSummary) -> str:
@@ -64,7 +64,7 @@ def success(summary: AlgorithmSummary) -> str:
 NAME = PaperColumn("algorithm", lambda s: s.algorithm, left=True, papers=lambda _: "  paper")
 OUTCOMES = (
     PaperColumn("trials", lambda s: str(s.trials)),
-    PaperColumn("success %\n[95 %]", success, papers=lambda p: number(p.success_percent)),
+    PaperColumn("success %\n[95 %]", success, papers=lambda p: number_text(p.success_percent)),
     PaperColumn("entrapped", lambda s: str(s.entrapped)),
     PaperColumn("left\nbounds", lambda s: str(s.left_bounds)),
     PaperColumn("tipped", lambda s: str(s.tipped)),
@@ -76,10 +76,10 @@ PATHS = (
         lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m),
         papers=lambda p: mean_and_sd(p.path_mean_m, p.path_sd_m),
     ),
-    PaperColumn("median\nm", lambda s: number(s.path_median_m)),
-    PaperColumn("SPL", lambda s: number(s.spl, 3)),
-    PaperColumn("time\ns", lambda s: number(s.time_mean_s)),
-    PaperColumn("anomalies", lambda s: number(s.anomalies_mean)),
+    PaperColumn("median\nm", lambda s: number_text(s.path_median_m)),
+    PaperColumn("SPL", lambda s: number_text(s.spl, 3)),
+    PaperColumn("time\ns", lambda s: number_text(s.time_mean_s)),
+    PaperColumn("anomalies", lambda s: number_text(s.anomalies_mean)),
 )
 
 

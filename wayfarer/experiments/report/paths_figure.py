@@ -13,7 +13,7 @@ from wayfarer.experiments.report.algorithm_rows import Rows, lay_out, plain_numb
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.experiments.tables import PAPER, mean_and_sd, number
+from wayfarer.experiments.tables import PAPER, mean_and_sd, number_text
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, source
 
@@ -155,7 +155,7 @@ def failures_figure(summaries: Mapping[str, AlgorithmSummary]) -> Figure:
 def _papers_failures(made: Figure, layout: Rows) -> None:
     known = {name: 100.0 - percent for name in layout.at if name in PAPER and (percent := PAPER[name].success_percent)}
     points = source(
-        x=list(known.values()), y=[layout.at[name] for name in known], text=[number(x) for x in known.values()]
+        x=list(known.values()), y=[layout.at[name] for name in known], text=[number_text(x) for x in known.values()]
     )
     mark = made.scatter("x", "y", source=points, marker="diamond", size=10, color=palette.VERMILION, name="paper")
     made.add_tools(hover([mark], ("the paper's", "@text % entrapped")))

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from math import radians
 from typing import Any, NamedTuple
 
+import numpy as np
 from bokeh.models import CDSView, GroupFilter
 
 from wayfarer.escape.api import Phase
@@ -18,7 +17,10 @@ from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot, source
+from wayfarer.views.run_report.data import Floats
+from wayfarer.views.run_report.events import EDGE
 from wayfarer.views.run_report.forest import draw_forests
+from wayfarer.views.run_report.series import pieces
 
 MARGIN_M = 1.5  # around the map: a rover may leave it
 TOLD_EVERY = 5  # points of a way, which are 0.2 m apart: the hover box tells of the nearest one
@@ -76,18 +78,10 @@ def _ways(made: Figure, trials: Sequence[DrawnTrial], phase: Phase) -> None:
 PLACE = (("east", "@x{0.0} m"), ("north", "@y{0.0} m"))
 
 
-def way_in(points: Sequence[TrajectoryPoint], phase: Phase) -> tuple[list[float], list[float]]:
+def way_in(points: Sequence[TrajectoryPoint], phase: Phase) -> list[Floats]:
     """Return the parts of a way in a phase as one line with gaps; a part ends where the next phase begins."""
-    x_m: list[float] = []
-    y_m: list[float] = []
-    for point, after in pairwise(points):
-        if point.phase is phase:
-            x_m.append(point.x_m)
-            y_m.append(point.y_m)
-            if after.phase is not phase:
-                x_m += [after.x_m, math.nan]
-                y_m += [after.y_m, math.nan]
-    return x_m, y_m
+    columns = ([getattr(point, name) for point in points] for name in ("x_m", "y_m"))
+    return pieces(np.array([point.phase is phase for point in points]), *map(np.array, columns))
 
 
 def _reached(points: Sequence[TrajectoryPoint], phase: Phase) -> list[tuple[float, ...]]:
@@ -96,15 +90,14 @@ def _reached(points: Sequence[TrajectoryPoint], phase: Phase) -> list[tuple[floa
 
 def _marks(made: Figure, trials: Sequence[DrawnTrial]) -> None:
     """Mark slips, the start with the goal heading, the end, and the ground that an entrapped rover kept to."""
-    edge: Any = {"line_color": palette.EDGE, "line_width": 0.8}
     slips = made.scatter(
         "x", "y", source=_columns(trials, lambda trial: trial.trace.slips_m, ("x", "y")), size=6,
-        fill_color=palette.ANOMALY, **edge,
+        fill_color=palette.ANOMALY, **EDGE,
     )  # fmt: skip
     layer("slips", slips)
     starts = _columns(trials, lambda t: [(*t.forest.start_m, -radians(t.forest.heading_deg))], ("x", "y", "angle"))
     start = made.scatter(
-        "x", "y", angle="angle", source=starts, marker="triangle", size=15, fill_color=palette.GOAL_LINE, **edge
+        "x", "y", angle="angle", source=starts, marker="triangle", size=15, fill_color=palette.GOAL_LINE, **EDGE
     )
     ends = _columns(trials, lambda t: [(p.x_m, p.y_m, p.t_s) for p in t.trace.points[-1:]], ("x", "y", "t_s"))
     end = made.scatter(

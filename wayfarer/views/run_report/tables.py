@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from html import escape
 from math import isnan
 
+from wayfarer.config.rover_overlay import flat
 from wayfarer.fieldlog.episodes import Episode
-from wayfarer.fieldlog.fields import span
+from wayfarer.fieldlog.fields import span, table
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, because
 from wayfarer.views.page import html
@@ -105,23 +106,16 @@ def facts_table(runs: Sequence[RunData], names: Sequence[str]) -> str:
 
 def settings_table(runs: Sequence[RunData], names: Sequence[str]) -> str:
     """Return the keys of the rover file that have another value, or are in one of the runs only."""
-    flat = [dict(_flat(data.header.get("config"))) for data in runs]
-    changed = sorted(key for key in flat[0].keys() | flat[1].keys() if flat[0].get(key) != flat[1].get(key))
+    first, second = known = [
+        {key: str(value) for key, value in flat(table(data.header, "config")).items()} for data in runs
+    ]
+    changed = sorted(key for key in first.keys() | second.keys() if first.get(key) != second.get(key))
     if not changed:
         return html.paragraph(words.SAME_SETTINGS)
-    rows = (_compared(key, [each.get(key) for each in flat]) for key in changed)
+    rows = (_compared(key, [each.get(key) for each in known]) for key in changed)
     return html.table("Keys of the rover file with another value.", ["key", *names], rows)
 
 
 def _compared(key: str, values: Sequence[str | None]) -> tuple[str, list[str]]:
     kind = "same" if len(set(values)) == 1 else "differs"
     return kind, [key, *("not there" if value is None else value for value in values)]
-
-
-def _flat(part: object, key: str = "") -> Iterator[tuple[str, str]]:
-    """Yield each value of a rover file under its whole key, as ``detector.tilt_deg``."""
-    if isinstance(part, dict):
-        for name, value in part.items():
-            yield from _flat(value, f"{key}.{name}" if key else str(name))
-    elif key:
-        yield key, f"{part}"

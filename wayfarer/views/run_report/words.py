@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from wayfarer.fieldlog.fields import span
+from wayfarer.fieldlog.folders import run_number
 from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.wording import whole_deg
 from wayfarer.views.page import html
@@ -67,9 +68,9 @@ def _goal(data: RunData) -> str:
 
 def number_of(run: Path) -> str:
     """Return what a run is called in short: its number, else its folder."""
-    name = run.resolve().name
-    number = name.partition("-")[0]
-    return f"{int(number)}" if number.isascii() and number.isdigit() else clean(name)
+    folder = run.resolve()
+    number = run_number(folder)
+    return clean(folder.name) if number is None else str(number)
 
 
 def panels_text(runs: Sequence[RunData]) -> str:
