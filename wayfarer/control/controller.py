@@ -206,7 +206,7 @@ class Controller:
             tick.conditions += (Condition.MOTORS_FAILED,)
         if self.held:
             tick.conditions += (Condition.OPERATOR_HOLD,)
-        if self.power_reports.hear(tick.told):
+        if self.power_reports.hear(tick.commanded):
             tick.conditions += self.power_reports.conditions(tick.t_s)
         if armed and self._resume_warning.update(tick, tick.conditions):
             tick.conditions += (Condition.RESUME_WARNING,)
@@ -227,7 +227,7 @@ class Controller:
             self.goal_heading_deg,
             self._travelled_m,
             self._odometer.covered_m,
-            tick.told,
+            tick.commanded,
         )
 
     def _continue_arming(self, t_s: float, arming: ArmingSequence, conditions: tuple[Condition, ...]) -> None:
@@ -274,6 +274,6 @@ def _checked(applied: WheelCommand) -> WheelCommand:
         BadReading: it cannot be (field catalogue, fault 8): what the wheels do is not known.
     """
     left, right = applied
-    if abs(left) <= 1.0 >= abs(right):
+    if abs(left) <= 1.0 and abs(right) <= 1.0:  # NaN is no duty
         return applied
     raise BadReading(f"motors: duties of {left:g} and {right:g} applied, possible are -1 to 1: their driver is wrong")

@@ -13,14 +13,6 @@ from typing import Any
 from wayfarer.daemon.socket.driven import DrivenBoard
 from wayfarer.errors import BadConfig, BadInput, kind_and_text
 
-SHIPPED = Path(__file__).parents[1] / "rovers"
-
-
-def rover_path(name_or_path: str) -> Path:
-    """Return the file of a shipped rover by its name, or the one that is named (a slash, or ``.toml`` at its end)."""
-    is_file = "/" in name_or_path or name_or_path.endswith(".toml")
-    return Path(name_or_path) if is_file else SHIPPED / f"{name_or_path}.toml"
-
 
 def motors_of(path: Path) -> DrivenBoard:
     """Return the motors of a rover file; nothing of them is checked but that they name a driver.

@@ -14,7 +14,8 @@ import sys
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from wayfarer.daemon.salvage import motors_of, rover_path
+from wayfarer.config.rover_path import rover_path
+from wayfarer.daemon.salvage import motors_of
 from wayfarer.daemon.socket.driven import DrivenBoard, known_records, read_record
 from wayfarer.daemon.stop_board import stop_board
 from wayfarer.errors import BadInput, WayfarerError, kind_and_text, one_line

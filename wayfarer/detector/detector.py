@@ -56,7 +56,7 @@ class Detector:
         t_s, contact = tick.t_s, tick.contact
         if not self._started:
             self._start(t_s)
-        left, right = tick.told
+        left, right = tick.commanded
         turning_s = tick.driven_s if abs(left - right) >= self._turning_duty else 0.0
         before_deg = self._compass.gained_deg
         conditions = self._compass.update(t_s, turning_s, tick.compass, moves=self._motion.moves)

@@ -66,9 +66,9 @@ class DriveSample:
 
 
 class SuspectedSide(NamedTuple):
-    """When to tell of a side, which one, and whether the body hardly got on when it showed."""
+    """When to report a side, which one, and whether the body hardly got on when it showed."""
 
-    tell_t_s: float
+    report_t_s: float
     side: int
     held: bool
 
@@ -93,18 +93,18 @@ class DriveMonitor:
         self._way = AHEAD
         self._window: deque[DriveSample] = deque()
         self._before: deque[DriveSample] = deque(maxlen=RATE_TICKS + 1)  # the last ones before the window
-        self._told: deque[tuple[float, int]] = deque()
+        self._reports: deque[tuple[float, int]] = deque()
         self._suspect: SuspectedSide | None = None
         self.condition = Condition.DRIVE_ASYMMETRY
         self.until_t_s = -inf
 
     def update(self, interval: Interval, gained_deg: float, ahead_m: float, *, trusted: bool) -> None:
-        """Take in a tick: what the wheels were told since the last, and the heading and way gained since the start.
+        """Take in a tick: the command since the last, and the heading and the distance ahead gained since the start.
 
         It is ``trusted`` unless the compass is in doubt, or the forest is in the way: such windows are dropped.
         """
-        t_s, driven_s, (left, right) = interval.t_s, interval.driven_s, interval.told
-        self._add_told(driven_s, left, right)
+        t_s, driven_s, (left, right) = interval.t_s, interval.driven_s, interval.commanded
+        self._add_commanded(driven_s, left, right)
         duty = left + right
         straight = abs(duty) >= self._from_duty
         if straight:
@@ -118,7 +118,7 @@ class DriveMonitor:
             self._way = way
             self._leave_window()
         if self._suspect is not None:
-            self._confirm(t_s, self._suspect, interval.told, trusted=trusted)
+            self._confirm(t_s, self._suspect, interval.commanded, trusted=trusted)
         now = DriveSample(
             t_s, self._left_deg, self._right_deg, self._clockwise_deg, self._anticlockwise_deg, gained_deg, ahead_m
         )
@@ -128,7 +128,7 @@ class DriveMonitor:
             self._before.append(window.popleft())
             then = window[0]
         still = abs(gained_deg - then.gained_deg) < self._least_deg
-        if still and straight and not self._told:
+        if still and straight and not self._reports:
             return  # as nearly always; a rover that is held turns no more than that
         if not straight:
             self._check_sense(then, now)
@@ -137,8 +137,8 @@ class DriveMonitor:
         elif t_s - then.t_s + 2 * driven_s > self._window_s:
             self._clear_sides(then, now)
 
-    def _add_told(self, driven_s: float, left: float, right: float) -> None:
-        """Add what the wheels were told for so long."""
+    def _add_commanded(self, driven_s: float, left: float, right: float) -> None:
+        """Add what the wheels were commanded for so long."""
         share, deg_s_per_duty = driven_s / (driven_s + self._lag_s), self._deg_s_per_duty
         left_deg_s = self._left_deg_s = self._left_deg_s + (left * deg_s_per_duty - self._left_deg_s) * share
         right_deg_s = self._right_deg_s = self._right_deg_s + (right * deg_s_per_duty - self._right_deg_s) * share
@@ -151,10 +151,10 @@ class DriveMonitor:
             self._anticlockwise_deg -= turn_deg
 
     def _confirm(self, t_s: float, suspect: SuspectedSide, applied: WheelCommand, *, trusted: bool) -> None:
-        """Tell of the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.
+        """Report the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.
 
-        Where hardly any side but that one was told to push, the anomaly may be that side's as well: that is told, but
-        is never a fault, for a controller asks for that beside a trunk too. Nor is a side that lagged while the body
+        Where hardly any side but that one was to push, the anomaly may be that side's as well: that is reported, but is
+        never a fault, for a controller asks for that beside a trunk too. Nor is a side that lagged while the body
         hardly got on: a healthy one on slippery ground was turned by the trunk that held it.
         """
         at_s, side, held = suspect
@@ -164,7 +164,7 @@ class DriveMonitor:
             return
         self._suspect = None
         if trusted and not held:
-            self._tell(t_s, side, self._settings.drive_uneven_windows)
+            self._report(t_s, side, self._settings.drive_uneven_windows)
         elif trusted or alone:
             self._show(t_s, Condition.DRIVE_ASYMMETRY)
 
@@ -195,15 +195,15 @@ class DriveMonitor:
         return rate_deg_s * turns_on_s
 
     def _clear_sides(self, then: DriveSample, now: DriveSample) -> None:
-        """Forget what was told of either side, if it would have shown in this window as well."""
+        """Forget what was reported of either side, if it would have shown in this window as well."""
         margin_deg, measured_deg = self._settings.drive_margin_deg, now.gained_deg - then.gained_deg
         left_deg, right_deg = now.left_deg - then.left_deg, now.right_deg - then.right_deg
-        if abs(measured_deg + right_deg) > margin_deg < abs(measured_deg - left_deg):
+        if abs(measured_deg + right_deg) > margin_deg and abs(measured_deg - left_deg) > margin_deg:
             self._forget_sides()
 
     def _forget_sides(self) -> None:
-        """Forget what was told of a side that lags."""
-        self._told = deque(each for each in self._told if each[1] == REVERSED)
+        """Forget what was reported of a side that lags."""
+        self._reports = deque(each for each in self._reports if each[1] == REVERSED)
 
     def _compare(self, then: DriveSample, now: DriveSample) -> None:
         """Look for a side that lags behind: if it is the left one, the rover turns left ahead, right in reverse."""
@@ -225,7 +225,7 @@ class DriveMonitor:
             return  # chance turned it, while the ground held it
         reversed_deg = settings.reversed_share * abs(dead_deg) + settings.reversed_margin_deg
         if abs(excess_deg) - coasted_deg > reversed_deg:
-            self._tell(now.t_s, REVERSED, settings.reversed_turns)
+            self._report(now.t_s, REVERSED, settings.reversed_turns)
         held = self._held(then, now)
         if self._suspect is None or (self._suspect.held and not held):
             self._suspect = SuspectedSide(now.t_s + settings.drive_confirm_s - 1e-6, side, held)
@@ -261,10 +261,10 @@ class DriveMonitor:
         if measured_deg >= settings.drive_margin_deg / 2 and self._about_the_middle(then, now):
             self._forget_sides()
         back_deg = settings.reversed_back_deg + self._coasts_deg(then, now, -way)
-        suspected = any(what == REVERSED for _, what in self._told)
+        suspected = any(what == REVERSED for _, what in self._reports)
         straight = suspected and measured_deg < self._least_deg and self._goes_straight_on(then, now)
         if straight or measured_deg <= -back_deg:
-            self._tell(now.t_s, REVERSED, settings.reversed_turns)
+            self._report(now.t_s, REVERSED, settings.reversed_turns)
 
     def _about_the_middle(self, then: DriveSample, now: DriveSample) -> bool:
         """Tell whether the body was seen to turn about its middle: one with a dead side turns about that side.
@@ -287,23 +287,23 @@ class DriveMonitor:
         middle = self._window[len(self._window) // 2]
         return middle.ahead_m - then.ahead_m, now.ahead_m - middle.ahead_m
 
-    def _tell(self, t_s: float, what: int, limit: int) -> None:
+    def _report(self, t_s: float, what: int, limit: int) -> None:
         """Take note of what a window shows; so many alike within memory are a fault.
 
-        The same is not told twice of one window: after what was told, a window's length must have passed, or another
+        The same is not reported twice of one window: after a report, a window's length must have passed, or another
         manoeuvre have begun.
         """
-        told = self._told
-        while told and t_s - told[0][0] > self._settings.drive_memory_s:
-            told.popleft()
-        alike = [when_s for when_s, each in told if each == what]
+        reports = self._reports
+        while reports and t_s - reports[0][0] > self._settings.drive_memory_s:
+            reports.popleft()
+        alike = [when_s for when_s, each in reports if each == what]
         begins_s = self._window[0].t_s if self._window else t_s
         if alike and t_s - alike[-1] < self._window_s and begins_s <= alike[-1]:
             return
-        told.append((t_s, what))
+        reports.append((t_s, what))
         failed = len(alike) + 1 >= limit
         if failed:
-            told.clear()  # a person who re-arms the rover has looked at it
+            reports.clear()  # a person who re-arms the rover has looked at it
             self._leave_window()
         self._show(t_s, Condition.DRIVE_FAILED if failed else Condition.DRIVE_ASYMMETRY)
 

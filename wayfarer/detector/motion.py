@@ -57,7 +57,7 @@ class MotionMonitor:
             reading: what the sensor says, if anything.
             conditions: takes what is found.
         """
-        t_s, driven_s, (left, right) = interval.t_s, interval.driven_s, interval.told
+        t_s, driven_s, (left, right) = interval.t_s, interval.driven_s, interval.commanded
         self._commanded_m += interval.forward_m
         self._pushed_m += (abs(left) + abs(right)) * self._half_speed_m_s * driven_s
         self._led_m += (left - right) * self._half_speed_m_s * driven_s

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.entrapment import entrapment
+from wayfarer.experiments.entrapment_cause import entrapment
 from wayfarer.experiments.progress_bar import shown_progress
 from wayfarer.experiments.report import words
 from wayfarer.experiments.report.escape_figure import escape_figures

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from wayfarer.experiments.entrapment import Cause
+from wayfarer.experiments.entrapment_cause import Cause
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.ratio_figure import TIMES, WITHIN, quantile, ratios, times, within_percent
 from wayfarer.experiments.report.reading import CampaignResults

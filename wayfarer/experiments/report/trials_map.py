@@ -10,7 +10,7 @@ import numpy as np
 from bokeh.models import CDSView, GroupFilter
 
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.entrapment import Entrapment
+from wayfarer.experiments.entrapment_cause import Entrapment
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
 from wayfarer.fieldlog.vocabulary import PHASE_TEXTS

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from wayfarer import __version__
 from wayfarer.errors import BadInput
-from wayfarer.experiments.entrapment import EXPLAINED, Entrapment
+from wayfarer.experiments.entrapment_cause import EXPLAINED, Entrapment
 from wayfarer.experiments.report.ratio_figure import quantile, ratios
 from wayfarer.experiments.report.reading import CampaignResults, CampaignSettings
 from wayfarer.experiments.report.worst_trials import ending
