@@ -66,8 +66,8 @@ def test_whatever_is_possible_begins_and_ends_in_a_run(rover: str, depth: Depth)
     scenario = replace(draw_scenario(0, rover, depth), faults=tuple(faults), for_s=faults[-1].at_s + LONGEST_S + 1.0)
     run_result = run_scenario(scenario)
     assert (run_result.broken, run_result.error) == ((), None)
-    assert {fault for _, fault, begins in run_result.monitor.faults if begins} == set(faults)
-    assert {fault for _, fault, begins in run_result.monitor.faults if not begins} == set(faults)
+    assert {fault for _, fault, begins in run_result.recorder.faults if begins} == set(faults)
+    assert {fault for _, fault, begins in run_result.recorder.faults if not begins} == set(faults)
 
 
 @given(place=st.sampled_from(PLACES), seed=SEEDS)

@@ -289,7 +289,7 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     await asyncio.sleep(2.03)
     controller.hold(now(), held=False)
     await asyncio.sleep(3.0)
-    controller.head_for(now(), 20.0)
+    controller.set_goal(now(), 20.0)
     await fails("compass", 1.0)
     await fails("nonsense", 0.7)
     await fails("motion", 1.5)

@@ -135,7 +135,7 @@ class Controller:
             self.held = held
             self._log.event("hold" if held else "resume", t_s)
 
-    def head_for(self, t_s: float, goal_heading_deg: float) -> None:
+    def set_goal(self, t_s: float, goal_heading_deg: float) -> None:
         """Change the goal of the mission, in degrees clockwise from magnetic north."""
         self.goal_heading_deg = goal_heading_deg
         self._log.event("goal", t_s, goal_heading_deg=goal_heading_deg)
@@ -206,7 +206,7 @@ class Controller:
             tick.conditions += (Condition.MOTORS_FAILED,)
         if self.held:
             tick.conditions += (Condition.OPERATOR_HOLD,)
-        if self.power_reports.hear(tick.commanded):
+        if self.power_reports.judge(tick.commanded):
             tick.conditions += self.power_reports.conditions(tick.t_s)
         if armed and self._resume_warning.update(tick, tick.conditions):
             tick.conditions += (Condition.RESUME_WARNING,)

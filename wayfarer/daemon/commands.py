@@ -153,7 +153,7 @@ class RoverCommands:
             raise Refused(
                 f"the rover is {self._controller.mode.value}: give the heading when arming (wayfarer arm DEG)"
             )
-        self._controller.head_for(_now_s(), heading_deg)
+        self._controller.set_goal(_now_s(), heading_deg)
         return {"goal_heading_deg": heading_deg}
 
     async def mark(self, text: str) -> Details:

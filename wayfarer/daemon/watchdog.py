@@ -128,9 +128,9 @@ class StallGuard:
         while not stopped.wait(self._beat_s + self._limit_s - time()):
             last_beat_s = self._beat_s
             if time() - last_beat_s >= self._limit_s:
-                self._stand_in(last_beat_s, stopped)
+                self._halt_until_beat(last_beat_s, stopped)
 
-    def _stand_in(self, last_beat_s: float, stopped: threading.Event) -> None:
+    def _halt_until_beat(self, last_beat_s: float, stopped: threading.Event) -> None:
         """Keep the wheels still until the loop is back."""
         self._halt()
         where = _where(self._loop_thread)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from wayfarer.simhal.mujoco.terrain import Terrains
     from wayfarer.simhal.world.wheeled_body import WheeledBody
 
-PAPER = "paper"  # stands for the ten of the paper, which are the catalogue
+ALL_TEN = "paper"  # stands for the ten of the paper, which are the catalogue
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
 
 
@@ -32,7 +32,7 @@ def algorithms(names: str) -> tuple[str, ...]:
         BadInput: a third party's algorithm cannot be loaded.
     """
     asked = [name.strip() for name in names.split(",")]
-    unfolded = dict.fromkeys(name for item in asked for name in (CATALOGUE if item == PAPER else [item]))
+    unfolded = dict.fromkeys(name for item in asked for name in (CATALOGUE if item == ALL_TEN else [item]))
     for name in unfolded:
         find_algorithm(name)
     return tuple(unfolded)

@@ -19,7 +19,7 @@ from wayfarer.experiments.progress_bar import drawing, fault_line, say, shown_pr
 from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run_campaign import CampaignRun
-from wayfarer.experiments.tables import FORESTS, Layout, print_table
+from wayfarer.experiments.tables import FOREST_LAYOUT, Layout, print_table
 from wayfarer.simhal.world.forest_file import content_of
 from wayfarer.views.text.scripting import print_json, say_next
 
@@ -186,7 +186,7 @@ def _connected(cluster: str | None) -> AbstractContextManager[Cluster | None]:
 
 def _layout(campaign: Campaign) -> Layout:
     if campaign.scenario is None:
-        return FORESTS
+        return FOREST_LAYOUT
     from wayfarer.experiments.site_table import layout_of
 
     return layout_of(campaign.scenario, campaign.rover.name)

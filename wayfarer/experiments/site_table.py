@@ -20,7 +20,7 @@ class FieldTrials(NamedTuple):
 
 # The paper, section IV-C: "Human interventions averaging 11 across all 10 trials for the ForestRover (6 for MiniRover)"
 BY_FOREST_ROVER, BY_MINI_ROVER = 11, 6
-PAPER: Mapping[tuple[str, str, str], FieldTrials] = {
+FIELD_TRIALS: Mapping[tuple[str, str, str], FieldTrials] = {
     ("extended-maze", "forestrover", "forest-pledge"): FieldTrials(10, 152.0, 21.0, BY_FOREST_ROVER),
     ("extended-maze", "forestrover", "levy-walk"): FieldTrials(1, 141.0, 0.0, BY_FOREST_ROVER),
     ("extended-maze", "minirover", "forest-pledge"): FieldTrials(10, 51.0, 15.0, BY_MINI_ROVER),
@@ -42,13 +42,13 @@ def _interventions(summary: AlgorithmSummary) -> str:
     return in_ten[0] if len(in_ten) == 1 else "{} ({}/{})".format(*in_ten) if in_ten else ""
 
 
-OUTCOMES = (
+OUTCOME_COLUMNS = (
     PaperColumn("trials", lambda s: str(s.trials), papers=lambda _: "10"),
     PaperColumn("success %\n[95 %]", success, papers=lambda p: number_text(10.0 * p.successes)),
     PaperColumn("entrapped", lambda s: str(s.entrapped), papers=lambda p: str(10 - p.successes)),
     PaperColumn("left\nbounds", lambda s: str(s.left_bounds)),
 )
-MEASURES = (
+MEASURE_COLUMNS = (
     PaperColumn(
         "time s\nmean ± SD",
         lambda s: mean_and_sd(s.escape_mean_s, s.escape_sd_s),
@@ -68,5 +68,7 @@ MEASURES = (
 
 def layout_of(scenario: str, rover: str) -> Layout:
     """Return what the table of a scenario shows; the paper has figures of two scenarios and two rovers."""
-    paper = {algorithm: trials for (site, who, algorithm), trials in PAPER.items() if (site, who) == (scenario, rover)}
-    return Layout(OUTCOMES, MEASURES, paper)
+    paper = {
+        algorithm: trials for (site, who, algorithm), trials in FIELD_TRIALS.items() if (site, who) == (scenario, rover)
+    }
+    return Layout(OUTCOME_COLUMNS, MEASURE_COLUMNS, paper)

@@ -109,13 +109,13 @@ def broken_rules(run_result: RunResult) -> tuple[str, ...]:
 
 
 def _trial(scenario: Scenario, run_result: RunResult) -> RandomTrial:
-    moments = run_result.monitor.moments
-    worst = max(moments, key=lambda moment: moment.level, default=None)
+    ticks = run_result.recorder.ticks
+    worst = max(ticks, key=lambda tick: tick.level, default=None)
     return _row(scenario)._replace(
         ended=run_result.end.reason if run_result.end is not None else (run_result.error or "").partition(":")[0],
         level=REACHED[worst.level if worst else Level.WELL],
         cause=worst.cause.value if worst and worst.cause else "",
-        ticks=len(moments),
+        ticks=len(ticks),
         excused=run_result.excused,
         broken=broken_rules(run_result),
     )
