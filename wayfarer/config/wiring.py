@@ -81,15 +81,20 @@ def wiring_conflict(parts: Iterable[tuple[str, Any, Any]]) -> str | None:
     return None
 
 
-def _places(part: str, driver: Any, settings: Any) -> list[_PartAddress]:
+def buses_asked(driver: Any, settings: Any) -> list[BusRequest]:
+    """Return the buses that a driver asks for when it is made."""
     buses = NotedBuses()
     with suppress(Exception):  # a third party's may fail without a real bus: what it asked for until then counts
         driver(settings, buses)
+    return buses.asked
+
+
+def _places(part: str, driver: Any, settings: Any) -> list[_PartAddress]:
     chip = getattr(driver, "chip", getattr(driver, "__name__", str(driver)))
     address = getattr(settings, "address", None)
     return [
         _PartAddress(part, chip, _key(part, settings, wire), wire, address if wire.kind == I2C else None)
-        for wire in buses.asked
+        for wire in buses_asked(driver, settings)
     ]
 
 

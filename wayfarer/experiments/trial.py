@@ -10,7 +10,6 @@ from wayfarer.control.run_log import PartialLog, Tee
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.outcome import Outcome, OutcomeMonitor
-from wayfarer.experiments.rows import SUCCESSES
 from wayfarer.experiments.trial_setup import MakeLog, TrialSetup, TrialSpec
 from wayfarer.hal import Rover
 from wayfarer.safety.conditions import Condition
@@ -164,7 +163,8 @@ def _result(spec: TrialSpec, outcome: Outcome, setup: TrialSetup, counters: Tria
     forest, world = spec.forest, setup.world
     path_m = setup.outcome_monitor.path_m(world)
     shortest_m = forest.shortest_path_m
-    spl = None if shortest_m is None else shortest_m / max(shortest_m, path_m) if outcome in SUCCESSES else 0.0
+    succeeded = outcome in ("escaped", "left_bounds")
+    spl = None if shortest_m is None else shortest_m / max(shortest_m, path_m) if succeeded else 0.0
     return TrialResult(
         spec.trial,
         spec.algorithm,

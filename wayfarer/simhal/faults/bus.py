@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from random import Random
 from struct import pack
 from typing import Any
 
 from wayfarer.config.rover_file import RoverConfig, part_settings
-from wayfarer.config.wiring import I2C, SERIAL, SPI, NotedBuses
+from wayfarer.config.wiring import I2C, SERIAL, SPI, buses_asked
 from wayfarer.drivers.buses import Frame
 from wayfarer.drivers.pmw3901_burst import MOTION_BIT
 from wayfarer.simhal.chip_wiring import driver_name
@@ -76,10 +76,7 @@ def misplaced(fault: Fault, config: RoverConfig) -> str | None:
 def _bus_of(part: str, table: Mapping[str, Any]) -> tuple[str, str, Any]:
     """Return the kind and name of the bus that a part is on, and the part's settings; no name where it is on none."""
     driver, settings = part_settings(part, table)
-    noted = NotedBuses()
-    with suppress(Exception):  # a third party's may fail without a real bus: what it asked for until then counts
-        driver(settings, noted)
-    for kind, name in noted.asked:
+    for kind, name in buses_asked(driver, settings):
         if kind != I2C or hasattr(settings, "address"):
             return kind, name, settings
     name = getattr(settings, "camera", "")
