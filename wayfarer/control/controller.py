@@ -168,7 +168,7 @@ class Controller:
         self._add_conditions(tick)
         conditions = self.conditions = tick.conditions
         if conditions and not _WHEELS_ASTRAY.isdisjoint(conditions):
-            self._motors.halt()  # at each tick: a board that does not do as it is told may take one stop of many
+            self._motors.halt()  # at each tick: a board that does not do as commanded may take one stop of many
         if self._arming is not None:
             self._continue_arming(t_s, self._arming, conditions)
         observation = tick.observation = self._observe(tick)

@@ -43,7 +43,7 @@ class CompassMonitor:
         self._believed_t_s = t_s
 
     def update(self, t_s: float, turning_s: float, reading: CompassReading | None, *, moves: bool) -> list[Condition]:
-        """Take in a tick, in which the wheels were told to turn the rover for ``turning_s``.
+        """Take in a tick, in which the wheels were commanded to turn the rover for ``turning_s``.
 
         ``moves`` says whether it is known to move: one that stands may be held, and then its heading stays.
         """

@@ -1,10 +1,10 @@
 """Detects a dead, weak or reversed side: compares the turn rate with the wheel commands.
 
 It is judged by what a healthy drive can do on any ground. Ground that grips holds a body back, so a turn may be any
-part of what was told, down to none; ground that is slippery lets it turn on for a while. No ground turns it further
-than it was told or the other way, as a dead side does. A trunk along which it slides does so now and then; a drive that
-turns as told, in a window in which a dead side would have shown, is cleared of what was found before. So is one that
-turns the body on the spot about its middle: one with a dead side turns it about that side.
+part of what was commanded, down to none; ground that is slippery lets it turn on for a while. No ground turns it
+further than it was commanded or the other way, as a dead side does. A trunk along which it slides does so now and then;
+a drive that turns as commanded, in a window in which a dead side would have shown, is cleared of what was found before.
+So is one that turns the body on the spot about its middle: one with a dead side turns it about that side.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ RATE_TICKS: Final = 2  # over which the turn rate is taken: that of one tick is 
 class DriveSample:
     """A tick, and sums since the start of the run.
 
-    ``left_deg`` and ``right_deg`` are what each side was told to turn the rover by itself, the left one clockwise, the
-    right one back, with the lag of a body. ``clockwise_deg`` and ``anticlockwise_deg`` are what both were told to turn
-    it either way, without. ``gained_deg`` is what it has turned, clockwise.
+    ``left_deg`` and ``right_deg`` are what each side was commanded to turn the rover by itself, the left one clockwise,
+    the right one back, with the lag of a body. ``clockwise_deg`` and ``anticlockwise_deg`` are what both were commanded
+    to turn it either way, without. ``gained_deg`` is what it has turned, clockwise.
     """
 
     def __init__(
@@ -219,7 +219,7 @@ class DriveMonitor:
         coasted_deg = self._coasts_deg(then, now, way)
         beyond_deg = way * measured_deg - that_way_deg - coasted_deg
         if beyond_deg < settings.drive_margin_deg / 2:
-            return  # no more than it was told to turn that way: it was held, as by a tree or by the ground
+            return  # no more than it was commanded to turn that way: it was held, as by a tree or by the ground
         side, dead_deg = (LEFT, left_deg) if excess_deg * self._way < 0.0 else (RIGHT, right_deg)
         if beyond_deg < settings.drive_margin_deg and self._both_push(now, side):
             return  # chance turned it, while the ground held it
@@ -235,9 +235,9 @@ class DriveMonitor:
 
         One side alone drives it half as far as both. Where nothing at all was seen, nobody knows.
         """
-        told_m = (now.left_deg - then.left_deg + now.right_deg - then.right_deg) / 2 * self._m_per_deg
+        commanded_m = (now.left_deg - then.left_deg + now.right_deg - then.right_deg) / 2 * self._m_per_deg
         moved_m = now.ahead_m - then.ahead_m
-        return moved_m != 0.0 and self._way * moved_m < self._settings.immobilised_below * self._way * told_m
+        return moved_m != 0.0 and self._way * moved_m < self._settings.immobilised_below * self._way * commanded_m
 
     def _both_push(self, now: DriveSample, side: int) -> bool:
         """Tell whether the body goes on as fast as both sides drive it, and not as fast as without the one.

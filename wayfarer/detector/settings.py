@@ -49,7 +49,7 @@ class DetectorSettings:
     dead side of the slowest shipped rover turns it by 51 degrees in that second, noise and unequal sides by 6 (one
     standard deviation). A window counts when no anomaly has followed within ``drive_confirm_s``: a trunk turns a rover
     as well, and then holds it. ``drive_uneven_windows`` to one side in ``drive_memory_s``, with no drive in between
-    that turned as told, and no turn on the spot about the middle, are a fault (fault 27). A side that is reversed
+    that turned as commanded, and no turn on the spot about the middle, are a fault (fault 27). A side that is reversed
     turns it twice as far as a dead one, so more than ``reversed_share`` and ``reversed_margin_deg``; where both
     are, or left and right are mixed up, a turn on the spot of ``reversed_turn_deg`` goes ``reversed_back_deg`` the
     other way, or the rover goes ``reversed_straight_m`` straight on (from no source). Either of them

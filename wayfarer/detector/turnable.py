@@ -43,7 +43,7 @@ class TurnabilityMonitor:
         self._from_deg = self._tried_s = 0.0
 
     def update(self, interval: Interval, gained_deg: float) -> tuple[Condition, ...]:
-        """Take in a tick: what the wheels were told, and the heading gained since the start of the run."""
+        """Take in a tick: what the wheels were commanded, and the heading gained since the start of the run."""
         left, right = interval.commanded
         if not -AHEAD_SHARE <= (left + right) / (left - right or 1.0) <= AHEAD_SHARE:
             self._way = 0.0

@@ -24,10 +24,10 @@ AVERAGE_S: Final = 0.2
 CATCH_UP_PER_S: Final = 4.0
 # For how long a heading that fell behind is remembered: what was not caught up with by then was held.
 FORGET_S: Final = 1.5
-# Faster than it was told by so much, a body that was held has come free: twice the noise of the latest rate.
+# Faster than it was commanded by so much, a body that was held has come free: twice the noise of the latest rate.
 FREE_SHARE: Final = 1.2
 FREE_DEG_S: Final = 30.0
-# A body that is held says nothing of the ground: one that turns at less than this, or this share of what it is told.
+# A body that is held says nothing of the ground: one that turns at less than this, or this share of what is commanded.
 LEARN_FROM_DEG_S: Final = 10.0
 LEARN_FROM_SHARE: Final = 0.25
 LEARN_S: Final = 0.5
@@ -78,7 +78,7 @@ class TurnController:
         self._pushes = self.stands = False
 
     def observe(self, t_s: float, heading_deg: float, applied: WheelCommand | None) -> float:
-        """Take the heading at a tick, and compare what the body did since the last one with what it was told.
+        """Take the heading at a tick, and compare what the body did since the last one with what it was commanded.
 
         ``applied`` is what the wheels really did since then, None where that is not known: then what was asked for.
         Returns the heading gained since then, 0 at the first tick: degrees, clockwise positive, half a turn at most.
@@ -144,14 +144,14 @@ class TurnController:
 
     def _learn(self, dt_s: float) -> None:
         """Take what the turn duty has beyond the turn rate for the ground's; let go where a body has come free."""
-        told = self._expected_deg_s
+        expected_deg_s = self._expected_deg_s
         duty, rate, latest = self._mean_duty, self._mean_rate_deg_s, self._latest_deg_s
-        if told < 0.0:
-            told, duty, rate, latest = -told, -duty, -rate, -latest
-        share_deg_s = LEARN_FROM_SHARE * told
+        if expected_deg_s < 0.0:
+            expected_deg_s, duty, rate, latest = -expected_deg_s, -duty, -rate, -latest
+        share_deg_s = LEARN_FROM_SHARE * expected_deg_s
         least_deg_s = share_deg_s if share_deg_s > LEARN_FROM_DEG_S else LEARN_FROM_DEG_S
         if rate > least_deg_s < latest:
             seen = min(max(duty - rate / self._ideal_deg_s, 0.0), DEAD_ZONE_MAX)
             self.dead_zone += (seen - self.dead_zone) * dt_s / LEARN_S
-            if latest > FREE_SHARE * told + FREE_DEG_S:
+            if latest > FREE_SHARE * expected_deg_s + FREE_DEG_S:
                 self._behind_deg /= 2.0

@@ -39,7 +39,7 @@ class EntrapmentMonitor:
         """Take one tick and return whether the rover is entrapped: it has got nowhere for too long.
 
         Args:
-            interval: what the wheels were told since the last tick.
+            interval: what the wheels were commanded since the last tick.
             anomalous: whether an anomaly is there now.
             motion: what the motion sensor saw since the last tick, None where it has not spoken.
         """

@@ -3,8 +3,8 @@
 A battery sags under load, so a voltage counts only once it has stayed below its limit for a while. Without limits it
 is only logged: they depend on the chemistry, and a board that cannot measure (Sabertooth) gives none.
 
-A board that says twice in a row that it applies other duties than it was told turns the wheels, or lets them stand, by
-itself (field catalogue, faults 23 and 30). Twice, because a stop may have come between.
+A board that says twice in a row that it applies other duties than it was commanded turns the wheels, or lets them
+stand, by itself (field catalogue, faults 23 and 30). Twice, because a stop may have come between.
 """
 
 from __future__ import annotations
