@@ -15,8 +15,8 @@ import mujoco
 import numpy as np
 
 from wayfarer.simhal.mujoco.ground import Mud, WheelFriction, rough_ground
+from wayfarer.simhal.mujoco.kinematics import Displacement, gravity_m_s2, pose_of, shove_n
 from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Contacts, build_model, raise_unstable
-from wayfarer.simhal.mujoco.motion import Displacement, gravity_m_s2, pose_of, shove_n
 from wayfarer.simhal.mujoco.placement import Placement
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.random_streams import RandomStreams
