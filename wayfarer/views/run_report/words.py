@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from wayfarer.fieldlog.fields import span
-from wayfarer.fieldlog.folders import run_number
 from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.wording import whole_deg
 from wayfarer.views.page import html
@@ -68,9 +67,9 @@ def _goal(data: RunData) -> str:
 
 def number_of(run: Path) -> str:
     """Return what a run is called in short: its number, else its folder."""
-    folder = run.resolve()
-    number = run_number(folder)
-    return clean(folder.name) if number is None else str(number)
+    name = run.resolve().name
+    number = name.partition("-")[0]
+    return f"{int(number)}" if number.isascii() and number.isdigit() else clean(name)
 
 
 def panels_text(runs: Sequence[RunData]) -> str:
